@@ -1,0 +1,111 @@
+"""A simulated world as plain data: textured faces, solid boxes, lamps, and the map that goes with them.
+
+Renderer, surveyor and robot take a `World` as an argument and know nothing of how it was made. Everything
+is in metres; z points up and the floor is z = 0. Colors are linear (not gamma-coded) RGB.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maurice_mcl.arena import Arena, Region
+from maurice_mcl.typing import F32, F64, Bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Face:
+    """A textured parallelogram, seen from one side: where `across` points right and `down` points down."""
+
+    corner: F64  # (3,) top left, as seen from its front
+    across: F64  # (3,) from the top left to the top right corner
+    down: F64  # (3,) from the top left to the bottom left corner
+    albedo: F32  # (H, W, 3) share of light given back, 0 to 1, top row first
+    glow: float = 0.0  # radiance of its own in units of `albedo`; above 0 for windows and lamp shades
+
+    @property
+    def normal(self) -> F64:
+        """Unit vector (3,) out of the side that can be seen."""
+        out = np.cross(self.down, self.across)
+        return out / np.linalg.norm(out)
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A solid box that stands upright; it throws shadows. Its faces are separate."""
+
+    center: tuple[float, float, float]
+    half: tuple[float, float, float]  # half the width, depth and height, before turning
+    yaw_rad: float = 0.0  # counter-clockwise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lamp:
+    """Something that gives light: a few points that stand for its surface."""
+
+    points: F64  # (K, 3)
+    color: F64  # (3,) intensity of all points together: radiance of a white face 1 m away
+    facing: F64 | None = None  # (3,) unit vector for windows, which light one side only; None: all around
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomLight:
+    """Light that comes from everywhere in one room, after many bounces."""
+
+    room: Region
+    ambient: F64  # (3,) radiance of an open white face
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """A place to drive in: what can be seen, what stands in the way, and its map."""
+
+    name: str
+    arena: Arena
+    faces: tuple[Face, ...]
+    boxes: tuple[Box, ...]
+    lamps: tuple[Lamp, ...]
+    room_lights: tuple[RoomLight, ...]
+
+
+def inside(polygon: F64, points: F64) -> Bool:
+    """Tell which points (K, 2) lie inside a polygon (P, 2), by counting crossings."""
+    x, y = points[:, 0], points[:, 1]
+    result = np.zeros(len(points), dtype=bool)
+    for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y1 != y2:
+            crosses = ((y1 > y) != (y2 > y)) & (x < (x2 - x1) * (y - y1) / (y2 - y1) + x1)
+            result = result ^ crosses
+    return result
+
+
+def floor_at(arena: Arena, x_m: float, y_m: float) -> str:
+    """Name the topmost floor at a point; "" where there is none."""
+    point = np.array([[x_m, y_m]])
+    for floor in reversed(arena.floors):
+        if inside(floor.polygon, point)[0]:
+            return floor.name
+    return ""
+
+
+def segment_distance(points: F64, start: F64, end: F64) -> F64:
+    """Give the distance (K,) of points (K, 2) to the segment from `start` (2,) to `end` (2,)."""
+    along = end - start
+    length2 = float(along @ along)
+    share = np.clip((points - start) @ along / length2, 0, 1) if length2 > 0 else np.zeros(len(points))
+    return np.linalg.norm(points - start - share[:, None] * along, axis=1)
+
+
+def polygon_distance(points: F64, polygon: F64) -> F64:
+    """Give the distance (K,) of points (K, 2) to a filled polygon (P, 2); 0 inside."""
+    ends = np.roll(polygon, -1, axis=0)
+    edges = [segment_distance(points, a, b) for a, b in zip(polygon, ends, strict=True)]
+    return np.where(inside(polygon, points), 0.0, np.min(edges, axis=0))
+
+
+def clearance(arena: Arena, points: F64) -> F64:
+    """Give the distance (K,) from points (K, 2) to the nearest wall or obstacle; 0 inside obstacles."""
+    walls = [segment_distance(points, wall[:2], wall[2:]) for wall in arena.walls]
+    solids = [polygon_distance(points, obstacle.polygon) for obstacle in arena.obstacles]
+    return np.min([*walls, *solids, np.full(len(points), np.inf)], axis=0)

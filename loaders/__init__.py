@@ -1,0 +1,1 @@
+"""Files in, sessions out: the session log, libraries on disk, imports."""

@@ -1,0 +1,110 @@
+"""The header, the first line of a log, to and from SessionInfo."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from maurice_mcl.session import Camera, SessionInfo
+
+from .arena_json import arena_from_json, arena_to_json
+from .fields import FieldError, items, mapping, number, numbers, show, text
+
+FORMAT = "maurice-session-log"
+VERSION = 1
+Kind = Literal["session", "survey"]
+KINDS: tuple[Kind, ...] = ("session", "survey")
+UNITS = ("m", "in")
+
+
+def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any]:
+    """Give the header object of a log in `folder`; what is unknown is left out.
+
+    An absolute `info.survey` is written relative to the folder; a relative one is taken to be so already.
+    """
+    header: dict[str, Any] = {"format": FORMAT, "version": VERSION, "kind": kind, "name": info.name}
+    header["robot"] = {"name": info.robot} | ({} if info.motion is None else {"motion": info.motion})
+    header["cameras"] = {camera.name: _camera_to_json(camera) for camera in info.cameras}
+    header["display_units"] = info.display_units
+    if info.survey is not None:
+        header["survey"] = _relative(info.survey, folder)
+    header["start"] = None if info.start is None else [float(v) for v in info.start]
+    if info.arena is not None:
+        header["map"] = arena_to_json(info.arena)
+    header["notes"] = list(info.notes)
+    return header
+
+
+def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
+    """Read the header object of the log at `path`. Unknown keys are ignored; raises FieldError."""
+    found = mapping(value, "a header")
+    if found.get("format") != FORMAT:
+        raise FieldError(f"found format {show(found.get('format'))}, expected {FORMAT!r}; is this a session log?")
+    if found.get("version") != VERSION or isinstance(found["version"], bool):
+        version = show(found.get("version"))
+        raise FieldError(f"found format version {version}, expected {VERSION}; a newer maurice-replay may read it")
+    kind = next((k for k in KINDS if k == found.get("kind")), None)
+    if kind is None:
+        raise FieldError(f"found kind {show(found.get('kind'))}, expected 'session' or 'survey'")
+    return _info(found, path), kind
+
+
+def _info(found: dict[str, Any], path: Path) -> SessionInfo:
+    robot = mapping(found.get("robot") or {}, "robot")
+    motion, start, arena, survey = robot.get("motion"), found.get("start"), found.get("map"), found.get("survey")
+    return SessionInfo(
+        name=text(found.get("name", path.stem), "name"),
+        display_units=_units(found.get("display_units", "m")),
+        robot=text(robot.get("name", "robot"), "robot.name"),
+        motion=None if motion is None else mapping(motion, "robot.motion"),
+        cameras=tuple(_camera(n, c) for n, c in mapping(found.get("cameras") or {}, "cameras").items()),
+        start=None if start is None else np.array(numbers(start, 3, "start")),
+        survey=None if survey is None else (path.parent / text(survey, "survey")).resolve(),
+        arena=None if arena is None else arena_from_json(arena),
+        notes=tuple(text(n, "notes") for n in items(found.get("notes") or [], "notes")),
+    )
+
+
+def _units(value: Any) -> str:
+    if value not in UNITS:
+        raise FieldError(f"found display_units {show(value)}, expected 'm' or 'in'")
+    return str(value)
+
+
+def _camera_to_json(camera: Camera) -> dict[str, Any]:
+    keys = ("width_px", "height_px", "horizontal_fov_rad", "yaw_rad", "height_m")
+    return {key: getattr(camera, key) for key in keys if getattr(camera, key) is not None}
+
+
+def _camera(name: str, value: Any) -> Camera:
+    found = mapping(value, f"cameras.{name}")
+
+    def size(key: str) -> int | None:
+        pixels = optional(key)
+        if pixels is not None and (pixels != int(pixels) or pixels < 1):
+            raise FieldError(f"found cameras.{name}.{key} {pixels}, expected a whole number of pixels")
+        return None if pixels is None else int(pixels)
+
+    def optional(key: str) -> float | None:
+        return None if found.get(key) is None else number(found[key], f"cameras.{name}.{key}")
+
+    return Camera(
+        name=name,
+        width_px=size("width_px"),
+        height_px=size("height_px"),
+        horizontal_fov_rad=optional("horizontal_fov_rad"),
+        yaw_rad=optional("yaw_rad") or 0.0,
+        height_m=optional("height_m"),
+    )
+
+
+def _relative(survey: Path, folder: Path) -> str:
+    if not survey.is_absolute():
+        return survey.as_posix()
+    try:
+        return Path(os.path.relpath(survey.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return survey.as_posix()

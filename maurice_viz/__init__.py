@@ -1,0 +1,1 @@
+"""Looking: the command line and the Rerun drawings."""

@@ -1,0 +1,44 @@
+"""The library: reference poses with what each channel measured there. It is the filter's map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .arena import Arena
+from .typing import F32, F64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelIndex:
+    """One channel over the whole library, in that channel's own unit."""
+
+    references: F32  # (L, D)
+    noise_floor: F32  # (D,) what the channel measures with the lens covered; zeros when never surveyed
+    relevance: F32  # (D,) per-bin maximum over the library (thesis fig. 15)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Library:
+    """L reference pictures with their surveyed poses, and the map they were taken in."""
+
+    name: str
+    poses: F64  # (L, 3) as surveyed, in the map's frame
+    pictures: tuple[Path | None, ...]  # L files, None where the picture is not kept
+    index: Mapping[str, ChannelIndex]  # by channel name
+    arena: Arena
+    display_units: str = "m"
+
+    @property
+    def size(self) -> int:
+        """The number of entries L."""
+        return len(self.poses)
+
+    @property
+    def origin(self) -> F64:
+        """The point (2,) that float32 poses are stored relative to: the middle of the map."""
+        x_min, y_min, x_max, y_max = self.arena.bounds
+        return np.array([(x_min + x_max) / 2, (y_min + y_max) / 2])

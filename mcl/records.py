@@ -1,0 +1,74 @@
+"""What one update was like: an atomic snapshot, and the state that the next update needs.
+
+Nothing here is computed; these are the values that the stages hand on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .belief import Belief
+from .session import Frame
+from .typing import F32, F64, I32, Bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """Everything the sensor model thought of one picture.
+
+    `distances` are absolute (mean over channels and bins, about 0 to 1) and can be compared between
+    pictures; `channel_quality` and `quality` are relative to the worst entry for this very picture.
+    """
+
+    channels: tuple[str, ...]  # the C channel names, in the order of the rows below
+    descriptors: Mapping[str, F32]  # channel -> (D,) what was measured in the picture
+    distances: F32  # (C, L) absolute distance D of every entry
+    channel_quality: F32  # (C, L) 1 - D/D_max of each channel alone
+    quality: F32  # (L,) blended quality in [0, 1]
+    log_likelihood: F32  # (L,) of every entry; -inf where quality is 0
+    entries: I32  # (N,) the entry each particle is compared with; -1 outside free space
+
+    def ranking(self) -> I32:
+        """Entry numbers (L,), best quality first; ties keep the library's order."""
+        return (-self.quality).argsort(kind="stable").astype("int32")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """One pose said to stand for the cloud, and how much of the cloud stands by it."""
+
+    pose: F64  # (3,) x_m, y_m, heading_rad in the map's frame
+    sd_m: tuple[float, float]  # weighted standard deviation along x and y of the particles it is made of
+    heading_sd_rad: float  # circular standard deviation of the same particles
+    mass: float  # share of all weight that these particles hold
+    confidence: float  # share of weight within 12 in (0.3048 m) of the pose, injected particles left out
+    converged: float  # share of weight within 24 in (0.6096 m), injected particles left out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepRecord:
+    """One update, whole: weights always stand beside the particles they belong to."""
+
+    frame: Frame
+    predicted: Belief  # after the motion model, with the weights carried over from the last step
+    sighting: Sighting
+    weighted: Belief  # the same particles after the picture was weighed in
+    estimate: Estimate  # heaviest cluster of `weighted`: the one that is scored
+    mean: Estimate  # weighted mean of all of `weighted`
+    effective_sample_size: float  # of `weighted`, in particles
+    log_evidence: float  # log p(o_t | past): log of the mean likelihood; -inf when all weights were zero
+    parents: I32 | None  # (N',) which weighted particle each new one copies; None: not resampled
+    injected: Bool | None  # (N',) freshly injected particles of `belief`; None: no reseeding
+    belief: Belief  # what the next step starts from
+    events: tuple[str, ...]  # what the filter noticed: "resampled", "all weights zero"
+    took_s: Mapping[str, float]  # seconds a stage; not part of what must repeat
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterState:
+    """All that the next step needs: state and seed suffice to go on from here."""
+
+    step: int  # of the last frame taken in; 0 before the first
+    belief: Belief
+    injected: Bool | None = None  # (N,) which particles of `belief` were freshly injected

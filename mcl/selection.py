@@ -1,0 +1,102 @@
+"""Reference selection: which library entry a particle is compared with (thesis 3.3 and 4.2.4).
+
+The thesis's rule: the nearest position first, then the nearest heading there; never across a wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .arena import Arena
+from .grid import Grid, make_grid
+from .typing import F32, F64, I32, Bool
+
+HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
+SAME_PLACE_M = 0.001
+NEIGHBORS = 8  # places tried for a free line of sight before walking there instead
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestReference:
+    """Two tables: raster cell to place, and place and heading to entry."""
+
+    grid: Grid
+    places: F64  # (P, 2) distinct positions in the library
+    place_of_cell: I32  # (rows * columns,) -1 where a robot cannot be
+    entry_of: I32  # (P, HEADING_BINS)
+
+    def entries(self, poses: F32, origin: F64) -> I32:
+        """Give the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
+        cell = self.grid.cells_of(poses[:, :2], origin)
+        place = np.where(cell >= 0, self.place_of_cell[cell], -1)
+        turn = (poses[:, 2] + np.float32(np.pi)) * np.float32(HEADING_BINS / (2 * np.pi))
+        heading = turn.astype(np.int32) % HEADING_BINS
+        return np.where(place >= 0, self.entry_of[place, heading], -1).astype(np.int32)
+
+
+def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
+    """Build the tables for library poses (L, 3) in an arena."""
+    places, place_of_entry = _distinct(poses[:, :2])
+    grid = make_grid(arena, places)
+    entry_of = np.stack(
+        [_by_heading(np.flatnonzero(place_of_entry == p), poses[:, 2]) for p in range(len(places))]
+    )
+    return NearestReference(grid, places, _place_of_cell(grid, places, arena.walls), entry_of)
+
+
+def _distinct(xy: F64) -> tuple[F64, I32]:
+    rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
+    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return xy[first], inverse.astype(np.int32).ravel()
+
+
+def _by_heading(entries: I32 | np.ndarray[tuple[int], np.dtype[np.int64]], headings: F64) -> I32:
+    """For every heading bin, the one of these entries whose heading is nearest; the first of equals."""
+    centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
+    apart = np.abs((centers[:, None] - headings[entries] + np.pi) % (2 * np.pi) - np.pi)
+    return np.asarray(entries[apart.argmin(axis=1)], np.int32)
+
+
+def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
+    centers = grid.centers()
+    place = np.full(len(centers), -1, np.int32)
+    wanted = np.flatnonzero(grid.free.ravel())
+    nearest = cKDTree(places).query(centers[wanted], k=min(NEIGHBORS, len(places)))[1]
+    for choice in nearest.reshape(len(wanted), -1).T:
+        seen = (place[wanted] < 0) & ~_crosses(centers[wanted], places[choice], walls)
+        place[wanted[seen]] = choice[seen]
+    return _grow(place.reshape(grid.shape), grid.free).ravel()
+
+
+def _crosses(start: F64, end: F64, walls: F64) -> Bool:
+    """Tell which of the segments start (N, 2) to end (N, 2) any wall (W, 4) cuts through."""
+    hit = np.zeros(len(start), bool)
+    for x1, y1, x2, y2 in walls:
+        a, b = np.array([x1, y1]), np.array([x2, y2])
+        apart = _side(a, b, start) * _side(a, b, end) < 0
+        between = _side(start, end, a) * _side(start, end, b) <= 0
+        hit |= apart & between
+    return hit
+
+
+def _side(a: F64, b: F64, point: F64) -> F64:
+    """On which side of the line a to b a point lies: the sign of the cross product."""
+    along, off = b - a, point - a
+    return np.asarray(along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0])
+
+
+def _grow(place: I32, free: Bool) -> I32:
+    """Let cells that see no place near take the place of the cell one would walk in from."""
+    while True:
+        padded = np.pad(place, 1, constant_values=-1)
+        open_cells = free & (place < 0)
+        next_to = np.maximum.reduce(
+            [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
+        )
+        grown = np.where(open_cells, next_to, place)
+        if np.array_equal(grown, place):
+            return grown
+        place = grown

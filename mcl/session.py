@@ -1,0 +1,75 @@
+"""What a robot saw and did: frames for the filter, moments for those who also know the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from .arena import Arena
+from .typing import F64, U8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """All that the filter may see of one update.
+
+    `motions` are the robot's own measurements, uncorrected, in the order in which they were made; several
+    movements between two pictures stay apart because noise is added once a movement (thesis 3.2).
+    """
+
+    step: int  # 1 for the first picture
+    time_s: float  # since the session's first record; never falls
+    motions: F64  # (M, 3) forward_m, left_m, turn_rad, each in the robot's frame at its start
+    image: U8  # (H, W, 3) RGB, top row first
+    picture: str  # where the image can be found again, for people; "" when nowhere
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """A frame, and beside it what the filter must not see."""
+
+    frame: Frame
+    truth: F64 | None = None  # (3,) x_m, y_m, heading_rad; None when unknown
+    events: tuple[str, ...] = ()  # free text since the last frame, as the log has it
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """One camera of the robot, as the header describes it; every field may be unknown."""
+
+    name: str
+    width_px: int | None = None
+    height_px: int | None = None
+    horizontal_fov_rad: float | None = None
+    yaw_rad: float = 0.0  # where it looks, counter-clockwise from the robot's forward
+    height_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SessionInfo:
+    """What a session's header says: known before the first frame, the same for the whole drive."""
+
+    name: str
+    display_units: str = "m"  # "m" or "in": what people are shown; everything stored is metres
+    robot: str = "robot"
+    motion: dict[str, Any] | None = None  # motion parameters, see maurice_mcl.motion; None: generic odometry
+    cameras: tuple[Camera, ...] = ()
+    start: F64 | None = None  # (3,) where the drive began, if known
+    survey: Path | None = None  # the survey log or library that it belongs to, resolved
+    arena: Arena | None = None
+    notes: tuple[str, ...] = field(default=())  # for example "odometry is synthetic: ..."
+
+
+class Session(Protocol):
+    """A recorded drive that can be read again from its beginning as often as one likes."""
+
+    @property
+    def info(self) -> SessionInfo:
+        """What the header says."""
+        ...
+
+    def moments(self) -> Iterator[Moment]:
+        """Start at the first picture, on every call; reads lazily."""
+        ...
