@@ -12,16 +12,10 @@ import numpy as np
 
 from maurice_mcl.typing import F32
 
-from .textures import Rgb, Size, clouds, noise, tint
+from .palettes import SCENES, Rgb, dye, ink, near, pale
+from .textures import Size, clouds, noise, tint
 
 Painter = Callable[[np.random.Generator, Size], F32]
-
-
-def vivid(rng: np.random.Generator, low: float = 0.04, high: float = 0.8) -> Rgb:
-    """Draw a strong color: one channel high, one low, one between."""
-    levels = np.array([high, rng.uniform(low, high), low]) * rng.uniform(0.6, 1.0)
-    red, green, blue = rng.permutation(levels)
-    return float(red), float(green), float(blue)
 
 
 def finish(rng: np.random.Generator, picture: F32) -> F32:
@@ -35,47 +29,50 @@ def finish(rng: np.random.Generator, picture: F32) -> F32:
 
 
 def landscape(rng: np.random.Generator, size: Size) -> F32:
-    """Sky, a sun and three ranges of hills."""
+    """Sky with clouds, a sun or moon, and four ranges of hills, each nearer and darker."""
     rows, columns = size
-    fade = np.linspace(0, 1, rows, dtype=np.float32)[:, None, None]
-    top, low = np.array(vivid(rng), np.float32), np.array(vivid(rng, 0.3, 0.9), np.float32)
-    picture = np.ascontiguousarray(np.broadcast_to(top * (1 - fade) + low * fade, (rows, columns, 3)))
-    sun = (int(rng.uniform(0.2, 0.8) * columns), int(rng.uniform(0.15, 0.4) * rows))
-    cv2.circle(picture, sun, max(2, rows // 9), (0.9, 0.85, 0.5), -1, cv2.LINE_AA)
-    across = np.arange(columns)
-    for layer in range(3):
-        ridge = rows * (0.45 + 0.16 * layer) + rows * 0.08 * noise(rng, (1, columns), (1, columns / 5))[0]
-        line = np.stack([across, ridge], axis=1).astype(np.int32)
-        corners = np.array([[columns, rows], [0, rows]], dtype=np.int32)
-        cv2.fillPoly(picture, [np.concatenate([line, corners])], vivid(rng, 0.03, 0.45), cv2.LINE_AA)
+    high, low, far, near_by = (np.asarray(c) for c in SCENES[int(rng.integers(len(SCENES)))])
+    fade = np.linspace(0, 1, rows, dtype=np.float32)[:, None, None] ** 1.5
+    sky = (high * (1 - fade) + low * fade) * (1 + 0.12 * clouds(rng, size, columns / 2))[..., None]
+    picture = np.ascontiguousarray(sky, dtype=np.float32)
+    sun = (int(rng.uniform(0.2, 0.8) * columns), int(rng.uniform(0.12, 0.4) * rows))
+    cv2.circle(picture, sun, max(2, rows // 12), (0.85, 0.78, 0.55), -1, cv2.LINE_AA)
+    for layer in range(4):
+        bumps = noise(rng, (1, columns), (1, columns / 4)) + 0.3 * noise(rng, (1, columns), (1, columns / 18))
+        ridge = rows * (0.42 + 0.15 * layer) + rows * 0.07 * bumps[0]
+        share = layer / 3
+        slope = (far * (1 - share) + near_by * share) * (1 + 0.35 * clouds(rng, size, rows / 6))[..., None]
+        below = np.arange(rows)[:, None] > ridge[None, :]
+        picture[below] = slope[below]
     return finish(rng, picture)
 
 
 def shapes(rng: np.random.Generator, size: Size) -> F32:
-    """A modern painting: overlapping discs, bars and triangles."""
+    """A modern painting: overlapping discs, bars and triangles in five inks on paper."""
     rows, columns = size
-    picture = np.ascontiguousarray(np.broadcast_to(np.array(vivid(rng, 0.3, 0.85), np.float32), (*size, 3)))
-    for _ in range(9):
+    inks = [ink(rng) for _ in range(5)]
+    picture = np.ascontiguousarray(np.broadcast_to(np.array(pale(rng), np.float32), (*size, 3)))
+    for k in range(10):
         at = rng.integers((0, 0), (columns, rows), size=(3, 2)).astype(np.int32)
-        kind = int(rng.integers(3))
+        kind, color = int(rng.integers(3)), inks[k % 5]
         if kind == 0:
-            radius = int(rng.uniform(0.08, 0.3) * rows)
-            cv2.circle(picture, (int(at[0, 0]), int(at[0, 1])), radius, vivid(rng), -1, cv2.LINE_AA)
+            radius = int(rng.uniform(0.06, 0.28) * rows)
+            cv2.circle(picture, (int(at[0, 0]), int(at[0, 1])), radius, color, -1, cv2.LINE_AA)
         elif kind == 1:
-            cv2.rectangle(picture, at[0].tolist(), at[1].tolist(), vivid(rng), -1)
+            cv2.rectangle(picture, at[0].tolist(), at[1].tolist(), color, -1)
         else:
-            cv2.fillPoly(picture, [at], vivid(rng), cv2.LINE_AA)
+            cv2.fillPoly(picture, [at], color, cv2.LINE_AA)
     return finish(rng, picture)
 
 
 def portrait(rng: np.random.Generator, size: Size) -> F32:
     """A head and shoulders before a plain ground."""
     rows, columns = size
-    ground = tint(vivid(rng, 0.1, 0.6), 1 + 0.25 * clouds(rng, size, rows / 2))
+    ground = tint(dye(rng), 1 + 0.25 * clouds(rng, size, rows / 2))
     picture = np.ascontiguousarray(ground)
     middle = (int(columns * rng.uniform(0.42, 0.58)), int(rows * 0.4))
     skin = float(rng.uniform(0.25, 0.6))
-    cv2.ellipse(picture, (middle[0], rows), (columns // 3, rows // 2), 0, 180, 360, vivid(rng), -1, cv2.LINE_AA)
+    cv2.ellipse(picture, (middle[0], rows), (columns // 3, rows // 2), 0, 180, 360, dye(rng), -1, cv2.LINE_AA)
     hair = (0.12 * skin, 0.08 * skin, 0.05)
     cv2.ellipse(picture, (middle[0], middle[1] - rows // 30), (columns // 5, rows // 4), 0, 0, 360, hair, -1)
     face = (skin, 0.68 * skin, 0.5 * skin)
@@ -86,8 +83,8 @@ def portrait(rng: np.random.Generator, size: Size) -> F32:
 def chart(rng: np.random.Generator, size: Size) -> F32:
     """A wall map: patches of color on a pale sea, with a grid of lines."""
     height = clouds(rng, size, size[0] / 2)
-    sea, land = np.array((0.35, 0.5, 0.65), np.float32), np.array(vivid(rng, 0.2, 0.7), np.float32)
-    hills = np.array(vivid(rng, 0.2, 0.6), np.float32)
+    sea, land = np.array((0.35, 0.5, 0.65), np.float32), np.array(near(rng, (0.42, 0.40, 0.22)), np.float32)
+    hills = np.array(near(rng, (0.40, 0.26, 0.14)), np.float32)
     picture = np.where((height > 0.1)[..., None], land, sea)
     picture = np.where((height > 0.9)[..., None], hills, picture)
     step = max(4, size[0] // 6)
@@ -108,7 +105,7 @@ def books(rng: np.random.Generator, size: Size) -> F32:
         width = int(rng.integers(max(2, columns // 40), max(4, columns // 12)))
         top = int(rows * rng.uniform(0.06, 0.4))
         if rng.random() < 0.9:
-            picture[top:, left : left + width] = np.array(vivid(rng, 0.03, 0.5)) * rng.uniform(0.4, 1.2)
+            picture[top:, left : left + width] = np.array(dye(rng)) * rng.uniform(0.6, 1.5)
             picture[top + rows // 8 : top + rows // 5, left : left + width] *= np.float32(1.6)
             picture[top:, left : left + 1] *= np.float32(0.4)
         left += width
@@ -129,7 +126,9 @@ def door(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
             picture[a[1] : a[1] + edge, a[0] : b[0]] *= np.float32(0.5)
             picture[b[1] - edge : b[1], a[0] : b[0]] *= np.float32(1.25)
             picture[a[1] : b[1], a[0] : a[0] + edge] *= np.float32(0.6)
-    cv2.circle(picture, (int(0.93 * columns), rows // 2), max(2, columns // 24), (0.55, 0.4, 0.1), -1, cv2.LINE_AA)
+    cv2.circle(
+        picture, (int(0.93 * columns), rows // 2), max(2, columns // 24), (0.55, 0.4, 0.1), -1, cv2.LINE_AA
+    )
     picture[:, :edge] *= np.float32(0.4)
     picture[:, -edge:] *= np.float32(0.4)
     return np.clip(picture, 0.02, 0.95)
@@ -138,7 +137,9 @@ def door(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
 def window(rng: np.random.Generator, size: Size) -> F32:
     """Panes with an overcast sky above dark trees, a white cross bar."""
     rows, columns = size
-    sky = np.array((0.75, 0.84, 0.95), np.float32) * np.linspace(1, 0.75, rows, dtype=np.float32)[:, None, None]
+    sky = (
+        np.array((0.75, 0.84, 0.95), np.float32) * np.linspace(1, 0.75, rows, dtype=np.float32)[:, None, None]
+    )
     picture = np.ascontiguousarray(np.broadcast_to(sky, (rows, columns, 3)))
     trees = rows * (0.72 + 0.1 * noise(rng, (1, columns), (1, columns / 6))[0])
     below = np.arange(rows)[:, None] > trees[None, :]

@@ -113,9 +113,7 @@ def faces_of(
     plan = footprint(solid)
     low, high = solid.z_in, solid.z_in + solid.height_in
     ends = np.roll(plan, -1, axis=0)
-    sides = [
-        upright(rng, a, b, low, high, paint, per_inch=per_inch) for a, b in zip(plan, ends, strict=True)
-    ]
+    sides = [upright(rng, a, b, low, high, paint, per_inch=per_inch) for a, b in zip(plan, ends, strict=True)]
     lids = [flat(rng, plan, high, top or paint, per_inch=per_inch)]
     if underside:
         lids.append(flat(rng, plan, low, paint, facing_up=False, per_inch=per_inch))

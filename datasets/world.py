@@ -90,22 +90,21 @@ def floor_at(arena: Arena, x_m: float, y_m: float) -> str:
 
 
 def segment_distance(points: F64, start: F64, end: F64) -> F64:
-    """Give the distance (K,) of points (K, 2) to the segment from `start` (2,) to `end` (2,)."""
+    """Give the distance (K,) of points (K, 2) to the nearest segment from start (S, 2) to end (S, 2)."""
     along = end - start
-    length2 = float(along @ along)
-    share = np.clip((points - start) @ along / length2, 0, 1) if length2 > 0 else np.zeros(len(points))
-    return np.linalg.norm(points - start - share[:, None] * along, axis=1)
-
-
-def polygon_distance(points: F64, polygon: F64) -> F64:
-    """Give the distance (K,) of points (K, 2) to a filled polygon (P, 2); 0 inside."""
-    ends = np.roll(polygon, -1, axis=0)
-    edges = [segment_distance(points, a, b) for a, b in zip(polygon, ends, strict=True)]
-    return np.where(inside(polygon, points), 0.0, np.min(edges, axis=0))
+    away = points[:, None] - start
+    length2 = np.maximum(np.sum(along**2, axis=1), 1e-12)
+    share = np.clip(np.sum(away * along, axis=2) / length2, 0, 1)
+    gap = away - share[..., None] * along
+    return np.asarray(np.sqrt(np.sum(gap**2, axis=2).min(axis=1)))
 
 
 def clearance(arena: Arena, points: F64) -> F64:
     """Give the distance (K,) from points (K, 2) to the nearest wall or obstacle; 0 inside obstacles."""
-    walls = [segment_distance(points, wall[:2], wall[2:]) for wall in arena.walls]
-    solids = [polygon_distance(points, obstacle.polygon) for obstacle in arena.obstacles]
-    return np.min([*walls, *solids, np.full(len(points), np.inf)], axis=0)
+    outlines = [obstacle.polygon for obstacle in arena.obstacles]
+    starts = np.concatenate([arena.walls[:, :2], *outlines])
+    ends = np.concatenate([arena.walls[:, 2:], *(np.roll(outline, -1, axis=0) for outline in outlines)])
+    distance = segment_distance(points, starts, ends)
+    for outline in outlines:
+        distance = np.where(inside(outline, points), 0.0, distance)
+    return distance

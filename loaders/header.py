@@ -42,10 +42,14 @@ def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
     """Read the header object of the log at `path`. Unknown keys are ignored; raises FieldError."""
     found = mapping(value, "a header")
     if found.get("format") != FORMAT:
-        raise FieldError(f"found format {show(found.get('format'))}, expected {FORMAT!r}; is this a session log?")
+        raise FieldError(
+            f"found format {show(found.get('format'))}, expected {FORMAT!r}; is this a session log?"
+        )
     if found.get("version") != VERSION or isinstance(found["version"], bool):
         version = show(found.get("version"))
-        raise FieldError(f"found format version {version}, expected {VERSION}; a newer maurice-replay may read it")
+        raise FieldError(
+            f"found format version {version}, expected {VERSION}; a newer maurice-replay may read it"
+        )
     kind = next((k for k in KINDS if k == found.get("kind")), None)
     if kind is None:
         raise FieldError(f"found kind {show(found.get('kind'))}, expected 'session' or 'survey'")
@@ -54,7 +58,12 @@ def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
 
 def _info(found: dict[str, Any], path: Path) -> SessionInfo:
     robot = mapping(found.get("robot") or {}, "robot")
-    motion, start, arena, survey = robot.get("motion"), found.get("start"), found.get("map"), found.get("survey")
+    motion, start, arena, survey = (
+        robot.get("motion"),
+        found.get("start"),
+        found.get("map"),
+        found.get("survey"),
+    )
     return SessionInfo(
         name=text(found.get("name", path.stem), "name"),
         display_units=_units(found.get("display_units", "m")),

@@ -39,7 +39,9 @@ class SessionWriter:
         try:
             self._file = path.open("wb" if force else "xb")
         except FileExistsError:
-            raise LogError(path, "found a log already; write elsewhere, or overwrite it with --force") from None
+            raise LogError(
+                path, "found a log already; write elsewhere, or overwrite it with --force"
+            ) from None
         except OSError as problem:
             raise LogError(path, f"cannot be written: {problem.strerror}") from None
         self._put(header)
@@ -126,7 +128,9 @@ class SessionWriter:
             with file.open("wb" if self._force else "xb") as out:
                 out.write(data)
         except FileExistsError:
-            raise LogError(file, "found a picture already; write elsewhere, or overwrite with --force") from None
+            raise LogError(
+                file, "found a picture already; write elsewhere, or overwrite with --force"
+            ) from None
 
     def _check_time(self, t_s: float) -> None:
         if not np.isfinite(t_s) or t_s < self._last_t_s:

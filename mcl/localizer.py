@@ -18,9 +18,9 @@ import numpy as np
 from .belief import Belief, effective_sample_size, normalize, uniform_log_weights
 from .estimate import heaviest_cluster, weighted_mean
 from .library import Library
-from .motion import NOISE_COLUMNS, MotionModel, motion_model
+from .motion import MotionModel, motion_model
 from .policies import ResamplePolicy, always
-from .randomness import Domain, Purpose, stream
+from .randomness import Domain, Purpose, normals, stream
 from .records import FilterState, StepRecord
 from .resampling import RESAMPLERS, Resampler
 from .selection import NearestReference, nearest_reference
@@ -88,9 +88,9 @@ class Localizer:
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
         rng = stream(Domain.FILTER, self.seed, frame.step, Purpose.MOTION)
         poses: F32 = belief.poses
-        for motion in frame.motions:
-            noise = rng.standard_normal((belief.size, NOISE_COLUMNS), dtype=np.float32)
-            poses = self.motion.move(poses, belief.origin, motion, noise)
+        # a generator a movement, so that a larger N keeps a smaller one's draws in all of them
+        for motion, own in zip(frame.motions, rng.spawn(len(frame.motions)), strict=True):
+            poses = self.motion.move(poses, belief.origin, motion, normals(own, belief.size))
         return Belief(poses, belief.log_weights, belief.origin)
 
     def _resample(self, weighted: Belief, step: int) -> tuple[Belief, I32 | None]:
@@ -98,15 +98,16 @@ class Localizer:
             return weighted, None
         rng = stream(Domain.FILTER, self.seed, step, Purpose.RESAMPLE)
         parents = self.resampler(weighted.weights, weighted.size, rng)
-        copies = weighted.poses[parents]
+        copies = weighted.poses.take(parents, axis=0)
         return Belief(copies, uniform_log_weights(len(parents)), weighted.origin), parents
 
 
 def weigh(predicted: Belief, log_likelihood: F32) -> tuple[Belief, float]:
     """Multiply likelihoods (N,) into the weights; give the new belief and log p(o_t | past).
 
-    When every weight would be zero the picture is taken as uninformative: the prior weights stay, and the
-    evidence is -inf, which the step reports as the event "all weights zero".
+    When every weight would be zero (all particles with any weight are outside free space) the picture is
+    taken as uninformative: the prior weights stay, and the evidence is -inf, which the step reports as the
+    event "all weights zero".
     """
     posterior, log_evidence = normalize(predicted.log_weights + log_likelihood)
     if not np.isfinite(log_evidence):

@@ -19,6 +19,7 @@ LOST_M, LOST_RAD, LOST_FOR = 36 * INCH_M, float(np.deg2rad(45)), 4
 RIGHT_M, RIGHT_RAD = 18 * INCH_M, float(np.deg2rad(30))
 CONVERGED_SHARE = 0.9
 LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
+RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
 GOAL_M = 1000 * INCH_M  # the thesis's goal for position tracking (3.6.2)
 
 
@@ -71,11 +72,15 @@ class RunScore:
     lost_at_update: int | None
     reached: bool | None  # drove 1000 true inches without being lost
     wrong_confident_share: float | None
+    right_at_end: bool | None = None  # correct in at least 7 of the last 10 updates
 
 
 @dataclass(slots=True)
 class Scorer:
-    """Collects one run's scores: a few numbers an update, never the clouds."""
+    """Collects one run's scores: a few numbers an update, never the clouds.
+
+    An update whose truth is not known counts neither as lost nor as localized, and in no error or share.
+    """
 
     _steps: list[StepScore] = field(default_factory=list)
     _way_m: list[float] = field(default_factory=list)  # true way driven up to each update
@@ -115,11 +120,13 @@ class Scorer:
             lost_at_update=lost_at,
             reached=self._reached(lost_at) if known else None,
             wrong_confident_share=_share([s.wrong_and_confident for s in known]),
+            right_at_end=mostly_at_end([s.correct for s in known]),
         )
 
     def _reached(self, lost_at: int | None) -> bool:
-        way = self._way_m[-1 if lost_at is None else lost_at - 1]
-        return way >= GOAL_M
+        """Tell whether the goal was driven before the first of the updates that the run was lost by."""
+        good = len(self._steps) if lost_at is None else lost_at - LOST_FOR
+        return good > 0 and self._way_m[good - 1] >= GOAL_M
 
 
 def first_run_of(flags: list[bool], length: int) -> int | None:
@@ -142,6 +149,12 @@ def first_mostly(localized: Bool) -> int | None:
         if localized[first] and localized[first : first + window].sum() >= needed:
             return first + 1
     return None
+
+
+def mostly_at_end(correct: list[bool | None]) -> bool | None:
+    """Tell whether at least 7 of the last 10 updates were correct; None for fewer than ten."""
+    needed, window = RIGHT_AT_END
+    return sum(flag is True for flag in correct[-window:]) >= needed if len(correct) >= window else None
 
 
 def _share(flags: list[bool | None]) -> float | None:

@@ -16,8 +16,6 @@ from .geometry import INCH_M, wrap
 from .grid import Grid
 from .typing import F32, F64
 
-NOISE_COLUMNS = 3  # forward or first turn, left or way, turn: one normal each a particle and movement
-
 
 class MotionModel(Protocol):
     """Moves every particle by its own noisy version of what the robot measured."""
@@ -55,17 +53,21 @@ class MauriceParameters:
     def from_header(cls, values: Mapping[str, Any]) -> MauriceParameters:
         """Read the object that a session header holds under robot.motion; absent fields keep defaults.
 
-        Raises ValueError naming the field that is not a finite number or not known.
+        Raises ValueError naming the field that is not a finite number, negative or not known.
         """
-        known = {f.name for f in fields(cls)}
-        read: dict[str, Any] = {}
-        for name, value in values.items():
-            if name == "model":
-                continue
-            if name not in known:
-                raise ValueError(f"robot.motion.{name} is not known; known are {', '.join(sorted(known))}")
-            read[name] = _floors(value) if name == "drift" else _number(f"robot.motion.{name}", value)
-        return cls(**read)
+        return cls(**_read(values, {f.name for f in fields(cls)}))
+
+
+def _read(values: Mapping[str, Any], known: set[str]) -> dict[str, Any]:
+    """Check the fields of a header's motion object, all but the model's name."""
+    given = {name: value for name, value in values.items() if name != "model"}
+    for name in given:
+        if name not in known:
+            raise ValueError(f"robot.motion.{name} is not known; known are {', '.join(sorted(known))}")
+    return {
+        name: _floors(value) if name == "drift" else _number(f"robot.motion.{name}", value)
+        for name, value in given.items()
+    }
 
 
 def _floors(value: Any) -> dict[str, Drift]:
@@ -84,6 +86,8 @@ def _drift(floor: str, spec: Any) -> Drift:
 def _number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
         raise ValueError(f"{name} must be a finite number, found {value!r}")
+    if value < 0 and "bias" not in name.rsplit(".", 1)[1]:
+        raise ValueError(f"{name} must not be negative, found {value!r}")
     return float(value)
 
 
@@ -108,12 +112,12 @@ class MauriceMotion:
         if abs(turn) >= p.turn_from_rad:
             heading = heading + (noise[:, 2] * np.float32(p.turn_sd_rad) + np.float32(p.turn_bias_rad))
         if way < p.straight_from_m:
-            return np.column_stack([poses[:, :2], wrap(heading)])
+            return _poses(poses[:, 0], poses[:, 1], wrap(heading))
         length = noise[:, 0] * np.float32(p.straight_sd_m) + np.float32(way + p.straight_bias_m)
         course = heading + np.float32(np.arctan2(left, forward))
         drift = self._drift(poses[:, :2], origin, noise[:, 1]) * np.float32(way)
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
-        return np.column_stack([*moved, wrap(heading + drift)])
+        return _poses(*moved, wrap(heading + drift))
 
     def _drift(self, xy: F32, origin: F64, noise: F32) -> F32:
         """Drift (N,) in radians a metre, by the floor on which each particle starts."""
@@ -136,13 +140,23 @@ class OdometryParameters:
     turn_from_way: float = 0.02  # rad^2 of turn a m^2 of way (alpha 2)
     way_from_way: float = 0.02  # m^2 of way a m^2 of way (alpha 3)
     way_from_turn: float = 0.0005  # m^2 of way a rad^2 of turn (alpha 4)
+    way_from_m: float = 0.01  # on a shorter way the direction is noise and counts as no turn (as in AMCL)
+
+    @classmethod
+    def from_header(cls, values: Mapping[str, Any]) -> OdometryParameters:
+        """Read the object that a session header holds under robot.motion; absent fields keep defaults.
+
+        Raises ValueError naming the field that is not a finite number, negative or not known.
+        """
+        return cls(**_read(values, {f.name for f in fields(cls)}))
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryMotion:
     """Turn, go, turn (Probabilistic Robotics, section 5.4); right for any robot, if less sharp.
 
-    Going backward counts as small turns, not as half turns; standing still has no first turn.
+    Going backward counts as small turns, not as half turns; a way too short to have a direction has none
+    that adds noise.
     """
 
     parameters: OdometryParameters = OdometryParameters()
@@ -152,9 +166,10 @@ class OdometryMotion:
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
         way = float(np.hypot(forward, left))
-        first = float(np.arctan2(left, forward)) if way > 1e-9 else 0.0
+        first = float(np.arctan2(left, forward)) if way > 0 else 0.0
         second = turn - first
-        a, b = (min(abs(t), abs(np.pi - abs(t))) for t in (first, second))
+        counted = first if way >= p.way_from_m else 0.0
+        a, b = (min(abs(t), abs(np.pi - abs(t))) for t in (counted, turn - counted))
         first_sd = np.sqrt(p.turn_from_turn * a**2 + p.turn_from_way * way**2)
         way_sd = np.sqrt(p.way_from_way * way**2 + p.way_from_turn * (a**2 + b**2))
         second_sd = np.sqrt(p.turn_from_turn * b**2 + p.turn_from_way * way**2)
@@ -162,16 +177,26 @@ class OdometryMotion:
         length = np.float32(way) + noise[:, 1] * np.float32(way_sd)
         heading = course + (np.float32(second) + noise[:, 2] * np.float32(second_sd))
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
-        return np.column_stack([*moved, wrap(heading)])
+        return _poses(*moved, wrap(heading))
+
+
+def _poses(x: F32, y: F32, heading: F32) -> F32:
+    """Put three columns (N,) side by side, (N, 3)."""
+    poses = np.empty((len(x), 3), np.float32)
+    poses[:, 0], poses[:, 1], poses[:, 2] = x, y, heading
+    return poses
 
 
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
-    """Choose the model that a session header asks for: none or "odometry", or "maurice" with constants.
+    """Choose the model that a session header asks for: "maurice" with constants, "odometry" otherwise.
 
-    Raises ValueError for any other model.
+    A header that says nothing about motion gets the odometry model, whose gain is 1. Raises ValueError for
+    any other model, and for bad constants.
     """
-    if values is None or values.get("model") == "odometry":
+    if not values:
         return OdometryMotion()
+    if values.get("model") == "odometry":
+        return OdometryMotion(OdometryParameters.from_header(values))
     if values.get("model", "maurice") != "maurice":
         raise ValueError(f'robot.motion.model is {values["model"]!r}; known are "maurice" and "odometry"')
     return MauriceMotion(MauriceParameters.from_header(values), grid)

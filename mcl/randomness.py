@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 
 import numpy as np
+
+from .typing import F32
 
 
 class Domain(IntEnum):
@@ -27,10 +30,24 @@ class Purpose(IntEnum):
 def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random.Generator:
     """Open the generator at one address; the same address always gives the same numbers.
 
-    Draw per-particle noise as `standard_normal((N, k))`: rows come one after the other, so a larger N
-    keeps a smaller one's draws. Whole-array tricks (Box-Muller on halves, sorting) would break that.
+    Draw per-particle noise row by row, as `random((N, k))` or `normals` do: a larger N then keeps a
+    smaller one's draws. Tricks on whole arrays (pairing its two halves, sorting) would break that.
+
+    Raises ValueError where a word of the address is not in 0 to 2**32 - 1.
     """
     words = [int(domain), int(seed), int(step), int(purpose)]
     if any(not 0 <= w < 2**32 for w in words):
         raise ValueError(f"a random address needs whole numbers from 0 to 2**32 - 1, found {words}")
     return np.random.default_rng(words)
+
+
+def normals(rng: np.random.Generator, n: int) -> F32:
+    """Draw n rows of three standard normals (n, 3), float32; each column is contiguous.
+
+    By Box and Muller (1958), from four uniforms a row, which takes half the time of the generator's own
+    method for float32. The largest possible value is 5.8, as float32 uniforms go down to 2**-24.
+    """
+    uniform = np.ascontiguousarray(rng.random((n, 4), dtype=np.float32).T)
+    far = np.sqrt(-2 * np.log(1 - uniform[:2]))  # 1 - u is never 0
+    angle = 2 * math.pi * uniform[2:]
+    return np.stack([far[0] * np.cos(angle[0]), far[0] * np.sin(angle[0]), far[1] * np.cos(angle[1])]).T

@@ -26,7 +26,7 @@ class Sighting:
     distances: F32  # (C, L) absolute distance D of every entry
     channel_quality: F32  # (C, L) 1 - D/D_max of each channel alone
     quality: F32  # (L,) blended quality in [0, 1]
-    log_likelihood: F32  # (L,) of every entry; -inf where quality is 0
+    log_likelihood: F32  # (L,) of every entry; finite, as the quality is floored
     entries: I32  # (N,) the entry each particle is compared with; -1 outside free space
 
     def ranking(self) -> I32:
@@ -57,7 +57,7 @@ class StepRecord:
     estimate: Estimate  # heaviest cluster of `weighted`: the one that is scored
     mean: Estimate  # weighted mean of all of `weighted`
     effective_sample_size: float  # of `weighted`, in particles
-    log_evidence: float  # log p(o_t | past): log of the mean likelihood; -inf when all weights were zero
+    log_evidence: float  # log p(o_t | past): log of the mean likelihood; -inf when every particle was outside
     parents: I32 | None  # (N',) which weighted particle each new one copies; None: not resampled
     injected: Bool | None  # (N',) freshly injected particles of `belief`; None: no reseeding
     belief: Belief  # what the next step starts from

@@ -28,7 +28,8 @@ def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
     cumulative, last = _cumulative(weights)
     ends = np.ceil(cumulative * n - rng.random()).astype(np.int32)
     ends[last:] = n
-    return np.asarray(np.repeat(np.arange(len(weights), dtype=np.int32), np.diff(ends, prepend=0)), np.int32)
+    copies = np.diff(ends, prepend=np.int32(0))
+    return np.repeat(np.arange(len(weights), dtype=np.int32), copies)
 
 
 def _cumulative(weights: F64) -> tuple[F64, int]:

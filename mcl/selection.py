@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from .arena import Arena
@@ -16,7 +17,7 @@ from .typing import F32, F64, I32, Bool
 
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
 SAME_PLACE_M = 0.001
-NEIGHBORS = 8  # places tried for a free line of sight before walking there instead
+NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn, before walking there instead
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +32,12 @@ class NearestReference:
     def entries(self, poses: F32, origin: F64) -> I32:
         """Give the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
         cell = self.grid.cells_of(poses[:, :2], origin)
-        place = np.where(cell >= 0, self.place_of_cell[cell], -1)
+        place = self.place_of_cell.take(cell)
         turn = (poses[:, 2] + np.float32(np.pi)) * np.float32(HEADING_BINS / (2 * np.pi))
-        heading = turn.astype(np.int32) % HEADING_BINS
-        return np.where(place >= 0, self.entry_of[place, heading], -1).astype(np.int32)
+        heading = turn.astype(np.int32) % np.int32(HEADING_BINS)
+        entry = self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
+        # where cell or place is -1, what was taken is another's
+        return np.where((cell >= 0) & (place >= 0), entry, np.int32(-1))
 
 
 def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
@@ -53,7 +56,7 @@ def _distinct(xy: F64) -> tuple[F64, I32]:
     return xy[first], inverse.astype(np.int32).ravel()
 
 
-def _by_heading(entries: I32 | np.ndarray[tuple[int], np.dtype[np.int64]], headings: F64) -> I32:
+def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:
     """For every heading bin, the one of these entries whose heading is nearest; the first of equals."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
     apart = np.abs((centers[:, None] - headings[entries] + np.pi) % (2 * np.pi) - np.pi)
@@ -61,14 +64,24 @@ def _by_heading(entries: I32 | np.ndarray[tuple[int], np.dtype[np.int64]], headi
 
 
 def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
-    centers = grid.centers()
+    """Give the nearest place (rows * columns,) that can be seen from each free cell, -1 for other cells."""
+    centers, tree = grid.centers(), cKDTree(places)
     place = np.full(len(centers), -1, np.int32)
-    wanted = np.flatnonzero(grid.free.ravel())
-    nearest = cKDTree(places).query(centers[wanted], k=min(NEIGHBORS, len(places)))[1]
-    for choice in nearest.reshape(len(wanted), -1).T:
-        seen = (place[wanted] < 0) & ~_crosses(centers[wanted], places[choice], walls)
-        place[wanted[seen]] = choice[seen]
+    for k in (min(most, len(places)) for most in NEIGHBORS):
+        left = np.flatnonzero(grid.free.ravel() & (place < 0))
+        nearest = tree.query(centers[left], k=k)[1].reshape(len(left), k)
+        place[left] = _first_seen(centers[left], nearest, places, walls)
     return _grow(place.reshape(grid.shape), grid.free).ravel()
+
+
+def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64) -> I32:
+    """Give the first of the places chosen (N, K) to which no wall bars the way from each point (N, 2)."""
+    place = np.full(len(points), -1, np.int32)
+    for choice in choices.T:
+        left = np.flatnonzero(place < 0)
+        seen = left[~_crosses(points[left], places[choice[left]], walls)]
+        place[seen] = choice[seen]
+    return place
 
 
 def _crosses(start: F64, end: F64, walls: F64) -> Bool:

@@ -16,10 +16,14 @@ from .channels import CHANNELS
 from .library import ChannelIndex, Library
 from .records import Sighting
 from .selection import NearestReference
-from .typing import F32, F64, I32, U8
+from .typing import F32, F64, U8
 
 # Chosen on fitting drives by log score; docs/results.md has the curve.
 DEFAULT_SHARPNESS = 8.0
+# Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out for ever.
+LEAST_QUALITY = 1e-3
+# A spread over the library that is smaller than this share of the distance itself is rounding.
+LEAST_SPREAD = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,17 +75,19 @@ def quality(distances: F32) -> F32:
 def blend(distances: F32, weights: F64) -> F32:
     """Bring each channel's distances (C, L) to the same spread over the library, then add them up (L,).
 
-    A channel that tells no entry from another (spread 0) has no say.
+    Each channel is divided by its standard deviation over the library and multiplied by its weight (C,).
+    A channel that tells no entry from another (no spread but rounding) has no say.
     """
     spread = distances.std(axis=1, dtype=np.float64)
-    scale = np.divide(weights, spread, out=np.zeros_like(weights), where=spread > 0)
+    tells = spread > LEAST_SPREAD * distances.max(axis=1)
+    scale = np.divide(weights, spread, out=np.zeros_like(weights), where=tells)
     return np.asarray(scale @ distances, np.float32)
 
 
 def log_likelihood(quality: F32, sharpness: float) -> F32:
-    """Give log(quality ** sharpness); -inf where quality is 0."""
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.float32(sharpness) * np.log(quality), np.float32)
+    """Give log(quality ** sharpness) (L,), with qualities under 0.001 counted as 0.001: always finite."""
+    floored = np.maximum(quality, np.float32(LEAST_QUALITY))
+    return np.asarray(np.float32(sharpness) * np.log(floored), np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,5 +121,5 @@ class SensorModel:
 
 def particle_log_likelihood(sighting: Sighting) -> F32:
     """Give the log-likelihood (N,) of every particle: that of its entry; -inf outside free space."""
-    found: I32 = sighting.entries
-    return np.where(found >= 0, sighting.log_likelihood[found], -np.inf).astype(np.float32)
+    # entry -1, outside, is the last of the table
+    return np.append(sighting.log_likelihood, np.float32(-np.inf))[sighting.entries]

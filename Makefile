@@ -1,0 +1,35 @@
+# `make demo` and `make test` need Python 3.11 or newer (with its venv), make and pip; nothing else.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test check bench clean
+
+demo: .venv/installed
+	$(BIN)/maurice-replay demo --force
+
+test: .venv/installed-dev
+	$(BIN)/python -m pytest
+
+check: .venv/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+bench: .venv/installed-dev
+	$(BIN)/python benchmarks/filter_step.py
+	$(BIN)/python benchmarks/recording.py
+
+# An editable install, so that what is edited is what runs; a stale build/ would bring deleted files back.
+.venv/installed: pyproject.toml constraints.txt
+	rm -rf build
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	touch $@
+
+.venv/installed-dev: .venv/installed
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+clean:
+	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

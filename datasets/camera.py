@@ -1,0 +1,175 @@
+"""The robot's camera: which face each picture point sees, and how bright it is there.
+
+For a point of a parallelogram, (s, t, 1) / depth is affine in picture coordinates. So coverage, depth and
+texture coordinates of a face are three planes over the picture; a depth buffer decides who is in front, and
+the faces that can be seen are warped in with OpenCV.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.typing import F32, F64, I32, Bool
+
+from .light import LitFace, Scene
+
+Window = tuple[int, int, int, int]  # u1, v1, u2, v2 of a part of the picture, ends exclusive
+
+
+@dataclass(frozen=True)
+class Lens:
+    """How the camera looks at the world. Chassis and optics of Maurice are unknown: invented, but usual."""
+
+    width_px: int = 176  # CMUcam2's largest picture across
+    height_px: int = 144  # and down, cut to the common 11:9
+    horizontal_fov_rad: float = float(np.radians(50))  # a 4 mm lens on a 1/4 in sensor
+    height_m: float = 9.5 * INCH_M  # on top of a rover
+    pitch_rad: float = float(np.radians(6))  # tilted up a little, to see more than the floor
+    near_m: float = 0.5 * INCH_M  # nothing nearer than this is drawn
+    oversample: int = 2  # samples a pixel in each direction, averaged: smooth edges
+
+    @cached_property
+    def matrix(self) -> F64:
+        """Pinhole matrix (3, 3) for the oversampled picture: x right, y down, z forward."""
+        columns, rows = self.width_px * self.oversample, self.height_px * self.oversample
+        focal = columns / 2 / np.tan(self.horizontal_fov_rad / 2)
+        return np.array([[focal, 0, columns / 2 - 0.5], [0, focal, rows / 2 - 0.5], [0, 0, 1.0]])
+
+
+def orientation(heading_rad: float, pitch_rad: float) -> F64:
+    """Give the rotation (3, 3) whose rows are the camera's right, down and forward in the world."""
+    c, s, cp, sp = np.cos(heading_rad), np.sin(heading_rad), np.cos(pitch_rad), np.sin(pitch_rad)
+    forward = np.array([c * cp, s * cp, sp])
+    right = np.array([s, -c, 0.0])
+    return np.stack([right, np.cross(forward, right), forward])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """One face as the camera has it."""
+
+    face: LitFace
+    planes: F64  # (3, 3) takes (u, v, 1) to (s, t, 1) / depth
+    window: Window  # the part of the picture that it can touch
+
+
+def clip_near(corners: F64, near_m: float) -> F64:
+    """Cut a polygon (K, 3) in camera coordinates at depth `near_m`; (0, 3) when all of it is nearer."""
+    kept = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if a[2] >= near_m:
+            kept.append(a)
+        if (a[2] - near_m) * (b[2] - near_m) < 0:
+            kept.append(a + (b - a) * (near_m - a[2]) / (b[2] - a[2]))
+    return np.array(kept).reshape(-1, 3)
+
+
+def project(scene: Scene, position: F64, turn: F64, lens: Lens) -> list[Seen]:
+    """Find the faces that turn their front to the camera, and where they fall in the picture."""
+    corner = (scene.corner - position) @ turn.T
+    across, down = scene.across @ turn.T, scene.down @ turn.T
+    outlines = np.stack([corner, corner + across, corner + across + down, corner + down], axis=1)
+    front = np.sum(np.cross(down, across) * corner, axis=1) < 0
+    ahead = outlines[:, :, 2].max(axis=1) > lens.near_m
+    candidates = np.flatnonzero(front & ahead)
+    windows = ((int(k), window_of(outlines[k], lens)) for k in candidates)
+    kept = [(k, window) for k, window in windows if window is not None]
+    numbers = [k for k, _ in kept]
+    planes = np.linalg.inv(lens.matrix @ np.stack([across, down, corner], axis=2)[numbers])
+    return [Seen(scene.faces[k], plane, window) for (k, window), plane in zip(kept, planes, strict=True)]
+
+
+def window_of(outline: F64, lens: Lens) -> Window | None:
+    """Give the part of the picture that an outline (4, 3) in camera coordinates can touch; None for none."""
+    ahead = outline if float(outline[:, 2].min()) >= lens.near_m else clip_near(outline, lens.near_m)
+    image = ahead @ lens.matrix.T
+    uv = image[:, :2] / image[:, 2:]
+    (u1, v1), (u2, v2) = uv.min(axis=0), uv.max(axis=0)
+    u1, v1 = max(math.floor(u1), 0), max(math.floor(v1), 0)
+    u2 = min(math.ceil(u2) + 1, lens.width_px * lens.oversample)
+    v2 = min(math.ceil(v2) + 1, lens.height_px * lens.oversample)
+    return (u1, v1, u2, v2) if u1 < u2 and v1 < v2 else None
+
+
+def over(row: F64, window: Window) -> F32:
+    """Evaluate one plane a*u + b*v + c over a window of the picture."""
+    u1, v1, u2, v2 = window
+    across = (row[0] * np.arange(u1, u2) + row[2]).astype(np.float32)
+    return across[None, :] + (row[1] * np.arange(v1, v2)).astype(np.float32)[:, None]
+
+
+def visibility(seen: list[Seen], lens: Lens) -> tuple[I32, F32]:
+    """Give the number of the nearest face (-1: none) and one over its depth, for every sample."""
+    shape = lens.height_px * lens.oversample, lens.width_px * lens.oversample
+    number = np.full(shape, -1, dtype=np.int32)
+    nearness = np.zeros(shape, dtype=np.float32)
+    for k, face in enumerate(seen):
+        u1, v1, u2, v2 = face.window
+        s, t, near = (over(row, face.window) for row in face.planes)
+        here = nearness[v1:v2, u1:u2]
+        wins = (near > here) & (s >= 0) & (t >= 0) & (s <= near) & (t <= near)
+        here[wins] = near[wins]
+        number[v1:v2, u1:u2][wins] = k
+    return number, nearness
+
+
+def level_of(face: Seen, nearness: F32) -> I32:
+    """Choose the texture level for samples from one over their depth: about one texel a sample.
+
+    The Jacobian of the mapping to (s, t) is det(planes) * depth^3; a level halves a texture twice.
+    """
+    rows, columns = face.face.levels[0].shape[:2]
+    texels = abs(float(np.linalg.det(face.planes))) * rows * columns / nearness**3
+    level = np.rint(0.5 * np.log2(texels))
+    return np.clip(level, 0, len(face.face.levels) - 1).astype(np.int32)
+
+
+def warp(face: Seen, level: int, window: Window) -> F32:
+    """Warp one texture level of a face into a window of the picture."""
+    u1, v1, u2, v2 = window
+    rows, columns = face.face.levels[level].shape[:2]
+    to_texture = np.array([[columns, 0, -0.5], [0, rows, -0.5], [0, 0, 1.0]])
+    shift = np.array([[1.0, 0, u1], [0, 1.0, v1], [0, 0, 1.0]])
+    mapping = to_texture @ face.planes @ shift
+    return np.asarray(
+        cv2.warpPerspective(
+            face.face.levels[level],
+            mapping,
+            (u2 - u1, v2 - v1),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+    )
+
+
+def draw(picture: F32, face: Seen, mine: Bool, nearness: F32) -> None:
+    """Fill in the samples `mine` (H, W) of `picture` (H, W, 3) that see this face, in place."""
+    left, top, width, height = cv2.boundingRect(mine.view(np.uint8))
+    window = (left, top, left + width, top + height)
+    part = (slice(top, top + height), slice(left, left + width))
+    here = mine[part]
+    levels = level_of(face, nearness[part][here])
+    for level in np.flatnonzero(np.bincount(levels)):
+        which = here.copy()
+        which[here] = levels == level
+        cv2.copyTo(warp(face, int(level), window), which.view(np.uint8), picture[part])
+
+
+def radiance(scene: Scene, pose: F64, lens: Lens | None = None) -> F32:
+    """Take a perfect picture (H, W, 3) in linear light from pose (3,) x_m, y_m, heading_rad."""
+    lens = lens or Lens()
+    position = np.array([pose[0], pose[1], lens.height_m])
+    turn = orientation(float(pose[2]), lens.pitch_rad)
+    seen = project(scene, position, turn, lens)
+    number, nearness = visibility(seen, lens)
+    picture = np.zeros((*number.shape, 3), dtype=np.float32)
+    for k in np.flatnonzero(np.bincount(number.ravel() + 1, minlength=2)[1:]):
+        draw(picture, seen[k], number == k, nearness)
+    size = (lens.width_px, lens.height_px)
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))

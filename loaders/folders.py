@@ -1,0 +1,73 @@
+"""Folders that appear whole or not at all, and where the cache is."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import platformdirs
+
+from .errors import LogError
+
+
+def cache_root() -> Path:
+    """Give the folder for what can be made again: MAURICE_CACHE, or the user's cache."""
+    named = os.environ.get("MAURICE_CACHE")
+    return Path(named) if named else Path(platformdirs.user_cache_dir("maurice-replay"))
+
+
+@contextmanager
+def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
+    """Give a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
+
+    LogError when `target` exists already. With `force` an old folder is replaced, but only one that is
+    empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
+    """
+    _refuse(target, force, ours)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        filling = _sibling(target, "part")
+        filling.mkdir()
+    except OSError as problem:
+        raise LogError(target, f"cannot be written: {problem.strerror}; choose another place") from None
+    try:
+        yield filling
+        _swap(filling, target, force)
+    finally:
+        shutil.rmtree(filling, ignore_errors=True)
+
+
+def _refuse(target: Path, force: bool, ours: str) -> None:
+    if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
+        return
+    if not force:
+        raise LogError(target, "exists already; write elsewhere, or replace it with --force")
+    if not (target / ours).is_file():
+        raise LogError(target, f"found no {ours} in it, so it was not made here; remove it yourself")
+
+
+def _swap(filling: Path, target: Path, force: bool) -> None:
+    """Rename into place; what stood there is put aside first, so that it is never half gone."""
+    if not force or not target.exists():
+        try:
+            filling.replace(target)  # onto nothing or an empty folder
+        except OSError:
+            raise LogError(target, "was written by somebody else meanwhile; write elsewhere") from None
+        return
+    discard(target)
+    filling.replace(target)
+
+
+def discard(folder: Path) -> None:
+    """Remove a folder; it is renamed first, so that nobody sees it half gone."""
+    aside = _sibling(folder, "old")
+    folder.replace(aside)
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _sibling(target: Path, ending: str) -> Path:
+    return target.parent / f".{target.name}-{uuid.uuid4().hex}.{ending}"

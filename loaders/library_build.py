@@ -1,0 +1,97 @@
+"""From a survey log to a library: every picture measured by every channel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arena import open_arena
+from maurice_mcl.channels import CHANNELS, Channel
+from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.typing import F32, F64
+
+from .errors import LogError
+from .session_log import SessionLog
+
+Progress = Callable[[int, int], None]  # pictures done, pictures in all
+Warn = Callable[[str], None]
+
+
+def build_library(
+    survey: Path,
+    channels: Sequence[str] | None = None,
+    *,
+    keep_going: bool = False,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Library:
+    """Measure the pictures of a survey log; its poses become the library's.
+
+    The noise floor is the mean of the covered-lens pictures (zeros, with a warning, when there are none),
+    the relevance the maximum of each bin over the library (thesis 3.3). Without a map in the survey all is
+    free. Pictures are held one at a time. LogError for a broken survey or one without any picture.
+    """
+    log = SessionLog(survey, keep_going=keep_going)
+    used = chosen_channels(channels)
+    poses: list[F64] = []
+    pictures: list[Path | None] = []
+    references: dict[str, list[F32]] = {name: [] for name in used}
+    covered: dict[str, list[F32]] = {name: [] for name in used}
+    total = log.count_pictures() if progress else 0
+    for done, picture in enumerate(log.survey_pictures(), start=1):
+        rows = covered if picture.pose is None else references
+        for name, channel in used.items():
+            rows[name].append(channel.describe(picture.image))
+        if picture.pose is not None:
+            poses.append(picture.pose)
+            pictures.append(None if picture.path is None else picture.path.resolve())
+        if progress:
+            progress(done, total)
+    if not poses:
+        raise LogError(survey, "found no picture with a pose, expected at least one; is this the survey?")
+    index = {name: _index(references[name], covered[name]) for name in used}
+    library = _library(log, np.array(poses), tuple(pictures), index)
+    for text in _warnings(log, library, any(covered.values())):
+        (warn or silent)(text)
+    return library
+
+
+def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:
+    """Give the named channels, or all; ValueError for a name that is none."""
+    unknown = [name for name in names or () if name not in CHANNELS]
+    if unknown:
+        raise ValueError(f"found channel {unknown[0]!r}, expected one of {', '.join(CHANNELS)}")
+    return {name: CHANNELS[name] for name in (CHANNELS if names is None else names)}
+
+
+def _index(references: list[F32], covered: list[F32]) -> ChannelIndex:
+    rows = np.array(references, np.float32)
+    floor = np.mean(covered, axis=0, dtype=np.float64) if covered else np.zeros(rows.shape[1])
+    return ChannelIndex(rows, np.asarray(floor, np.float32), rows.max(axis=0))
+
+
+def _library(
+    log: SessionLog, poses: F64, pictures: tuple[Path | None, ...], index: Mapping[str, ChannelIndex]
+) -> Library:
+    arena = log.info.arena or open_arena(poses)
+    return Library(log.info.name, poses, pictures, index, arena, log.info.display_units)
+
+
+def _warnings(log: SessionLog, library: Library, covered: bool) -> list[str]:
+    texts = list(log.warnings)
+    if log.problem_count:
+        texts.append(f"{log.path}: {log.problem_count} broken lines skipped, the first: {log.problems[0]}")
+    if not covered:
+        texts.append(f"{log.path}: found no picture with the lens covered, so the noise floor is zero")
+    x_min, y_min, x_max, y_max = library.arena.bounds
+    x, y = library.poses[:, 0], library.poses[:, 1]
+    outside = int(((x < x_min) | (x > x_max) | (y < y_min) | (y > y_max)).sum())
+    if outside:
+        texts.append(f"{log.path}: {outside} of {library.size} surveyed poses lie outside the map")
+    return texts
+
+
+def silent(text: str) -> None:
+    """Drop a warning that nobody asked for."""

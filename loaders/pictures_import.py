@@ -1,0 +1,185 @@
+"""A folder of pictures and a table of poses become a survey log and a session log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arena import Arena, open_arena
+from maurice_mcl.session import SessionInfo
+
+from .errors import LogError
+from .folders import new_folder
+from .import_split import Split, split_runs, xy_of
+from .map_lines import arena_from_lines
+from .pictures import PictureError, decode_picture
+from .pose_table import Columns, PoseRow, pose_runs, read_pose_table
+from .session_writer import SessionWriter
+from .synthetic_odometry import OdometryNoise, synthetic_motions
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """What is read, and how it is split into library and session."""
+
+    columns: Columns = field(default_factory=Columns)  # names and units of the table's columns
+    name: str | None = None  # of the place; None: the name of the table's folder
+    map_lines: Path | None = None  # file of wall segments x1 y1 x2 y2; None: no map, all is free
+    map_unit: str = "mm"  # of that file: "m" or "mm"
+    session_every: int = 10  # each so many-th run of equal poses is the session's, from the first one
+    session_pictures: int = 5  # at most so many of a run, evenly spread: standing still tells little
+    library_pictures: int = 1  # at most so many of a run; 1 takes the middle one, others are near copies
+    guard_m: float = 0.5  # no library picture this near to any session pose: neighbors look alike
+    noise: OdometryNoise = field(default_factory=OdometryNoise)  # of the synthetic odometry
+    seed: int = 0  # of that noise
+
+
+@dataclass(frozen=True, slots=True)
+class ImportSummary:
+    """What came of an import."""
+
+    session: Path  # the session log
+    survey: Path  # the survey log
+    rows: int  # of the table
+    runs: int  # of equal poses
+    session_runs: int  # of these, in the session
+    session_pictures: int  # pictures in the session
+    library_pictures: int  # pictures in the survey
+    guarded_runs: int  # runs left out of the library because of the guard
+    nearest_reference_median_m: float  # from a session picture to the nearest library pose
+    nearest_reference_max_m: float  # the same, at worst
+    notes: tuple[str, ...]  # as the session's header has them
+
+
+def import_pictures(
+    folder: Path, poses_csv: Path, out: Path, options: ImportOptions | None = None, *, force: bool = False
+) -> ImportSummary:
+    """Split pictures with poses into a library and a drive; `out` stands alone, and appears whole or not.
+
+    Rows are taken to be one pass in order, a second apart. The odometry is made from the pose steps plus
+    noise and said to be synthetic in the header. Library pictures within `guard_m` of any session pose
+    are dropped (see `split_runs`). LogError for a table that cannot be read, a missing or broken picture,
+    a split that leaves nothing, or an `out` that exists already; ValueError for senseless options.
+    """
+    options = options or ImportOptions()
+    _check(options)
+    rows = read_pose_table(poses_csv, options.columns)
+    runs = pose_runs(rows)
+    split = split_runs(
+        runs, options.session_every, options.guard_m, options.session_pictures, options.library_pictures
+    )
+    if not split.library:
+        advice = "lower the guard, or give fewer runs to the session"
+        raise LogError(poses_csv, f"found no picture {options.guard_m:g} m off the session's; {advice}")
+    info = _info(rows, options, poses_csv)
+    with new_folder(out, force=force, ours="session.log") as filling:
+        copy = _Copier(folder, poses_csv, filling)
+        _write_survey(filling / "survey.log", info, split, copy)
+        _write_session(filling / "session.log", info, rows, split, options, copy)
+    return _summary(out, len(rows), len(runs), split, info)
+
+
+def _check(options: ImportOptions) -> None:
+    counts = (options.session_pictures, options.library_pictures, options.session_every - 1)
+    if min(counts) < 1 or not options.guard_m >= 0:
+        raise ValueError("expected session_every from 2, at least one picture of a run, and a guard from 0 m")
+
+
+def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> SessionInfo:
+    split_note = (
+        f"one run of equal poses in {options.session_every} is the session, at most "
+        f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "
+        f"other run that is at least {options.guard_m:g} m from every session pose"
+    )
+    return SessionInfo(
+        name=options.name or poses_csv.resolve().parent.name or "pictures",
+        arena=_arena(rows, options),
+        notes=(
+            options.noise.describe(options.seed),
+            "times are synthetic: one second a row of the table",
+            split_note,
+        ),
+    )
+
+
+def _arena(rows: Sequence[PoseRow], options: ImportOptions) -> Arena:
+    positions = xy_of(rows)
+    if options.map_lines is None:
+        return open_arena(positions)
+    return arena_from_lines(options.map_lines, options.map_unit, positions)
+
+
+def _write_survey(path: Path, info: SessionInfo, split: Split, copy: _Copier) -> None:
+    with SessionWriter(path, info, "survey") as writer:
+        for row in split.library:
+            writer.image_path(float(row.number), copy(row), pose=row.pose)
+
+
+def _write_session(
+    path: Path,
+    info: SessionInfo,
+    rows: Sequence[PoseRow],
+    split: Split,
+    options: ImportOptions,
+    copy: _Copier,
+) -> None:
+    """Write the drive from its first picture to its last; rows of the library still move the robot."""
+    pictures = {row.number for row in split.session}
+    first, last = split.session[0], split.session[-1]
+    info = replace(info, survey=Path("survey.log"), start=first.pose)
+    with SessionWriter(path, info) as writer:
+        before = first
+        for row in rows[first.number : last.number + 1]:
+            t_s = float(row.number)
+            for motion in synthetic_motions(before.pose, row.pose, options.noise, options.seed, row.number):
+                writer.odometry(t_s, motion)
+            if row.number in pictures:
+                writer.truth(t_s, row.pose)
+                writer.image_path(t_s, copy(row))
+            before = row
+
+
+class _Copier:
+    """Copies the picture of a row into the new folder, once it is known to be whole."""
+
+    def __init__(self, folder: Path, poses_csv: Path, out: Path) -> None:
+        self._places = (folder, poses_csv.parent)
+        self._table = poses_csv
+        self._out = out
+
+    def __call__(self, row: PoseRow) -> str:
+        """Give the copy's path relative to the logs; its name is the row's number and tells no pose."""
+        source = next((p / row.image for p in self._places if (p / row.image).is_file()), None)
+        if source is None:
+            tried = self._places[0] / row.image
+            raise LogError(self._table, f"found no picture {tried}, expected a file", row.line)
+        data = source.read_bytes()
+        try:
+            decode_picture(data)
+        except PictureError as problem:
+            raise LogError(self._table, f"{source}: {problem}", row.line) from None
+        relative = f"pictures/{row.number:05d}{source.suffix.lower()}"
+        copied = self._out / relative
+        copied.parent.mkdir(exist_ok=True)
+        copied.write_bytes(data)
+        return relative
+
+
+def _summary(out: Path, rows: int, runs: int, split: Split, info: SessionInfo) -> ImportSummary:
+    nearest = split.nearest_reference_m()
+    return ImportSummary(
+        session=out / "session.log",
+        survey=out / "survey.log",
+        rows=rows,
+        runs=runs,
+        session_runs=split.session_runs,
+        session_pictures=len(split.session),
+        library_pictures=len(split.library),
+        guarded_runs=split.guarded_runs,
+        nearest_reference_median_m=float(np.median(nearest)),
+        nearest_reference_max_m=float(nearest.max()),
+        notes=info.notes,
+    )

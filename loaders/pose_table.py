@@ -1,0 +1,102 @@
+"""A CSV table of pictures and their poses, read strictly: every complaint names the row and the column."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.typing import F64
+
+from .errors import LogError
+from .fields import show
+
+UNITS = ("deg", "rad")
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Which columns of the table hold what."""
+
+    image: str = "image"  # a path, relative to the folder of pictures or to the table
+    x: str = "x_m"  # metres
+    y: str = "y_m"  # metres
+    heading: str = "heading_deg"  # counter-clockwise from +x; its unit by the name's ending ...
+    heading_unit: str | None = None  # ... unless given here: "deg" or "rad"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseRow:
+    """One row of the table."""
+
+    number: int  # of the row among the data rows, from 0; a picture taken at that second
+    line: int  # in the file, for messages
+    image: str
+    pose: F64  # (3,) x_m, y_m, heading_rad
+
+
+def read_pose_table(file: Path, columns: Columns) -> list[PoseRow]:
+    """Read all rows. LogError names the columns that were found, or the row and column at fault."""
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as data:
+            rows = list(_rows(file, csv.DictReader(data), columns))
+    except FileNotFoundError:
+        raise LogError(file, "found no such file, expected a table of poses; check the path") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as problem:
+        raise LogError(file, f"cannot be read as a CSV table: {problem}") from None
+    if not rows:
+        raise LogError(file, "found no rows, expected one a picture")
+    return rows
+
+
+def pose_runs(rows: list[PoseRow]) -> list[list[PoseRow]]:
+    """Group consecutive rows of equal pose."""
+    runs: list[list[PoseRow]] = []
+    for row in rows:
+        if runs and np.array_equal(runs[-1][0].pose, row.pose):
+            runs[-1].append(row)
+        else:
+            runs.append([row])
+    return runs
+
+
+def heading_unit(file: Path, columns: Columns) -> str:
+    """Tell the heading's unit from the option or the column's name."""
+    unit = columns.heading_unit or columns.heading.rsplit("_", 1)[-1]
+    if unit not in UNITS:
+        advice = "say whether it is in deg or rad"
+        raise LogError(file, f"found heading column {columns.heading!r} without a unit in its name; {advice}")
+    return unit
+
+
+def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[PoseRow]:
+    found = table.fieldnames or []
+    wanted = (columns.image, columns.x, columns.y, columns.heading)
+    missing = [name for name in wanted if name not in found]
+    if missing:
+        names = ", ".join(found) or "none"
+        raise LogError(
+            file, f"found columns {names}, expected also {', '.join(missing)}; name the columns", 1
+        )
+    to_rad = math.pi / 180 if heading_unit(file, columns) == "deg" else 1.0
+    for number, row in enumerate(table):
+        line = table.line_num
+        image = row[columns.image]
+        if not image:
+            raise LogError(file, f"found no file name in column {columns.image!r}, expected a picture", line)
+        x, y, heading = (_number(file, line, name, row[name]) for name in wanted[1:])
+        yield PoseRow(number, line, image, np.array([x, y, heading * to_rad]))
+
+
+def _number(file: Path, line: int, column: str, value: str | None) -> float:
+    try:
+        number = float(value or "")
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise LogError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
+    return number

@@ -1,0 +1,64 @@
+"""The command `maurice-replay`: the app and its default command, no logic."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from .commands.compare import compare
+from .commands.demo import demo
+from .commands.imports import imports
+from .commands.inspecting import inspect
+from .commands.library import library
+from .commands.replay import replay
+
+OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
+
+
+class ReplayByDefault(TyperGroup):
+    """`maurice-replay SESSION` is `maurice-replay replay SESSION`, with options before or after."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put `replay` in front of what is neither a command nor an option of the app's own."""
+        if args and args[0] not in OWN_OPTIONS and args[0] not in self.commands:
+            args = ["replay", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=ReplayByDefault,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Replay a robot session through vision-based Monte Carlo localization and look at every step in "
+    "Rerun. `maurice-replay SESSION` is short for `maurice-replay replay SESSION`.",
+)
+app.command()(replay)
+app.command()(compare)
+app.command()(demo)
+app.command()(inspect)
+app.add_typer(library, name="library")
+app.add_typer(imports, name="import")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"maurice-replay {version('maurice-replay')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line."""
+    app()

@@ -1,0 +1,60 @@
+"""`maurice-replay demo`: color beside blended on the simulated Maurice arena."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from maurice_mcl.sensor import DEFAULT_SHARPNESS
+
+from ..console import note, progress, results
+from .compare import COLOR_AND_BLENDED
+from .failing import one_line_errors
+from .opening import make_runs, open_library_for, open_session
+from .options import (
+    DEFAULT_PARTICLES,
+    DEFAULT_RESAMPLER,
+    ForceOption,
+    HeadlessOption,
+    JsonOption,
+    NoRecordingOption,
+    OutputOptions,
+    RunOptions,
+    SaveOption,
+)
+
+DEMO_SEED = 0  # the first, for arena, survey, drive and filter alike
+SessionOnlyOption = Annotated[
+    Path | None,
+    typer.Option("--session-only", metavar="DIR", help="Only write session and survey to this folder."),
+]
+
+
+def demo(
+    session_only: SessionOnlyOption = None,
+    save: SaveOption = None,
+    headless: HeadlessOption = False,
+    no_recording: NoRecordingOption = False,
+    force: ForceOption = False,
+    json_output: JsonOption = False,
+) -> None:
+    """Compare color and blended features on a drive through a simulated two-room arena."""
+    from maurice_datasets.maurice import demo_paths, write_demo
+
+    from .running import replay_and_report
+
+    with one_line_errors():
+        if session_only is not None:
+            with progress("arena") as advance:
+                written = write_demo(session_only, DEMO_SEED, force=force, progress=advance)
+            results.print(f"{written.session}\n{written.survey}", markup=False)
+            note(f"now try: maurice-replay {written.session}")
+            return
+        with progress("arena") as advance:
+            paths = demo_paths(DEMO_SEED, progress=advance)
+        log = open_session(paths.session, keep_going=False)
+        references = open_library_for(log, None, keep_going=False)
+        options = RunOptions(DEFAULT_PARTICLES, DEMO_SEED, None, DEFAULT_RESAMPLER, DEFAULT_SHARPNESS)
+        output = OutputOptions("demo", save, headless, no_recording, force, json_output)
+        replay_and_report(make_runs(log, references, COLOR_AND_BLENDED, options), log, references, output)

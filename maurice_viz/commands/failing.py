@@ -1,0 +1,29 @@
+"""Bad input becomes one line on standard error and exit status 1, never a traceback."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+from maurice_loaders.errors import LogError
+
+INTERRUPTED = 130  # what a shell says of a command ended by Ctrl-C
+
+
+@contextmanager
+def one_line_errors() -> Iterator[None]:
+    """Turn what can go wrong with files into one line; defects of our own keep their traceback."""
+    try:
+        yield
+    except LogError as problem:
+        _fail(str(problem))
+    except OSError as problem:
+        where = f"{problem.filename}: " if problem.filename else ""
+        _fail(f"{where}{problem.strerror or problem}")
+
+
+def _fail(text: str) -> None:
+    line = " ".join(text.split())
+    typer.echo(f"maurice-replay: {line}", err=True)
+    raise typer.Exit(1)

@@ -1,0 +1,157 @@
+"""Options that several commands share, each described once, and how their values are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from maurice_loaders.errors import LogError
+from maurice_mcl.resampling import RESAMPLERS
+from maurice_mcl.sensor import FEATURES
+from maurice_mcl.session import SessionInfo
+from maurice_mcl.typing import F64
+
+from ..look import Units, units_named
+
+
+def _one_of(known: list[str], what: str, value: str) -> str:
+    if value not in known:
+        raise typer.BadParameter(f"no {what} called {value!r}; there are {', '.join(known)}")
+    return value
+
+
+def check_feature(value: str) -> str:
+    """Give the feature's name back; usage error when there is none of that name."""
+    return _one_of(list(FEATURES), "feature", value)
+
+
+def _check_features(values: list[str]) -> list[str]:
+    return [check_feature(value) for value in values]
+
+
+def _check_resampler(value: str) -> str:
+    return _one_of(list(RESAMPLERS), "resampler", value)
+
+
+def _check_sharpness(value: float) -> float:
+    if not (np.isfinite(value) and value >= 0):
+        raise typer.BadParameter(f"a sharpness is a finite number from 0 up, found {value}")
+    return value
+
+
+_FEATURES = " | ".join(FEATURES)
+
+SessionArgument = Annotated[
+    Path, typer.Argument(help="A session log.", show_default=False, metavar="SESSION")
+]
+FeatureOption = Annotated[
+    str, typer.Option("--feature", help=f"What is compared: {_FEATURES}.", callback=check_feature)
+]
+FeaturesOption = Annotated[
+    list[str],
+    typer.Option("--feature", help=f"Once for each run: {_FEATURES}.", callback=_check_features),
+]
+LibraryOption = Annotated[
+    Path | None,
+    typer.Option("--library", help="A library folder or a survey log. [default: what the header names]"),
+]
+ParticlesOption = Annotated[
+    int, typer.Option("--particles", min=1, max=10_000_000, help="How many particles.")
+]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, max=2**32 - 1, help="The same seed gives the same run.")
+]
+StartOption = Annotated[
+    str | None,
+    typer.Option(
+        "--start",
+        help="tracking (the header's start pose), global (anywhere), or X,Y,HEADING in the session's display "
+        "units and degrees. [default: tracking where the header has a start pose, else global]",
+    ),
+]
+ResamplerOption = Annotated[
+    str,
+    typer.Option("--resampler", help=f"{' | '.join(RESAMPLERS)}.", callback=_check_resampler),
+]
+SharpnessOption = Annotated[
+    float,
+    typer.Option(
+        "--sharpness",
+        help="Likelihood is match quality to this power; 1 is the thesis's own.",
+        callback=_check_sharpness,
+    ),
+]
+SaveOption = Annotated[
+    Path | None,
+    typer.Option("--save", metavar="OUT.rrd", help="Write the recording to this file and open no viewer."),
+]
+HeadlessOption = Annotated[
+    bool,
+    typer.Option("--headless", help="Open no viewer, as where there is no display: write <stem>.rrd."),
+]
+NoRecordingOption = Annotated[
+    bool, typer.Option("--no-recording", help="Neither viewer nor recording: only the figures.")
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what is there.")]
+KeepGoingOption = Annotated[
+    bool, typer.Option("--keep-going", help="Skip broken lines and pictures, and say how many at the end.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+
+DEFAULT_PARTICLES = 2000
+DEFAULT_RESAMPLER = "systematic"
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What was asked of every run, still as typed."""
+
+    particles: int
+    seed: int
+    start: str | None
+    resampler: str
+    sharpness: float
+
+
+@dataclass(frozen=True, slots=True)
+class OutputOptions:
+    """Where the result goes."""
+
+    stem: str  # of the recording, where no --save names it
+    save: Path | None
+    headless: bool
+    no_recording: bool
+    force: bool
+    json: bool
+
+
+def start_pose(text: str | None, info: SessionInfo, log: Path) -> F64 | None:
+    """Read `--start`: a pose (3,) in the map's frame, or None for anywhere.
+
+    LogError when tracking is asked for and the header has no start pose; a usage error for other words.
+    """
+    if text is None:
+        return info.start
+    if text == "global":
+        return None
+    if text == "tracking":
+        if info.start is None:
+            raise LogError(log, 'found no "start" pose in the header; give --start X,Y,HEADING or global', 1)
+        return info.start
+    return _typed_pose(text, units_named(info.display_units))
+
+
+def _typed_pose(text: str, units: Units) -> F64:
+    try:
+        x, y, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = heading_deg = np.nan
+    pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
+    if not np.isfinite(pose).all():
+        raise typer.BadParameter(
+            f"--start is tracking, global or X,Y,HEADING in {units.name} and degrees, found {text!r}"
+        )
+    return pose

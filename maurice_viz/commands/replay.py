@@ -1,0 +1,55 @@
+"""`maurice-replay SESSION`: one run, into the viewer or a file."""
+
+from __future__ import annotations
+
+from maurice_mcl.sensor import DEFAULT_SHARPNESS
+
+from .failing import one_line_errors
+from .opening import make_runs, open_library_for, open_session
+from .options import (
+    DEFAULT_PARTICLES,
+    DEFAULT_RESAMPLER,
+    FeatureOption,
+    ForceOption,
+    HeadlessOption,
+    JsonOption,
+    KeepGoingOption,
+    LibraryOption,
+    NoRecordingOption,
+    OutputOptions,
+    ParticlesOption,
+    ResamplerOption,
+    RunOptions,
+    SaveOption,
+    SeedOption,
+    SessionArgument,
+    SharpnessOption,
+    StartOption,
+)
+
+
+def replay(
+    session: SessionArgument,
+    library: LibraryOption = None,
+    feature: FeatureOption = "blended",
+    particles: ParticlesOption = DEFAULT_PARTICLES,
+    seed: SeedOption = 0,
+    start: StartOption = None,
+    resampler: ResamplerOption = DEFAULT_RESAMPLER,
+    sharpness: SharpnessOption = DEFAULT_SHARPNESS,
+    save: SaveOption = None,
+    headless: HeadlessOption = False,
+    no_recording: NoRecordingOption = False,
+    force: ForceOption = False,
+    keep_going: KeepGoingOption = False,
+    json_output: JsonOption = False,
+) -> None:
+    """Replay a session log in the Rerun viewer, or into a recording where there is no display."""
+    from .running import replay_and_report
+
+    options = RunOptions(particles, seed, start, resampler, sharpness)
+    output = OutputOptions(session.stem, save, headless, no_recording, force, json_output)
+    with one_line_errors():
+        log = open_session(session, keep_going=keep_going)
+        references = open_library_for(log, library, keep_going=keep_going)
+        replay_and_report(make_runs(log, references, [feature], options), log, references, output)

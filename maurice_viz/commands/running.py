@@ -1,0 +1,118 @@
+"""Replaying runs into a recording, with progress, and printing what came of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.library import Library
+
+from ..console import note, progress, results
+from ..look import scale_for, units_named
+from ..replaying import ResultCollector, Run, run_together
+from ..summary import to_json, to_table
+from .failing import INTERRUPTED
+from .options import OutputOptions
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+    from ..observe import Observer
+
+KEYS = (
+    "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data; "
+    "choose the timeline `phase` to walk through one update."
+)
+
+
+def replay_and_report(
+    runs: Sequence[Run], session: SessionLog, library: Library, output: OutputOptions
+) -> None:
+    """Replay, draw, and print the table or JSON; after Ctrl-C what was done so far is kept and printed."""
+    collector = ResultCollector([run.label for run in runs])
+    interrupted = False
+    pictures, has_truth = session.overview()
+    with recording(runs, session, library, output, has_truth) as observers:
+        try:
+            with progress("replay") as advance:
+                for moment, records in run_together(runs, session):
+                    collector.add(moment, records)
+                    for label, observer in observers.items():
+                        observer.see(moment, records[label])
+                    advance(moment.frame.step, pictures)
+        except KeyboardInterrupt:
+            interrupted = True
+    report(collector, session, output)
+    if interrupted:
+        note("stopped by Ctrl-C; the recording and the figures go as far as it got")
+        raise typer.Exit(INTERRUPTED)
+
+
+def report(collector: ResultCollector, session: SessionLog, output: OutputOptions) -> None:
+    """Print the results; warnings and what was skipped go to standard error."""
+    done = collector.results()
+    for warning in session.warnings:
+        note(warning)
+    if session.problem_count:
+        note(
+            f"{session.path}: skipped {session.problem_count} broken lines, the first: {session.problems[0]}"
+        )
+    if not done[0].score.updates:
+        note(f"{session.path}: holds no picture, so nothing was localized")
+    if output.json:
+        results.print_json(json.dumps(to_json(done)))
+    else:
+        results.print(to_table(done, units_named(session.info.display_units), session.info.name))
+
+
+@contextmanager
+def recording(
+    runs: Sequence[Run], session: SessionLog, library: Library, output: OutputOptions, has_truth: bool
+) -> Iterator[dict[str, Observer]]:
+    """Open where the drawing goes, and one observer a run; none when no recording is wanted."""
+    if output.no_recording:
+        yield {}
+        return
+    from ..observe import RerunObserver
+
+    with _sink(runs, session, library, output, has_truth) as rec:
+        observers: dict[str, Observer] = {}
+        for run in runs:
+            channels = tuple(run.localizer.sensor.parameters.weights)
+            shared = not observers
+            observers[run.label] = RerunObserver(rec, run.label, channels, scene=shared, has_truth=has_truth)
+        for observer in observers.values():
+            observer.begin(session.info, library)
+        try:
+            yield observers
+        finally:
+            for observer in observers.values():
+                observer.end()
+
+
+@contextmanager
+def _sink(
+    runs: Sequence[Run], session: SessionLog, library: Library, output: OutputOptions, has_truth: bool
+) -> Iterator[rr.RecordingStream]:
+    from .. import blueprint, sinks
+
+    units = session.info.display_units
+    shown = blueprint.Shown(library.arena, scale_for(units, library.arena), has_truth)
+    layout = blueprint.for_runs(
+        [blueprint.Run(run.label, tuple(run.localizer.sensor.parameters.weights)) for run in runs], shown
+    )
+    if output.save is None and not output.headless and sinks.has_display():
+        with sinks.to_viewer(session.info.name, layout) as rec:
+            yield rec
+        note(KEYS)
+        return
+    path = output.save or Path(f"{output.stem}.rrd")
+    with sinks.to_file(path, session.info.name, layout, force=output.force) as rec:
+        yield rec
+    note(f"{path} written; open it with: rerun {path}")
+    note(KEYS)

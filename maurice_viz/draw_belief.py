@@ -1,0 +1,119 @@
+"""The cloud through one update, and the estimate with its trail."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+import rerun as rr
+from maurice_mcl.belief import Belief
+from maurice_mcl.records import StepRecord
+from maurice_mcl.typing import F32, F64, I32
+
+from .look import ESTIMATE, TRUTH, RGB, Scale, copy_colors, heading_vector, weight_colors
+
+PARTICLE = 1.75  # radius in points of the screen
+COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
+MOST_COPIED = 9.0
+TRAIL = 200  # poses of a trail that are kept: drawing it costs the same however long the session is
+ARROW = 0.055  # length of a heading arrow, as a share of the arena's long side
+
+
+def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
+    """Log what does not change: the cloud lies over the map and under the markers."""
+    rec.log(path, rr.Points2D.from_fields(draw_order=20.0), static=True)
+
+
+def draw_predicted(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale) -> None:
+    """Log the moved cloud, colored by the weights it carries over."""
+    rec.log(
+        path,
+        rr.Points2D.from_fields(
+            positions=positions(belief, scale),
+            colors=weight_colors(belief.log_weights),
+            radii=rr.components.Radius.ui_points(PARTICLE),
+        ),
+    )
+
+
+def draw_weighted(rec: rr.RecordingStream, path: str, belief: Belief) -> None:
+    """Log the new colors of the same particles: positions are most of a recording's size."""
+    rec.log(path, rr.Points2D.from_fields(colors=weight_colors(belief.log_weights)))
+
+
+def draw_resampled(rec: rr.RecordingStream, path: str, record: StepRecord, scale: Scale) -> None:
+    """Log the survivors, sized and colored by how often each one's parent was copied."""
+    copies = copies_of(record.parents, record.belief.size)
+    radii = np.minimum(COPIED * np.sqrt(copies), MOST_COPIED).astype(np.float32)
+    rec.log(
+        path,
+        rr.Points2D.from_fields(
+            positions=positions(record.belief, scale),
+            colors=copy_colors(copies),
+            radii=rr.components.Radius.ui_points(radii),
+        ),
+    )
+
+
+def positions(belief: Belief, scale: Scale) -> F32:
+    """Give the drawn positions (N, 2) of a cloud."""
+    return scale.screen(belief.poses[:, :2] + belief.origin)
+
+
+def copies_of(parents: I32 | None, size: int) -> F64:
+    """Give for each new particle (N',) how many copies its parent left; 1 where it has none."""
+    if parents is None:
+        return np.ones(size)
+    counts = np.bincount(parents[parents >= 0], minlength=1)
+    return np.where(parents >= 0, counts[np.maximum(parents, 0)], 1).astype(np.float64)
+
+
+@dataclass(slots=True)
+class PoseMarker:
+    """One pose that moves: a disk, an arrow and the trail of its last `TRAIL` poses."""
+
+    path: str
+    color: RGB
+    radius: float  # in points of the screen
+    order: float
+    _trail: deque[F32] = field(default_factory=lambda: deque(maxlen=TRAIL))
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log what does not change."""
+        points = rr.components.Radius.ui_points
+        rec.log(
+            self.path,
+            rr.Points2D.from_fields(colors=[self.color], radii=points(self.radius), draw_order=self.order),
+            static=True,
+        )
+        rec.log(
+            f"{self.path}/heading",
+            rr.Arrows2D.from_fields(colors=[self.color], radii=points(1.75), draw_order=self.order),
+            static=True,
+        )
+        rec.log(
+            f"{self.path}/trail",
+            rr.LineStrips2D.from_fields(colors=[self.color], radii=points(0.75), draw_order=self.order - 5),
+            static=True,
+        )
+
+    def draw(self, rec: rr.RecordingStream, pose: F64, scale: Scale, arrow: float) -> None:
+        """Log one pose (3,); `arrow` is the arrow's length in display units."""
+        at = scale.screen(pose[None, :2])
+        self._trail.append(at[0])
+        rec.log(self.path, rr.Points2D.from_fields(positions=at))
+        vectors = heading_vector(float(pose[2]), arrow)
+        rec.log(f"{self.path}/heading", rr.Arrows2D.from_fields(origins=at, vectors=vectors))
+        if len(self._trail) > 1:
+            rec.log(f"{self.path}/trail", rr.LineStrips2D.from_fields(strips=[np.array(self._trail)]))
+
+
+def truth_marker(path: str) -> PoseMarker:
+    """Make the marker of the true pose: white, the larger one, so that it shows under the estimate."""
+    return PoseMarker(path, TRUTH, radius=6.0, order=40.0)
+
+
+def estimate_marker(path: str) -> PoseMarker:
+    """Make the marker of an estimate."""
+    return PoseMarker(path, ESTIMATE, radius=4.5, order=50.0)

@@ -1,0 +1,57 @@
+"""The map, drawn once: floors, obstacles, walls, library nodes, keys."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from maurice_mcl.library import Library
+from maurice_mcl.typing import F64, U8
+
+from . import entities, keys
+from .canvas import Extent, draw_ground, map_extent
+from .look import NODE, WALL, Scale
+from .raster import png
+
+
+def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
+    """Log everything about the map, static."""
+    ground = draw_ground(library.arena, scale)
+    _log_image(rec, entities.FLOORS, ground.image, ground.extent, ground.extent.width)
+    if len(library.arena.walls):
+        walls = rr.LineStrips2D(
+            list(scale.screen(library.arena.walls.reshape(-1, 2)).reshape(-1, 2, 2)),
+            colors=[WALL],
+            radii=rr.components.Radius.ui_points(1.75),
+            draw_order=1.0,
+        )
+        rec.log(entities.WALLS, walls, static=True)
+    nodes = rr.Points2D(
+        scale.screen(distinct_places(library.poses)),
+        colors=[NODE],
+        radii=rr.components.Radius.ui_points(1.25),
+        draw_order=2.0,
+    )
+    rec.log(entities.NODES, nodes, static=True)
+
+
+def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth: bool) -> None:
+    """Log the keys that stand above the map views, static."""
+    extent = map_extent(library.arena, scale)
+    for path, strip in ((entities.WEIGHT_KEY, keys.weight_key(has_truth)), (entities.MATCH_KEY, keys.circle_key())):
+        _log_image(rec, path, strip, extent, min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX))
+
+
+def distinct_places(poses: F64) -> F64:
+    """Give the positions (P, 2) of library poses (L, 3), each once (to the millimetre)."""
+    _, first = np.unique(np.round(poses[:, :2] * 1000), axis=0, return_index=True)
+    return np.asarray(poses[np.sort(first), :2])
+
+
+def _log_image(rec: rr.RecordingStream, path: str, image: U8, extent: Extent, width: float) -> None:
+    """Log an image whose upper left corner is that of the extent, as wide as said, in drawn units."""
+    rec.log(
+        path,
+        rr.EncodedImage(contents=png(image), media_type="image/png", draw_order=-10.0),
+        rr.Transform3D(translation=[extent.left, extent.top, 0], scale=width / image.shape[1]),
+        static=True,
+    )

@@ -1,0 +1,111 @@
+"""Every entity path and every timeline, once.
+
+What belongs to one run stands under `/<run label>/`; what runs share stands under `/world` (it never
+changes) and `/session` (what was seen and, if known, what was true).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+STEP = "step"  # sequence: the number of the picture; on it one sees the weighted cloud
+SESSION = "session"  # duration in seconds since the session's first record
+PHASE = "phase"  # sequence: 6 * step + slot; on it one walks through one update
+TIMELINES = (STEP, SESSION, PHASE)
+
+SLOTS = 6  # phases of one update on the phase timeline, whether or not they are filled
+
+WORLD = "/world"
+FLOORS = "/world/floors"
+WALLS = "/world/walls"
+NODES = "/world/nodes"
+WEIGHT_KEY = "/world/key/weights"
+MATCH_KEY = "/world/key/circles"
+
+CAMERA = "/session/camera"
+EDGES = "/session/edges"
+TRUTH = "/session/truth"
+TRUTH_ARROW = "/session/truth/heading"
+TRUTH_TRAIL = "/session/truth/trail"
+
+RESERVED = ("world", "session")
+
+
+class Slot(IntEnum):
+    """The phases of one update, in the order in which they happen."""
+
+    PREDICT = 0
+    MEASURE = 1
+    WEIGHT = 2
+    RESAMPLE = 3
+    RESEED = 4
+    ESTIMATE = 5
+
+
+def phase_number(step: int, slot: Slot) -> int:
+    """Give the place of one phase of one step on the phase timeline."""
+    return SLOTS * step + slot
+
+
+@dataclass(frozen=True, slots=True)
+class RunPaths:
+    """Where one run is drawn. The label is unique in a recording and not one of `RESERVED`."""
+
+    label: str
+
+    def __post_init__(self) -> None:
+        if not self.label or "/" in self.label or self.label in RESERVED:
+            raise ValueError(f"a run's label is a word without '/', not one of {RESERVED}: {self.label!r}")
+
+    def at(self, *parts: str) -> str:
+        """Give the path of something of this run: `at("belief", "particles")`."""
+        return "/".join(("", self.label, *parts))
+
+    @property
+    def particles(self) -> str:
+        """The cloud: Points2D, one a particle."""
+        return self.at("belief", "particles")
+
+    @property
+    def estimate(self) -> str:
+        """The scored estimate: one Points2D."""
+        return self.at("belief", "estimate")
+
+    @property
+    def estimate_arrow(self) -> str:
+        """Where the estimate heads: one Arrows2D."""
+        return self.at("belief", "estimate", "heading")
+
+    @property
+    def estimate_trail(self) -> str:
+        """Where the estimate was: one LineStrips2D."""
+        return self.at("belief", "estimate", "trail")
+
+    @property
+    def circles(self) -> str:
+        """Match circles (thesis fig. 34): Points2D, one a library entry."""
+        return self.at("match", "circles")
+
+    @property
+    def best(self) -> str:
+        """The best five entries on the map: Points2D with their ranks."""
+        return self.at("match", "best")
+
+    @property
+    def contact_sheet(self) -> str:
+        """The pictures of the best five entries: one EncodedImage."""
+        return self.at("match", "pictures")
+
+    @property
+    def text(self) -> str:
+        """What this step did, in words: one TextDocument."""
+        return self.at("text")
+
+    def histogram(self, channel: str, kind: str) -> str:
+        """One BarChart: `kind` is sample, reference, difference or one of the static bands."""
+        return self.at("histogram", channel, kind)
+
+    def trace(self, quantity: str) -> str:
+        """Scalars over the session, one entity a quantity."""
+        return self.at("trace", quantity)

@@ -1,0 +1,135 @@
+"""How things look: display units, the one place where y is turned over, colors and sizes.
+
+Colors are told apart by people with color-vision deficiencies too: viridis for weights, and for the
+rest the set of Okabe and Ito (2008), on a dark ground.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from maurice_mcl.arena import Arena
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.typing import F32, F64
+from numpy.typing import NDArray
+
+U32 = NDArray[np.uint32]
+
+RGB = tuple[int, int, int]
+
+GROUND: RGB = (16, 17, 20)
+TRUTH: RGB = (255, 255, 255)
+ESTIMATE: RGB = (255, 92, 51)
+CIRCLE: RGB = (86, 140, 200)
+RANK: RGB = (255, 208, 92)
+WALL: RGB = (196, 198, 204)
+OBSTACLE: RGB = (92, 94, 102)
+NODE: RGB = (128, 132, 142)
+PALE: RGB = (170, 174, 184)
+CHANNEL_RGB: tuple[RGB, RGB, RGB] = ((236, 84, 72), (64, 176, 92), (84, 140, 255))
+RUN_COLORS: tuple[RGB, ...] = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (0, 158, 115))
+
+FAR_M = 10_000.0  # beyond it float32 screen coordinates get coarse, so the map's middle becomes their zero
+WEIGHT_OCTAVES = 3.0  # colors run from 1/8 of the average weight to 8 times it
+DARKEST = 48  # viridis below this entry cannot be seen on the dark ground
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """What people are shown: everything stored is metres, everything drawn is in these units."""
+
+    name: str  # "in" or "m", written beside every number
+    per_m: float  # units in one metre
+    digits: int  # decimals that make sense for a position
+    grid: float  # smallest step of the ruler, in this unit
+    fine: float  # drawn positions are rounded to this, which makes recordings a quarter smaller
+
+
+UNITS = {"in": Units("in", 1 / INCH_M, 1, 12.0, 2.0**-6), "m": Units("m", 1.0, 2, 0.5, 2.0**-11)}
+
+
+def units_named(name: str) -> Units:
+    """Give the units a session's header names."""
+    if name not in UNITS:
+        raise ValueError(f"display units are one of {sorted(UNITS)}, found {name!r}")
+    return UNITS[name]
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """From metres in the map's frame to what is drawn: display units, y pointing down."""
+
+    units: Units
+    origin_m: tuple[float, float] = (0.0, 0.0)  # the map point that is drawn at (0, 0)
+
+    def screen(self, xy_m: NDArray[Any]) -> F32:
+        """Turn map points (K, 2) in metres, y up, into drawn points (K, 2) in display units, y down.
+
+        Rerun's 2D views have y pointing down and cannot be flipped; this is the only place that knows.
+        """
+        moved = (np.asarray(xy_m, np.float64)[..., :2] - self.origin_m) * self.units.per_m
+        rounded = np.round(moved / self.units.fine) * self.units.fine
+        return (rounded * (1.0, -1.0)).astype(np.float32)
+
+    def length(self, length_m: float) -> float:
+        """Turn a length into display units."""
+        return length_m * self.units.per_m
+
+    def say(self, length_m: float) -> str:
+        """Write a length with its unit: "8.0 in"."""
+        return f"{self.length(length_m):.{self.units.digits}f} {self.units.name}"
+
+    def say_pose(self, pose: F64) -> str:
+        """Write a pose (3,): "(79.0, 16.0) in, -89 deg"."""
+        x, y = (f"{self.length(float(v)):.{self.units.digits}f}" for v in pose[:2])
+        return f"({x}, {y}) {self.units.name}, {np.degrees(pose[2]):.0f} deg"
+
+
+def scale_for(display_units: str, arena: Arena) -> Scale:
+    """Choose the scale for a map; maps far from zero are drawn about their middle."""
+    x_min, y_min, x_max, y_max = arena.bounds
+    middle = ((x_min + x_max) / 2, (y_min + y_max) / 2)
+    far = max(abs(middle[0]), abs(middle[1])) > FAR_M
+    return Scale(units_named(display_units), middle if far else (0.0, 0.0))
+
+
+def heading_vector(heading_rad: float, length: float) -> F32:
+    """Give a drawn vector (1, 2) along a heading, y down."""
+    return np.array([[np.cos(heading_rad), -np.sin(heading_rad)]], np.float32) * np.float32(length)
+
+
+def packed(rgb: RGB, alpha: int = 255) -> int:
+    """Pack a color as 0xRRGGBBAA, which is what Rerun stores."""
+    red, green, blue = rgb
+    return red << 24 | green << 16 | blue << 8 | alpha
+
+
+def _viridis() -> U32:
+    index = np.linspace(DARKEST, 255, 256).round().astype(np.uint8)
+    bgr = cv2.applyColorMap(index[:, None], cv2.COLORMAP_VIRIDIS)[:, 0].astype(np.uint32)
+    return np.asarray(bgr[:, 2] << 24 | bgr[:, 1] << 16 | bgr[:, 0] << 8 | 255, np.uint32)
+
+
+LUT = _viridis()  # (256,) packed colors, dark to bright
+
+
+def shade(share: NDArray[Any]) -> U32:
+    """Give packed colors (K,) for values (K,) between 0 (dark) and 1 (bright); outside is clipped."""
+    return LUT[np.clip(np.asarray(share) * 255, 0, 255).astype(np.uint8)]
+
+
+def weight_colors(log_weights: F64) -> U32:
+    """Give each particle (N,) a color by its weight against the average 1/N, on a log scale.
+
+    The middle of the scale is the average, the ends are 1/8 and 8 times it, in every step alike.
+    """
+    octaves = (log_weights + np.log(len(log_weights))) / np.log(2)
+    return shade(0.5 + octaves / (2 * WEIGHT_OCTAVES))
+
+
+def copy_colors(copies: NDArray[Any]) -> U32:
+    """Give each survivor (N,) a color by how often its parent was copied: the same scale, 1 is average."""
+    return shade(0.5 + np.log2(np.maximum(copies, 1)) / (2 * WEIGHT_OCTAVES))

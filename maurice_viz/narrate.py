@@ -1,0 +1,140 @@
+"""What happened, in plain words and in the session's own units. Markdown, for the text panel."""
+
+from __future__ import annotations
+
+import numpy as np
+from maurice_mcl.belief import Belief
+from maurice_mcl.geometry import angle_between, circular_mean
+from maurice_mcl.records import Estimate, StepRecord
+from maurice_mcl.session import Moment
+from maurice_mcl.typing import F64
+
+from .entities import Slot
+from .look import Scale
+
+NUMBER_OF = {Slot.PREDICT: 1, Slot.MEASURE: 2, Slot.WEIGHT: 3, Slot.RESAMPLE: 4, Slot.ESTIMATE: 5}
+STILL_RAD = np.radians(0.05)  # a turn that would be written "0.0 deg" is not mentioned
+STILL_M = 5e-4
+
+
+def motion(motions: F64, scale: Scale) -> str:
+    """Say what the robot measured: "drove 18.0 in forward and turned 45 deg left (2 movements)"."""
+    forward, left, turn = motions.sum(axis=0) if len(motions) else np.zeros(3)
+    parts = []
+    if abs(forward) > STILL_M:
+        parts.append(f"drove {scale.say(abs(forward))} {'forward' if forward > 0 else 'backward'}")
+    if abs(left) > STILL_M:
+        parts.append(f"slid {scale.say(abs(left))} to the {'left' if left > 0 else 'right'}")
+    if abs(turn) > STILL_RAD:
+        parts.append(f"turned {np.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
+    count = f" ({len(motions)} movements)" if len(motions) > 1 else ""
+    return (" and ".join(parts) or "stood still") + count
+
+
+def spread_m(belief: Belief) -> float:
+    """Give the radial standard deviation of a whole cloud, by weight, in metres."""
+    weights = belief.weights
+    xy = belief.poses[:, :2].astype(np.float64)
+    return float(np.sqrt(weights @ ((xy - weights @ xy) ** 2).sum(axis=1)))
+
+
+def errors(estimate: Estimate, truth: F64) -> tuple[float, float]:
+    """Give the distance in metres and the unsigned angle in radians between estimate and truth."""
+    apart = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
+    return apart, angle_between(float(estimate.pose[2]), float(truth[2]))
+
+
+def predicted(record: StepRecord, scale: Scale) -> str:
+    """Say how the cloud moved."""
+    cloud = record.predicted
+    _, heading = circular_mean(cloud.poses[:, 2], cloud.weights)
+    turned = f" and {np.degrees(heading):.0f} deg" if np.isfinite(heading) else " and every heading"
+    return (
+        f"The robot {motion(record.frame.motions, scale)}. Every particle did the same, with its own noise; "
+        f"the cloud now spreads over {scale.say(spread_m(cloud))}{turned}."
+    )
+
+
+def measured(record: StepRecord) -> str:
+    """Say what the picture was compared with, and what matched best."""
+    sighting = record.sighting
+    first, *others = sighting.ranking()[:2].tolist()
+    against = f"{len(sighting.quality)} references by {' and '.join(sighting.channels)}"
+    runner_up = f", then entry {others[0]} ({sighting.quality[others[0]]:.3f})" if others else ""
+    return (
+        f"The picture was compared with {against}: entry {first} matches best, "
+        f"quality {sighting.quality[first]:.3f}{runner_up}."
+    )
+
+
+def weighted(record: StepRecord) -> str:
+    """Say how the picture's weights fell."""
+    if "all weights zero" in record.events:
+        return "No particle is where the picture could be from: all weights zero, so the old ones stay."
+    log_weights = record.weighted.log_weights
+    heaviest = np.exp(log_weights.max()) * len(log_weights)
+    return (
+        f"Each particle was weighed by the reference nearest to it; the heaviest has {heaviest:.1f} times "
+        f"the average weight. {effective(record)}"
+    )
+
+
+def effective(record: StepRecord) -> str:
+    """Say how many particles really count."""
+    size = record.weighted.size
+    share = record.effective_sample_size / size
+    return f"Effective sample size {record.effective_sample_size:.0f} of {size} ({share:.0%})."
+
+
+def resampled(record: StepRecord) -> str:
+    """Say who survived."""
+    if record.parents is None:
+        return "Not resampled: the particles and their weights stay as they are."
+    copies = np.bincount(record.parents[record.parents >= 0], minlength=1)
+    fresh = "" if record.injected is None else f", {int(record.injected.sum())} were drawn afresh"
+    return (
+        f"Resampled: {np.count_nonzero(copies)} of {record.weighted.size} particles survive, "
+        f"the luckiest in {copies.max()} copies{fresh}. All weights are equal again."
+    )
+
+
+def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
+    """Say where the robot is thought to be, how surely, and how wrong that is."""
+    estimate = record.estimate
+    text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
+    if truth is None:
+        return f"{text} (truth not known)."
+    apart, angle = errors(estimate, truth)
+    return f"{text}; **error {scale.say(apart)}, {np.degrees(angle):.0f} deg**."
+
+
+def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
+    """Say what one phase of an update did: a heading and a sentence or two."""
+    says = {
+        Slot.PREDICT: lambda: predicted(record, scale),
+        Slot.MEASURE: lambda: measured(record),
+        Slot.WEIGHT: lambda: weighted(record),
+        Slot.RESAMPLE: lambda: resampled(record),
+    }
+    title = f"Phase {NUMBER_OF[slot]} of {len(NUMBER_OF)}: {slot.name.lower()}"
+    return f"**{_when(moment)} · {title}**\n\n{says[slot]()}"
+
+
+def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
+    """Say what a whole step did, for the last phase and for timelines without phases."""
+    first = int(record.sighting.ranking()[0])
+    match = f"Best match: entry {first}, quality {record.sighting.quality[first]:.3f}."
+    kept = "Resampled." if record.parents is not None else "Not resampled."
+    lines = [
+        f"**{_when(moment)}**",
+        estimated(record, moment.truth, scale),
+        f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}",
+    ]
+    events = [*moment.events, *(event for event in record.events if event != "resampled")]
+    if events:
+        lines.append("Events: " + "; ".join(events) + ".")
+    return "\n\n".join(lines)
+
+
+def _when(moment: Moment) -> str:
+    return f"Step {moment.frame.step} · {moment.frame.time_s:.1f} s"

@@ -1,0 +1,153 @@
+"""Watching a run: an observer sees every moment and record, and owns nothing of the filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import rerun as rr
+from maurice_mcl.library import Library
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment, SessionInfo
+
+from . import draw_belief, draw_circles, draw_histograms, draw_pictures, draw_traces, draw_world, entities, narrate
+from .canvas import long_side
+from .contact_sheet import ContactSheet, best_cells
+from .entities import RunPaths, Slot
+from .look import Scale, scale_for
+
+
+class Observer(Protocol):
+    """Somebody who watches."""
+
+    def begin(self, info: SessionInfo, library: Library) -> None:
+        """Hear what is known before the first picture. Called once."""
+        ...
+
+    def see(self, moment: Moment, record: StepRecord) -> None:
+        """See one update, whole, in order."""
+        ...
+
+    def end(self) -> None:
+        """Hear that no more will come. Called once, also after a failure."""
+        ...
+
+
+def set_phase(rec: rr.RecordingStream, moment: Moment, slot: Slot) -> None:
+    """Set all three timelines to one phase of one update."""
+    rec.set_time(entities.STEP, sequence=moment.frame.step)
+    rec.set_time(entities.SESSION, duration=moment.frame.time_s)
+    rec.set_time(entities.PHASE, sequence=entities.phase_number(moment.frame.step, slot))
+
+
+def set_phase_only(rec: rr.RecordingStream, moment: Moment, slot: Slot) -> None:
+    """Set the phase timeline alone: what is logged now hides nothing on the others."""
+    set_phase(rec, moment, slot)
+    rec.disable_timeline(entities.STEP)
+    rec.disable_timeline(entities.SESSION)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tools:
+    """What is made once when a run begins."""
+
+    library: Library
+    scale: Scale
+    arrow: float  # length of heading arrows, in display units
+    circles: draw_circles.Circles
+    sheet: ContactSheet
+    estimate: draw_belief.PoseMarker
+    truth: draw_belief.PoseMarker
+
+
+@dataclass(slots=True)
+class RerunObserver:
+    """Draws one run into a recording. Several, with different labels, share a recording.
+
+    `scene` says whether this one also draws what the runs share: map, camera, truth. Exactly one should.
+    """
+
+    rec: rr.RecordingStream
+    label: str
+    channels: tuple[str, ...]  # of the run's sensor model: which histograms there will be
+    scene: bool = True
+    has_truth: bool = True  # whether the key mentions the truth
+    _paths: RunPaths = field(init=False)
+    _tools: _Tools | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self._paths = RunPaths(self.label)
+
+    def begin(self, info: SessionInfo, library: Library) -> None:
+        """Log all that does not change."""
+        scale = scale_for(info.display_units, library.arena)
+        self._tools = tools = _Tools(
+            library,
+            scale,
+            draw_belief.ARROW * long_side(library.arena, scale),
+            draw_circles.circles_for(library, scale),
+            ContactSheet(library.pictures),
+            draw_belief.estimate_marker(self._paths.estimate),
+            draw_belief.truth_marker(entities.TRUTH),
+        )
+        if self.scene:
+            draw_world.draw_world(self.rec, library, scale)
+            draw_world.draw_keys(self.rec, library, scale, self.has_truth)
+            tools.truth.prepare(self.rec)
+        draw_belief.prepare_cloud(self.rec, self._paths.particles)
+        tools.estimate.prepare(self.rec)
+        tools.circles.prepare(self.rec, self._paths)
+        draw_histograms.prepare_histograms(self.rec, self._paths, self.channels, library)
+        draw_traces.prepare_traces(self.rec, self._paths)
+
+    def see(self, moment: Moment, record: StepRecord) -> None:
+        """Log one update, phase by phase."""
+        tools = self._tools
+        if tools is None:
+            raise RuntimeError("begin() comes before see()")
+        self._predict(moment, record, tools)
+        self._measure(moment, record, tools)
+        self._weight(moment, record, tools)
+        self._resample(moment, record, tools)
+        self._estimate(moment, record, tools)
+
+    def end(self) -> None:
+        """Hand over what is still buffered."""
+        self.rec.flush()
+
+    def _predict(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+        set_phase(self.rec, moment, Slot.PREDICT)
+        draw_belief.draw_predicted(self.rec, self._paths.particles, record.predicted, tools.scale)
+        if self.scene and moment.truth is not None:
+            tools.truth.draw(self.rec, moment.truth, tools.scale, tools.arrow)
+        self._say(narrate.phase(moment, record, Slot.PREDICT, tools.scale))
+
+    def _measure(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+        set_phase(self.rec, moment, Slot.MEASURE)
+        if self.scene:
+            draw_pictures.draw_camera(self.rec, moment.frame.image)
+        tools.circles.draw(self.rec, self._paths, record.sighting)
+        draw_histograms.draw_histograms(self.rec, self._paths, record.sighting, tools.library)
+        cells = best_cells(record.sighting, tools.library, tools.scale)
+        draw_pictures.draw_sheet(self.rec, self._paths.contact_sheet, tools.sheet.draw(cells))
+        self._say(narrate.phase(moment, record, Slot.MEASURE, tools.scale))
+
+    def _weight(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+        set_phase(self.rec, moment, Slot.WEIGHT)
+        draw_belief.draw_weighted(self.rec, self._paths.particles, record.weighted)
+        self._say(narrate.phase(moment, record, Slot.WEIGHT, tools.scale))
+
+    def _resample(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+        set_phase_only(self.rec, moment, Slot.RESAMPLE)
+        if record.parents is not None:
+            draw_belief.draw_resampled(self.rec, self._paths.particles, record, tools.scale)
+        self._say(narrate.phase(moment, record, Slot.RESAMPLE, tools.scale))
+
+    def _estimate(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+        set_phase(self.rec, moment, Slot.ESTIMATE)
+        tools.estimate.draw(self.rec, record.estimate.pose, tools.scale, tools.arrow)
+        draw_traces.draw_traces(self.rec, self._paths, record, moment.truth, tools.scale)
+        self._say(narrate.summary(moment, record, tools.scale))
+
+    def _say(self, text: str) -> None:
+        self.rec.log(self._paths.text, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

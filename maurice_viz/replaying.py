@@ -1,0 +1,68 @@
+"""Running one or several localizers over a session while others watch.
+
+The command line, a notebook and the tests call the same functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from maurice_mcl.localizer import Localizer
+from maurice_mcl.metrics import RunScore, Scorer
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment, Session
+from maurice_mcl.typing import F64
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One localizer under one name, from one start."""
+
+    label: str  # unique among the runs of a recording
+    localizer: Localizer
+    start: F64 | None  # (3,) in the map's frame; None: anywhere
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What came of one run."""
+
+    label: str
+    score: RunScore
+    steps_per_s: float | None  # filter steps a second, without decoding and drawing; None before the first
+
+
+def run_together(runs: Sequence[Run], session: Session) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
+    """Step all runs through one session side by side; every picture is decoded once.
+
+    Each run owns its state and its randomness, so that it goes exactly as it would alone.
+    """
+    states = {run.label: run.localizer.start(run.start) for run in runs}
+    for moment in session.moments():
+        records = {}
+        for run in runs:
+            states[run.label], records[run.label] = run.localizer.step(states[run.label], moment.frame)
+        yield moment, records
+
+
+class ResultCollector:
+    """Scores runs while they go; can be asked at any time, also after an interruption."""
+
+    def __init__(self, labels: Sequence[str]) -> None:
+        self._scorers = {label: Scorer() for label in labels}
+        self._took_s = dict.fromkeys(labels, 0.0)
+
+    def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> None:
+        """Take in one update of every run."""
+        for label, record in records.items():
+            self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
+            self._took_s[label] += sum(record.took_s.values())
+
+    def results(self) -> list[RunResult]:
+        """Give a result for each run, in order, as far as it went."""
+        return [self._result(label, scorer.result()) for label, scorer in self._scorers.items()]
+
+    def _result(self, label: str, score: RunScore) -> RunResult:
+        took_s = self._took_s[label]
+        return RunResult(label, score, score.updates / took_s if took_s > 0 else None)

@@ -1,0 +1,127 @@
+"""Where a recording goes: a file, a viewer, or nowhere.
+
+A file is written beside its final name as `<stem>.part.rrd` and renamed when it is whole, so that a file
+under its own name is never half a recording and an earlier one survives a failure. When the process is
+killed the part stays; the viewer opens it and shows all that had been flushed.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+APPLICATION = "maurice-replay"
+FLUSH_S = 60.0
+LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
+
+
+class SinkError(Exception):
+    """A recording cannot be written or shown. One line, for people: what, where, what to do."""
+
+
+def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
+    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows."""
+    rec = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+    rec.send_recording_name(name)
+    return rec
+
+
+def has_display() -> bool:
+    """Tell whether there is a screen to open a window on."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def part_of(path: Path) -> Path:
+    """Give the name that a recording has while it is being written."""
+    return path.with_name(f"{path.stem}.part.rrd")
+
+
+@contextmanager
+def to_file(path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool = False) -> Iterator[rr.RecordingStream]:
+    """Open a recording that is written to a file, whole or not at all under that name.
+
+    Raises SinkError when the file exists and `force` is not set, when its folder cannot be written to, or
+    when the disk ran full. After any other exception the part is closed, stays, and can be opened.
+    """
+    _check_target(path, force)
+    part = part_of(path)
+    rec = recording(name)
+    rec.save(part, default_blueprint=blueprint)
+    try:
+        yield rec
+    finally:
+        flushed = _close(rec)
+    _check_written(part, flushed)
+    part.replace(path)
+
+
+@contextmanager
+def to_viewer(name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """Open a recording that is shown in a viewer, which is started and stays open afterwards."""
+    rec = recording(name)
+    try:
+        rec.spawn(default_blueprint=blueprint)
+    except (RuntimeError, OSError) as error:
+        raise SinkError(f"cannot start the Rerun viewer ({_first_line(error)}); use --save FILE.rrd") from error
+    try:
+        yield rec
+    finally:
+        _close(rec)
+
+
+@contextmanager
+def to_nowhere(name: str) -> Iterator[rr.RecordingStream]:
+    """Open a recording that is thrown away as it is made, for measuring what drawing costs."""
+    rec = recording(name)
+    rec.binary_stream()
+    try:
+        yield rec
+    finally:
+        rec.disconnect()
+
+
+def _check_target(path: Path, force: bool) -> None:
+    if path.suffix != ".rrd":
+        raise SinkError(f"{path}: a recording's name ends in .rrd; use {path.name}.rrd")
+    if path.is_dir():
+        raise SinkError(f"{path}: is a folder, not a file; choose another name")
+    if path.exists() and not force:
+        raise SinkError(f"{path}: exists already; use --force to replace it or --save to choose another name")
+    try:
+        part_of(path).open("wb").close()
+    except OSError as error:
+        raise SinkError(f"{path}: cannot be written ({error.strerror}); choose another folder") from error
+
+
+def _close(rec: rr.RecordingStream) -> bool:
+    """Write out and let go; tell whether everything could be written."""
+    try:
+        rec.flush(timeout_sec=FLUSH_S)
+        return True
+    except (RuntimeError, OSError, ValueError):
+        return False
+    finally:
+        rec.disconnect()
+
+
+def _check_written(part: Path, flushed: bool) -> None:
+    if not part.exists():
+        raise SinkError(f"{part}: has vanished while it was being written")
+    if shutil.disk_usage(part.parent).free < LEAST_FREE:
+        raise SinkError(f"{part}: {os.strerror(errno.ENOSPC)}; free some space, or --save to another disk")
+    if not flushed:
+        raise SinkError(f"{part}: could not be written to the end; is the disk full or gone?")
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

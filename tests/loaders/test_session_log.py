@@ -1,0 +1,243 @@
+"""The reader's contract: what comes out, lazily, again and again."""
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.session_log import SessionLog
+from maurice_loaders.session_writer import SessionWriter
+from maurice_mcl.session import Frame, Moment, Session, SessionInfo
+from maurice_mcl.typing import U8
+
+from .conftest import WriteLog
+
+Pixel = dict[str, Any]
+
+
+def moments(path: Path, **options: Any) -> list[Moment]:
+    return list(SessionLog(path, **options).moments())
+
+
+def test_a_whole_drive(write_log: WriteLog, pixel: Pixel) -> None:
+    path = write_log(
+        {"t": 100.0, "truth": [1, 2, 3]},
+        {"t": 100.0, "image": pixel},
+        {"t": 101.0, "odometry": [0.5, 0, 0], "encoders_m": [1, 2, 3, 4]},
+        {"t": 101.5, "odometry": [0, 0, 1.5]},
+        {"t": 101.5, "event": "lights off"},
+        {"t": 102.0, "image": pixel, "covered": True},
+        {"t": 102.0, "event": "floor wood"},
+        {"t": 102.5, "image": pixel},
+        {"t": 103.0, "image": pixel},
+    )
+    first, second, third = moments(path)
+    assert [m.frame.step for m in (first, second, third)] == [1, 2, 3]
+    assert [m.frame.time_s for m in (first, second, third)] == [0, 2.5, 3]
+    assert [m.frame.motions.shape for m in (first, second, third)] == [(0, 3), (2, 3), (0, 3)]
+    assert second.frame.motions.tolist() == [[0.5, 0, 0], [0, 0, 1.5]]
+    assert (first.events, second.events, third.events) == ((), ("lights off", "floor wood"), ())
+    assert first.truth is not None
+    assert first.truth.tolist() == [1, 2, 3]
+    assert second.truth is None
+    assert first.frame.image.tolist() == [[[10, 20, 30], [40, 50, 60]]]
+
+
+def test_starts_again_on_every_call(write_log: WriteLog, pixel: Pixel) -> None:
+    log: Session = SessionLog(write_log(*({"t": t, "image": pixel} for t in range(3))))
+    one, other = log.moments(), log.moments()
+    assert [next(one).frame.step, next(one).frame.step, next(other).frame.step] == [1, 2, 1]
+    assert len(list(log.moments())) == 3
+
+
+def test_reads_pictures_only_as_asked(write_log: WriteLog, tmp_path: Path, image: U8) -> None:
+    path = write_log(*({"t": t, "image": f"{t}.jpg"} for t in range(1000)))
+    (tmp_path / "0.jpg").write_bytes(encode_jpeg(image))
+    (tmp_path / "1.jpg").write_bytes(encode_jpeg(image))
+    reading = SessionLog(path).moments()
+    assert [next(reading).frame.picture, next(reading).frame.picture] == ["0.jpg", "1.jpg"]
+    with pytest.raises(LogError, match=r"session\.log:4: 2\.jpg: found no such picture"):
+        next(reading)
+
+
+def test_removing_truth_and_events_changes_no_frame(write_log: WriteLog, pixel: Pixel) -> None:
+    records = [
+        {"t": 0, "truth": [0, 0, 0]},
+        {"t": 0, "odometry": [1, 0, 0]},
+        {"t": 1, "image": pixel},
+        {"t": 1, "event": "kidnapped"},
+        {"t": 2, "image": pixel},
+    ]
+    without = [r for r in records if not {"truth", "event"} & r.keys()]
+    frames = [m.frame for m in moments(write_log(*records))]
+    bare = [m.frame for m in moments(write_log(*without, name="bare.log"))]
+    assert len(frames) == len(bare) == 2
+    for a, b in zip(frames, bare, strict=True):
+        assert (a.step, a.time_s, a.picture) == (b.step, b.time_s, b.picture.replace("bare", "session"))
+        assert np.array_equal(a.motions, b.motions)
+        assert np.array_equal(a.image, b.image)
+
+
+def test_a_frame_has_no_room_for_truth() -> None:
+    assert set(Frame.__slots__) == {"step", "time_s", "motions", "image", "picture"}
+
+
+def test_keep_going_counts_and_carries_movements_on(write_log: WriteLog, pixel: Pixel) -> None:
+    path = write_log(
+        {"t": 0, "odometry": [1, 0, 0]},
+        "{broken",
+        {"t": 1, "image": "gone.jpg"},
+        {"t": 2, "odometry": [2, 0, 0]},
+        {"t": 1, "image": pixel},
+        {"t": 3, "image": pixel},
+    )
+    log = SessionLog(path, keep_going=True)
+    (moment,) = log.moments()
+    assert moment.frame.step == 1
+    assert moment.frame.motions[:, 0].tolist() == [1, 2]
+    assert log.problem_count == 3
+    assert [problem.line for problem in log.problems] == [3, 4, 6]
+    list(log.moments())
+    assert log.problem_count == 3  # of the last reading, not of both
+
+
+def test_problems_kept_are_bounded_but_all_are_counted(write_log: WriteLog) -> None:
+    log = SessionLog(write_log(*["nonsense"] * 250), keep_going=True)
+    assert list(log.moments()) == []
+    assert (log.problem_count, len(log.problems)) == (250, 100)
+
+
+@pytest.mark.parametrize("tail", ['{"t": 1, "ima', '{"t": 1', '{"t": 1, "event": "caf\xc3'])
+def test_an_unfinished_last_line_is_a_warning(write_log: WriteLog, pixel: Pixel, tail: str) -> None:
+    path = write_log({"t": 0, "image": pixel})
+    path.write_bytes(path.read_bytes() + tail.encode("latin-1"))
+    log = SessionLog(path)
+    assert len(list(log.moments())) == 1
+    assert log.warnings == (f"{path}:3: the last line is unfinished and was left out; still writing?",)
+    assert log.problem_count == 0
+
+
+def test_a_last_line_without_its_end_counts_when_it_is_whole(write_log: WriteLog, pixel: Pixel) -> None:
+    path = write_log({"t": 0, "image": pixel})
+    path.write_bytes(path.read_bytes().rstrip(b"\n"))
+    log = SessionLog(path)
+    assert len(list(log.moments())) == 1
+    assert log.warnings == ()
+
+
+def test_a_log_that_grows_is_read_on_the_next_call(tmp_path: Path, image: U8) -> None:
+    with SessionWriter(tmp_path / "a.log", SessionInfo("a")) as writer:
+        log = SessionLog(tmp_path / "a.log")
+        writer.image(0, image)
+        assert len(list(log.moments())) == 1
+        writer.image(1, image)
+        assert len(list(log.moments())) == 2
+
+
+def test_unknown_keys_blank_lines_windows_ends_and_a_byte_order_mark(tmp_path: Path, pixel: Pixel) -> None:
+    header = {"format": "maurice-session-log", "version": 1, "kind": "session", "color": "red"}
+    lines = [header, "", {"t": 0, "image": pixel, "battery": 0.5}]
+    text = "".join((json.dumps(line) if line else "") + "\r\n" for line in lines)
+    path = tmp_path / "s.log"
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert SessionLog(path).info.name == "s"
+    assert len(moments(path)) == 1
+
+
+def test_names_beyond_ascii(tmp_path: Path, image: U8) -> None:
+    folder = tmp_path / "Büro Łódź 部屋"
+    with SessionWriter(folder / "Fahrt ä.log", SessionInfo("Küche 台所")) as writer:
+        writer.image(0, image, name="Bild ß 写真")
+        writer.event(1, "floor Teppich 絨毯")
+        writer.image(2, image)
+    log = SessionLog(folder / "Fahrt ä.log")
+    first, second = log.moments()
+    assert log.info.name == "Küche 台所"
+    assert first.frame.picture == "pictures/Bild ß 写真.jpg"
+    assert second.events == ("floor Teppich 絨毯",)
+
+
+class TestCameras:
+    CAMERAS = {"cameras": {"front": {}, "rear": {}}}
+
+    @pytest.fixture
+    def records(self, pixel: Pixel) -> list[dict[str, Any]]:
+        names = ("rear", "front", "rear", None)
+        return [{"t": t, "image": pixel} | ({"camera": c} if c else {}) for t, c in enumerate(names)]
+
+    @pytest.mark.parametrize(("camera", "times"), [(None, [1, 3]), ("front", [1, 3]), ("rear", [0, 2, 3])])
+    def test_one_is_read(
+        self, write_log: WriteLog, records: list[Any], camera: str | None, times: list[float]
+    ) -> None:
+        log = SessionLog(write_log(*records, **self.CAMERAS), camera=camera)
+        assert [m.frame.time_s for m in log.moments()] == times
+        assert "are left out" in log.warnings[0]
+
+    def test_without_a_header_the_first_seen(self, write_log: WriteLog, records: list[Any]) -> None:
+        assert [m.frame.time_s for m in moments(write_log(*records))] == [0, 2, 3]
+
+    def test_an_unknown_one_is_refused_with_the_known(self, write_log: WriteLog) -> None:
+        with pytest.raises(LogError, match="found cameras front, rear, expected 'top' among them"):
+            SessionLog(write_log(**self.CAMERAS), camera="top")
+
+
+class TestSurveys:
+    def test_pictures_with_and_without_pose(self, survey: Path) -> None:
+        log = SessionLog(survey)
+        pictures = list(log.survey_pictures())
+        assert [p.covered for p in pictures] == [True, True, *[False] * 5]
+        assert [p.pose is None for p in pictures] == [True, True, *[False] * 5]
+        assert pictures[2].path == survey.parent / "pictures/survey-00003.jpg"
+        assert log.count_pictures() == 7
+
+    def test_is_no_session(self, survey: Path) -> None:
+        with pytest.raises(LogError, match="found a survey log, expected a session log"):
+            SessionLog(survey).moments()
+
+    def test_a_session_is_no_survey(self, write_log: WriteLog) -> None:
+        with pytest.raises(LogError, match="found a session log, expected a survey log"):
+            SessionLog(write_log()).survey_pictures()
+
+    def test_an_inline_picture_has_no_path(self, write_log: WriteLog, pixel: Pixel) -> None:
+        path = write_log({"t": 0, "image": pixel, "pose": [1, 2, 3]}, kind="survey")
+        (picture,) = SessionLog(path).survey_pictures()
+        assert picture.path is None
+        assert picture.pose is not None
+
+
+class TestBrokenPictures:
+    def expect(self, path: Path, message: str) -> None:
+        with pytest.raises(LogError, match=message):
+            moments(path)
+
+    def test_missing(self, write_log: WriteLog) -> None:
+        self.expect(write_log({"t": 0, "image": "no.jpg"}), r"log:2: no\.jpg: found no such picture")
+
+    def test_a_folder(self, write_log: WriteLog) -> None:
+        self.expect(write_log({"t": 0, "image": "."}), "log:2: .*found no such picture")
+
+    def test_cut(self, write_log: WriteLog, tmp_path: Path, image: U8) -> None:
+        (tmp_path / "cut.jpg").write_bytes(encode_jpeg(image)[:-40])
+        self.expect(write_log({"t": 0, "image": "cut.jpg"}), r"log:2: cut\.jpg: found a cut JPEG")
+
+    def test_no_base64(self, write_log: WriteLog) -> None:
+        self.expect(write_log({"t": 0, "image": {"base64": "?!"}}), "log:2: .*found broken base64")
+
+    def test_base64_of_something_else(self, write_log: WriteLog) -> None:
+        data = base64.b64encode(b"no picture").decode()
+        self.expect(
+            write_log({"t": 0, "image": {"base64": data}}), "log:2: .*expected JPEG, PNG, WebP or BMP"
+        )
+
+    def test_an_impossible_name(self, write_log: WriteLog) -> None:
+        self.expect(write_log({"t": 0, "image": "a\0b"}), "log:2: .*(no such picture|cannot be read)")
+
+    def test_sixteen_bits(self, write_log: WriteLog, tmp_path: Path) -> None:
+        cv2.imwrite(str(tmp_path / "depth.png"), np.zeros((4, 4), np.uint16))
+        self.expect(write_log({"t": 0, "image": "depth.png"}), "16 bits a channel, expected 8")

@@ -1,0 +1,119 @@
+"""The truth at a picture's time: exact, interpolated over at most 1 s, or unknown."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maurice_loaders.log_records import Event, Odometry, PictureRecord, Record, Truth
+from maurice_loaders.truth import with_truth
+from maurice_mcl.typing import F64
+
+
+def truth(t_s: float, *pose: float) -> Truth:
+    return Truth(0, t_s, np.array(pose or (t_s, 2 * t_s, 0.0)))
+
+
+def picture(t_s: float) -> PictureRecord:
+    return PictureRecord(0, t_s, "a.png", None, None, False, None)
+
+
+def odometry(t_s: float) -> Odometry:
+    return Odometry(0, t_s, np.zeros(3), None)
+
+
+def poses(*records: Record) -> list[F64 | None]:
+    return [pose for record, pose in with_truth(records) if isinstance(record, PictureRecord)]
+
+
+def test_order_is_kept_and_only_pictures_are_answered() -> None:
+    records = [odometry(0), picture(0.1), odometry(0.2), truth(0.5), picture(0.6), picture(0.7), truth(0.9)]
+    answered = list(with_truth(records))
+    assert [record for record, _ in answered] == records
+    assert all(pose is None for record, pose in answered if not isinstance(record, PictureRecord))
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_the_same_time_counts_before_and_after(order: int) -> None:
+    records = [truth(5, 1, 2, 9), picture(5)]
+    (pose,) = poses(*(records[::-1] if order else records))
+    assert pose is not None
+    assert pose.tolist() == [1, 2, 9]
+
+
+def test_halfway_is_the_middle() -> None:
+    (pose,) = poses(truth(0, 0, 0, 0), picture(0.5), truth(1, 2, 4, 1))
+    assert pose == pytest.approx([1, 2, 0.5])
+
+
+def test_heading_goes_the_short_way_round() -> None:
+    (pose,) = poses(truth(0, 0, 0, 3), picture(0.5), truth(1, 0, 0, -3))
+    assert pose is not None
+    assert abs(pose[2]) == pytest.approx(np.pi)
+
+
+def test_decimal_seconds_a_second_apart_are_a_second_apart() -> None:
+    assert 2.1 - 1.1 > 1  # by rounding
+    assert poses(truth(1.1), picture(1.6), truth(2.1)) != [None]
+
+
+def test_more_than_a_second_is_unknown() -> None:
+    assert poses(truth(0), picture(0.5), truth(1.01)) == [None]
+
+
+def test_nothing_is_guessed_beyond_the_ends() -> None:
+    assert poses(picture(0), truth(0.1), picture(0.2)) == [None, None]
+
+
+def test_never_across_a_kidnapping() -> None:
+    carried = Event(0, 0.6, "kidnapped")
+    assert poses(truth(0), picture(0.5), carried, picture(0.7), truth(0.9)) == [None, None]
+
+
+def test_truth_at_the_time_of_a_kidnapping_holds_for_what_follows() -> None:
+    before, after = poses(
+        truth(1, 0, 0, 0), picture(1), Event(0, 1, "kidnapped"), truth(1, 5, 5, 0), picture(1)
+    )
+    assert before is not None
+    assert after is not None
+    assert (before[0], after[0]) == (0, 5)
+
+
+def test_looks_ahead_no_further_than_needed() -> None:
+    taken = 0
+
+    def endless() -> Iterator[Record]:
+        nonlocal taken
+        yield truth(0)
+        yield picture(0.5)
+        for k in itertools.count():
+            taken = k
+            yield odometry(0.6 + 0.1 * k)
+
+    answers = with_truth(endless())
+    next(answers)
+    assert next(answers)[1] is None
+    assert taken <= 6
+
+
+def test_a_clock_that_stands_still_does_not_fill_the_memory() -> None:
+    records = (picture(0.0) for _ in itertools.count())
+    assert next(with_truth(records))[1] is None
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(0, 8)), max_size=30))
+def test_equals_the_answer_with_the_whole_log_in_hand(steps: list[tuple[bool, int]]) -> None:
+    times = list(itertools.accumulate(quarter / 4 for _, quarter in steps))
+    records = [truth(t) if known else picture(t) for (known, _), t in zip(steps, times, strict=True)]
+    for record, pose in with_truth(records):
+        if isinstance(record, PictureRecord):
+            known = [r.t_s for r in records if isinstance(r, Truth)]
+            before = max((t for t in known if t <= record.t_s), default=-np.inf)
+            after = min((t for t in known if t >= record.t_s), default=np.inf)
+            if after - before <= 1:
+                assert pose == pytest.approx([record.t_s, 2 * record.t_s, 0])
+            else:
+                assert pose is None
