@@ -101,7 +101,8 @@ def over(row: F64, window: Window) -> F32:
     """Evaluate one plane a*u + b*v + c over a window of the picture."""
     u1, v1, u2, v2 = window
     across = (row[0] * np.arange(u1, u2) + row[2]).astype(np.float32)
-    return across[None, :] + (row[1] * np.arange(v1, v2)).astype(np.float32)[:, None]
+    down = (row[1] * np.arange(v1, v2)).astype(np.float32)
+    return np.asarray(across[None, :] + down[:, None])
 
 
 def visibility(seen: list[Seen], lens: Lens) -> tuple[I32, F32]:
@@ -127,7 +128,7 @@ def level_of(face: Seen, nearness: F32) -> I32:
     rows, columns = face.face.levels[0].shape[:2]
     texels = abs(float(np.linalg.det(face.planes))) * rows * columns / nearness**3
     level = np.rint(0.5 * np.log2(texels))
-    return np.clip(level, 0, len(face.face.levels) - 1).astype(np.int32)
+    return np.asarray(np.clip(level, 0, len(face.face.levels) - 1), dtype=np.int32)
 
 
 def warp(face: Seen, level: int, window: Window) -> F32:

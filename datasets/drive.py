@@ -55,7 +55,7 @@ class Raster:
     """Free cells and which are neighbors; made once a drive."""
 
     centers: F64  # (K, 2) of the free cells
-    steps: csr_array  # (K, K), each pair once: distances between neighbors
+    steps: csr_array[np.float64, tuple[int, int]]  # (K, K), each pair once: distances between neighbors
 
     def nearest(self, point: F64) -> int:
         """Give the free cell nearest to a point (2,)."""
@@ -63,7 +63,7 @@ class Raster:
 
     def way_to(self, goal: F64) -> F64:
         """Give how far it is from every free cell to a goal (K,), inf where there is no way."""
-        return np.asarray(dijkstra(self.steps, directed=False, indices=self.nearest(goal)))
+        return np.asarray(dijkstra(self.steps, directed=False, indices=[self.nearest(goal)])[0])
 
 
 def raster(arena: Arena, habits: Habits) -> Raster:

@@ -215,7 +215,7 @@ def carton(rng: np.random.Generator, stand: Stand) -> Piece:
 def plant(rng: np.random.Generator, stand: Stand) -> Piece:
     """A pot with a bush: two crossed blocks of leaves."""
     pot = cloth_of(dye(rng))
-    w, height = min(stand.width_in, stand.depth_in), float(rng.uniform(9, 12))
+    w, height = 0.85 * min(stand.width_in, stand.depth_in), float(rng.uniform(9, 12))
     parts: list[Part] = [
         (Solid(0, 0, 0, 0.72 * w, 0.72 * w, height), pot),
         (Solid(0, 0, height - 0.1, 0.12 * w, 0.12 * w, 6), timber_of((0.12, 0.08, 0.05))),

@@ -16,6 +16,7 @@ from .furnish import Stand
 WIDTH_IN, DEPTH_IN, HEIGHT_IN = 204.0, 156.0, 96.0  # 17 x 13 ft (thesis 3.1); the height is invented
 DIVIDER_IN, DIVIDER_THICK_IN = 107.0, 4.0
 DOOR_IN = (52.0, 90.0)  # y of the gap
+GAP_IN = 0.5  # between furniture and an outer wall
 FIRST_NODE_IN, NODE_STEP_IN = 8.0, 18.0
 COLUMNS, ROWS = 11, 8
 
@@ -118,18 +119,19 @@ def stand_for(place: Blocking, rng: np.random.Generator) -> Stand:
     reach = float(rng.uniform(6.5, 8.5))
     x = span_of(*place.columns, reach)
     y = span_of(*place.rows, reach)
-    gap = 0.5
     match place.back:
         case "south":
-            y = (gap, y[1])
+            y = (0.0, y[1])
         case "north":
-            y = (y[0], DEPTH_IN - gap)
+            y = (y[0], DEPTH_IN)
         case "west":
-            x = (gap, x[1])
+            x = (0.0, x[1])
         case "east":
-            x = (x[0], WIDTH_IN - gap)
+            x = (x[0], WIDTH_IN)
         case "free":
             pass
+    x = (max(x[0], GAP_IN), min(x[1], WIDTH_IN - GAP_IN))
+    y = (max(y[0], GAP_IN), min(y[1], DEPTH_IN - GAP_IN))
     across, along = x[1] - x[0], y[1] - y[0]
     sideways = place.back in ("east", "west")
     width, depth = (along, across) if sideways else (across, along)
@@ -142,4 +144,4 @@ def stand_aside(place: Aside, rng: np.random.Generator) -> Stand:
     """Stand a shallow piece against the north wall."""
     depth = float(rng.uniform(9.5, 11.5))
     middle = sum(place.span_in) / 2 + float(rng.uniform(-3, 3))
-    return Stand(middle, DEPTH_IN - 0.5 - depth / 2, place.span_in[1] - place.span_in[0], depth)
+    return Stand(middle, DEPTH_IN - GAP_IN - depth / 2, place.span_in[1] - place.span_in[0], depth)

@@ -25,6 +25,7 @@ class Baking:
     directions: int = 24  # rays a point that look for dark corners
     reach_m: float = 30 * INCH_M  # things nearer than this take away light of the room
     lift_m: float = 0.1 * INCH_M  # points start this far before their face
+    least: float = 0.04  # share of the room's light that seeps in everywhere
     chunk: int = 24_000  # rays at once: bounds memory to about 100 MB
 
 
@@ -98,7 +99,7 @@ def face_points(face: Face, baking: Baking) -> tuple[F64, tuple[int, int]]:
 
 
 def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) -> F64:
-    """Give how open the view from each point (K, 3) along its normal (K, 3) is: (K,) from 0 to 1."""
+    """Give how open the view from each point (K, 3) along its normal (K, 3) is: (K,) from `least` to 1."""
     side = np.where(np.abs(normals[:, 2:]) > 0.9, [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
     first = np.cross(side, normals)
     second = np.cross(normals, first)
@@ -107,7 +108,7 @@ def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) 
         toward = a * first + b * second + c * normals
         far = hit_distance(points.astype(np.float32), toward.astype(np.float32), boxes)
         total += np.clip(far / baking.reach_m, 0, 1)
-    return total / baking.directions
+    return np.asarray(np.maximum(total / baking.directions, baking.least))
 
 
 def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:

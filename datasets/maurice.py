@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from maurice_loaders.errors import LogError
 from maurice_loaders.folders import cache_root, discard, new_folder
 from maurice_loaders.session_writer import SessionWriter
 from maurice_mcl.arena import Arena
@@ -83,6 +84,7 @@ def write_demo(
     seed: int = 0,
     *,
     updates: int = UPDATES,
+    surveyor: Surveyor | None = None,
     force: bool = False,
     progress: Progress | None = None,
 ) -> DemoPaths:
@@ -94,7 +96,7 @@ def write_demo(
     with new_folder(folder, force=force, ours=FINISHED) as filling, one_thread():
         world = two_rooms(seed)
         scene = bake(world)
-        write_survey(filling / SURVEY, world, survey_outing(scene, seed), Surveyor(), report)
+        write_survey(filling / SURVEY, world, survey_outing(scene, seed), surveyor or Surveyor(), report)
         write_session(filling / "session.log", world, session_outing(scene, seed), updates, report)
         (filling / FINISHED).write_text(finished_note(filling, cache_key(seed, updates)), encoding="utf-8")
     return paths_in(folder)
@@ -182,11 +184,18 @@ def whole(folder: Path, key: str) -> bool:
 
 
 def demo_paths(seed: int = 0, progress: Progress | None = None) -> DemoPaths:
-    """Give the demo from the cache; it is made when absent, and made again when damaged."""
+    """Give the demo from the user's cache (MAURICE_CACHE names another place).
+
+    It is made when absent, and made again when damaged. Two who make it at once do no harm.
+    """
     key = cache_key(seed, UPDATES)
     folder = cache_root() / "demos" / key
     if folder.exists() and not whole(folder, key):
         discard(folder)
     if not folder.exists():
-        return write_demo(folder, seed, progress=progress)
+        try:
+            write_demo(folder, seed, progress=progress)
+        except LogError:
+            if not whole(folder, key):  # otherwise somebody else was faster
+                raise
     return paths_in(folder)

@@ -66,18 +66,29 @@ def shapes(rng: np.random.Generator, size: Size) -> F32:
 
 
 def portrait(rng: np.random.Generator, size: Size) -> F32:
-    """A head and shoulders before a plain ground."""
+    """A painted head and shoulders before a plain ground, lit from one side."""
     rows, columns = size
-    ground = tint(dye(rng), 1 + 0.25 * clouds(rng, size, rows / 2))
+    ground = tint(dye(rng), 1 + 0.3 * clouds(rng, size, rows / 2))
     picture = np.ascontiguousarray(ground)
-    middle = (int(columns * rng.uniform(0.42, 0.58)), int(rows * 0.4))
-    skin = float(rng.uniform(0.25, 0.6))
-    cv2.ellipse(picture, (middle[0], rows), (columns // 3, rows // 2), 0, 180, 360, dye(rng), -1, cv2.LINE_AA)
-    hair = (0.12 * skin, 0.08 * skin, 0.05)
-    cv2.ellipse(picture, (middle[0], middle[1] - rows // 30), (columns // 5, rows // 4), 0, 0, 360, hair, -1)
-    face = (skin, 0.68 * skin, 0.5 * skin)
-    cv2.ellipse(picture, middle, (columns // 6, rows // 5), 0, 0, 360, face, -1, cv2.LINE_AA)
-    return finish(rng, picture)
+    x, y = int(columns * rng.uniform(0.42, 0.58)), int(rows * 0.42)
+    wide, high, tone = columns // 7, rows // 6, float(rng.uniform(0.16, 0.5))
+    hair = near(rng, (0.3 * tone, 0.18 * tone, 0.06))
+    skin = (tone, 0.64 * tone, 0.46 * tone)
+    oval(picture, (x, y + 2 * high), (wide, high), skin)
+    oval(picture, (x, rows), (3 * columns // 8, rows // 3), dye(rng))
+    oval(picture, (x, y - high // 5), (wide + wide // 3, high + high // 3), hair)
+    oval(picture, (x, y + high // 6), (wide, high), skin)
+    for side in (-1, 1):
+        oval(picture, (x + side * wide // 2, y), (max(1, wide // 6), max(1, high // 12)), hair)
+    oval(picture, (x, y + 2 * high // 3), (wide // 3, max(1, high // 12)), (0.3, 0.08, 0.07))
+    shade = np.linspace(0.6, 1.3, columns, dtype=np.float32)[:: 1 if rng.random() < 0.5 else -1]
+    brush = 1 + 0.12 * noise(rng, size, (2, 6))
+    return finish(rng, picture * shade[None, :, None] * brush[..., None])
+
+
+def oval(picture: F32, middle: tuple[int, int], radii: tuple[int, int], color: Rgb) -> None:
+    """Fill an upright ellipse of a picture in place."""
+    cv2.ellipse(picture, middle, radii, 0, 0, 360, color, -1, cv2.LINE_AA)
 
 
 def chart(rng: np.random.Generator, size: Size) -> F32:
@@ -143,7 +154,8 @@ def window(rng: np.random.Generator, size: Size) -> F32:
     picture = np.ascontiguousarray(np.broadcast_to(sky, (rows, columns, 3)))
     trees = rows * (0.72 + 0.1 * noise(rng, (1, columns), (1, columns / 6))[0])
     below = np.arange(rows)[:, None] > trees[None, :]
-    picture[below] = (0.10, 0.16, 0.08)
+    foliage = tint((0.07, 0.11, 0.05), 1 + 0.6 * clouds(rng, size, rows / 6, 3))
+    picture[below] = foliage[below]
     bar = max(2, columns // 30)
     for middle in (0, columns // 2, columns):
         picture[:, max(0, middle - bar) : middle + bar] = (0.3, 0.29, 0.27)

@@ -38,7 +38,7 @@ class Wall:
         """Give the plan point (2,) so far from its left end, and so far out into the room."""
         left, right = np.array(self.left), np.array(self.right)
         ahead = (right - left) / self.length_in
-        return left + ahead * along_in + np.array([ahead[1], -ahead[0]]) * out_in
+        return np.asarray(left + ahead * along_in + np.array([ahead[1], -ahead[0]]) * out_in)
 
 
 def west_walls() -> tuple[Wall, ...]:

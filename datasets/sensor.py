@@ -64,13 +64,11 @@ def photograph(light: F32, sensor: Sensor, exposure: Exposure, rng: np.random.Ge
 def digitize(signal: F32, sensor: Sensor, rng: np.random.Generator) -> U8:
     """Add black level and noise to a signal (H, W, 3) in levels, and cut it to the sensor's range."""
     rows, columns = signal.shape[:2]
-    sd = np.sqrt(sensor.read_noise**2 + sensor.shot_noise * signal)
-    noise = sd * rng.standard_normal((rows, columns, 3)) + sensor.row_noise * rng.standard_normal(
-        (rows, 1, 1)
-    )
-    return np.clip(
-        np.rint(signal + np.asarray(sensor.black, dtype=np.float32) + noise), sensor.lowest, sensor.highest
-    ).astype(np.uint8)
+    sd = np.sqrt(np.float32(sensor.read_noise**2) + np.float32(sensor.shot_noise) * signal)
+    noise = sd * rng.standard_normal((rows, columns, 3), dtype=np.float32)
+    noise += np.float32(sensor.row_noise) * rng.standard_normal((rows, 1, 1), dtype=np.float32)
+    levels = np.rint(signal + np.asarray(sensor.black, dtype=np.float32) + noise)
+    return np.asarray(np.clip(levels, sensor.lowest, sensor.highest), dtype=np.uint8)
 
 
 def covered(sensor: Sensor, size: tuple[int, int], rng: np.random.Generator) -> U8:

@@ -86,7 +86,8 @@ def footprint(solid: Solid) -> F64:
     half = np.array([solid.width_in, solid.depth_in]) / 2
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     cos, sin = np.cos(solid.yaw_rad), np.sin(solid.yaw_rad)
-    return corners @ np.array([[cos, sin], [-sin, cos]]) + (solid.x_in, solid.y_in)
+    turned = corners @ np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(turned + np.array([solid.x_in, solid.y_in]))
 
 
 def box_of(solid: Solid) -> Box:

@@ -75,7 +75,7 @@ def placed_poses(nominal: F64, seed: int, surveyor: Surveyor) -> F64:
     """Give where the references (L, 3) really were: each a little off its nominal pose."""
     rng = stream(Domain.SIMULATOR, seed, 0, Purpose.SURVEY_PLACING)
     sd = np.array([surveyor.place_sd_m, surveyor.place_sd_m, surveyor.heading_sd_rad])
-    return nominal + rng.standard_normal(nominal.shape) * sd
+    return np.asarray(nominal + rng.standard_normal(nominal.shape) * sd)
 
 
 def references(nodes: F64, outing: Outing, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:

@@ -34,10 +34,11 @@ def clouds(rng: np.random.Generator, size: Size, largest: float, octaves: int = 
 
 def tint(color: Rgb, brightness: F32) -> F32:
     """Multiply one color by a brightness map (H, W) around 1, clipped to what a surface can reflect."""
-    return np.clip(np.asarray(color, dtype=np.float32) * brightness[..., None], 0.02, 0.95)
+    shades = np.asarray(color, dtype=np.float32) * brightness[..., None]
+    return np.asarray(np.clip(shades, 0.02, 0.95), dtype=np.float32)
 
 
-def plaster(rng: np.random.Generator, size: Size, color: Rgb, stains: float = 0.10) -> F32:
+def plaster(rng: np.random.Generator, size: Size, color: Rgb, stains: float = 0.13) -> F32:
     """Painted plaster: blotches that are large and faint, with a fine grain."""
     return tint(color, 1 + stains * clouds(rng, size, size[0] / 2) + 0.02 * noise(rng, size, (1, 1)))
 

@@ -41,6 +41,9 @@ NODE_CLEARANCE_M = 3 * INCH_M  # a node nearer than this to something solid is b
 
 WEST = rooms.rectangle(0, 0, DIVIDER_IN, DEPTH_IN)
 EAST = rooms.rectangle(DIVIDER_IN, 0, WIDTH_IN, DEPTH_IN)
+BOUNDS_M = (0.0, 0.0, WIDTH_IN * INCH_M, DEPTH_IN * INCH_M)
+ROOMS = (Region("west room", WEST * INCH_M), Region("east room", EAST * INCH_M))
+WINDOW_WALL, WINDOW_SHARE = 1, 0.68  # on the outer side wall of a room, two thirds along it
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,18 +75,16 @@ def furniture(rng: np.random.Generator, layout: Layout) -> tuple[list[str], list
 def room_faces(rng: np.random.Generator, walls: tuple[rooms.Wall, ...], style: Style) -> list[Face]:
     """Walls of one room with everything that hangs on them; a window takes the middle of the second wall."""
     faces: list[Face] = []
-    for k, (wall, paint) in enumerate(
-        zip(walls, rooms.wall_paints(rng, style.base, style.accent), strict=True)
-    ):
+    paints = rooms.wall_paints(rng, style.base, style.accent)
+    for k, (wall, paint) in enumerate(zip(walls, paints, strict=True)):
         faces += rooms.stand_wall(rng, wall, paint, style.skirting)
-        here = wall.length_in * WINDOW_SHARE if style.window and k == WINDOW_WALL else None
-        if here is not None:
-            faces += rooms.window_in(rng, wall, here, glow=1.6)
-        faces += rooms.decorate(rng, wall, None if here is None else (here - 27, here + 27))
+        if style.window and k == WINDOW_WALL:
+            middle = wall.length_in * WINDOW_SHARE
+            faces += rooms.window_in(rng, wall, middle, glow=1.6)
+            faces += rooms.decorate(rng, wall, skip_in=(middle - 27, middle + 27))
+        else:
+            faces += rooms.decorate(rng, wall)
     return faces
-
-
-WINDOW_WALL, WINDOW_SHARE = 1, 0.68  # the outer side wall, two thirds along it
 
 
 def room_lamps(walls: tuple[rooms.Wall, ...], polygon_in: F64, style: Style) -> list[Lamp]:
@@ -151,34 +152,24 @@ def two_rooms(seed: int) -> World:
     rng = stream(Domain.SIMULATOR, seed, 0, Purpose.WORLD)
     layout = LAYOUTS[int(rng.integers(len(LAYOUTS)))]
     bright, dim = styles(rng)
-    west_is_bright = bool(rng.random() < 0.5)
-    west, east = (bright, dim) if west_is_bright else (dim, bright)
+    west, east = (bright, dim) if rng.random() < 0.5 else (dim, bright)
     names, pieces = furniture(rng, layout)
     floor_faces, floor_regions = floors(rng)
     jambs, jamb_boxes = rooms.divider(rng, bright.skirting)
-    faces = [
-        *floor_faces,
-        *room_faces(rng, rooms.west_walls(), west),
-        *room_faces(rng, rooms.east_walls(), east),
-        *jambs,
-        *(face for piece in pieces for face in piece.faces),
-    ]
-    arena = Arena(
-        bounds=(0.0, 0.0, WIDTH_IN * INCH_M, DEPTH_IN * INCH_M),
-        walls=walls_m(),
-        obstacles=tuple(Region(name, piece.plan) for name, piece in zip(names, pieces, strict=True)),
-        floors=floor_regions,
-        rooms=(Region("west room", WEST * INCH_M), Region("east room", EAST * INCH_M)),
-    )
+    west_faces = room_faces(rng, rooms.west_walls(), west)
+    east_faces = room_faces(rng, rooms.east_walls(), east)
+    piece_faces = [face for piece in pieces for face in piece.faces]
+    piece_boxes = [box for piece in pieces for box in piece.boxes]
+    obstacles = tuple(Region(name, piece.plan) for name, piece in zip(names, pieces, strict=True))
+    lamps = room_lamps(rooms.west_walls(), WEST, west) + room_lamps(rooms.east_walls(), EAST, east)
     return World(
         name=f"two rooms, seed {seed}",
-        arena=arena,
-        faces=tuple(faces),
-        boxes=(*rooms.shell_boxes(), *jamb_boxes, *(box for piece in pieces for box in piece.boxes)),
-        lamps=(*room_lamps(rooms.west_walls(), WEST, west), *room_lamps(rooms.east_walls(), EAST, east)),
+        arena=Arena(BOUNDS_M, walls_m(), obstacles, floor_regions, ROOMS),
+        faces=(*floor_faces, *west_faces, *east_faces, *jambs, *piece_faces),
+        boxes=(*rooms.shell_boxes(), *jamb_boxes, *piece_boxes),
+        lamps=tuple(lamps),
         room_lights=tuple(
-            RoomLight(region, np.array(style.ambient))
-            for region, style in zip(arena.rooms, (west, east), strict=True)
+            RoomLight(room, np.array(style.ambient)) for room, style in zip(ROOMS, (west, east), strict=True)
         ),
     )
 

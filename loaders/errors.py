@@ -12,6 +12,7 @@ class LogError(Exception):
     """
 
     def __init__(self, file: Path, message: str, line: int | None = None) -> None:
+        message = " ".join(message.splitlines())  # one line, whatever names and system messages hold
         place = f"{file}" if line is None else f"{file}:{line}"
         super().__init__(f"{place}: {message}")
         self.file = file

@@ -40,6 +40,8 @@ def text(value: Any, what: str) -> str:
     """Give a text that is not empty."""
     if not isinstance(value, str) or not value:
         raise FieldError(f"found {what} {show(value)}, expected a text")
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise FieldError(f"found half a character in {what} {show(value)}, expected whole ones")
     return value
 
 

@@ -74,12 +74,11 @@ def _text(line: Line) -> str:
 
 
 def _line(file: BinaryIO, number: int, data: bytes) -> Line:
-    ended = data.endswith(b"\n")
-    too_long = len(data.rstrip(b"\r\n")) > MAX_LINE_BYTES or (not ended and len(data) > MAX_LINE_BYTES)
+    too_long = len(data) > MAX_LINE_BYTES
     rest = data
     while too_long and rest and not rest.endswith(b"\n"):
         rest = file.readline(MAX_LINE_BYTES)
-    return Line(number, data.rstrip(b"\r\n"), ended or (too_long and rest.endswith(b"\n")), too_long)
+    return Line(number, data.rstrip(b"\r\n"), rest.endswith(b"\n"), too_long)
 
 
 def _refuse_constant(name: str) -> NoReturn:

@@ -16,9 +16,9 @@ JPEG_OPTIONS = (
     *(cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444),
 )
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-# In scan data FF 00 is a plain byte and FF D0..D7 are restarts: any other marker ends the scan.
-_NEXT_MARKER = re.compile(rb"\xff+([^\x00\xd0-\xd7\xff])", re.DOTALL)
-_JPEG_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
+_MARKER = re.compile(rb"\xff+([^\x00\xff])", re.DOTALL)
+_START_OF_SCAN = 0xDA
+_END_OF_IMAGE = b"\xff\xd9"
 
 
 class PictureError(ValueError):
@@ -71,16 +71,19 @@ def picture_format(data: bytes) -> str:
 
 
 def _check_jpeg(data: bytes) -> None:
-    """Walk the markers to the end of image, so that neither a thumbnail's end nor a trailer deceives."""
+    """Walk the segments to the first scan, so that a thumbnail's end does not deceive, then find the end.
+
+    Within scan data FF is never followed by D9, so that the first FF D9 is the end marker.
+    """
     at = 2
-    while marker := _NEXT_MARKER.search(data, at):
-        code = marker[1][0]
-        if code == 0xD9:
-            return
-        at = marker.end()
-        if code not in _JPEG_WITHOUT_LENGTH:
-            at += int.from_bytes(data[at : at + 2], "big")
-    raise PictureError("found a cut JPEG picture (no end marker), expected a whole one")
+    while marker := _MARKER.search(data, at):
+        code, at = marker[1][0], marker.end()
+        if code == _START_OF_SCAN:
+            at = data.find(_END_OF_IMAGE, at)
+            break
+        at += int.from_bytes(data[at : at + 2], "big")
+    if not marker or at < 0:
+        raise PictureError("found a cut JPEG picture (no end marker), expected a whole one")
 
 
 def _check_png(data: bytes) -> None:

@@ -80,7 +80,7 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
     if missing:
         names = ", ".join(found) or "none"
         raise LogError(
-            file, f"found columns {names}, expected also {', '.join(missing)}; name the columns", 1
+            file, f"found columns {names}, expected also {', '.join(missing)}; choose the columns", 1
         )
     to_rad = math.pi / 180 if heading_unit(file, columns) == "deg" else 1.0
     for number, row in enumerate(table):

@@ -16,7 +16,7 @@ from maurice_mcl.typing import F64, U8
 from .errors import LogError
 from .findings import Findings
 from .header import Kind
-from .log_records import Event, Odometry, PictureRecord, read_header, read_records
+from .log_records import Event, Odometry, PictureRecord, Truth, read_header, read_records
 from .pictures import PictureError, decode_picture
 from .truth import with_truth
 
@@ -86,6 +86,16 @@ class SessionLog:
         """Count the picture records without opening any picture."""
         return sum(1 for _ in self._pictures(Findings(self._keep_going)))
 
+    def overview(self) -> tuple[int, bool]:
+        """Count the pictures that make a moment, and tell whether any truth is there; opens no picture."""
+        findings = Findings(self._keep_going)
+        taken = CameraChoice(self._camera, findings)
+        pictures, truth = 0, False
+        for record in read_records(self.path, self.kind, findings):
+            pictures += isinstance(record, PictureRecord) and taken(record) and not record.covered
+            truth = truth or isinstance(record, Truth)
+        return pictures, truth
+
     def _moments(self) -> Iterator[Moment]:
         findings = self._findings = Findings(self._keep_going)
         motions: list[F64] = []
@@ -104,7 +114,8 @@ class SessionLog:
                     continue
                 step += 1
                 moved = np.array(motions, np.float64).reshape(-1, 3)
-                frame = Frame(step, record.t_s - begin_s, moved, image, self._name(record))
+                name = record.path or f"{self.path.name}, picture {step}"
+                frame = Frame(step, record.t_s - begin_s, moved, image, name)
                 yield Moment(frame, truth, tuple(events))
                 motions, events = [], []
 
@@ -127,11 +138,10 @@ class SessionLog:
         try:
             return decode_picture(picture_bytes(record, self.path))
         except PictureError as problem:
-            findings.problem(LogError(self.path, f"{self._name(record)}: {problem}", record.line))
+            findings.problem(
+                LogError(self.path, f"{record.path or 'inline picture'}: {problem}", record.line)
+            )
             return None
-
-    def _name(self, record: PictureRecord) -> str:
-        return record.path or f"{self.path.name}:{record.line}"
 
     def _choose(self, camera: str | None) -> str | None:
         known = [c.name for c in self._info.cameras]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 
@@ -35,15 +36,7 @@ class SessionWriter:
         self._last_t_s = -np.inf
         self._pictures = 0
         header = _line(header_to_json(info, kind, path.parent))  # before the file is touched
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            self._file = path.open("wb" if force else "xb")
-        except FileExistsError:
-            raise LogError(
-                path, "found a log already; write elsewhere, or overwrite it with --force"
-            ) from None
-        except OSError as problem:
-            raise LogError(path, f"cannot be written: {problem.strerror}") from None
+        self._file = _create(path, "found a log already", force)
         self._put(header)
 
     def odometry(self, t_s: float, motion: Numbers, encoders_m: Numbers | None = None) -> None:
@@ -123,14 +116,8 @@ class SessionWriter:
 
     def _save_picture(self, relative: str, data: bytes) -> None:
         file = self._path.parent / relative
-        file.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with file.open("wb" if self._force else "xb") as out:
-                out.write(data)
-        except FileExistsError:
-            raise LogError(
-                file, "found a picture already; write elsewhere, or overwrite with --force"
-            ) from None
+        with _create(file, "found a picture already", self._force) as out, _clear_errors(file):
+            out.write(data)
 
     def _check_time(self, t_s: float) -> None:
         if not np.isfinite(t_s) or t_s < self._last_t_s:
@@ -142,8 +129,30 @@ class SessionWriter:
         self._last_t_s = float(t_s)
 
     def _put(self, line: bytes) -> None:
-        self._file.write(line)
-        self._file.flush()
+        with _clear_errors(self._path):
+            self._file.write(line)
+            self._file.flush()
+
+
+def _create(file: Path, found: str, force: bool) -> BinaryIO:
+    """Open a file for writing, its folder made; LogError when it exists and is not to be overwritten."""
+    with _clear_errors(file):
+        if file.parent.exists() and not file.parent.is_dir():
+            raise LogError(file.parent, "found a file, expected a folder; write elsewhere")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            return file.open("wb" if force else "xb")
+        except FileExistsError:
+            raise LogError(file, f"{found}; write elsewhere, or overwrite it with --force") from None
+
+
+@contextmanager
+def _clear_errors(file: Path) -> Iterator[None]:
+    """Say in one line what the system refuses: a full disk, a place without permission."""
+    try:
+        yield
+    except OSError as problem:
+        raise LogError(file, f"cannot be written: {problem.strerror}") from None
 
 
 def _line(value: dict[str, Any]) -> bytes:

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.api import VisualizerLike
+from rerun.encodings import EntityPathLike
+
 from maurice_mcl.arena import Arena
 
 from . import entities
 from .canvas import map_extent
-from .draw_traces import HEADING_ERROR, POSITION_ERROR, SHARES, SPREAD
+from .draw_traces import CONFIDENCE, EFFECTIVE, HEADING_ERROR, POSITION_ERROR, SPREAD
 from .entities import RunPaths
 from .look import GROUND, RUN_COLORS, TRUTH, Scale
 
+Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
+
 FPS = 4.0
+LEGEND = " (256 x share): picture white, match orange"
+SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
 COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
 
 
@@ -39,27 +46,37 @@ class Run:
 def single(run: Run, shown: Shown) -> rrb.Blueprint:
     """Lay out one run: the arena and the words left, matching in the middle, pictures and traces right."""
     paths = RunPaths(run.label)
-    left = rrb.Vertical(arena_view(paths, shown), text_view(paths), row_shares=[2.9, 1])
+    distances, *others = _single_traces(paths, shown)
+    left = rrb.Vertical(arena_view(paths, shown), text_view(paths), distances, row_shares=[2.9, 0.9, 1.05])
     middle = rrb.Vertical(
-        circles_view(paths, shown), histogram_tabs(paths, run.channels), difference_tabs(paths, run.channels), row_shares=[1.9, 1, 1]
+        circles_view(paths, shown),
+        histogram_tabs(paths, run.channels),
+        difference_tabs(paths, run.channels),
+        row_shares=[2.1, 1, 1],
     )
     right = rrb.Vertical(
         rrb.Horizontal(camera_view(), edges_view()),
         sheet_view(paths),
-        *_single_traces(paths, shown),
-        row_shares=[1.15, 0.8] + [0.9] * len(_single_traces(paths, shown)),
+        *others,
+        row_shares=[1.3, 0.8] + [2 / len(others)] * len(others),
     )
-    return _screen(rrb.Horizontal(left, middle, right, column_shares=[1.28, 1, 1.05]))
+    return _screen(rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1]))
 
 
 def compare(runs: Sequence[Run], shown: Shown) -> rrb.Blueprint:
-    """Lay out two runs of one drive: the first left, the second right, what they share between them."""
-    first, second = runs
+    """Lay out runs of one drive: the first left, the others right, what they share between them."""
+    first, *others = runs
     middle = rrb.Vertical(
         rrb.Horizontal(camera_view(), edges_view()),
         *_compared_traces([run.label for run in runs], shown),
     )
-    return _screen(rrb.Horizontal(_side(first, shown), middle, _side(second, shown), column_shares=[1.2, 1, 1.2]))
+    columns = [_side(first, shown), middle, *(_side(run, shown) for run in others)]
+    return _screen(rrb.Horizontal(*columns, column_shares=[1.2, 1.0] + [1.2] * len(others)))
+
+
+def for_runs(runs: Sequence[Run], shown: Shown) -> rrb.Blueprint:
+    """Lay out as many runs as there are: one by itself, more side by side."""
+    return single(runs[0], shown) if len(runs) == 1 else compare(runs, shown)
 
 
 def _side(run: Run, shown: Shown) -> rrb.Vertical:
@@ -68,9 +85,13 @@ def _side(run: Run, shown: Shown) -> rrb.Vertical:
     return rrb.Vertical(
         rrb.Tabs(arena_view(paths, shown, title), circles_view(paths, shown, title)),
         sheet_view(paths, title),
-        rrb.Tabs(*_histograms(paths, run.channels, ""), *_differences(paths, run.channels, ""), active_tab=0),
+        rrb.Tabs(
+            *_histograms(paths, run.channels, "", LEGEND),
+            *_differences(paths, run.channels, " diff."),
+            active_tab=0,
+        ),
         text_view(paths, title),
-        row_shares=[2.7, 1.05, 1.05, 1.1],
+        row_shares=[2.6, 0.95, 1.3, 0.95],
     )
 
 
@@ -85,16 +106,20 @@ def _screen(body: rrb.Horizontal) -> rrb.Blueprint:
     )
 
 
-def _map_view(name: str, contents: list[str], shown: Shown, white_cloud: str | None = None) -> rrb.Spatial2DView:
+def _map_view(
+    name: str, contents: list[str], shown: Shown, white_cloud: str | None = None
+) -> rrb.Spatial2DView:
     extent = map_extent(shown.arena, shown.scale)
-    overrides = {white_cloud: rr.Points2D.from_fields(colors=[TRUTH])} if white_cloud else None
+    overrides: Overrides = {white_cloud: SMALL_AND_WHITE} if white_cloud else {}
     return rrb.Spatial2DView(
         name=name,
         origin="/",
         contents=contents,
         background=GROUND,
         overrides=overrides,
-        visual_bounds=rrb.VisualBounds2D(x_range=(extent.left, extent.right), y_range=(extent.top, extent.bottom)),
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=(extent.left, extent.right), y_range=(extent.top, extent.bottom)
+        ),
     )
 
 
@@ -126,7 +151,9 @@ def edges_view() -> rrb.Spatial2DView:
 def sheet_view(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
     """Show the five best references."""
     return rrb.Spatial2DView(
-        name=f"{title}Five best references (q = match quality, 0 to 1)", origin=paths.contact_sheet, background=GROUND
+        name=f"{title}Five best references (q = match quality, 0 to 1)",
+        origin=paths.contact_sheet,
+        background=GROUND,
     )
 
 
@@ -137,16 +164,19 @@ def text_view(paths: RunPaths, title: str = "") -> rrb.TextDocumentView:
 
 def histogram_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
     """Show the picture's histogram over its best match's, a tab a channel."""
-    return rrb.Tabs(*_histograms(paths, channels, " histogram: picture white, best match orange"), active_tab=0)
+    return rrb.Tabs(*_histograms(paths, channels, "", LEGEND), active_tab=0)
 
 
 def difference_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
     """Show how far each bin is off, a tab a channel."""
-    return rrb.Tabs(*_differences(paths, channels, ": difference per bin (mean is D)"), active_tab=0)
+    return rrb.Tabs(*_differences(paths, channels, " difference per bin (its mean: D)"), active_tab=0)
 
 
-def _histograms(paths: RunPaths, channels: Sequence[str], rest: str) -> list[rrb.BarChartView]:
-    return [_chart(paths, c, f"{c}{rest}", ("bands", "reference", "sample")) for c in channels]
+def _histograms(paths: RunPaths, channels: Sequence[str], rest: str, legend: str) -> list[rrb.BarChartView]:
+    """The legend stands in the first tab's title: in the chart it would cover bars."""
+    titles = [f"{c}{rest}{'' if number else legend}" for number, c in enumerate(channels)]
+    kinds = ("bands", "reference", "sample")
+    return [_chart(paths, c, title, kinds) for c, title in zip(channels, titles, strict=True)]
 
 
 def _differences(paths: RunPaths, channels: Sequence[str], rest: str) -> list[rrb.BarChartView]:
@@ -156,13 +186,17 @@ def _differences(paths: RunPaths, channels: Sequence[str], rest: str) -> list[rr
 def _chart(paths: RunPaths, channel: str, name: str, kinds: Sequence[str]) -> rrb.BarChartView:
     contents = [f"{paths.histogram(channel, kind)}/**" for kind in kinds]
     return rrb.BarChartView(
-        name=name[0].upper() + name[1:], origin="/", contents=contents, plot_legend=rrb.PlotLegend(visible=False)
+        name=name[0].upper() + name[1:],
+        origin="/",
+        contents=contents,
+        plot_legend=rrb.PlotLegend(visible=False),
     )
 
 
 def _single_traces(paths: RunPaths, shown: Shown) -> list[rrb.TimeSeriesView]:
     unit = shown.scale.units.name
-    shares = _plot("Confidence orange, effective sample blue (share)", [paths.trace(SHARES)], top=1.02)
+    both = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE)]
+    shares = _plot("Confidence orange, effective sample blue (share)", both, top=1.02)
     if not shown.has_truth:
         return [_plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
     distances = [paths.trace(POSITION_ERROR), paths.trace(SPREAD)]
@@ -173,32 +207,44 @@ def _single_traces(paths: RunPaths, shown: Shown) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def _compared_traces(labels: Sequence[str], shown: Shown) -> list[rrb.TimeSeriesView]:
+def _compared_traces(labels: Sequence[str], shown: Shown) -> list[rrb.TimeSeriesView | rrb.Tabs]:
     who = ", ".join(f"{label} {word}" for label, word in zip(labels, COLOR_WORDS, strict=False))
     unit = shown.scale.units.name
-    plots = [(SPREAD, f"Spread of the cloud ({unit})")]
+    plots = [(SPREAD, f"Spread ({unit})" if shown.has_truth else f"Spread ({unit}): {who}")]
     if shown.has_truth:
-        plots = [(POSITION_ERROR, f"Position error ({unit}): {who}"), (HEADING_ERROR, "Heading error (deg)"), *plots]
-    views = [_compared(quantity, name, labels) for quantity, name in plots]
-    return views
+        plots = [
+            (POSITION_ERROR, f"Position error ({unit}): {who}"),
+            (HEADING_ERROR, "Heading error (deg)"),
+            *plots,
+        ]
+    *above, spread = [_compared(quantity, name, labels) for quantity, name in plots]
+    confidence = _compared(CONFIDENCE, "Confidence (share)", labels, top=1.02)
+    effective = _compared(EFFECTIVE, "Effective sample (share)", labels, top=1.02)
+    return [*above, rrb.Tabs(spread, confidence, effective, active_tab=0)]
 
 
-def _compared(quantity: str, name: str, labels: Sequence[str]) -> rrb.TimeSeriesView:
+def _compared(
+    quantity: str, name: str, labels: Sequence[str], top: float | None = None
+) -> rrb.TimeSeriesView:
     paths = [RunPaths(label).trace(quantity) for label in labels]
-    colors = {
-        path: rr.SeriesLines.from_fields(colors=[color]) for path, color in zip(paths, RUN_COLORS, strict=False)
+    colors: Overrides = {
+        path: rr.SeriesLines.from_fields(colors=[color])
+        for path, color in zip(paths, RUN_COLORS, strict=False)
     }
-    return _plot(name, paths, overrides=colors)
+    return _plot(name, paths, top, colors)
 
 
 def _plot(
-    name: str, contents: list[str], top: float | None = None, overrides: dict[str, rr.SeriesLines] | None = None
+    name: str,
+    contents: list[str],
+    top: float | None = None,
+    overrides: Overrides | None = None,
 ) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
         contents=contents,
-        overrides=dict(overrides or {}),
+        overrides=overrides,
         axis_y=None if top is None else rrb.ScalarAxis(range=(0.0, top)),
         plot_legend=rrb.PlotLegend(visible=False),
     )

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+
 from maurice_mcl.arena import Arena, Region
 from maurice_mcl.typing import F64, U8
 
 from .look import GROUND, OBSTACLE, PALE, RGB, Scale
-from .raster import plain, put_text, text_size
+from .raster import put_text, text_size
 
-LONG_SIDE_PX = 1600  # of the drawing; a map view on a full screen has about as many
-MARGIN = {"left": 0.075, "right": 0.02, "top": 0.075, "bottom": 0.06}  # shares of the arena's long side
-TEXT = 0.018  # height of capitals, as a share of the arena's long side
+LONG_SIDE_PX = 1280  # of the drawing: twice what a map view has on a screen of 1600 x 1000
+MARGIN = {"left": 0.075, "right": 0.045, "top": 0.075, "bottom": 0.05}  # shares of the arena's long side
+TEXT = 0.02  # height of capitals, as a share of the arena's long side
 EMPTY: RGB = (30, 32, 37)
 FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (34, 44, 66)}
 OTHER_FLOORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
@@ -88,8 +88,8 @@ def draw_ground(arena: Arena, scale: Scale) -> Canvas:
         _fill_floor(canvas, _pixels(canvas, floor.polygon, scale), floor.name, number)
     for obstacle in arena.obstacles:
         _fill_obstacle(canvas, obstacle, scale, text_px)
-    for name, corner in _names(canvas, arena, scale, text_px):
-        put_text(canvas.image, name, corner[0], corner[1], text_px, PALE)
+    for region, at_top in [(r, True) for r in arena.rooms] + [(f, False) for f in arena.floors]:
+        _put_name(canvas.image, region.name, _pixels(canvas, region.polygon, scale), at_top, text_px)
     _ruler(canvas, arena, scale, text_px)
     return canvas
 
@@ -133,14 +133,21 @@ def _fill_obstacle(canvas: Canvas, obstacle: Region, scale: Scale, text_px: floa
         put_text(canvas.image, obstacle.name, middle[0] - width / 2, middle[1] + height / 2, shrunk, GROUND)
 
 
-def _names(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> Iterator[tuple[str, F64]]:
-    """Give names with their lower left corners: rooms at the top of the room, floors at the bottom."""
-    for room in arena.rooms:
-        box = _pixels(canvas, room.polygon, scale)
-        yield room.name, box.min(axis=0) + (0.8 * text_px, 1.8 * text_px)
-    for floor in arena.floors:
-        box = _pixels(canvas, floor.polygon, scale)
-        yield floor.name, np.array([box[:, 0].min(), box[:, 1].max()]) + (0.8 * text_px, -0.8 * text_px)
+def _put_name(image: U8, name: str, polygon: F64, at_top: bool, text_px: float) -> None:
+    """Write a name near the top or bottom of its polygon, at the first place where it covers nothing."""
+    width, _ = text_size(name, text_px)
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    bases = np.arange(low[1] + 1.8 * text_px, high[1], text_px)
+    for base in bases if at_top else bases[::-1]:
+        for left in np.arange(low[0] + 0.8 * text_px, high[0] - width - 0.8 * text_px, text_px):
+            if _is_bare(image[round(base - 1.3 * text_px) : round(base), round(left) : round(left + width)]):
+                put_text(image, name, left, base, text_px, PALE)
+                return
+
+
+def _is_bare(part: U8) -> bool:
+    """Tell whether part of the drawing (h, w, 3) holds neither obstacle nor text."""
+    return not any((part == color).all(axis=2).any() for color in (OBSTACLE, PALE))
 
 
 def ticks(low: float, high: float, smallest: float) -> list[float]:
@@ -157,8 +164,9 @@ def _ruler(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> None:
     x_min, y_min, x_max, y_max = (scale.length(v) for v in arena.bounds)
     low = _pixels(canvas, np.array([arena.bounds[:2]]), scale)[0]
     px = 1 / canvas.unit_per_px
-    for x in ticks(x_min, x_max, scale.units.grid):
-        label = plain(f"{x:g}")
+    across = ticks(x_min, x_max, scale.units.grid)
+    for x in across:
+        label = f"{x:g} {scale.units.name}" if x == across[-1] else f"{x:g}"
         width, height = text_size(label, text_px)
         at = low[0] + (x - x_min) * px
         put_text(canvas.image, label, at - width / 2, low[1] + 1.9 * text_px, text_px, PALE)
@@ -168,6 +176,3 @@ def _ruler(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> None:
         at = low[1] - (y - y_min) * px
         put_text(canvas.image, f"{y:g}", low[0] - width - 0.8 * text_px, at + height / 2, text_px, PALE)
         cv2.line(canvas.image, (round(low[0] - text_px / 2), round(at)), (round(low[0]), round(at)), PALE, 2)
-    label = f"({scale.units.name})"
-    right = _pixels(canvas, np.array([[arena.bounds[2], arena.bounds[1]]]), scale)[0]
-    put_text(canvas.image, label, right[0] - text_size(label, text_px)[0], right[1] + 3 * text_px, text_px, PALE)

@@ -30,7 +30,6 @@ class Advance(Protocol):
         ...
 
 
-
 def note(text: str) -> None:
     """Say something that is not the result."""
     notes.print(text)

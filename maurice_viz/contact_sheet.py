@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
 from maurice_mcl.library import Library
 from maurice_mcl.records import Sighting
 from maurice_mcl.typing import U8
@@ -16,63 +17,82 @@ from .look import GROUND, PALE, RANK, RGB, Scale
 from .raster import put_text, text_size
 
 BEST = 5
-CELL_PX = 240  # width of one picture; its height follows the pictures' own shape
-CAPTION_PX = 64
-TEXT_PX = 12.0
-GAP_PX = 8
-KEPT = 128  # thumbnails in memory, about 15 MB: neighbors in time match the same entries
+CELL_PX = 144  # width of one picture; its height follows the pictures' own shape
+CAPTION_PX = 44
+TEXT_PX = 9.5
+ENTRY_AT_PX, QUALITY_AT_PX = 22, 92  # where in a cell these captions begin
+NOT_KEPT = "picture not kept"
+GAP_PX = 6
+KEPT = 640  # cells in memory, at most about 50 MB: matches come back, and reading one costs 0.5 ms
 MISSING: RGB = (48, 50, 56)
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
-    """What is said about one reference."""
+class Match:
+    """One of the best references: `rank` 1 is the best, `quality` lies between 0 and 1."""
 
-    rank: int  # 1 is best
+    rank: int
     entry: int
     quality: float
-    pose: str
 
 
-def best_cells(sighting: Sighting, library: Library, scale: Scale) -> tuple[Cell, ...]:
+def best_matches(sighting: Sighting) -> tuple[Match, ...]:
     """Give the best entries, best first; fewer than five where the library has fewer."""
-    return tuple(
-        Cell(rank, int(entry), float(sighting.quality[entry]), scale.say_pose(library.poses[entry]))
-        for rank, entry in enumerate(sighting.ranking()[:BEST], 1)
-    )
+    ranking = sighting.ranking()[:BEST].tolist()
+    return tuple(Match(rank, entry, float(sighting.quality[entry])) for rank, entry in enumerate(ranking, 1))
 
 
 @dataclass(slots=True)
 class ContactSheet:
-    """Draws sheets, and remembers the thumbnails of the last `KEPT` pictures."""
+    """Draws sheets, and remembers the cells (all but rank and quality) of the last `KEPT` references."""
 
-    pictures: Sequence[Path | None]
-    _thumbnails: dict[int, U8 | None] = field(default_factory=dict)
+    library: Library
+    scale: Scale
+    _cells: dict[int, U8] = field(default_factory=dict)
     _height: int | None = None  # of a picture, in pixels: that of the first one that could be read
 
-    def draw(self, cells: Sequence[Cell]) -> U8:
-        """Draw one row of cells, always five wide so that the sheet does not jump: (H, W, 3) RGB."""
-        thumbnails = [self.thumbnail(cell.entry) for cell in cells]
-        height = self._height or CELL_PX * 3 // 4
-        columns = [_column(c, t, height) for c, t in zip(cells, thumbnails, strict=True)]
-        columns += [_blank(height + CAPTION_PX)] * (BEST - len(cells))
-        return np.concatenate(columns, axis=1)[:, :-GAP_PX]
+    def draw(self, matches: Sequence[Match]) -> U8:
+        """Draw one row, always five wide so that the sheet does not jump: (H, W, 3) RGB."""
+        cells = [self._cell(match.entry) for match in matches]
+        cells += [_blank(self._picture_height())] * (BEST - len(matches))
+        sheet = np.concatenate(cells, axis=1)
+        for column, match in enumerate(matches):
+            left, base = column * (CELL_PX + GAP_PX), self._picture_height() + 18
+            put_text(sheet, f"{match.rank}", left + 2, base, 15.0, RANK)
+            put_text(sheet, f"q {match.quality:.3f}", left + QUALITY_AT_PX, base, TEXT_PX, PALE)
+        return sheet[:, :-GAP_PX]
 
-    def thumbnail(self, entry: int) -> U8 | None:
-        """Give a reference picture `CELL_PX` wide; None when there is none or it cannot be read."""
-        if entry not in self._thumbnails:
-            if len(self._thumbnails) >= KEPT:
-                self._thumbnails.pop(next(iter(self._thumbnails)))
-            self._thumbnails[entry] = self._read(self.pictures[entry])
-        return self._thumbnails[entry]
+    def _cell(self, entry: int) -> U8:
+        if entry not in self._cells:
+            if len(self._cells) >= KEPT:
+                self._cells.pop(next(iter(self._cells)))
+            self._cells[entry] = self._drawn(entry)
+        return self._cells[entry]
 
-    def _read(self, path: Path | None) -> U8 | None:
+    def _drawn(self, entry: int) -> U8:
+        thumbnail = self._thumbnail(self.library.pictures[entry])
+        height = self._picture_height()
+        cell = _blank(height)
+        cell[:height, :CELL_PX] = MISSING if thumbnail is None else thumbnail
+        if thumbnail is None:
+            width, _ = text_size(NOT_KEPT, TEXT_PX)
+            put_text(cell, NOT_KEPT, (CELL_PX - width) / 2, height / 2, TEXT_PX, PALE)
+        pose = self.scale.say_pose(self.library.poses[entry])
+        put_text(cell, f"entry {entry}", ENTRY_AT_PX, height + 18, TEXT_PX, PALE)
+        put_text(cell, pose, 2, height + 37, _fitting(pose), PALE)
+        return cell
+
+    def _thumbnail(self, path: Path | None) -> U8 | None:
         image = read_picture(path) if path is not None else None
         if image is None:
             return None
         if self._height is None:
             self._height = max(1, round(CELL_PX * image.shape[0] / image.shape[1]))
+            self._cells.clear()  # of another height: no picture had been read yet
         return np.asarray(cv2.resize(image, (CELL_PX, self._height), interpolation=cv2.INTER_AREA), np.uint8)
+
+    def _picture_height(self) -> int:
+        return self._height or CELL_PX * 3 // 4
 
 
 def read_picture(path: Path) -> U8 | None:
@@ -86,23 +106,11 @@ def read_picture(path: Path) -> U8 | None:
 
 
 def _blank(height: int) -> U8:
-    return np.full((height, CELL_PX + GAP_PX, 3), GROUND, np.uint8)
-
-
-def _column(cell: Cell, thumbnail: U8 | None, height: int) -> U8:
-    column = _blank(height + CAPTION_PX)
-    column[:height, :CELL_PX] = MISSING if thumbnail is None else thumbnail
-    if thumbnail is None:
-        text = "picture not kept"
-        put_text(column, text, (CELL_PX - text_size(text, TEXT_PX)[0]) / 2, height / 2, TEXT_PX, PALE)
-    put_text(column, f"{cell.rank}", 2, height + 27, 20.0, RANK)
-    put_text(column, f"entry {cell.entry}", 32, height + 25, TEXT_PX + 1, PALE)
-    quality = f"q = {cell.quality:.3f}"
-    put_text(column, quality, CELL_PX - text_size(quality, TEXT_PX + 1)[0], height + 25, TEXT_PX + 1, PALE)
-    put_text(column, cell.pose, 2, height + 53, _fitting(cell.pose), PALE)
-    return column
+    cell = np.empty((height + CAPTION_PX, CELL_PX + GAP_PX, 3), np.uint8)
+    cv2.rectangle(cell, (0, 0), cell.shape[1::-1], GROUND, cv2.FILLED)  # ten times quicker than np.full
+    return cell
 
 
 def _fitting(text: str) -> float:
     """Give the text height at which a caption fits into its cell."""
-    return min(TEXT_PX, TEXT_PX * CELL_PX / text_size(text, TEXT_PX)[0])
+    return min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / text_size(text, TEXT_PX)[0])

@@ -7,16 +7,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
+
 from maurice_mcl.belief import Belief
 from maurice_mcl.records import StepRecord
 from maurice_mcl.typing import F32, F64, I32
 
-from .look import ESTIMATE, TRUTH, RGB, Scale, copy_colors, heading_vector, weight_colors
+from .look import ESTIMATE, RGB, TRUTH, Scale, copy_colors, heading_vector, weight_colors
 
 PARTICLE = 1.75  # radius in points of the screen
 COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
 MOST_COPIED = 9.0
-TRAIL = 200  # poses of a trail that are kept: drawing it costs the same however long the session is
+TRAIL = 25  # poses of a trail that are kept: more would bury the cloud, and cost more the longer it runs
 ARROW = 0.055  # length of a heading arrow, as a share of the arena's long side
 
 
@@ -81,32 +82,22 @@ class PoseMarker:
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log what does not change."""
-        points = rr.components.Radius.ui_points
-        rec.log(
-            self.path,
-            rr.Points2D.from_fields(colors=[self.color], radii=points(self.radius), draw_order=self.order),
-            static=True,
-        )
-        rec.log(
-            f"{self.path}/heading",
-            rr.Arrows2D.from_fields(colors=[self.color], radii=points(1.75), draw_order=self.order),
-            static=True,
-        )
-        rec.log(
-            f"{self.path}/trail",
-            rr.LineStrips2D.from_fields(colors=[self.color], radii=points(0.75), draw_order=self.order - 5),
-            static=True,
-        )
+        points, color = rr.components.Radius.ui_points, [self.color]
+        disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.order)
+        arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.order)
+        trail = rr.LineStrips2D.from_fields(colors=color, radii=points(0.75), draw_order=self.order - 5)
+        rec.log(self.path, disk, arrow, trail, static=True)
 
     def draw(self, rec: rr.RecordingStream, pose: F64, scale: Scale, arrow: float) -> None:
         """Log one pose (3,); `arrow` is the arrow's length in display units."""
         at = scale.screen(pose[None, :2])
         self._trail.append(at[0])
-        rec.log(self.path, rr.Points2D.from_fields(positions=at))
-        vectors = heading_vector(float(pose[2]), arrow)
-        rec.log(f"{self.path}/heading", rr.Arrows2D.from_fields(origins=at, vectors=vectors))
-        if len(self._trail) > 1:
-            rec.log(f"{self.path}/trail", rr.LineStrips2D.from_fields(strips=[np.array(self._trail)]))
+        rec.log(  # all in one: a call costs more than what it carries
+            self.path,
+            rr.Points2D.from_fields(positions=at),
+            rr.Arrows2D.from_fields(origins=at, vectors=heading_vector(float(pose[2]), arrow)),
+            rr.LineStrips2D.from_fields(strips=[np.array(self._trail)]),
+        )
 
 
 def truth_marker(path: str) -> PoseMarker:

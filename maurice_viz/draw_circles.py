@@ -1,4 +1,4 @@
-"""Match circles: at every library node one circle a heading, sized by likelihood (thesis fig. 34)."""
+"""Match circles: at every library node one circle a heading, its area the likelihood (thesis fig. 34)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
+from scipy.spatial import cKDTree
+
 from maurice_mcl.library import Library
 from maurice_mcl.records import Sighting
 from maurice_mcl.typing import F32, F64
-from scipy.spatial import cKDTree
 
 from .contact_sheet import BEST
 from .draw_world import distinct_places
@@ -38,7 +39,8 @@ class Circles:
 
     def draw(self, rec: rr.RecordingStream, paths: RunPaths, sighting: Sighting) -> None:
         """Log the sizes, and where the five best are."""
-        radii = relative_likelihood(sighting.log_likelihood) * np.float32(LARGEST - SMALLEST) + np.float32(SMALLEST)
+        share = np.sqrt(relative_likelihood(sighting.log_likelihood))  # so that the area is the likelihood
+        radii = np.maximum(share * np.float32(LARGEST), np.float32(SMALLEST))
         rec.log(paths.circles, rr.Points2D.from_fields(radii=radii * np.float32(self.spacing)))
         best = sighting.ranking()[:BEST]
         sizes = radii[best] * np.float32(self.spacing)
@@ -59,7 +61,7 @@ def node_spacing(poses: F64) -> float:
     places = distinct_places(poses)
     if len(places) < 2:
         return 0.5
-    nearest, _ = cKDTree(places).query(places, k=2)
+    nearest = np.asarray(cKDTree(places).query(places, k=2)[0])
     return float(np.median(nearest[:, 1]))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
+
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.records import Sighting
 from maurice_mcl.sensor import contributions
@@ -25,7 +26,9 @@ USUAL_DIFFERENCE = 0.5
 KINDS = ("sample", "reference", "difference")
 
 
-def prepare_histograms(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...], library: Library) -> None:
+def prepare_histograms(
+    rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...], library: Library
+) -> None:
     """Log what does not change: bands, colors, and where the bars stand."""
     for channel in channels:
         index = library.index[channel]
@@ -33,7 +36,7 @@ def prepare_histograms(rec: rr.RecordingStream, paths: RunPaths, channels: tuple
         _bands(rec, paths, channel, "bands", bins, usual_height(index))
         _bands(rec, paths, channel, "difference_bands", bins, USUAL_DIFFERENCE)
         _bars(rec, paths.histogram(channel, "reference"), REFERENCE, bins, 0.0, 1.0)
-        _bars(rec, paths.histogram(channel, "sample"), SAMPLE, bins, 0.25, 0.5)
+        _bars(rec, paths.histogram(channel, "sample"), SAMPLE, bins, 0.3, 0.4)
         _bars(rec, paths.histogram(channel, "difference"), PALE, bins, 0.0, 1.0)
 
 
@@ -42,7 +45,9 @@ def usual_height(index: ChannelIndex) -> float:
     return max(float(np.percentile(index.references, USUAL)), 1.0)
 
 
-def _bands(rec: rr.RecordingStream, paths: RunPaths, channel: str, kind: str, bins: int, height: float) -> None:
+def _bands(
+    rec: rr.RecordingStream, paths: RunPaths, channel: str, kind: str, bins: int, height: float
+) -> None:
     width = bins / PLANES
     for plane, color in enumerate(BANDS):
         band = rr.BarChart([height], abscissa=[plane * width], widths=[width], color=color)
@@ -53,7 +58,11 @@ def _bars(rec: rr.RecordingStream, path: str, color: RGB, bins: int, offset: flo
     at = np.arange(bins, dtype=np.float32) + np.float32(offset)
     chart = rr.BarChart(np.zeros(bins, np.float32), color=color, abscissa=at, widths=np.full(bins, width))
     # all but the values: static values would hide all later ones, and from_fields() insists on values
-    style = [part for part in chart.as_component_batches() if not part.component_descriptor().component.endswith("values")]
+    style = [
+        part
+        for part in chart.as_component_batches()
+        if not part.component_descriptor().component.endswith("values")
+    ]
     rec.log(path, style, static=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import rerun as rr
+
 from maurice_mcl.channels.edges import edge_image
 from maurice_mcl.typing import U8
 

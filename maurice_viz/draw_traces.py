@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
+
 from maurice_mcl.records import StepRecord
 from maurice_mcl.typing import F64
 
@@ -14,22 +15,24 @@ from .narrate import errors
 POSITION_ERROR = "position_error"
 HEADING_ERROR = "heading_error"
 SPREAD = "spread"
-SHARES = "shares"
+CONFIDENCE = "confidence"
+EFFECTIVE = "effective_sample"
 LINE = 1.75
 
-STYLES: dict[str, tuple[tuple[str, RGB], ...]] = {
-    POSITION_ERROR: (("position error", RUN_COLORS[0]),),
-    SPREAD: (("spread", RUN_COLORS[1]),),
-    HEADING_ERROR: (("heading error", RUN_COLORS[0]),),
-    SHARES: (("confidence", RUN_COLORS[0]), ("effective sample size", RUN_COLORS[1])),
+COLORS: dict[str, RGB] = {
+    POSITION_ERROR: RUN_COLORS[0],
+    SPREAD: RUN_COLORS[1],
+    HEADING_ERROR: RUN_COLORS[0],
+    CONFIDENCE: RUN_COLORS[0],
+    EFFECTIVE: RUN_COLORS[1],
 }
 
 
 def prepare_traces(rec: rr.RecordingStream, paths: RunPaths) -> None:
     """Log names and colors of the lines, static."""
-    for quantity, lines in STYLES.items():
-        names = [f"{paths.label} {name}" for name, _ in lines]
-        style = rr.SeriesLines(names=names, colors=[color for _, color in lines], widths=[LINE] * len(lines))
+    for quantity, color in COLORS.items():
+        name = f"{paths.label}: {quantity.replace('_', ' ')}"
+        style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
         rec.log(paths.trace(quantity), style, static=True)
 
 
@@ -43,4 +46,5 @@ def draw_traces(
         rec.log(paths.trace(HEADING_ERROR), rr.Scalars(float(np.degrees(angle))))
     rec.log(paths.trace(SPREAD), rr.Scalars(scale.length(float(np.hypot(*record.mean.sd_m)))))
     share = record.effective_sample_size / record.weighted.size
-    rec.log(paths.trace(SHARES), rr.Scalars([record.estimate.confidence, share]))
+    rec.log(paths.trace(EFFECTIVE), rr.Scalars(share))
+    rec.log(paths.trace(CONFIDENCE), rr.Scalars(record.estimate.confidence))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
+
 from maurice_mcl.library import Library
 from maurice_mcl.typing import F64, U8
 
@@ -37,8 +38,17 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
 def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth: bool) -> None:
     """Log the keys that stand above the map views, static."""
     extent = map_extent(library.arena, scale)
-    for path, strip in ((entities.WEIGHT_KEY, keys.weight_key(has_truth)), (entities.MATCH_KEY, keys.circle_key())):
-        _log_image(rec, path, strip, extent, min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX))
+    for path, strip in (
+        (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
+        (entities.MATCH_KEY, keys.circle_key()),
+    ):
+        _log_image(
+            rec,
+            path,
+            strip,
+            extent,
+            min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX),
+        )
 
 
 def distinct_places(poses: F64) -> F64:

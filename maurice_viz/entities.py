@@ -25,9 +25,7 @@ MATCH_KEY = "/world/key/circles"
 
 CAMERA = "/session/camera"
 EDGES = "/session/edges"
-TRUTH = "/session/truth"
-TRUTH_ARROW = "/session/truth/heading"
-TRUTH_TRAIL = "/session/truth/trail"
+TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 
 RESERVED = ("world", "session")
 
@@ -69,18 +67,8 @@ class RunPaths:
 
     @property
     def estimate(self) -> str:
-        """The scored estimate: one Points2D."""
+        """The scored estimate: one Points2D, an Arrows2D along its heading, a LineStrips2D of its past."""
         return self.at("belief", "estimate")
-
-    @property
-    def estimate_arrow(self) -> str:
-        """Where the estimate heads: one Arrows2D."""
-        return self.at("belief", "estimate", "heading")
-
-    @property
-    def estimate_trail(self) -> str:
-        """Where the estimate was: one LineStrips2D."""
-        return self.at("belief", "estimate", "trail")
 
     @property
     def circles(self) -> str:

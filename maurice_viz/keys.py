@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+
 from maurice_mcl.typing import U8
 
 from .look import CIRCLE, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, TRUTH
@@ -12,6 +13,7 @@ from .raster import put_text, text_size
 HEIGHT_PX = 64
 TEXT_PX = 24.0
 GAP_PX = 18
+INSET_PX = 70
 
 
 def _strip(width: int) -> U8:
@@ -40,13 +42,20 @@ def _weights() -> U8:
 
 def weight_key(has_truth: bool) -> U8:
     """Draw the arena's key: truth (if it is known), estimate, and the color scale of the weights."""
-    parts = [_disk(TRUTH, 13), _text("truth  ")] if has_truth else []
-    parts += [_disk(ESTIMATE, 13), _text("estimate  "), _text("weight: 1/8"), _weights(), _text("8 x average")]
+    parts = [_strip(INSET_PX)]
+    parts += [_disk(TRUTH, 13), _text("truth  ")] if has_truth else []
+    parts += [
+        _disk(ESTIMATE, 13),
+        _text("estimate  "),
+        _text("weight: 1/8"),
+        _weights(),
+        _text("8 times the average"),
+    ]
     return np.concatenate(parts, axis=1)
 
 
 def circle_key() -> U8:
     """Draw the match map's key: circles, ranks and the cloud."""
-    parts = [_disk(CIRCLE, 20), _text("likelihood of a reference, best = full size  ")]
+    parts = [_strip(INSET_PX), _disk(CIRCLE, 20), _text("area: likelihood of a reference  ")]
     parts += [_disk(RANK, 13), _text("best five  "), _disk(TRUTH, 6), _text("particles")]
     return np.concatenate(parts, axis=1)

@@ -11,10 +11,11 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
+
 from maurice_mcl.arena import Arena
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.typing import F32, F64
-from numpy.typing import NDArray
 
 U32 = NDArray[np.uint32]
 
@@ -23,7 +24,7 @@ RGB = tuple[int, int, int]
 GROUND: RGB = (16, 17, 20)
 TRUTH: RGB = (255, 255, 255)
 ESTIMATE: RGB = (255, 92, 51)
-CIRCLE: RGB = (86, 140, 200)
+CIRCLE: RGB = (74, 170, 110)
 RANK: RGB = (255, 208, 92)
 WALL: RGB = (196, 198, 204)
 OBSTACLE: RGB = (92, 94, 102)
@@ -118,7 +119,7 @@ LUT = _viridis()  # (256,) packed colors, dark to bright
 
 def shade(share: NDArray[Any]) -> U32:
     """Give packed colors (K,) for values (K,) between 0 (dark) and 1 (bright); outside is clipped."""
-    return LUT[np.clip(np.asarray(share) * 255, 0, 255).astype(np.uint8)]
+    return np.asarray(LUT[np.clip(np.asarray(share) * 255, 0, 255).astype(np.uint8)], np.uint32)
 
 
 def weight_colors(log_weights: F64) -> U32:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from maurice_mcl.belief import Belief
 from maurice_mcl.geometry import angle_between, circular_mean
 from maurice_mcl.records import Estimate, StepRecord
@@ -125,14 +126,12 @@ def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     first = int(record.sighting.ranking()[0])
     match = f"Best match: entry {first}, quality {record.sighting.quality[first]:.3f}."
     kept = "Resampled." if record.parents is not None else "Not resampled."
+    events = [*moment.events, *(event for event in record.events if event != "resampled")]
     lines = [
-        f"**{_when(moment)}**",
+        f"**{_when(moment)}**" + "".join(f" · {event}" for event in events),
         estimated(record, moment.truth, scale),
         f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}",
     ]
-    events = [*moment.events, *(event for event in record.events if event != "resampled")]
-    if events:
-        lines.append("Events: " + "; ".join(events) + ".")
     return "\n\n".join(lines)
 
 

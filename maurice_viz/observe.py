@@ -6,13 +6,23 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import rerun as rr
+
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
 
-from . import draw_belief, draw_circles, draw_histograms, draw_pictures, draw_traces, draw_world, entities, narrate
+from . import (
+    draw_belief,
+    draw_circles,
+    draw_histograms,
+    draw_pictures,
+    draw_traces,
+    draw_world,
+    entities,
+    narrate,
+)
 from .canvas import long_side
-from .contact_sheet import ContactSheet, best_cells
+from .contact_sheet import ContactSheet, best_matches
 from .entities import RunPaths, Slot
 from .look import Scale, scale_for
 
@@ -86,7 +96,7 @@ class RerunObserver:
             scale,
             draw_belief.ARROW * long_side(library.arena, scale),
             draw_circles.circles_for(library, scale),
-            ContactSheet(library.pictures),
+            ContactSheet(library, scale),
             draw_belief.estimate_marker(self._paths.estimate),
             draw_belief.truth_marker(entities.TRUTH),
         )
@@ -128,8 +138,8 @@ class RerunObserver:
             draw_pictures.draw_camera(self.rec, moment.frame.image)
         tools.circles.draw(self.rec, self._paths, record.sighting)
         draw_histograms.draw_histograms(self.rec, self._paths, record.sighting, tools.library)
-        cells = best_cells(record.sighting, tools.library, tools.scale)
-        draw_pictures.draw_sheet(self.rec, self._paths.contact_sheet, tools.sheet.draw(cells))
+        sheet = tools.sheet.draw(best_matches(record.sighting))
+        draw_pictures.draw_sheet(self.rec, self._paths.contact_sheet, sheet)
         self._say(narrate.phase(moment, record, Slot.MEASURE, tools.scale))
 
     def _weight(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:

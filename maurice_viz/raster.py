@@ -6,6 +6,7 @@ import unicodedata
 
 import cv2
 import numpy as np
+
 from maurice_mcl.typing import U8
 
 from .look import RGB
@@ -29,7 +30,7 @@ def text_size(text: str, height_px: float) -> tuple[int, int]:
 def put_text(image: U8, text: str, left: float, base: float, height_px: float, color: RGB) -> None:
     """Write a text on an image of one's own, its lower left corner at (left, base)."""
     at = (round(left), round(base))
-    thickness = max(1, round(height_px / 16))
+    thickness = max(1, round(height_px / 26))
     cv2.putText(image, plain(text), at, FONT, _font_scale(height_px), color, thickness, cv2.LINE_AA)
 
 

@@ -1,4 +1,4 @@
-"""Where a recording goes: a file, a viewer, or nowhere.
+"""Where a recording goes: a file or a viewer.
 
 A file is written beside its final name as `<stem>.part.rrd` and renamed when it is whole, so that a file
 under its own name is never half a recording and an earlier one survives a failure. When the process is
@@ -47,7 +47,9 @@ def part_of(path: Path) -> Path:
 
 
 @contextmanager
-def to_file(path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool = False) -> Iterator[rr.RecordingStream]:
+def to_file(
+    path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool = False
+) -> Iterator[rr.RecordingStream]:
     """Open a recording that is written to a file, whole or not at all under that name.
 
     Raises SinkError when the file exists and `force` is not set, when its folder cannot be written to, or
@@ -72,22 +74,13 @@ def to_viewer(name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStrea
     try:
         rec.spawn(default_blueprint=blueprint)
     except (RuntimeError, OSError) as error:
-        raise SinkError(f"cannot start the Rerun viewer ({_first_line(error)}); use --save FILE.rrd") from error
+        raise SinkError(
+            f"cannot start the Rerun viewer ({_first_line(error)}); use --save FILE.rrd"
+        ) from error
     try:
         yield rec
     finally:
         _close(rec)
-
-
-@contextmanager
-def to_nowhere(name: str) -> Iterator[rr.RecordingStream]:
-    """Open a recording that is thrown away as it is made, for measuring what drawing costs."""
-    rec = recording(name)
-    rec.binary_stream()
-    try:
-        yield rec
-    finally:
-        rec.disconnect()
 
 
 def _check_target(path: Path, force: bool) -> None:

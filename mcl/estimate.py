@@ -89,11 +89,7 @@ def _mean(x: F64, y: F64, held: F64) -> Point:
 
 
 def _near(x: F64, y: F64, center: Point, radius_m: float) -> Bool:
-    return _squares(x - center[0], y - center[1]) <= radius_m**2
-
-
-def _squares(dx: F64, dy: F64) -> F64:
-    return dx * dx + dy * dy
+    return np.square(x - center[0]) + np.square(y - center[1]) <= radius_m**2
 
 
 def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
@@ -101,11 +97,11 @@ def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
     x, y = _columns(belief)
     center, mass = _mean(x, y, held), float(held.sum())
     heading, heading_sd = circular_mean(belief.poses[:, 2], held)
-    dx, dy = x - center[0], y - center[1]
-    away = _squares(dx, dy)
+    along_x, along_y = np.square(x - center[0]), np.square(y - center[1])
+    away = along_x + along_y
     return Estimate(
         pose=np.array([center[0] + belief.origin[0], center[1] + belief.origin[1], heading]),
-        sd_m=(math.sqrt(held @ (dx * dx) / mass), math.sqrt(held @ (dy * dy) / mass)),
+        sd_m=(math.sqrt(held @ along_x / mass), math.sqrt(held @ along_y / mass)),
         heading_sd_rad=heading_sd,
         mass=mass,
         confidence=float(weights @ (away <= CONFIDENCE_M**2)),

@@ -19,10 +19,10 @@ INCH_M = 0.0254
 
 
 def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
-    """Bring angles of any size into [-pi, pi); shape and precision are kept, as is what lies there already.
+    """Bring angles of any size into [-pi, pi); shape and precision are kept.
 
-    Whole turns are taken off by `floor`, which is six times faster than `%` and leaves angles that are in
-    the range exactly as they are. In float32 the range is that of pi rounded to float32.
+    Whole turns are taken off by `floor`, which is six times faster than `%` and leaves angles inside the
+    range exactly as they are. In float32 the range is that of pi rounded to float32.
     """
     # Python floats keep the precision of a numpy array (NEP 50)
     turned = angle_rad - 2 * math.pi * np.floor((angle_rad + math.pi) * (0.5 / math.pi))

@@ -53,8 +53,9 @@ class Grid:
         column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale
         rows, columns = self.shape
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        cell = row.astype(np.int32) * np.int32(columns) + column.astype(np.int32)
-        return np.where(inside, cell, np.int32(-1))
+        cell: I32 = row.astype(np.int32) * np.int32(columns) + column.astype(np.int32)
+        cell[~inside] = -1
+        return cell
 
 
 def make_grid(arena: Arena, places: F64) -> Grid:

@@ -30,7 +30,7 @@ class Purpose(IntEnum):
 def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random.Generator:
     """Open the generator at one address; the same address always gives the same numbers.
 
-    Draw per-particle noise row by row, as `random((N, k))` or `normals` do: a larger N then keeps a
+    Draw per-particle noise row by row, as `random((N, k))` and `normals` do: a larger N then keeps a
     smaller one's draws. Tricks on whole arrays (pairing its two halves, sorting) would break that.
 
     Raises ValueError where a word of the address is not in 0 to 2**32 - 1.
@@ -44,10 +44,11 @@ def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random
 def normals(rng: np.random.Generator, n: int) -> F32:
     """Draw n rows of three standard normals (n, 3), float32; each column is contiguous.
 
-    By Box and Muller (1958), from four uniforms a row, which takes half the time of the generator's own
-    method for float32. The largest possible value is 5.8, as float32 uniforms go down to 2**-24.
+    By Box and Muller (1958), from four 24-bit uniforms a row: half the time of the generator's own method.
+    The largest possible value is 5.8, as the uniforms go down to 2**-24.
     """
-    uniform = np.ascontiguousarray(rng.random((n, 4), dtype=np.float32).T)
+    bits = rng.integers(0, 2**64, (n, 2), np.uint64).view(np.uint32)
+    uniform = (bits.T >> np.uint32(8)).astype(np.float32, order="C") * np.float32(2**-24)
     far = np.sqrt(-2 * np.log(1 - uniform[:2]))  # 1 - u is never 0
     angle = 2 * math.pi * uniform[2:]
     return np.stack([far[0] * np.cos(angle[0]), far[0] * np.sin(angle[0]), far[1] * np.cos(angle[1])]).T

@@ -28,7 +28,8 @@ def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
     cumulative, last = _cumulative(weights)
     ends = np.ceil(cumulative * n - rng.random()).astype(np.int32)
     ends[last:] = n
-    copies = np.diff(ends, prepend=np.int32(0))
+    copies = ends.copy()
+    copies[1:] -= ends[:-1]
     return np.repeat(np.arange(len(weights), dtype=np.int32), copies)
 
 

@@ -22,32 +22,34 @@ NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn, before
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NearestReference:
-    """Two tables: raster cell to place, and place and heading to entry."""
+    """Two tables: raster cell to place, and place and heading to entry.
+
+    Outside is -1 everywhere, and the last row of each table answers to the index -1.
+    """
 
     grid: Grid
     places: F64  # (P, 2) distinct positions in the library
-    place_of_cell: I32  # (rows * columns,) -1 where a robot cannot be
-    entry_of: I32  # (P, HEADING_BINS)
+    place_of_cell: I32  # (rows * columns + 1,) -1 where a robot cannot be
+    entry_of: I32  # (P + 1, HEADING_BINS)
 
     def entries(self, poses: F32, origin: F64) -> I32:
         """Give the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
         cell = self.grid.cells_of(poses[:, :2], origin)
         place = self.place_of_cell.take(cell)
         turn = (poses[:, 2] + np.float32(np.pi)) * np.float32(HEADING_BINS / (2 * np.pi))
-        heading = turn.astype(np.int32) % np.int32(HEADING_BINS)
-        entry = self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
-        # where cell or place is -1, what was taken is another's
-        return np.where((cell >= 0) & (place >= 0), entry, np.int32(-1))
+        heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
+        return self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
 
 
 def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
     """Build the tables for library poses (L, 3) in an arena."""
     places, place_of_entry = _distinct(poses[:, :2])
     grid = make_grid(arena, places)
-    entry_of = np.stack(
-        [_by_heading(np.flatnonzero(place_of_entry == p), poses[:, 2]) for p in range(len(places))]
-    )
-    return NearestReference(grid, places, _place_of_cell(grid, places, arena.walls), entry_of)
+    entry_of = np.full((len(places) + 1, HEADING_BINS), -1, np.int32)
+    for place in range(len(places)):
+        entry_of[place] = _by_heading(np.flatnonzero(place_of_entry == place), poses[:, 2])
+    place_of_cell = np.append(_place_of_cell(grid, places, arena.walls), np.int32(-1))
+    return NearestReference(grid, places, place_of_cell, entry_of)
 
 
 def _distinct(xy: F64) -> tuple[F64, I32]:

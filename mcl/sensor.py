@@ -19,7 +19,7 @@ from .selection import NearestReference
 from .typing import F32, F64, U8
 
 # Chosen on fitting drives by log score; docs/results.md has the curve.
-DEFAULT_SHARPNESS = 8.0
+DEFAULT_SHARPNESS = 16.0
 # Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out for ever.
 LEAST_QUALITY = 1e-3
 # A spread over the library that is smaller than this share of the distance itself is rounding.

@@ -19,6 +19,7 @@ from maurice_mcl.typing import U8
 from .conftest import WriteLog
 
 Pixel = dict[str, Any]
+CAMERAS = {"cameras": {"front": {}, "rear": {}}}
 
 
 def moments(path: Path, **options: Any) -> list[Moment]:
@@ -164,8 +165,6 @@ def test_names_beyond_ascii(tmp_path: Path, image: U8) -> None:
 
 
 class TestCameras:
-    CAMERAS = {"cameras": {"front": {}, "rear": {}}}
-
     @pytest.fixture
     def records(self, pixel: Pixel) -> list[dict[str, Any]]:
         names = ("rear", "front", "rear", None)
@@ -175,7 +174,7 @@ class TestCameras:
     def test_one_is_read(
         self, write_log: WriteLog, records: list[Any], camera: str | None, times: list[float]
     ) -> None:
-        log = SessionLog(write_log(*records, **self.CAMERAS), camera=camera)
+        log = SessionLog(write_log(*records, **CAMERAS), camera=camera)
         assert [m.frame.time_s for m in log.moments()] == times
         assert "are left out" in log.warnings[0]
 
@@ -184,7 +183,7 @@ class TestCameras:
 
     def test_an_unknown_one_is_refused_with_the_known(self, write_log: WriteLog) -> None:
         with pytest.raises(LogError, match="found cameras front, rear, expected 'top' among them"):
-            SessionLog(write_log(**self.CAMERAS), camera="top")
+            SessionLog(write_log(**CAMERAS), camera="top")
 
 
 class TestSurveys:
@@ -237,6 +236,9 @@ class TestBrokenPictures:
 
     def test_an_impossible_name(self, write_log: WriteLog) -> None:
         self.expect(write_log({"t": 0, "image": "a\0b"}), "log:2: .*(no such picture|cannot be read)")
+
+    def test_a_name_of_two_lines_is_told_in_one(self, write_log: WriteLog) -> None:
+        self.expect(write_log({"t": 0, "image": "a\nb.jpg"}), r"log:2: a b\.jpg: found no such picture")
 
     def test_sixteen_bits(self, write_log: WriteLog, tmp_path: Path) -> None:
         cv2.imwrite(str(tmp_path / "depth.png"), np.zeros((4, 4), np.uint16))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
 from maurice_mcl.arena import Arena, Region
 from maurice_mcl.channels import CHANNELS
 from maurice_mcl.geometry import INCH_M, compose

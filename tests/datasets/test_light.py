@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_datasets.light import Baking, bake, face_points, hit_distance, irradiance, openness
+from maurice_datasets.world import Box, Face, Lamp, RoomLight, World
+from maurice_mcl.arena import Arena, Region
+
+UNIT = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+
+
+def f32(*rows: tuple[float, float, float]) -> np.ndarray:
+    return np.array(rows, np.float32)
+
+
+def test_rays_meet_a_box_where_they_should() -> None:
+    start = f32((-3, 0, 0), (-3, 0, 0), (-3, 2, 0), (0, 0, 0), (0, 0, 5))
+    toward = f32((1, 0, 0), (-1, 0, 0), (1, 0, 0), (1, 0, 0), (0, 0, -1))
+    assert hit_distance(start, toward, (UNIT,)) == pytest.approx([2, np.inf, np.inf, 0, 4])
+
+
+def test_a_turned_box_is_met_at_its_corner() -> None:
+    turned = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), np.pi / 4)
+    far = hit_distance(f32((-3, 0.001, 0)), f32((1, 0, 0)), (turned,))
+    assert far[0] == pytest.approx(3 - np.sqrt(2), abs=0.01)
+
+
+def test_the_nearest_of_several_boxes_counts() -> None:
+    behind = Box((4.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    assert hit_distance(f32((-3, 0, 0)), f32((1, 0, 0)), (behind, UNIT))[0] == pytest.approx(2)
+
+
+def test_a_floor_is_open_far_from_a_wall_and_half_closed_at_its_foot() -> None:
+    wall = Box((0.0, 0.0, 5.0), (0.05, 50.0, 5.0))
+    points, up = np.array([[5.0, 0, 0.01], [0.06, 0, 0.01]]), np.array([[0.0, 0, 1], [0, 0, 1]])
+    far, near = openness(points, up, (wall,), Baking(directions=200))
+    assert far == pytest.approx(1)
+    assert 0.45 < near < 0.6
+
+
+def world_with(lamps: tuple[Lamp, ...], boxes: tuple[Box, ...] = (), ambient: float = 0.0) -> World:
+    room = Region("room", np.array([[-9.0, -9], [9, -9], [9, 9], [-9, 9]]))
+    face = Face(
+        np.array([-1.0, 1, 0]),
+        np.array([2.0, 0, 0]),
+        np.array([0, -2.0, 0]),
+        np.full((64, 64, 3), 0.5, np.float32),
+    )
+    arena = Arena((-9, -9, 9, 9), np.zeros((0, 4)))
+    return World("test", arena, (face,), boxes, lamps, (RoomLight(room, np.full(3, ambient)),))
+
+
+def test_a_lamp_two_metres_up_gives_a_quarter_and_less_at_a_slant() -> None:
+    lamp = Lamp(np.array([[0.0, 0, 2]]), np.ones(3))
+    points, up = np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
+    light = irradiance(world_with((lamp,)), points, up, Baking())
+    assert light[:, 0] == pytest.approx([0.25, np.cos(np.pi / 4) / 8])
+
+
+def test_a_box_between_lamp_and_floor_throws_a_shadow() -> None:
+    lamp, shade = Lamp(np.array([[0.0, 0, 2]]), np.ones(3)), Box((0.0, 0.0, 1.0), (0.2, 0.2, 0.1))
+    points, up = np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
+    light = irradiance(world_with((lamp,), (shade,)), points, up, Baking())
+    assert light[0, 0] == 0
+    assert light[1, 0] > 0
+
+
+def test_a_window_lights_only_the_side_it_faces() -> None:
+    window = Lamp(np.array([[0.0, 0, 1]]), np.ones(3), facing=np.array([1.0, 0, 0]))
+    points, up = np.array([[1.0, 0, 0], [-1, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
+    light = irradiance(world_with((window,)), points, up, Baking())
+    assert light[0, 0] > 0
+    assert light[1, 0] == 0
+
+
+def test_ambient_light_alone_bakes_to_albedo_times_ambient() -> None:
+    (lit,) = bake(world_with((), ambient=0.8)).faces
+    assert lit.levels[0] == pytest.approx(np.full((64, 64, 3), 0.4), abs=1e-5)
+    assert [level.shape[0] for level in lit.levels] == [64, 32, 16, 8, 4]
+
+
+def test_points_lie_before_the_face_and_cover_it_evenly() -> None:
+    face = world_with(()).faces[0]
+    points, (rows, columns) = face_points(face, Baking(spacing_m=0.5))
+    assert (rows, columns) == (4, 4)
+    assert points[:, 2] == pytest.approx(np.full(16, Baking().lift_m))
+    assert points.mean(axis=0)[:2] == pytest.approx([0, 0])

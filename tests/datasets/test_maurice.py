@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from maurice_datasets import maurice
+from maurice_datasets.maurice import DemoPaths, crossings, demo_paths, write_demo
+from maurice_datasets.survey import Surveyor
+from maurice_datasets.world import World, floor_at
+from maurice_loaders.errors import LogError
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.geometry import INCH_M
+
+QUICK = Surveyor(headings=1, covered=2)
+UPDATES = 6
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoPaths:
+    return write_demo(tmp_path_factory.mktemp("demo") / "zero", updates=UPDATES, surveyor=QUICK)
+
+
+def contents(paths: DemoPaths) -> dict[str, bytes]:
+    folder = paths.session.parent
+    return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(demo: DemoPaths, tmp_path: Path) -> None:
+    again = write_demo(tmp_path / "again", updates=UPDATES, surveyor=QUICK)
+    other = write_demo(tmp_path / "other", 1, updates=1, surveyor=QUICK)
+    assert contents(again) == contents(demo)
+    assert not (set(contents(other).values()) & set(contents(demo).values()))
+
+
+def test_the_session_reads_back_with_its_robot_map_start_and_survey(demo: DemoPaths) -> None:
+    log = SessionLog(demo.session)
+    assert log.info.display_units == "in"
+    assert log.info.survey == demo.survey
+    assert log.info.motion is not None
+    assert log.info.motion["model"] == "maurice"
+    assert log.info.arena is not None
+    assert {floor.name for floor in log.info.arena.floors} == {"wood", "carpet"}
+    assert log.info.start is not None
+    (camera,) = log.info.cameras
+    assert (camera.width_px, camera.height_px) == (176, 144)
+
+
+def test_each_update_is_a_turn_a_straight_and_a_picture_with_truth(demo: DemoPaths) -> None:
+    moments = list(SessionLog(demo.session).moments())
+    assert len(moments) == UPDATES
+    for moment in moments:
+        turn, straight = moment.frame.motions
+        assert (turn[:2] == 0).all()
+        assert turn[2] != 0
+        assert straight[0] > 3 * INCH_M
+        assert (straight[1:] == 0).all()
+        assert moment.frame.image.shape == (144, 176, 3)
+        assert moment.truth is not None
+    times = np.diff([m.frame.time_s for m in moments])
+    assert (times > 3.3).all()
+    assert (times < 20).all()
+
+
+def test_the_log_says_on_which_floor_it_starts(demo: DemoPaths) -> None:
+    log = SessionLog(demo.session)
+    first = next(iter(log.moments()))
+    assert log.info.arena is not None
+    assert log.info.start is not None
+    x, y, _ = log.info.start
+    assert first.events[0] == f"floor {floor_at(log.info.arena, x, y)}"
+
+
+def test_the_survey_reads_back_with_nominal_poses_and_covered_pictures(demo: DemoPaths) -> None:
+    pictures = list(SessionLog(demo.survey).survey_pictures())
+    assert sum(p.covered for p in pictures) == 2
+    poses = np.array([p.pose for p in pictures if p.pose is not None])
+    inches = poses[:, :2] / INCH_M
+    assert len(poses) == 78
+    assert np.allclose((inches - 8) / 18, np.rint((inches - 8) / 18))
+
+
+def test_floors_are_named_where_they_change(world: World) -> None:
+    border = min(
+        f.polygon[:, 0].min() for f in world.arena.floors if f.name == "carpet" and f.polygon[0, 1] == 0
+    )
+    x = np.linspace(border - 0.2, border + 0.3, 101)
+    path = np.stack([x, np.full(101, 1.8), np.zeros(101)], axis=1)
+    ((share, floor),) = crossings(path, world.arena)
+    assert floor == "carpet"
+    assert share == pytest.approx(0.4, abs=0.02)
+    assert crossings(path[::-1], world.arena)[0][1] == "wood"
+
+
+def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(LogError):
+        write_demo(tmp_path, updates=1, surveyor=QUICK)
+    assert [f.name for f in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_a_demo_that_fails_half_way_leaves_nothing(tmp_path: Path) -> None:
+    def stop(done: int, total: int, what: str) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_demo(tmp_path / "demo", updates=1, surveyor=QUICK, progress=stop)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_cache_is_made_once_and_made_again_when_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Path] = []
+
+    def quick(folder: Path, seed: int, **options: object) -> DemoPaths:
+        made.append(folder)
+        return partial(write_demo, updates=2, surveyor=QUICK)(folder, seed)
+
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
+    monkeypatch.setattr(maurice, "UPDATES", 2)
+    monkeypatch.setattr(maurice, "write_demo", quick)
+    first = demo_paths()
+    before = contents(first)
+    assert demo_paths() == first
+    assert len(made) == 1
+    next(first.session.parent.glob("pictures/*.jpg")).write_bytes(b"cut")
+    assert demo_paths() == first
+    assert len(made) == 2
+    assert contents(first) == before
+    (first.session.parent / "demo.json").unlink()
+    demo_paths()
+    assert len(made) == 3
+    assert [f.name for f in (tmp_path / "demos").iterdir()] == [first.session.parent.name]
+
+
+def test_progress_is_told(tmp_path: Path) -> None:
+    told: list[tuple[int, int, str]] = []
+    write_demo(
+        tmp_path / "demo",
+        updates=2,
+        surveyor=QUICK,
+        progress=lambda done, total, what: told.append((done, total, what)),
+    )
+    assert told[77] == (78, 78, "survey")
+    assert told[-1] == (2, 2, "session")

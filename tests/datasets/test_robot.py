@@ -1,0 +1,106 @@
+"""The laws of the robot's errors, on many draws: means and deviations within four standard errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_datasets.robot import Chassis, Luck, draw_luck, drive_by, turn_by
+from maurice_mcl.arena import Arena, Region
+from maurice_mcl.geometry import INCH_M, wrap
+
+DRAWS = 4000
+CHASSIS = Chassis()
+START = np.array([0.0, 0.0, 0.3])
+NO_LUCK = Luck(0.0, 0.0, 0.0, (0.0, 0.0))
+
+
+def plain(floor: str) -> Arena:
+    everywhere = np.array([[-9.0, -9], [9, -9], [9, 9], [-9, 9]])
+    return Arena((-9, -9, 9, 9), np.zeros((0, 4)), floors=(Region(floor, everywhere),))
+
+
+def lucks() -> list[Luck]:
+    rng = np.random.default_rng(11)
+    return [draw_luck(rng) for _ in range(DRAWS)]
+
+
+def check_normal(values: np.ndarray, mean: float, sd: float) -> None:
+    n = len(values)
+    assert values.mean() == pytest.approx(mean, abs=4 * sd / np.sqrt(n))
+    assert values.std() == pytest.approx(sd, abs=4 * sd / np.sqrt(2 * n))
+
+
+@pytest.mark.parametrize("told_deg", [90.0, -40.0, 0.0, 170.0])
+def test_a_turn_is_measured_over_the_gain_plus_the_residual_of_figure_8(told_deg: float) -> None:
+    moves = [turn_by(START, np.radians(told_deg), luck, CHASSIS) for luck in lucks()]
+    actual = wrap(np.array([m.path[-1, 2] - START[2] for m in moves]) - np.radians(told_deg))
+    measured = np.array([m.measured[2] for m in moves])
+    residual = np.degrees(actual) + told_deg - np.degrees(measured) / 1.3695
+    check_normal(residual, 0.2681, 4.916)
+    assert (np.array([m.path[-1, :2] for m in moves]) == START[:2]).all()
+
+
+def test_a_measured_turn_is_larger_than_the_real_one_by_the_gain_of_figure_5() -> None:
+    assert turn_by(START, 1.0, NO_LUCK, CHASSIS).measured[2] == pytest.approx(1.3695)
+
+
+@pytest.mark.parametrize("told_in", [6.0, 24.0])
+def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in: float) -> None:
+    moves = [drive_by(START, told_in * INCH_M, luck, plain("wood"), CHASSIS) for luck in lucks()[:1000]]
+    length = [np.linalg.norm(np.diff(m.path[:, :2], axis=0), axis=1).sum() for m in moves]
+    check_normal(np.array(length) / INCH_M - told_in, -0.6978, 0.6356)
+    assert {float(m.measured[0]) for m in moves} == {told_in * INCH_M}
+    assert all(m.measured[2] == 0 for m in moves)
+
+
+@pytest.mark.parametrize(("floor", "bias_deg", "sd_deg"), [("wood", 0.0, 1.0), ("carpet", 8.0, 3.0)])
+def test_heading_drifts_by_floor_in_proportion_to_distance(
+    floor: str, bias_deg: float, sd_deg: float
+) -> None:
+    for yards in (0.5, 1.0):
+        told = yards * 36 * INCH_M - CHASSIS.straight_bias_m  # so that it really goes that far
+        lucky = [Luck(0, 0, luck.drift, (0, 0)) for luck in lucks()[:1000]]
+        ends = np.array([drive_by(START, told, luck, plain(floor), CHASSIS).path[-1] for luck in lucky])
+        check_normal(np.degrees(ends[:, 2] - START[2]), bias_deg * yards, sd_deg * yards)
+
+
+def test_carpet_pulls_to_the_left() -> None:
+    end = drive_by(np.zeros(3), 1.0, NO_LUCK, plain("carpet"), CHASSIS).path[-1]
+    assert end[2] > 0
+    assert end[1] > 0
+
+
+def test_drift_across_a_border_is_the_sum_of_both_stretches() -> None:
+    half = np.array([[0.5, -9.0], [9, -9], [9, 9], [0.5, 9]])
+    both = Arena((-9, -9, 9, 9), np.zeros((0, 4)), floors=(*plain("wood").floors, Region("carpet", half)))
+    end = drive_by(np.zeros(3), 1.0 - CHASSIS.straight_bias_m, NO_LUCK, both, CHASSIS).path[-1]
+    assert end[2] == pytest.approx(0.5 * CHASSIS.drifts["carpet"].bias_rad_per_m, rel=0.03)
+
+
+def test_encoders_agree_with_the_measured_movement() -> None:
+    for luck in lucks()[:50]:
+        for move in (turn_by(START, 0.7, luck, CHASSIS), drive_by(START, 0.4, luck, plain("wood"), CHASSIS)):
+            front_left, front_right, rear_left, rear_right = move.encoders_m
+            left, right = (front_left + rear_left) / 2, (front_right + rear_right) / 2
+            assert (left + right) / 2 == pytest.approx(move.measured[0], abs=1e-12)
+            assert (right - left) / CHASSIS.track_m == pytest.approx(move.measured[2], abs=1e-12)
+
+
+def test_the_pose_given_is_not_changed() -> None:
+    pose = START.copy()
+    turn_by(pose, 1.0, NO_LUCK, CHASSIS)
+    drive_by(pose, 1.0, NO_LUCK, plain("carpet"), CHASSIS)
+    assert np.array_equal(pose, START)
+
+
+def test_the_header_names_what_a_filter_needs_in_its_units() -> None:
+    header = CHASSIS.motion_header()
+    assert header["turn_gain"] == pytest.approx(1 / 1.3695)
+    assert np.degrees(header["turn_sd_rad"]) == pytest.approx(4.916)
+    assert header["straight_bias_m"] / INCH_M == pytest.approx(-0.6978)
+    assert np.degrees(header["drift"]["carpet"]["bias_rad_per_m"] * 36 * INCH_M) == pytest.approx(8)
+    assert header["drift"]["wood"] == {
+        "bias_rad_per_m": 0.0,
+        "sd_rad_per_m": pytest.approx(0.019087, rel=1e-3),
+    }

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_datasets.sensor import Exposure, Sensor, covered, draw_exposure, falloff, photograph
+
+SIZE = (144, 176)
+
+
+def histogram(pictures: list[np.ndarray]) -> np.ndarray:
+    """28 bins of 8 levels a channel (3, 28), in the unit 256 x share of pixels."""
+    values = np.stack(pictures)
+    edges = np.append(16 + 8 * np.arange(28), 241)
+    counts = [np.histogram(values[..., c], bins=edges)[0] for c in range(3)]
+    return np.array(counts) * 256 / values[..., 0].size
+
+
+def gray(level: float) -> np.ndarray:
+    return np.full((*SIZE, 3), level, np.float32)
+
+
+def test_covered_pictures_peak_near_80_in_the_lowest_bins_of_each_channel() -> None:
+    """Thesis figure 14."""
+    bins = histogram([covered(Sensor(), SIZE, np.random.default_rng(k)) for k in range(10)])
+    assert (bins.max(axis=1) > 60).all()
+    assert (bins.max(axis=1) < 100).all()
+    assert (bins.argmax(axis=1) <= 2).all()
+    assert bins[:, 8:].sum() < 1
+
+
+def test_values_stay_within_what_the_camera_can_send() -> None:
+    rng = np.random.default_rng(0)
+    for level in (0.0, 0.2, 50.0):
+        picture = photograph(gray(level), Sensor(), Exposure(), rng)
+        assert picture.dtype == np.uint8
+        assert picture.min() >= 16
+        assert picture.max() <= 240
+
+
+def test_more_light_gives_higher_values_until_white() -> None:
+    rng = np.random.default_rng(0)
+    means = [photograph(gray(x), Sensor(), Exposure(), rng).mean() for x in (0.0, 0.05, 0.2, 0.5, 0.9)]
+    assert (np.diff(means) > 10).all()
+
+
+def test_gain_works_on_its_own_color() -> None:
+    plain = photograph(gray(0.2), Sensor(), Exposure(), np.random.default_rng(0))
+    warm = photograph(gray(0.2), Sensor(), Exposure((1.2, 1.0, 0.8)), np.random.default_rng(0))
+    red, green, blue = (warm.astype(float) - plain).mean(axis=(0, 1))
+    assert red > 3
+    assert green == pytest.approx(0, abs=0.1)
+    assert blue < -3
+
+
+def test_corners_lose_the_share_that_is_named_and_the_middle_none() -> None:
+    light = falloff(101, 101, 0.35)
+    assert light[50, 50] == pytest.approx(1)
+    assert light[0, 0] == pytest.approx(0.65)
+    assert light[0, 50] == pytest.approx(1 - 0.35 / 2)
+
+
+def test_exposures_differ_by_a_few_percent() -> None:
+    gains = np.array([draw_exposure(np.random.default_rng(k)).gain for k in range(2000)])
+    assert gains.mean() == pytest.approx(1, abs=4 * 0.031 / np.sqrt(2000))
+    assert gains.mean(axis=1).std() == pytest.approx(0.031, rel=0.1)
+    between = (gains / gains.mean(axis=1, keepdims=True)).std()
+    assert 0.006 < between < 0.018

@@ -1,0 +1,96 @@
+"""Folders appear whole or not at all, and nobody's are deleted."""
+
+from pathlib import Path
+
+import platformdirs
+import pytest
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.folders import cache_root, discard, new_folder
+
+
+def fill(target: Path, text: str = "new", *, force: bool = False) -> None:
+    with new_folder(target, force=force) as filling:
+        assert filling.parent == target.parent
+        (filling / "manifest.json").write_text(text)
+
+
+def test_appears_with_its_content_and_leaves_nothing_beside(tmp_path: Path) -> None:
+    fill(tmp_path / "deep" / "a")
+    assert (tmp_path / "deep/a/manifest.json").read_text() == "new"
+    assert [p.name for p in (tmp_path / "deep").iterdir()] == ["a"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_a_failure_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> None:
+    def fail() -> None:
+        with new_folder(tmp_path / "a") as filling:
+            (filling / "half").touch()
+            raise error
+
+    with pytest.raises(error):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failure_leaves_the_old_one(tmp_path: Path) -> None:
+    fill(tmp_path / "a", "old")
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "a", force=True):
+        raise RuntimeError
+    assert (tmp_path / "a/manifest.json").read_text() == "old"
+
+
+def test_replaces_only_when_asked(tmp_path: Path) -> None:
+    fill(tmp_path / "a", "old")
+    with pytest.raises(LogError, match=r"exists already; .*--force"):
+        fill(tmp_path / "a")
+    fill(tmp_path / "a", force=True)
+    assert (tmp_path / "a/manifest.json").read_text() == "new"
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    fill(tmp_path / "a")
+    assert (tmp_path / "a/manifest.json").exists()
+
+
+@pytest.mark.parametrize("as_file", [True, False])
+def test_never_replaces_what_was_not_made_here(tmp_path: Path, as_file: bool) -> None:
+    precious = tmp_path / "a" if as_file else tmp_path / "a" / "thesis.txt"
+    precious.parent.mkdir(exist_ok=True)
+    precious.write_text("years of work")
+    with pytest.raises(LogError, match=r"found no manifest\.json in it"):
+        fill(tmp_path / "a", force=True)
+    assert precious.read_text() == "years of work"
+
+
+def test_two_at_once_leave_one_whole_folder(tmp_path: Path) -> None:
+    def be_overtaken() -> None:
+        with new_folder(tmp_path / "a") as slow:
+            (slow / "manifest.json").write_text("slow")
+            fill(tmp_path / "a", "quick")
+
+    with pytest.raises(LogError, match="somebody else meanwhile"):
+        be_overtaken()
+    assert (tmp_path / "a/manifest.json").read_text() == "quick"
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(LogError, match="cannot be written"):
+        fill(tmp_path / "file" / "a")
+
+
+def test_discard(tmp_path: Path) -> None:
+    fill(tmp_path / "a")
+    discard(tmp_path / "a")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_cache_is_where_the_environment_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
+    assert cache_root() == tmp_path
+    monkeypatch.delenv("MAURICE_CACHE")
+    assert cache_root() == Path(platformdirs.user_cache_dir("maurice-replay"))

@@ -1,0 +1,97 @@
+"""What inspect says is what is there; broken lines are told, not raised."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.inspection import inspect_session
+
+from .conftest import WriteLog
+
+Pixel = dict[str, Any]
+
+
+def test_a_whole_session(write_log: WriteLog, pixel: Pixel, survey: Path) -> None:
+    path = write_log(
+        {"t": 10, "truth": [0, 0, 0]},
+        {"t": 10, "image": pixel},
+        {"t": 11, "odometry": [3, 4, 1]},
+        {"t": 12, "odometry": [0, 0, 1]},
+        {"t": 12, "truth": [1, 0, 0]},
+        {"t": 13, "odometry": [-2, 0, 0]},
+        {"t": 13, "image": pixel},
+        {"t": 14, "event": "kidnapped"},
+        {"t": 14, "truth": [9, 9, 0]},
+        {"t": 15, "truth": [9, 7, 0]},
+        {"t": 16, "image": pixel, "covered": True},
+        {"t": 20, "image": pixel},
+        survey="survey.log",
+        map={"bounds_m": [0, 0, 1, 1]},
+        cameras={"front": {}},
+    )
+    found = inspect_session(path)
+    assert (found.kind, found.name, found.cameras) == ("session", "test", ("front",))
+    assert found.records == {"odometry": 3, "image": 3, "covered": 1, "truth": 4, "event": 1}
+    assert found.duration_s == 10
+    assert found.picture_rate_hz == pytest.approx(0.2)
+    assert found.odometry_rate_hz == pytest.approx(1)
+    assert found.pictures == {"PNG 2x1": 4}
+    assert found.distance_odometry_m == pytest.approx(7)
+    assert found.distance_truth_m == pytest.approx(3)  # being carried is no way driven
+    assert found.truth_share == pytest.approx(1 / 3)
+    assert found.events == ("kidnapped",)
+    assert (found.survey, found.survey_found, found.has_map) == (str(survey), True, True)
+    assert (found.problem_count, found.problems, found.warnings) == (0, (), ())
+    json.dumps(asdict(found), allow_nan=False)
+
+
+def test_a_header_alone(write_log: WriteLog) -> None:
+    found = inspect_session(write_log())
+    assert found.duration_s == 0
+    assert (found.picture_rate_hz, found.odometry_rate_hz, found.truth_share) == (None, None, None)
+    assert (found.distance_odometry_m, found.distance_truth_m) == (None, None)
+    assert (found.survey, found.survey_found, found.has_map) == (None, None, False)
+
+
+def test_records_at_one_time_have_no_rate(write_log: WriteLog, pixel: Pixel) -> None:
+    assert inspect_session(write_log(*[{"t": 1, "image": pixel}] * 3)).picture_rate_hz is None
+
+
+def test_all_problems_with_their_lines(write_log: WriteLog, pixel: Pixel) -> None:
+    path = write_log("{", {"t": 1, "image": pixel}, {"t": 0, "event": "late"}, {"t": 2, "image": "no.jpg"})
+    found = inspect_session(path)
+    assert found.problem_count == 3
+    assert [problem.split(":")[1] for problem in found.problems] == ["2", "4", "5"]
+    assert found.records["image"] == 2
+    assert found.pictures == {"PNG 2x1": 1}
+
+
+def test_problems_are_counted_beyond_those_kept(write_log: WriteLog) -> None:
+    found = inspect_session(write_log(*["?"] * 300))
+    assert (found.problem_count, len(found.problems)) == (300, 100)
+
+
+def test_warnings(write_log: WriteLog, pixel: Pixel, survey: Path) -> None:
+    path = write_log(
+        {"t": 0, "image": pixel}, {"t": 1, "image": "pictures/survey-00003.jpg"}, survey="gone.log"
+    )
+    path.write_text(path.read_text() + '{"t": 2, "ev')
+    unfinished, gone, differ = inspect_session(path).warnings
+    assert "unfinished" in unfinished
+    assert "gone.log, which is not there" in gone
+    assert differ == "pictures differ in format or size: JPEG 16x12, PNG 2x1"
+
+
+def test_a_survey(survey: Path) -> None:
+    found = inspect_session(survey)
+    assert found.kind == "survey"
+    assert (found.records["image"], found.records["covered"], found.truth_share) == (5, 2, None)
+
+
+def test_what_is_no_log_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="found no such file"):
+        inspect_session(tmp_path / "no.log")

@@ -1,0 +1,150 @@
+"""A library folder stands alone, comes back exactly, and says so when it is damaged."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.library_build import build_library
+from maurice_loaders.library_files import load_library, save_library
+from maurice_mcl.library import Library
+
+
+@pytest.fixture
+def folder(survey: Path, tmp_path: Path) -> Path:
+    """A saved library, elsewhere than its survey, in a folder that a shell would stumble over."""
+    target = tmp_path / "a [b] *" / "Bücherei"
+    save_library(build_library(survey), target)
+    return target
+
+
+def assert_same(a: Library, b: Library) -> None:
+    assert (a.name, a.display_units, a.arena.bounds) == (b.name, b.display_units, b.arena.bounds)
+    assert np.array_equal(a.poses, b.poses)
+    assert list(a.index) == list(b.index)
+    for name in a.index:
+        for part in ("references", "noise_floor", "relevance"):
+            assert np.array_equal(getattr(a.index[name], part), getattr(b.index[name], part))
+            assert getattr(a.index[name], part).dtype == getattr(b.index[name], part).dtype
+
+
+def test_comes_back_exactly_without_its_survey(survey: Path, folder: Path) -> None:
+    built = build_library(survey)
+    originals = [picture.read_bytes() for picture in built.pictures if picture]
+    shutil.rmtree(survey.parent / "pictures")
+    survey.unlink()
+    library = load_library(folder)
+    assert_same(library, built)
+    assert [picture.read_bytes() for picture in library.pictures if picture] == originals
+
+
+def test_a_moved_folder_still_works(folder: Path, tmp_path: Path) -> None:
+    folder.rename(tmp_path / "moved")
+    library = load_library(tmp_path / "moved")
+    assert all(picture is not None and picture.is_file() for picture in library.pictures)
+
+
+def test_a_library_may_replace_itself(folder: Path) -> None:
+    library = load_library(folder)
+    save_library(library, folder, force=True)
+    assert_same(load_library(folder), library)
+
+
+def test_entries_without_pictures(survey: Path, tmp_path: Path) -> None:
+    built = build_library(survey)
+    bare = Library(built.name, built.poses, (None,) * built.size, built.index, built.arena)
+    save_library(bare, tmp_path / "bare")
+    assert load_library(tmp_path / "bare").pictures == (None,) * 5
+
+
+def test_a_picture_that_is_gone_before_saving(survey: Path, tmp_path: Path) -> None:
+    library = build_library(survey)
+    shutil.rmtree(survey.parent / "pictures")
+    with pytest.raises(LogError, match="cannot be copied into the library"):
+        save_library(library, tmp_path / "l")
+    assert not (tmp_path / "l").exists()
+
+
+def cut(name: str) -> Callable[[Path], None]:
+    def damage(folder: Path) -> None:
+        (file,) = folder.glob(name)
+        file.write_bytes(file.read_bytes()[:-20])
+
+    return damage
+
+
+def flip(name: str) -> Callable[[Path], None]:
+    def damage(folder: Path) -> None:
+        (file,) = folder.glob(name)
+        data = bytearray(file.read_bytes())
+        data[len(data) // 2] ^= 1
+        file.write_bytes(bytes(data))
+
+    return damage
+
+
+def remove(name: str) -> Callable[[Path], None]:
+    return lambda folder: next(folder.glob(name)).unlink()
+
+
+def rewrite(key: str, value: object) -> Callable[[Path], None]:
+    def damage(folder: Path) -> None:
+        file = folder / "manifest.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | {key: value}))
+
+    return damage
+
+
+DAMAGE = {
+    "cut manifest": cut("manifest.json"),
+    "manifest without channels": rewrite("channels", None),
+    "manifest with a channel that is not there": rewrite("channels", {"new": {"file": "new.npz"}}),
+    "manifest without checksums": rewrite("sha256", None),
+    "cut entries": cut("entries.parquet"),
+    "flipped bit in the entries": flip("entries.parquet"),
+    "no entries": remove("entries.parquet"),
+    "cut map": cut("map.json"),
+    "no map": remove("map.json"),
+    "cut channel": cut("color-*.npz"),
+    "flipped bit in a channel": flip("edges-*.npz"),
+    "no channel": remove("edges-*.npz"),
+    "no picture": remove("pictures/00003.jpg"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damage_is_one_clear_error(folder: Path, name: str) -> None:
+    DAMAGE[name](folder)
+    with pytest.raises(LogError, match=r"is a damaged library \(.*\); build it again") as caught:
+        load_library(folder)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("format", "zip", "found format 'zip', expected 'maurice-library'"),
+        ("version", 9, "found version 9, expected 1; build it again"),
+    ],
+)
+def test_other_formats(folder: Path, key: str, value: object, message: str) -> None:
+    rewrite(key, value)(folder)
+    with pytest.raises(LogError, match=message):
+        load_library(folder)
+
+
+def test_other_channel_parameters_are_refused(folder: Path) -> None:
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["channels"]["color"]["parameters"]["bins"] = 7
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(LogError, match="other parameters of channel 'color' than today's; build it again"):
+        load_library(folder)
+
+
+def test_no_library(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"found no manifest\.json in it, expected a library folder"):
+        load_library(tmp_path)

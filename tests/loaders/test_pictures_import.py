@@ -1,0 +1,166 @@
+"""A folder of pictures and a table become two logs that stand alone and say what they are."""
+
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.inspection import inspect_session
+from maurice_loaders.library_store import build_library
+from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.pictures_import import ImportOptions, import_pictures
+from maurice_loaders.session_log import SessionLog
+from maurice_loaders.synthetic_odometry import OdometryNoise
+from maurice_mcl.geometry import angle_between, compose
+
+POSES = [(0.3 * k, 0.1 * k, 45 * (k % 3)) for k in range(12) for _ in range(2 + k % 2)]
+OPTIONS = ImportOptions(session_every=4, guard_m=0.5)
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """Twelve places along a line, two or three pictures each, every picture of another shade."""
+    folder = tmp_path / "Büro"
+    (folder / "images").mkdir(parents=True)
+    lines = ["image,x_m,y_m,heading_deg"]
+    for number, (x, y, heading) in enumerate(POSES):
+        name = f"images/x{x:.1f}y{y:.1f}_{number}.JPG"
+        shade = np.full((6, 8, 3), 5 * number, np.uint8)
+        (folder / name).write_bytes(encode_jpeg(shade))
+        lines.append(f"{name},{x},{y},{heading}")
+    (folder / "poses.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_logs_stand_alone(source: Path, tmp_path: Path) -> None:
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
+    shutil.rmtree(source)
+    session, library = SessionLog(summary.session), build_library(summary.survey)
+    moments = list(session.moments())
+    assert (len(moments), library.size) == (summary.session_pictures, summary.library_pictures) == (6, 4)
+    assert (summary.rows, summary.runs, summary.session_runs, summary.guarded_runs) == (30, 12, 3, 5)
+    assert session.info.survey == summary.survey.resolve()
+    assert session.info.name == "Büro"
+    for log in (summary.session, summary.survey):
+        assert inspect_session(log).problem_count == 0
+
+
+def test_truth_is_the_label_and_the_picture_is_its_own(source: Path, tmp_path: Path) -> None:
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
+    for moment in SessionLog(summary.session).moments():
+        row = round(float(moment.frame.image.mean()) / 5)
+        x, y, heading = POSES[row]
+        assert moment.truth == pytest.approx([x, y, np.deg2rad(heading)])
+        assert moment.frame.time_s == row
+
+
+def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
+    quiet = replace(OPTIONS, noise=OdometryNoise(0, 0, 0))
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", quiet)
+    log = SessionLog(summary.session)
+    pose = log.info.start
+    assert pose is not None
+    movements = 0
+    for moment in log.moments():
+        for motion in moment.frame.motions:
+            pose = compose(pose, motion)
+            movements += 1
+        assert moment.truth is not None
+        assert pose[:2] == pytest.approx(moment.truth[:2])
+        assert angle_between(pose[2], moment.truth[2]) == pytest.approx(0, abs=1e-9)
+    assert movements == 16  # a straight and a turn for each of the eight steps up to the last picture
+
+
+def test_names_of_pictures_tell_no_pose(source: Path, tmp_path: Path) -> None:
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
+    assert all("x0" not in m.frame.picture for m in SessionLog(summary.session).moments())
+    assert {p.name for p in (tmp_path / "out/pictures").iterdir()} >= {"00000.jpg"}
+
+
+def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None:
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, seed=9))
+    for log in (summary.session, summary.survey):
+        notes = " ".join(SessionLog(log).info.notes)
+        assert "odometry is synthetic" in notes
+        assert "seed 9" in notes
+        assert "times are synthetic" in notes
+        assert "at least 0.5 m from every session pose" in notes
+
+
+def test_the_same_seed_gives_the_same_files(source: Path, tmp_path: Path) -> None:
+    logs = [
+        import_pictures(source, source / "poses.csv", tmp_path / out, replace(OPTIONS, seed=seed)).session
+        for out, seed in (("a", 1), ("b", 1), ("c", 2))
+    ]
+    first, again, other = (log.read_text() for log in logs)
+    assert first == again != other
+
+
+def test_a_map_of_walls(source: Path, tmp_path: Path) -> None:
+    (tmp_path / "walls.txt").write_text("0 0 3000 0\n")
+    options = replace(OPTIONS, map_lines=tmp_path / "walls.txt")
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", options)
+    arena = SessionLog(summary.session).info.arena
+    assert arena is not None
+    assert arena.walls.tolist() == [[0, 0, 3, 0]]
+
+
+class TestErrors:
+    def expect(self, source: Path, message: str, options: ImportOptions = OPTIONS) -> None:
+        out = source.parent / "out"
+        with pytest.raises(LogError, match=message) as caught:
+            import_pictures(source, source / "poses.csv", out, options)
+        assert "\n" not in str(caught.value)
+        assert not out.exists()
+        assert [p.name for p in source.parent.iterdir()] == [source.name]
+
+    def test_a_missing_picture(self, source: Path) -> None:
+        next((source / "images").glob("*_0.JPG")).unlink()
+        self.expect(source, r"poses\.csv:2: found no picture .*_0\.JPG, expected a file")
+
+    def test_a_cut_picture(self, source: Path) -> None:
+        picture = next((source / "images").glob("*_0.JPG"))
+        picture.write_bytes(picture.read_bytes()[:-9])
+        self.expect(source, r"poses\.csv:2: .*_0\.JPG: found a cut JPEG")
+
+    def test_a_guard_that_leaves_nothing(self, source: Path) -> None:
+        self.expect(source, "found no picture 9 m off the session's", replace(OPTIONS, guard_m=9))
+
+    def test_an_output_that_exists(self, source: Path, tmp_path: Path) -> None:
+        (tmp_path / "out").mkdir()
+        (tmp_path / "out/mine").touch()
+        for force in (False, True):
+            with pytest.raises(LogError, match="out: "):
+                import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS, force=force)
+        assert (tmp_path / "out/mine").exists()
+
+    def test_an_earlier_import_is_replaced_when_asked(self, source: Path, tmp_path: Path) -> None:
+        for force in (False, True):
+            import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS, force=force)
+        assert (tmp_path / "out/session.log").exists()
+
+    @pytest.mark.parametrize("change", [{"session_every": 1}, {"session_pictures": 0}, {"guard_m": -1.0}])
+    def test_senseless_options(self, source: Path, tmp_path: Path, change: dict[str, float]) -> None:
+        with pytest.raises(ValueError, match="expected session_every from 2"):
+            import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, **change))
+
+
+ROOT = Path(__file__).parents[2]
+OLIN = (ROOT / os.environ.get("MAURICE_DATA", "../shared/data")).resolve() / "olin"
+
+
+@pytest.mark.skipif(not OLIN.is_dir(), reason="the olin recording is not here; MAURICE_DATA says where")
+def test_a_real_recording(tmp_path: Path) -> None:
+    options = ImportOptions(map_lines=OLIN / "map_lines_mm.txt")
+    summary = import_pictures(OLIN, OLIN / "poses.csv", tmp_path / "olin", options)
+    assert (summary.rows, summary.runs, summary.session_runs) == (1398, 105, 11)
+    assert summary.nearest_reference_median_m == pytest.approx(0.63, abs=0.005)
+    assert (summary.session_pictures, summary.library_pictures) == (53, 29)
+    assert len(list(SessionLog(summary.session).moments())) == 53
+    library = build_library(summary.survey)
+    assert library.size == 29
+    assert library.index["color"].references.any(axis=1).all()

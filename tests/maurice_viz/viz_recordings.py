@@ -1,0 +1,95 @@
+"""Draws fake runs into files, and reads recordings back as plain tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import viz_fakes as fakes
+from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor import FEATURES
+from maurice_mcl.session import Moment
+from maurice_viz import blueprint, sinks
+from maurice_viz.look import scale_for
+from maurice_viz.observe import RerunObserver
+from rerun.chunk import RrdReader
+
+Played = list[tuple[Moment, StepRecord]]
+
+
+def draw(path: Path, session: fakes.FakeSession, features: Sequence[str], particles: int = 60) -> list[Played]:
+    """Draw one run a feature into one recording; gives what was drawn."""
+    library = session.library
+    runs = [blueprint.Run(feature, tuple(FEATURES[feature])) for feature in features]
+    shown = blueprint.Shown(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
+    played = [fakes.play(session, feature, particles) for feature in features]
+    with sinks.to_file(path, session.info.name, blueprint.for_runs(runs, shown)) as rec:
+        for number, (run, records) in enumerate(zip(runs, played, strict=True)):
+            observer = RerunObserver(rec, run.label, run.channels, number == 0, session.has_truth)
+            observer.begin(session.info, library)
+            for moment, record in records:
+                observer.see(moment, record)
+            observer.end()
+    return played
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One logged row: where it stands on each timeline, and the components that it has."""
+
+    step: int | None
+    session_s: float | None
+    phase: int | None
+    values: dict[str, Any]
+
+
+def entities_of(path: Path) -> set[str]:
+    return {str(chunk.entity_path) for chunk in RrdReader(path).stream()}
+
+
+def rows(path: Path, entity: str) -> list[Row]:
+    """Give an entity's rows that are not static, in the order of the phase timeline."""
+    found = []
+    for chunk in RrdReader(path).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        if "phase" in batch.schema.names:
+            found += [_row(batch, k) for k in range(batch.num_rows)]
+    return sorted(found, key=lambda row: row.phase or 0)
+
+
+def static(path: Path, entity: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for chunk in RrdReader(path).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        if "phase" not in batch.schema.names:
+            found |= _row(batch, 0).values
+    return found
+
+
+def _row(batch: pa.RecordBatch, k: int) -> Row:
+    names = batch.schema.names
+    values = {n: batch.column(n)[k].as_py() for n in names if ":" in n and batch.column(n)[k].is_valid}
+    return Row(_index(batch, "step", k), _seconds(batch, k), _index(batch, "phase", k), values)
+
+
+def _index(batch: pa.RecordBatch, name: str, k: int) -> int | None:
+    return batch.column(name)[k].as_py() if name in batch.schema.names else None
+
+
+def _seconds(batch: pa.RecordBatch, k: int) -> float | None:
+    if "session" not in batch.schema.names:
+        return None
+    nanoseconds = batch.column("session").cast(pa.int64())[k].as_py()
+    return None if nanoseconds is None else nanoseconds / 1e9
+
+
+def having(found: list[Row], component: str) -> list[Row]:
+    return [row for row in found if component in row.values]
+
+
+def positions(row: Row) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array(row.values["Points2D:positions"])

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from maurice_mcl.belief import Belief, effective_sample_size, normalize, uniform_log_weights
+
+LOGS = arrays(np.float64, st.integers(1, 50), elements=st.floats(-2000, 500))
+
+
+@given(LOGS)
+def test_normalized_weights_sum_to_one_and_keep_their_ratios(logs):
+    normalized, total = normalize(logs)
+    assert np.exp(normalized).sum() == pytest.approx(1)
+    assert normalized + total == pytest.approx(logs)
+
+
+@given(LOGS)
+def test_effective_sample_size_lies_between_one_and_n(logs):
+    size = effective_sample_size(normalize(logs)[0])
+    assert 1 - 1e-9 <= size <= len(logs) * (1 + 1e-9)
+
+
+def test_effective_sample_size_by_hand():
+    assert effective_sample_size(uniform_log_weights(37)) == pytest.approx(37)
+    with np.errstate(divide="ignore"):
+        assert effective_sample_size(np.log(np.array([1.0, 0.0, 0.0]))) == pytest.approx(1)
+    assert effective_sample_size(np.log(np.array([0.5, 0.25, 0.25]))) == pytest.approx(1 / 0.375)
+
+
+def test_normalize_does_not_underflow():
+    normalized, total = normalize(np.array([-5000.0, -5000.0 - np.log(3)]))
+    assert np.exp(normalized) == pytest.approx([0.75, 0.25])
+    assert total == pytest.approx(-5000 + np.log(4 / 3))
+
+
+def test_some_zero_weights_stay_zero():
+    normalized, total = normalize(np.array([-np.inf, 0.0, 0.0]))
+    assert np.exp(normalized) == pytest.approx([0, 0.5, 0.5])
+    assert total == pytest.approx(np.log(2))
+
+
+def test_all_zero_weights_are_reported_not_divided_by():
+    logs = np.full(3, -np.inf)
+    normalized, total = normalize(logs)
+    assert total == -np.inf
+    assert np.array_equal(normalized, logs)
+
+
+def test_world_poses_are_exact_far_from_the_origin():
+    origin = np.array([500_000.25, -4_000_000.5])
+    poses = np.array([[0.001, 0.002, 1.0], [-1.5, 2.5, -3.0]], np.float32)
+    belief = Belief(poses, uniform_log_weights(2), origin)
+    assert belief.world_poses[:, :2] - origin == pytest.approx(poses[:, :2], abs=1e-8)
+    assert belief.world_poses[:, 2] == pytest.approx(poses[:, 2])
+    assert belief.poses is poses
+    assert belief.size == 2
+    assert belief.weights == pytest.approx([0.5, 0.5])

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from maurice_mcl.arena import Arena, Region, open_arena
+from maurice_mcl.grid import make_grid
+
+PLACES = np.array([[0.5, 0.5], [1.0, 0.5], [0.5, 1.0], [1.0, 1.0]])
+NO_WALLS = np.zeros((0, 4))
+
+
+def _square(name, low, high):
+    return Region(name, np.array([[low, low], [high, low], [high, high], [low, high]], float))
+
+
+def _at(grid, x, y):
+    cell = grid.cells_of(np.array([[x, y]], np.float32), np.zeros(2))[0]
+    return divmod(int(cell), grid.shape[1])
+
+
+def test_cells_and_their_centers_agree():
+    grid = make_grid(Arena((-0.3, 0.1, 2.0, 1.7), NO_WALLS), PLACES)
+    centers = grid.centers()
+    for origin in (np.zeros(2), np.array([0.7, -0.2])):
+        found = grid.cells_of((centers - origin).astype(np.float32), origin)
+        assert np.array_equal(found, np.arange(len(centers)))
+    assert grid.cell_m == pytest.approx(0.5 / 18)
+
+
+def test_outside_is_minus_one():
+    grid = make_grid(Arena((0.0, 0.0, 2.0, 1.5), NO_WALLS), PLACES)
+    outside = np.array([[-0.5, 0.5], [2.5, 0.5], [0.5, -0.5], [0.5, 1.8], [-9e3, 9e3]], np.float32)
+    assert np.all(grid.cells_of(outside, np.zeros(2)) == -1)
+    assert grid.free.all()
+
+
+def test_cell_borders_lie_on_places_and_halfway_between():
+    grid = make_grid(Arena((0.0, 0.0, 2.0, 1.5), NO_WALLS), PLACES)
+    for border in (PLACES[:, 0], np.array([0.75])):
+        steps = (border - grid.corner[0]) / grid.cell_m
+        assert steps == pytest.approx(np.round(steps))
+
+
+def test_floors_lie_on_top_of_each_other_in_their_order():
+    floors = (_square("wood", 0, 2), _square("rug", 0.8, 1.2), _square("wood", 1.0, 1.1))
+    grid = make_grid(Arena((0, 0, 3, 3), NO_WALLS, floors=floors), PLACES)
+    assert grid.floors == ("", "wood", "rug")
+    names = [grid.floors[grid.floor[_at(grid, xy, xy)]] for xy in (0.4, 0.9, 1.05, 2.5)]
+    assert names == ["wood", "rug", "wood", ""]
+    assert grid.free[_at(grid, 0.4, 0.4)]
+    assert grid.walled[_at(grid, 1.5001, 0.5)]
+    assert not grid.free[_at(grid, 1.5001, 0.5)]
+    assert grid.free[_at(grid, 1.5001, 1.2)]
+
+
+def test_every_cell_that_a_slanted_wall_runs_through_is_walled():
+    wall = np.array([[0.2, 0.13, 1.87, 1.21]])
+    grid = make_grid(Arena((0, 0, 2, 1.5), wall), PLACES)
+    along = np.random.default_rng(0).random(5000)[:, None]
+    points = (wall[0, :2] + along * (wall[0, 2:] - wall[0, :2])).astype(np.float32)
+    walled = grid.walled.ravel()[grid.cells_of(points, np.zeros(2))]
+    assert walled.mean() > 0.995, "all but the clipped tips of corners"
+
+
+def test_a_closed_room_without_a_place_is_not_free():
+    walls = np.array([[1.5, 0, 1.5, 1.5]])
+    grid = make_grid(Arena((0, 0, 2, 1.5), walls), PLACES)
+    assert not grid.free[_at(grid, 1.8, 0.7)]
+    assert grid.free[_at(grid, 1.2, 0.7)]
+    with_door = make_grid(Arena((0, 0, 2, 1.5), np.array([[1.5, 0, 1.5, 1.2]])), PLACES)
+    assert with_door.free[_at(with_door, 1.8, 0.7)]
+
+
+def test_one_place_and_no_map():
+    grid = make_grid(open_arena(np.array([[3.0, 4.0, 0.0]])), np.array([[3.0, 4.0]]))
+    assert grid.free.all()
+    assert grid.cell_m == pytest.approx(0.0254)
+    assert _at(grid, 3.01, 4.01) != (-1, -1)
+
+
+def test_a_huge_map_gets_coarser_cells():
+    grid = make_grid(Arena((0, 0, 1000, 500), NO_WALLS), np.array([[1.0, 1.0], [1.1, 1.0]]))
+    assert np.prod(grid.shape) < 1.1e6

@@ -1,0 +1,237 @@
+"""The commands as a person runs them: what they print, what they write, how they fail."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli import main; main()"]
+RUN_KEYS = {
+    "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
+    "position_error_final_m", "heading_error_mean_rad", "localized_at_update", "localized_share", "lost",
+    "wrong_confident_share", "steps_per_s",
+}  # fmt: skip
+
+
+def maurice(*args: str | Path, cwd: Path, expect: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder, as in a terminal without a display."""
+    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run(
+        [*COMMAND, *map(str, args)], cwd=cwd, env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == expect, (done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def one_line(done: subprocess.CompletedProcess[str]) -> str:
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    return lines[0]
+
+
+def test_a_session_alone_writes_a_recording_and_a_table(small_session: Path, tmp_path: Path) -> None:
+    done = maurice(small_session, cwd=tmp_path)
+    assert "session.rrd written; open it with: rerun session.rrd" in done.stderr
+    assert "position error, mean (m)" in done.stdout
+    assert "blended" in done.stdout
+    assert RrdReader(tmp_path / "session.rrd").recordings()[0].application_id == "maurice-replay"
+    again = maurice(small_session, cwd=tmp_path, expect=1)
+    assert "--force" in one_line(again)
+    maurice(small_session, "--force", cwd=tmp_path)
+
+
+def test_json_has_the_documented_keys_and_nothing_else_is_on_stdout(
+    small_session: Path, tmp_path: Path
+) -> None:
+    done = maurice("--json", "--seed", "3", small_session, "--no-recording", cwd=tmp_path)
+    (run,) = json.loads(done.stdout)["runs"]
+    assert set(run) >= RUN_KEYS
+    assert run["label"] == "blended"
+    assert run["updates"] == 14
+    assert 0 < run["position_error_mean_m"] < 0.5
+    assert run["lost"] is False
+    assert not list(tmp_path.glob("*.rrd"))
+
+
+def test_the_same_seed_prints_the_same_figures(small_session: Path, tmp_path: Path) -> None:
+    def figures(seed: str) -> dict[str, object]:
+        done = maurice(small_session, "--json", "--no-recording", "--seed", seed, cwd=tmp_path)
+        run = json.loads(done.stdout)["runs"][0]
+        del run["steps_per_s"]
+        return dict(run)
+
+    assert figures("1") == figures("1")
+    assert figures("1") != figures("2")
+
+
+def test_compare_has_a_column_and_a_branch_for_each_run(small_session: Path, tmp_path: Path) -> None:
+    args = [
+        "compare",
+        small_session,
+        "--feature",
+        "edges",
+        "--feature",
+        "edges",
+        "--save",
+        "both.rrd",
+        "--json",
+    ]
+    done = maurice(*args, cwd=tmp_path)
+    assert [run["label"] for run in json.loads(done.stdout)["runs"]] == ["edges", "edges-2"]
+    paths = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}
+    assert any(path.startswith("/edges/") for path in paths)
+    assert any(path.startswith("/edges-2/") for path in paths)
+
+
+def test_without_truth_figures_are_null_and_the_replay_still_draws(
+    small_session: Path, tmp_path: Path
+) -> None:
+    lines = small_session.read_text().splitlines(keepends=True)
+    small_session.write_text("".join(line for line in lines if '"truth"' not in line))
+    done = maurice(small_session, "--json", cwd=tmp_path)
+    (run,) = json.loads(done.stdout)["runs"]
+    assert run["position_error_mean_m"] is None
+    assert run["lost"] is None
+    assert run["distance_m"] == pytest.approx(14 * 0.12)
+    assert (tmp_path / "session.rrd").exists()
+
+
+def test_one_picture_is_enough(small_session: Path, tmp_path: Path) -> None:
+    lines = small_session.read_text().splitlines(keepends=True)
+    small_session.write_text("".join(lines[:4]))
+    (run,) = json.loads(maurice(small_session, "--json", cwd=tmp_path).stdout)["runs"]
+    assert run["updates"] == 1
+    assert run["position_error_mean_m"] is None  # scored from the fourth update on
+
+
+def test_starts(small_session: Path, tmp_path: Path) -> None:
+    maurice(small_session, "--no-recording", "--start", "global", cwd=tmp_path)
+    maurice(small_session, "--no-recording", "--start", "1.6,0.6,17", cwd=tmp_path)
+    wrong = maurice(small_session, "--no-recording", "--start", "somewhere", cwd=tmp_path, expect=2)
+    assert "X,Y,HEADING in m and degrees" in " ".join(wrong.stderr.replace("│", " ").split())
+
+
+def test_library_build_show_and_use(small_session: Path, tmp_path: Path) -> None:
+    maurice("library", "build", "survey.log", "-o", "kept", cwd=tmp_path)
+    assert "--force" in one_line(
+        maurice("library", "build", "survey.log", "-o", "kept", cwd=tmp_path, expect=1)
+    )
+    facts = json.loads(maurice("library", "show", "kept", "--json", cwd=tmp_path).stdout)
+    assert facts["entries"] == 160
+    assert facts["places"] == 20
+    assert set(facts["channels"]) == {"color", "edges"}
+    assert "160 pictures" in maurice("library", "show", "survey.log", cwd=tmp_path).stdout
+    kept = maurice(small_session, "--json", "--no-recording", "--library", "kept", cwd=tmp_path)
+    named = maurice(small_session, "--json", "--no-recording", cwd=tmp_path)
+    errors = [json.loads(d.stdout)["runs"][0]["position_error_mean_m"] for d in (kept, named)]
+    assert errors[0] == errors[1]
+
+
+def test_inspect(small_session: Path, tmp_path: Path) -> None:
+    facts = json.loads(maurice("inspect", small_session, "--json", cwd=tmp_path).stdout)
+    assert facts["records"]["image"] == 14
+    assert facts["truth_share"] == 1.0
+    assert "kleine Fahrt" in maurice("inspect", small_session, cwd=tmp_path).stdout
+
+
+def test_keep_going_skips_counts_and_says_so(small_session: Path, tmp_path: Path) -> None:
+    lines = small_session.read_text().splitlines(keepends=True)
+    lines[4] = "{broken\n"
+    small_session.write_text("".join(lines))
+    assert "session.log:5:" in one_line(maurice(small_session, "--no-recording", cwd=tmp_path, expect=1))
+    done = maurice(small_session, "--no-recording", "--keep-going", cwd=tmp_path)
+    assert "skipped 1 broken line" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda p: None, "no session or command of that name"),
+        (lambda p: p.mkdir(), "directory"),
+        (lambda p: p.write_bytes(b""), "empty"),
+        (lambda p: p.write_bytes(os.urandom(4096)), "bad.log"),
+        (
+            lambda p: p.write_text('{"format": "maurice-session-log", "version": 99, "kind": "session"}\n'),
+            "version",
+        ),
+    ],
+    ids=["missing", "directory", "empty", "random bytes", "unknown version"],
+)
+def test_bad_sessions_give_one_line_and_status_1(make: object, said: str, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.log"
+    make(bad)  # type: ignore[operator]  # a lambda of the table above
+    assert said in one_line(maurice(bad, cwd=tmp_path, expect=1))
+
+
+def test_a_mistyped_command_is_named(tmp_path: Path) -> None:
+    assert "did you mean the command compare" in one_line(maurice("compair", cwd=tmp_path, expect=1))
+
+
+def test_bad_options_are_status_2(small_session: Path, tmp_path: Path) -> None:
+    for option in (
+        ["--feature", "smell"],
+        ["--resampler", "fair"],
+        ["--sharpness", "nan"],
+        ["--particles", "0"],
+    ):
+        maurice(small_session, *option, cwd=tmp_path, expect=2)
+    maurice("compare", small_session, "--feature", "color", cwd=tmp_path, expect=2)
+
+
+def test_bad_motion_parameters_name_the_header(small_session: Path, tmp_path: Path) -> None:
+    lines = small_session.read_text().splitlines(keepends=True)
+    header = json.loads(lines[0])
+    header["robot"] = {"name": "Maurice", "motion": {"model": "maurice", "turn_gian": 0.7}}
+    small_session.write_text("".join([json.dumps(header) + "\n", *lines[1:]]))
+    said = one_line(maurice(small_session, cwd=tmp_path, expect=1))
+    assert "session.log:1:" in said
+    assert "turn_gian" in said
+
+
+def test_ctrl_c_leaves_a_recording_and_the_figures_so_far(small_session: Path, tmp_path: Path) -> None:
+    """Interrupt a replay that is slow because it has very many particles."""
+    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    args = [*COMMAND, str(small_session), "--particles", "300000", "--json"]
+    with subprocess.Popen(
+        args, cwd=tmp_path, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as going:
+        part = tmp_path / "session.part.rrd"
+        for _ in range(600):
+            if part.exists() and part.stat().st_size > 2_000_000:
+                break
+            assert going.poll() is None, "it should still be running"
+            time.sleep(0.05)
+        going.send_signal(signal.SIGINT)
+        out, err = going.communicate(timeout=60)
+    assert going.returncode == 130, err.decode()
+    (run,) = json.loads(out)["runs"]
+    assert 0 < run["updates"] < 14
+    assert RrdReader(tmp_path / "session.rrd").recordings()
+
+
+def test_every_command_and_option_is_documented() -> None:
+    """docs/commands.md names every command and every option that --help shows."""
+    import typer
+
+    from maurice_viz.cli import app
+
+    text = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
+
+    def walk(command: object, name: str) -> None:
+        subcommands = getattr(command, "commands", {})
+        if not subcommands:
+            assert f"maurice-replay {name}" in text, name
+            for parameter in command.params:  # type: ignore[attr-defined]  # typer's own click is private
+                for option in (o for o in parameter.opts if o.startswith("--")):
+                    assert option in text, (name, option)
+        for sub, value in subcommands.items():
+            walk(value, f"{name} {sub}".strip())
+
+    walk(typer.main.get_command(app), "")
