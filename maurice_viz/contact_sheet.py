@@ -23,6 +23,7 @@ TEXT_PX = 9.5
 ENTRY_AT_PX, QUALITY_AT_PX = 22, 92  # where in a cell these captions begin
 NOT_KEPT = "picture not kept"
 GAP_PX = 6
+TRIED = 16  # pictures that are tried before their shape is given up on
 KEPT = 640  # cells in memory, at most about 50 MB: matches come back, and reading one costs 0.5 ms
 MISSING: RGB = (48, 50, 56)
 
@@ -49,15 +50,18 @@ class ContactSheet:
     library: Library
     scale: Scale
     _cells: dict[int, U8] = field(default_factory=dict)
-    _height: int | None = None  # of a picture, in pixels: that of the first one that could be read
+    _height: int = field(init=False)  # of a picture, in pixels
+
+    def __post_init__(self) -> None:
+        self._height = cell_height(self.library.pictures)
 
     def draw(self, matches: Sequence[Match]) -> U8:
         """Draw one row, always five wide so that the sheet does not jump: (H, W, 3) RGB."""
         cells = [self._cell(match.entry) for match in matches]
-        cells += [_blank(self._picture_height())] * (BEST - len(matches))
+        cells += [_blank(self._height)] * (BEST - len(matches))
         sheet = np.concatenate(cells, axis=1)
         for column, match in enumerate(matches):
-            left, base = column * (CELL_PX + GAP_PX), self._picture_height() + 18
+            left, base = column * (CELL_PX + GAP_PX), self._height + 18
             put_text(sheet, f"{match.rank}", left + 2, base, 15.0, RANK)
             put_text(sheet, f"q {match.quality:.3f}", left + QUALITY_AT_PX, base, TEXT_PX, PALE)
         return sheet[:, :-GAP_PX]
@@ -71,7 +75,7 @@ class ContactSheet:
 
     def _drawn(self, entry: int) -> U8:
         thumbnail = self._thumbnail(self.library.pictures[entry])
-        height = self._picture_height()
+        height = self._height
         cell = _blank(height)
         cell[:height, :CELL_PX] = MISSING if thumbnail is None else thumbnail
         if thumbnail is None:
@@ -86,13 +90,17 @@ class ContactSheet:
         image = read_picture(path) if path is not None else None
         if image is None:
             return None
-        if self._height is None:
-            self._height = max(1, round(CELL_PX * image.shape[0] / image.shape[1]))
-            self._cells.clear()  # of another height: no picture had been read yet
         return np.asarray(cv2.resize(image, (CELL_PX, self._height), interpolation=cv2.INTER_AREA), np.uint8)
 
-    def _picture_height(self) -> int:
-        return self._height or CELL_PX * 3 // 4
+
+def cell_height(pictures: Sequence[Path | None]) -> int:
+    """Give the height in pixels of a picture in its cell: the shape of the first one that can be read."""
+    kept = [path for path in pictures if path is not None]
+    for path in kept[:TRIED]:
+        image = read_picture(path)
+        if image is not None:
+            return max(1, round(CELL_PX * image.shape[0] / image.shape[1]))
+    return CELL_PX * 3 // 4
 
 
 def read_picture(path: Path) -> U8 | None:

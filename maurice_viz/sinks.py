@@ -30,6 +30,8 @@ class SinkError(Exception):
 def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
     """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows."""
     rec = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+    rec.set_log_time_enabled(False)  # the wall clock of drawing says nothing about the drive
+    rec.set_log_tick_enabled(False)
     rec.send_recording_name(name)
     return rec
 

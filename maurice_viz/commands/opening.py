@@ -11,6 +11,7 @@ from maurice_loaders.library_store import open_library
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import make_localizer
+from maurice_mcl.sensor import FEATURES
 
 from ..console import note, progress
 from ..entities import RESERVED
@@ -45,6 +46,7 @@ def make_runs(
 ) -> list[Run]:
     """Put together one run a feature, on the same drive and with the same seed."""
     start = start_pose(options.start, session.info, session.path)
+    _check_channels(session, library, features)
     try:
         localizers = [
             make_localizer(
@@ -61,6 +63,14 @@ def make_runs(
     except ValueError as problem:  # bad motion parameters in the header, or nowhere to start
         raise LogError(session.path, str(problem), 1) from None
     return [Run(label, made, start) for label, made in zip(unique_labels(features), localizers, strict=True)]
+
+
+def _check_channels(session: SessionLog, library: Library, features: Sequence[str]) -> None:
+    for feature in features:
+        missing = [channel for channel in FEATURES[feature] if channel not in library.index]
+        if missing:
+            found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
+            raise LogError(session.path, f"{found}, and {feature} needs {missing[0]}; build the library again")
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:

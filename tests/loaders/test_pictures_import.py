@@ -58,6 +58,13 @@ def test_truth_is_the_label_and_the_picture_is_its_own(source: Path, tmp_path: P
         assert moment.frame.time_s == row
 
 
+def test_the_library_has_the_labels(source: Path, tmp_path: Path) -> None:
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
+    for picture in SessionLog(summary.survey).survey_pictures():
+        x, y, heading = POSES[round(float(picture.image.mean()) / 5)]
+        assert picture.pose == pytest.approx([x, y, np.deg2rad(heading)])
+
+
 def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
     quiet = replace(OPTIONS, noise=OdometryNoise(0, 0, 0))
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", quiet)

@@ -50,6 +50,14 @@ def test_a_whole_drive(write_log: WriteLog, pixel: Pixel) -> None:
     assert first.frame.image.tolist() == [[[10, 20, 30], [40, 50, 60]]]
 
 
+def test_an_overview_opens_no_picture(write_log: WriteLog) -> None:
+    drive = [{"t": 0, "image": "gone.jpg"}, {"t": 0, "image": "cap.jpg", "covered": True}]
+    drive.append({"t": 0, "image": "left.jpg", "camera": "left"})
+    drive.append({"t": 0, "image": "right.jpg", "camera": "right"})
+    assert SessionLog(write_log(*drive)).overview() == (2, False)
+    assert SessionLog(write_log(*drive, {"t": 1, "truth": [0, 0, 0]}), camera="right").overview() == (2, True)
+
+
 def test_starts_again_on_every_call(write_log: WriteLog, pixel: Pixel) -> None:
     log: Session = SessionLog(write_log(*({"t": t, "image": pixel} for t in range(3))))
     one, other = log.moments(), log.moments()
@@ -130,6 +138,13 @@ def test_a_last_line_without_its_end_counts_when_it_is_whole(write_log: WriteLog
     log = SessionLog(path)
     assert len(list(log.moments())) == 1
     assert log.warnings == ()
+
+
+def test_a_last_line_without_its_end_is_an_error_when_it_is_whole_but_wrong(write_log: WriteLog) -> None:
+    path = write_log({"t": 0, "truth": [1, 2]})
+    path.write_bytes(path.read_bytes().rstrip(b"\n"))
+    with pytest.raises(LogError, match=r"log:2: found truth .*, expected a list of 3 numbers"):
+        moments(path)
 
 
 def test_a_log_that_grows_is_read_on_the_next_call(tmp_path: Path, image: U8) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.log_records import Event, Odometry, PictureRecord, Record, Truth
-from maurice_loaders.truth import with_truth
+from maurice_loaders.truth import MAX_WAITING, with_truth
 from maurice_mcl.typing import F64
 
 
@@ -101,8 +101,16 @@ def test_looks_ahead_no_further_than_needed() -> None:
 
 
 def test_a_clock_that_stands_still_does_not_fill_the_memory() -> None:
-    records = (picture(0.0) for _ in itertools.count())
-    assert next(with_truth(records))[1] is None
+    taken = 0
+
+    def standing() -> Iterator[Record]:
+        nonlocal taken
+        while taken < 3 * MAX_WAITING:
+            taken += 1
+            yield picture(0.0)
+
+    assert next(with_truth(standing()))[1] is None
+    assert taken == MAX_WAITING + 1
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 8)), max_size=30))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -108,5 +109,6 @@ def play(
     return list(run(localizer, session, None))
 
 
-def moved(record: StepRecord, **changes: object) -> StepRecord:
-    return replace(record, **changes)  # type: ignore[arg-type]  # a test's shorthand
+def changed(record: Any, **changes: Any) -> Any:
+    """Give a frozen value with some fields changed."""
+    return replace(record, **changes)

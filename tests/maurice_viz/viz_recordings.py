@@ -10,22 +10,27 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import viz_fakes as fakes
+from rerun.chunk import RrdReader
+
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor import FEATURES
 from maurice_mcl.session import Moment
 from maurice_viz import blueprint, sinks
 from maurice_viz.look import scale_for
 from maurice_viz.observe import RerunObserver
-from rerun.chunk import RrdReader
 
 Played = list[tuple[Moment, StepRecord]]
 
 
-def draw(path: Path, session: fakes.FakeSession, features: Sequence[str], particles: int = 60) -> list[Played]:
+def draw(
+    path: Path, session: fakes.FakeSession, features: Sequence[str], particles: int = 60
+) -> list[Played]:
     """Draw one run a feature into one recording; gives what was drawn."""
     library = session.library
     runs = [blueprint.Run(feature, tuple(FEATURES[feature])) for feature in features]
-    shown = blueprint.Shown(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
+    shown = blueprint.Shown(
+        library.arena, scale_for(session.info.display_units, library.arena), session.has_truth
+    )
     played = [fakes.play(session, feature, particles) for feature in features]
     with sinks.to_file(path, session.info.name, blueprint.for_runs(runs, shown)) as rec:
         for number, (run, records) in enumerate(zip(runs, played, strict=True)):

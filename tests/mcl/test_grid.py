@@ -46,6 +46,12 @@ def test_floors_lie_on_top_of_each_other_in_their_order():
     assert grid.floors == ("", "wood", "rug")
     names = [grid.floors[grid.floor[_at(grid, xy, xy)]] for xy in (0.4, 0.9, 1.05, 2.5)]
     assert names == ["wood", "rug", "wood", ""]
+
+
+def test_obstacles_and_walls_are_not_free():
+    wall = np.array([[1.5, 0.0, 1.5, 1.0]])
+    grid = make_grid(Arena((0, 0, 2, 1.5), wall, obstacles=(_square("box", 0.1, 0.3),)), PLACES)
+    assert not grid.free[_at(grid, 0.2, 0.2)]
     assert grid.free[_at(grid, 0.4, 0.4)]
     assert grid.walled[_at(grid, 1.5001, 0.5)]
     assert not grid.free[_at(grid, 1.5001, 0.5)]

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import viz_fakes as fakes
+
+from maurice_mcl.arena import Arena
+from maurice_viz import keys
+from maurice_viz.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks
+from maurice_viz.draw_circles import circles_for, node_spacing, relative_likelihood
+from maurice_viz.draw_world import distinct_places
+from maurice_viz.look import OBSTACLE, scale_for
+from maurice_viz.raster import plain, text_size
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "smallest", "expected"),
+    [
+        (0, 204, 12, [0, 24, 48, 72, 96, 120, 144, 168, 192]),
+        (0, 36, 12, [0, 12, 24, 36]),
+        (-1, 1, 0.5, [-1, -0.5, 0, 0.5, 1]),
+        (10.2, 10.4, 0.5, []),
+    ],
+)
+def test_ticks(low: float, high: float, smallest: float, expected: list[float]) -> None:
+    assert ticks(low, high, smallest) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("side", [0.7, 5, 42, 333, 9_999, 1e6])
+def test_ticks_are_never_too_many(side: float) -> None:
+    assert len(ticks(0, side, 0.5)) <= MOST_TICKS
+    assert len(ticks(0, side, 0.5)) >= min(MOST_TICKS // 3, int(side / 0.5))
+
+
+def test_an_obstacle_is_drawn_where_it_stands() -> None:
+    arena = fakes.arena(5, 4)
+    scale = scale_for("in", arena)
+    ground = draw_ground(arena, scale)
+    inside = scale.screen(np.array([[0.11, 0.76], [0.6, 0.5]]) * arena.size_m)
+    at = ((inside - (ground.extent.left, ground.extent.top)) / ground.unit_per_px).round().astype(int)
+    assert tuple(ground.image[at[0, 1], at[0, 0]]) == OBSTACLE
+    assert tuple(ground.image[at[1, 1], at[1, 0]]) != OBSTACLE
+
+
+def test_floors_look_different() -> None:
+    arena = fakes.arena(5, 4)
+    image = draw_ground(arena, scale_for("in", arena)).image
+    rows, columns = image.shape[:2]
+    wood, carpet = image[rows // 2, columns // 3].astype(int), image[rows // 2, columns * 2 // 3].astype(int)
+    assert abs(wood - carpet).sum() > 30
+
+
+@pytest.mark.parametrize(
+    "bounds", [(0, 0, 5, 0.5), (0, 0, 0.5, 5), (500_000, 0, 500_020, 10), (0, 0, 0.01, 0.01)]
+)
+def test_any_shape_of_arena_can_be_drawn(bounds: tuple[float, float, float, float]) -> None:
+    arena = Arena(bounds, np.zeros((0, 4)))
+    image = draw_ground(arena, scale_for("m", arena)).image
+    assert max(image.shape) == LONG_SIDE_PX
+
+
+def test_the_key_speaks_of_truth_only_where_there_is_one() -> None:
+    assert keys.weight_key(True).shape[1] > keys.weight_key(False).shape[1]
+
+
+def test_text_is_brought_to_what_the_font_has() -> None:
+    assert plain("café 床") == "cafe ?"
+    assert text_size("ab", 20)[0] > text_size("a", 20)[0]
+
+
+def test_circles_stand_off_their_node_along_their_heading() -> None:
+    library = fakes.make_library()
+    scale = scale_for("in", library.arena)
+    circles = circles_for(library, scale)
+    assert circles.spacing == pytest.approx(18)
+    off = (circles.centers - scale.screen(library.poses)) * (1, -1)
+    np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
+
+
+def test_places_are_counted_once_and_a_lone_one_has_a_spacing() -> None:
+    poses = np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]], float)
+    assert len(distinct_places(poses)) == 2
+    assert node_spacing(poses) == 2
+    assert node_spacing(poses[:1]) > 0
+
+
+def test_likelihood_is_relative_to_the_best() -> None:
+    logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
+    np.testing.assert_allclose(relative_likelihood(logs), [1, 0.5, 0], atol=1e-6)
+    np.testing.assert_array_equal(relative_likelihood(np.full(3, -np.inf, np.float32)), [0, 0, 0])

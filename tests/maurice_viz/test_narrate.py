@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import viz_fakes as fakes
+
+from maurice_mcl.belief import Belief, uniform_log_weights
+from maurice_mcl.records import Estimate
+from maurice_viz import narrate
+from maurice_viz.entities import Slot
+from maurice_viz.look import UNITS, Scale
+
+INCHES = Scale(UNITS["in"])
+INCH = 0.0254
+
+
+def estimate(x_in: float, y_in: float, heading_deg: float) -> Estimate:
+    pose = np.array([x_in * INCH, y_in * INCH, np.radians(heading_deg)])
+    return Estimate(pose, (0.1, 0.1), 0.1, 1.0, 0.25, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("motions", "said"),
+    [
+        (np.zeros((0, 3)), "stood still"),
+        ([[18 * INCH, 0, 0]], "drove 18.0 in forward"),
+        ([[-18 * INCH, 0, 0]], "drove 18.0 in backward"),
+        ([[0, 0, np.pi / 4]], "turned 45 deg left"),
+        ([[0, 0, -np.pi / 4], [INCH, 0, 0]], "drove 1.0 in forward and turned 45 deg right (2 movements)"),
+        ([[0, -INCH, 0]], "slid 1.0 in to the right"),
+    ],
+)
+def test_motion(motions: list[list[float]], said: str) -> None:
+    assert narrate.motion(np.array(motions), INCHES) == said
+
+
+def test_spread_is_the_radial_standard_deviation_by_weight() -> None:
+    poses = np.array([[3, 0, 0], [-3, 0, 0], [0, 4, 0], [0, -4, 0]], np.float32)
+    assert narrate.spread_m(Belief(poses, uniform_log_weights(4), np.zeros(2))) == pytest.approx(
+        np.sqrt(12.5)
+    )
+
+
+def test_errors_go_the_short_way_round() -> None:
+    apart, angle = narrate.errors(estimate(3, 4, 179), np.array([0, 0, np.radians(-179)]))
+    assert apart == pytest.approx(5 * INCH)
+    assert np.degrees(angle) == pytest.approx(2)
+
+
+def test_summary_says_numbers_in_the_sessions_units() -> None:
+    ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 50)
+    truth = np.array([10 * INCH, 20 * INCH, 0.0])
+    moment = fakes.changed(moment, truth=truth, events=("kidnapped",))
+    record = fakes.changed(record, estimate=estimate(13, 24, 10), effective_sample_size=25.0)
+    said = narrate.summary(moment, record, INCHES)
+    best = int(record.sighting.quality.argmax())
+    assert said.startswith("**Step 1 · 2.5 s** · kidnapped\n\n")
+    assert "Estimate (13.0, 24.0) in, 10 deg; confidence 25%; **error 5.0 in, 10 deg**." in said
+    assert f"Best match: entry {best}, quality {record.sighting.quality[best]:.3f}." in said
+    assert "Effective sample size 25 of 50 (50%). Resampled." in said
+    assert len(said) < 320
+
+
+def test_without_truth_no_error_is_claimed() -> None:
+    said = narrate.estimated(fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES)
+    assert "truth not known" in said
+    assert "error" not in said
+
+
+def test_survivors_are_counted() -> None:
+    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
+    record = fakes.changed(record, parents=np.array([0, 0, 0, 4, 4, 5], np.int32))
+    said = narrate.resampled(record)
+    assert said.startswith("Resampled: 3 of 6 particles survive, the luckiest in 3 copies.")
+
+
+def test_all_weights_zero_is_said() -> None:
+    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
+    assert "all weights zero" in narrate.weighted(fakes.changed(record, events=("all weights zero",)))
+
+
+def test_each_phase_says_which_it_is() -> None:
+    ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
+    for slot, title in ((Slot.PREDICT, "Phase 1 of 5: predict"), (Slot.RESAMPLE, "Phase 4 of 5: resample")):
+        assert title in narrate.phase(moment, record, slot, INCHES).splitlines()[0]
+
+
+def test_a_single_reference_has_no_runner_up() -> None:
+    library = fakes.make_library(columns=1, rows=1, headings=1)
+    ((_, record),) = fakes.play(fakes.make_session(library, 1), "color", 6)
+    assert "then entry" not in narrate.measured(record)

@@ -1,0 +1,234 @@
+"""What is drawn is what the records say: read back from the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viz_fakes as fakes
+import viz_recordings as recordings
+from rerun.chunk import RrdReader
+
+from maurice_mcl.library import Library
+from maurice_viz import entities, narrate
+from maurice_viz.draw_histograms import bin_differences
+from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.look import scale_for, weight_colors
+from maurice_viz.observe import RerunObserver
+from maurice_viz.sinks import recording
+
+STEPS = 4
+RUN = RunPaths("blended")
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    return fakes.make_library(tmp_path_factory.mktemp("pictures"))
+
+
+@pytest.fixture(scope="module")
+def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, recordings.Played]:
+    path = tmp_path_factory.mktemp("drawn") / "out.rrd"
+    (played,) = recordings.draw(path, fakes.make_session(library, STEPS, name="Büro 東京"), ["blended"])
+    return path, played
+
+
+def test_every_entity_is_there(drawn: tuple[Path, recordings.Played]) -> None:
+    found = recordings.entities_of(drawn[0])
+    charts = {RUN.histogram(c, k) for c in ("color", "edges") for k in ("sample", "reference", "difference")}
+    traces = ("position_error", "heading_error", "spread", "confidence", "effective_sample")
+    world = {entities.FLOORS, entities.WALLS, entities.NODES, entities.WEIGHT_KEY, entities.MATCH_KEY}
+    expected = {entities.CAMERA, entities.EDGES, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
+    expected |= {RUN.circles, RUN.best, RUN.contact_sheet} | charts | world | {RUN.trace(t) for t in traces}
+    assert expected <= found
+
+
+def test_there_are_three_timelines_and_no_wall_clock(drawn: tuple[Path, recordings.Played]) -> None:
+    names = {n for chunk in RrdReader(drawn[0]).stream() for n in chunk.to_record_batch().schema.names}
+    assert {"step", "session", "phase"} <= names
+    assert not {"log_time", "log_tick"} & names
+
+
+def test_the_name_of_the_session_is_kept_whatever_its_script(drawn: tuple[Path, recordings.Played]) -> None:
+    assert recordings.static(drawn[0], "/__properties")["RecordingInfo:name"] == ["Büro 東京"]
+
+
+def test_particles_walk_through_the_phases(drawn: tuple[Path, recordings.Played], library: Library) -> None:
+    path, played = drawn
+    found = recordings.rows(path, RUN.particles)
+    slots = (Slot.PREDICT, Slot.WEIGHT, Slot.RESAMPLE)
+    steps = [m.frame.step for m, _ in played]
+    assert [row.phase for row in found] == [entities.phase_number(s, slot) for s in steps for slot in slots]
+    scale = scale_for("in", library.arena)
+    for k, (moment, record) in enumerate(played):
+        predict, weight, resample = found[3 * k : 3 * k + 3]
+        for row, belief in ((predict, record.predicted), (resample, record.belief)):
+            expected = (belief.world_poses[:, :2] / 0.0254) * (1, -1)
+            np.testing.assert_allclose(recordings.positions(row), expected, atol=scale.units.fine)
+        for row, belief in ((predict, record.predicted), (weight, record.weighted)):
+            assert row.values["Points2D:colors"] == weight_colors(belief.log_weights).tolist()
+            assert row.step == moment.frame.step
+            assert row.session_s == pytest.approx(moment.frame.time_s)
+
+
+def test_weighing_logs_colors_alone(drawn: tuple[Path, recordings.Played]) -> None:
+    for row in recordings.rows(drawn[0], RUN.particles)[1::3]:
+        assert set(row.values) == {"Points2D:colors"}
+
+
+def test_resampled_particles_do_not_hide_the_weighted_ones(drawn: tuple[Path, recordings.Played]) -> None:
+    for row in recordings.rows(drawn[0], RUN.particles)[2::3]:
+        assert row.step is None
+        assert row.session_s is None
+
+
+def test_truth_and_estimate_are_drawn_with_y_down(drawn: tuple[Path, recordings.Played]) -> None:
+    path, played = drawn
+    poses = {
+        entities.TRUTH: [m.truth for m, _ in played],
+        RUN.estimate: [r.estimate.pose for _, r in played],
+    }
+    for entity, expected in poses.items():
+        found = recordings.rows(path, entity)
+        assert len(found) == STEPS
+        for row, pose in zip(found, expected, strict=True):
+            assert recordings.positions(row)[0] == pytest.approx(pose[:2] / 0.0254 * (1, -1), abs=0.02)
+            x, y = row.values["Arrows2D:vectors"][0]
+            assert np.arctan2(-y, x) == pytest.approx(pose[2], abs=1e-5)
+
+
+def test_trails_hold_the_poses_so_far(drawn: tuple[Path, recordings.Played]) -> None:
+    found = recordings.rows(drawn[0], RUN.estimate)
+    so_far = [row.values["Points2D:positions"][0] for row in found]
+    assert found[-1].values["LineStrips2D:strips"] == [so_far]
+
+
+def test_traces_are_those_of_the_records(drawn: tuple[Path, recordings.Played]) -> None:
+    path, played = drawn
+    expected: dict[str, list[float]] = {
+        "position_error": [],
+        "heading_error": [],
+        "confidence": [],
+        "effective_sample": [],
+    }
+    for moment, record in played:
+        assert moment.truth is not None
+        apart, angle = narrate.errors(record.estimate, moment.truth)
+        expected["position_error"].append(apart / 0.0254)
+        expected["heading_error"].append(float(np.degrees(angle)))
+        expected["confidence"].append(record.estimate.confidence)
+        expected["effective_sample"].append(record.effective_sample_size / record.weighted.size)
+    for quantity, values in expected.items():
+        rows = recordings.rows(path, RUN.trace(quantity))
+        assert [row.values["Scalars:scalars"][0] for row in rows] == pytest.approx(values)
+        assert [row.phase for row in rows] == [
+            entities.phase_number(k, Slot.ESTIMATE) for k in range(1, STEPS + 1)
+        ]
+
+
+def test_histograms_are_those_of_the_picture_and_its_best_match(
+    drawn: tuple[Path, recordings.Played], library: Library
+) -> None:
+    path, played = drawn
+    for channel in ("color", "edges"):
+        rows = {
+            k: recordings.rows(path, RUN.histogram(channel, k)) for k in ("sample", "reference", "difference")
+        }
+        for k, (_, record) in enumerate(played):
+            best = int(record.sighting.ranking()[0])
+            sample, index = record.sighting.descriptors[channel], library.index[channel]
+            difference = bin_differences(sample, index.references[best], index)
+            row_of_channel = record.sighting.channels.index(channel)
+            assert difference.mean() == pytest.approx(
+                record.sighting.distances[row_of_channel, best], rel=1e-4
+            )
+            for kind, values in (
+                ("sample", sample),
+                ("reference", index.references[best]),
+                ("difference", difference),
+            ):
+                buffer = rows[kind][k].values["BarChart:values"][0]["buffer"]
+                np.testing.assert_allclose(np.asarray(buffer, np.float32), values, rtol=1e-6)
+
+
+def test_circles_grow_with_likelihood(drawn: tuple[Path, recordings.Played]) -> None:
+    path, played = drawn
+    for row, (_, record) in zip(recordings.rows(path, RUN.circles), played, strict=True):
+        radii = np.array(row.values["Points2D:radii"])
+        assert len(radii) == len(record.sighting.quality)
+        assert radii.argmax() == record.sighting.ranking()[0]
+        order = record.sighting.log_likelihood.argsort(kind="stable")
+        assert (np.diff(radii[order]) >= 0).all()
+
+
+def test_the_last_words_on_a_step_are_the_summary(
+    drawn: tuple[Path, recordings.Played], library: Library
+) -> None:
+    path, played = drawn
+    words = recordings.rows(path, RUN.text)
+    assert len(words) == 5 * STEPS
+    scale = scale_for("in", library.arena)
+    for k, (moment, record) in enumerate(played):
+        assert words[5 * k + 4].values["TextDocument:text"] == [narrate.summary(moment, record, scale)]
+
+
+def test_pictures_are_jpeg_and_logged_once_a_step(drawn: tuple[Path, recordings.Played]) -> None:
+    for entity in (entities.CAMERA, entities.EDGES, RUN.contact_sheet):
+        rows = recordings.rows(drawn[0], entity)
+        assert len(rows) == STEPS
+        assert all(bytes(row.values["EncodedImage:blob"][0][:2]) == b"\xff\xd8" for row in rows)
+
+
+def test_two_runs_share_world_camera_and_truth(library: Library, tmp_path: Path) -> None:
+    path = tmp_path / "two.rrd"
+    recordings.draw(path, fakes.make_session(library, 3), ["color", "blended"])
+    assert len(recordings.rows(path, entities.CAMERA)) == len(recordings.rows(path, entities.TRUTH)) == 3
+    for label in ("color", "blended"):
+        assert len(recordings.rows(path, RunPaths(label).trace("position_error"))) == 3
+    assert RunPaths("color").histogram("edges", "sample") not in recordings.entities_of(path)
+    assert len(RrdReader(path).blueprints()) == 1
+
+
+def test_without_truth_there_are_no_errors_and_no_marker(library: Library, tmp_path: Path) -> None:
+    path = tmp_path / "blind.rrd"
+    recordings.draw(path, fakes.make_session(library, 2, has_truth=False), ["blended"])
+    found = recordings.entities_of(path)
+    assert RUN.trace("spread") in found
+    assert len(recordings.rows(path, entities.TRUTH)) == 0
+    assert len(recordings.rows(path, RUN.trace("position_error"))) == 0
+    assert len(recordings.rows(path, RUN.trace("heading_error"))) == 0
+
+
+def test_one_frame_and_one_entry_in_metres_without_a_picture(tmp_path: Path) -> None:
+    library = fakes.make_library(columns=1, rows=1, headings=1, units="m")
+    path = tmp_path / "small.rrd"
+    ((pair,),) = recordings.draw(path, fakes.make_session(library, 1), ["color"])
+    (row,) = recordings.rows(path, RunPaths("color").circles)
+    assert len(row.values["Points2D:radii"]) == 1
+    (predict, *_) = recordings.rows(path, RunPaths("color").particles)
+    expected = pair[1].predicted.world_poses[:, :2] * (1, -1)
+    np.testing.assert_allclose(recordings.positions(predict), expected, atol=1e-3)
+
+
+def test_a_step_that_was_not_resampled_leaves_the_cloud(library: Library, tmp_path: Path) -> None:
+    session = fakes.make_session(library, 1)
+    ((moment, record),) = fakes.play(session, "color", 20)
+    kept = fakes.changed(record, parents=None, belief=record.weighted, events=())
+    rec = recording("kept")
+    rec.save(tmp_path / "kept.rrd")
+    observer = RerunObserver(rec, "color", ("color",))
+    observer.begin(session.info, library)
+    observer.see(moment, kept)
+    observer.end()
+    rec.disconnect()
+    slots = [row.phase - 6 for row in recordings.rows(tmp_path / "kept.rrd", RunPaths("color").particles)]
+    assert slots == [Slot.PREDICT, Slot.WEIGHT]
+    words = recordings.rows(tmp_path / "kept.rrd", RunPaths("color").text)
+    assert "Not resampled" in words[Slot.RESAMPLE].values["TextDocument:text"][0]
+
+
+def test_seeing_before_beginning_is_refused(library: Library) -> None:
+    ((moment, record),) = fakes.play(fakes.make_session(library, 1), "color", 5)
+    with pytest.raises(RuntimeError, match="begin"):
+        RerunObserver(recording("x"), "color", ("color",)).see(moment, record)

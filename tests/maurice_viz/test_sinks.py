@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
+
+from maurice_viz import sinks
+
+LAYOUT = rrb.Blueprint(rrb.TextDocumentView(origin="/a"))
+
+
+def write(path: Path, force: bool = False) -> None:
+    with sinks.to_file(path, "a session", LAYOUT, force=force) as rec:
+        rec.log("/a", rr.TextDocument("hello"))
+
+
+def write_in_vain(path: Path) -> None:
+    with sinks.to_file(path, "x", LAYOUT, force=True) as rec:
+        rec.log("/a", rr.TextDocument("so far"))
+        raise KeyboardInterrupt
+
+
+def test_a_recording_is_whole_and_has_its_layout(tmp_path: Path) -> None:
+    write(tmp_path / "a.rrd")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
+    reader = RrdReader(tmp_path / "a.rrd")
+    assert reader.recordings()[0].application_id == "maurice-replay"
+    assert len(reader.blueprints()) == 1
+
+
+def test_an_existing_file_is_kept_without_force(tmp_path: Path) -> None:
+    (tmp_path / "a.rrd").write_bytes(b"mine")
+    with pytest.raises(sinks.SinkError, match="--force"):
+        write(tmp_path / "a.rrd")
+    assert (tmp_path / "a.rrd").read_bytes() == b"mine"
+
+
+def test_force_replaces(tmp_path: Path) -> None:
+    (tmp_path / "a.rrd").write_bytes(b"mine")
+    write(tmp_path / "a.rrd", force=True)
+    assert RrdReader(tmp_path / "a.rrd").recordings()
+
+
+def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    path.write_bytes(b"mine")
+    with pytest.raises(KeyboardInterrupt):
+        write_in_vain(path)
+    assert path.read_bytes() == b"mine"
+    assert "/a" in {str(chunk.entity_path) for chunk in RrdReader(sinks.part_of(path)).stream()}
+
+
+@pytest.mark.parametrize("name", ["a.log", "a"])
+def test_other_endings_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(sinks.SinkError, match=r"\.rrd"):
+        write(tmp_path / name)
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(sinks.SinkError, match="nowhere"):
+        write(tmp_path / "nowhere" / "a.rrd")
+
+
+def test_a_folder_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.rrd").mkdir()
+    with pytest.raises(sinks.SinkError, match="folder"):
+        write(tmp_path / "a.rrd", force=True)
+
+
+def test_a_disk_that_ran_full_is_an_error_and_not_a_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sinks, "LEAST_FREE", 1 << 62)
+    with pytest.raises(sinks.SinkError, match="space"):
+        write(tmp_path / "a.rrd")
+    assert not (tmp_path / "a.rrd").exists()
+
+
+def test_errors_are_one_line(tmp_path: Path) -> None:
+    for name in ("a.log", "nowhere/a.rrd"):
+        with pytest.raises(sinks.SinkError) as caught:
+            write(tmp_path / name)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("display", ["", ":0"])
+def test_a_display_is_what_the_environment_says(monkeypatch: pytest.MonkeyPatch, display: str) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", display)
+    assert sinks.has_display() == bool(display)

@@ -1,0 +1,256 @@
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from maurice_mcl.belief import Belief, uniform_log_weights
+from maurice_mcl.localizer import ALL_ZERO, RESAMPLED, Localizer, make_localizer, run, weigh
+from maurice_mcl.metrics import Scorer
+from maurice_mcl.policies import always, never
+from maurice_mcl.session import Frame
+
+
+def _records(world, start="known", **choices):
+    localizer = make_localizer(world.library, world.drive, **{"particles": 300, "seed": 5} | choices)
+    pose = world.start if start == "known" else None
+    return [record for _, record in run(localizer, world.drive, pose)]
+
+
+def _alike(a, b):
+    """Compare two values to the last bit, dataclasses field by field; timings aside."""
+    if is_dataclass(a):
+        names = [f.name for f in fields(a) if f.name != "took_s"]
+        return type(a) is type(b) and all(_alike(getattr(a, n), getattr(b, n)) for n in names)
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(_alike(a[k], b[k]) for k in a)
+    return a == b
+
+
+EITHER_START = pytest.mark.parametrize("start", ["known", "anywhere"])
+
+
+@EITHER_START
+@pytest.mark.parametrize("resampler", ["systematic", "multinomial"])
+def test_the_same_seed_gives_the_same_records_to_the_last_bit(world, start, resampler):
+    once, again = (_records(world, start, resampler=resampler) for _ in range(2))
+    assert len(once) == len(world.drive.all_moments)
+    assert all(_alike(a, b) for a, b in zip(once, again, strict=True))
+
+
+@EITHER_START
+def test_another_seed_gives_other_particles(world, start):
+    once, other = (_records(world, start, seed=seed) for seed in (5, 6))
+    assert not any(
+        np.array_equal(a.predicted.poses, b.predicted.poses) for a, b in zip(once, other, strict=True)
+    )
+
+
+@pytest.mark.parametrize("change", ["moved", "removed"])
+def test_truth_and_events_change_no_particle(world, change):
+    def altered(moment):
+        truth = None if change == "removed" else moment.truth + [1.0, -1.0, 0.5]
+        return replace(moment, truth=truth, events=() if change == "removed" else ("kidnapped",))
+
+    drive = replace(world.drive, all_moments=tuple(altered(m) for m in world.drive.all_moments))
+    other = _records(replace(world, drive=drive))
+    assert all(_alike(a, b) for a, b in zip(_records(world), other, strict=True))
+
+
+def test_what_is_given_is_not_changed(world):
+    localizer = make_localizer(world.library, world.drive, particles=300)
+    state = localizer.start(None)
+    frame = world.drive.all_moments[0].frame
+    given = [state.belief.poses, state.belief.log_weights, frame.motions, frame.image]
+    kept = [array.copy() for array in given]
+    _, record = localizer.step(state, frame)
+    stages = [record.predicted, record.weighted, record.belief]
+    stage_arrays = [a for b in stages for a in (b.poses, b.log_weights)]
+    frozen = [a.copy() for a in stage_arrays]
+    localizer.step(localizer.step(state, frame)[0], world.drive.all_moments[1].frame)
+    assert all(np.array_equal(a, b) for a, b in zip(given, kept, strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(stage_arrays, frozen, strict=True))
+
+
+def test_a_step_goes_on_from_the_state_alone(world):
+    records = _records(world)
+    localizer = make_localizer(world.library, world.drive, particles=300, seed=5)
+    state = localizer.start(world.start)
+    for moment, expected in zip(world.drive.all_moments, records, strict=True):
+        branch, record = localizer.step(state, moment.frame)
+        again, _ = localizer.step(state, moment.frame)
+        assert _alike(record, expected)
+        assert _alike(branch, again)
+        assert branch.step == moment.frame.step
+        state = branch
+
+
+@EITHER_START
+def test_weights_stay_with_their_particles(world, start):
+    """Shuffled against each other, no weight would fit its particle's own entry any more."""
+    for record in _records(world, start):
+        likelihood = np.append(record.sighting.log_likelihood, -np.inf).astype(np.float64)
+        entries = record.sighting.entries
+        localizer = make_localizer(world.library, world.drive)
+        assert np.array_equal(
+            entries, localizer.reference.entries(record.predicted.poses, world.library.origin)
+        )
+        expected = record.predicted.log_weights + likelihood[entries]
+        assert record.weighted.log_weights + record.log_evidence == pytest.approx(expected, abs=1e-9)
+        assert record.weighted.poses is record.predicted.poses
+
+
+@pytest.mark.parametrize("resampler", ["systematic", "multinomial"])
+def test_parents_reproduce_the_belief(world, resampler):
+    for record in _records(world, "anywhere", resampler=resampler):
+        assert np.array_equal(record.belief.poses, record.weighted.poses[record.parents])
+        assert np.exp(record.belief.log_weights) == pytest.approx(np.full(300, 1 / 300))
+        assert np.all(np.isfinite(record.weighted.log_weights[record.parents])), "no dead parent"
+        assert record.events == (RESAMPLED,)
+
+
+def test_each_step_starts_from_the_last_ones_belief(world):
+    localizer = make_localizer(world.library, world.drive, particles=300)
+    still = [replace(m.frame, motions=np.zeros((0, 3))) for m in world.drive.all_moments]
+    state = localizer.start(None)
+    for frame in still:
+        before = state.belief
+        state, record = localizer.step(state, frame)
+        assert np.array_equal(record.predicted.poses, before.poses), "no movement, no noise"
+        assert state.belief is record.belief
+
+
+def test_without_resampling_weights_multiply(world):
+    localizer = replace(make_localizer(world.library, world.drive, particles=300), resample_when=never)
+    state, total = localizer.start(None), np.zeros(300)
+    for moment in world.drive.all_moments[:4]:
+        state, record = localizer.step(state, moment.frame)
+        total = total + np.append(record.sighting.log_likelihood, -np.inf)[record.sighting.entries]
+        assert record.parents is None
+        assert record.events == ()
+        assert record.belief is record.weighted
+    alive = np.isfinite(total)
+    shifted = total[alive] - np.log(np.exp(total[alive]).sum())
+    assert record.weighted.log_weights[alive] == pytest.approx(shifted, abs=1e-4)
+    assert record.effective_sample_size == pytest.approx(1 / (record.weighted.weights**2).sum())
+    assert always(record.belief)
+
+
+def test_evidence_is_the_mean_likelihood_under_the_prior():
+    prior = np.log(np.array([0.5, 0.3, 0.2]))
+    belief = Belief(np.zeros((3, 3), np.float32), prior, np.zeros(2))
+    likelihood = np.array([0.1, 0.6, 0.0], np.float32)
+    with np.errstate(divide="ignore"):
+        weighted, log_evidence = weigh(belief, np.log(likelihood))
+    assert np.exp(log_evidence) == pytest.approx(0.5 * 0.1 + 0.3 * 0.6)
+    assert weighted.weights == pytest.approx(np.array([0.05, 0.18, 0.0]) / 0.23)
+
+
+def test_all_weights_zero_keeps_the_prior():
+    prior = np.log(np.array([0.5, 0.3, 0.2]))
+    belief = Belief(np.zeros((3, 3), np.float32), prior, np.zeros(2))
+    weighted, log_evidence = weigh(belief, np.full(3, -np.inf, np.float32))
+    assert log_evidence == -np.inf
+    assert np.array_equal(weighted.log_weights, prior)
+
+
+def test_when_every_particle_is_outside_it_is_an_event_and_no_nan(world):
+    localizer = make_localizer(world.library, world.drive, particles=50)
+    state = localizer.start(np.array([-3.0, -3.0, 0.0]))
+    for moment in world.drive.all_moments[:3]:
+        state, record = localizer.step(state, moment.frame)
+        assert record.events == (ALL_ZERO, RESAMPLED)
+        assert record.log_evidence == -np.inf
+        assert record.weighted.weights == pytest.approx(np.full(50, 0.02))
+        assert record.effective_sample_size == pytest.approx(50)
+        assert np.isfinite(record.belief.poses).all()
+        assert np.isfinite(record.estimate.pose).all()
+        assert np.isfinite(record.mean.pose).all()
+
+
+@EITHER_START
+def test_more_particles_keep_the_first_ones_draws(world, start):
+    few, many = (_records(world, start, particles=n)[0] for n in (100, 350))
+    assert len(world.drive.all_moments[0].frame.motions) > 1, "in the second movement too"
+    assert np.array_equal(many.predicted.poses[:100], few.predicted.poses)
+
+
+def test_a_frame_without_movements_and_one_with_many(world):
+    localizer = make_localizer(world.library, world.drive, particles=20)
+    image = world.drive.all_moments[0].frame.image
+    motions = np.tile([[0.01, 0.0, 0.02]], (50, 1))
+    for step, moved in [(1, np.zeros((0, 3))), (2, motions)]:
+        state, record = localizer.step(localizer.start(world.start), Frame(step, 0.0, moved, image, ""))
+        assert np.isfinite(record.predicted.poses).all()
+        assert state.step == step
+
+
+def test_stages_are_timed(world):
+    record = _records(world)[0]
+    assert set(record.took_s) == {"predict", "measure", "weight", "estimate", "resample"}
+    assert min(record.took_s.values()) > 0
+
+
+def test_one_particle_is_enough(world):
+    record = _records(world, particles=1)[-1]
+    assert record.effective_sample_size == pytest.approx(1)
+    assert record.estimate.mass == pytest.approx(1)
+
+
+@pytest.mark.parametrize("feature", ["color", "edges", "blended"])
+def test_features_by_name(world, feature):
+    expected = {"color": {"color"}, "edges": {"edges"}, "blended": {"color", "edges"}}[feature]
+    assert set(_records(world, feature=feature)[0].sighting.channels) == expected
+
+
+@pytest.mark.parametrize("choice", [{"feature": "smell"}, {"resampler": "lottery"}])
+def test_unknown_names_are_refused(world, choice):
+    with pytest.raises(KeyError):
+        make_localizer(world.library, world.drive, **choice)
+
+
+def test_far_from_the_origin_the_errors_are_the_same(world_at):
+    at = np.array([500_000.0, -250_000.0])
+    scores = []
+    for world in (world_at(), world_at((float(at[0]), float(at[1])))):
+        localizer = make_localizer(world.library, world.drive, particles=400, seed=2)
+        scorer = Scorer()
+        for moment, record in run(localizer, world.drive, world.start):
+            scorer.add(record.estimate, moment.truth, moment.frame.motions)
+        scores.append(scorer.result())
+    assert scores[1].position_error_mean_m == pytest.approx(scores[0].position_error_mean_m, abs=0.002)
+    assert scores[1].heading_error_mean_rad == pytest.approx(scores[0].heading_error_mean_rad, abs=0.002)
+
+
+def test_a_robot_whose_pictures_match_is_tracked(world):
+    """Give each update the very picture of the entry nearest to the truth: the filter stays with it."""
+    localizer = make_localizer(world.library, world.drive, feature="color", particles=1000)
+    state = localizer.start(world.start)
+    index = world.library.index["color"]
+    for moment in world.drive.all_moments:
+        relative = np.array([moment.truth], np.float32) - np.append(world.library.origin, 0)
+        entry = localizer.reference.entries(relative.astype(np.float32), world.library.origin)[0]
+        seeing = replace(localizer, sensor=_Seeing(localizer.sensor, index.references[entry]))
+        state, record = seeing.step(state, moment.frame)
+        assert np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])) < 0.4
+        assert record.sighting.ranking()[0] == entry
+
+
+class _Seeing:
+    """The real sensor model, with a known descriptor in place of the picture's."""
+
+    def __init__(self, model, descriptor):
+        self.model, self.descriptor = model, descriptor
+
+    def measure(self, image):
+        return {"color": self.descriptor}
+
+    def sight(self, descriptors, poses):
+        return self.model.sight(descriptors, poses)
+
+
+def test_the_localizer_holds_no_state():
+    assert {f.name for f in fields(Localizer)} >= {"library", "motion", "sensor", "resampler", "seed"}
+    assert Localizer.__dataclass_params__.frozen
+    assert np.exp(uniform_log_weights(4)) == pytest.approx([0.25] * 4)

@@ -1,0 +1,203 @@
+import numpy as np
+import pytest
+
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.metrics import Scorer, first_mostly, first_run_of, mostly_at_end, score_step
+from maurice_mcl.records import Estimate
+
+STILL = np.zeros((0, 3))
+
+
+def _estimate(x=0.0, y=0.0, heading=0.0, converged=1.0):
+    return Estimate(np.array([x, y, heading]), (0.1, 0.1), 0.1, 1.0, 1.0, converged)
+
+
+def _truth(off_in=0.0, off_deg=0.0, x=0.0, y=0.0):
+    return np.array([x + off_in * INCH_M, y, np.deg2rad(off_deg)])
+
+
+def _score(truths, converged=1.0, motions=STILL):
+    scorer = Scorer()
+    for truth in truths:
+        scorer.add(_estimate(converged=converged), truth, motions)
+    return scorer.result()
+
+
+@pytest.mark.parametrize(
+    ("off_in", "off_deg", "correct", "lost"),
+    [
+        (17.99, 0, True, False),
+        (18.01, 0, False, False),
+        (0, 29.9, True, False),
+        (0, -30.1, False, False),
+        (0, 330.1, True, False),
+        (35.99, 0, False, False),
+        (36.01, 0, False, True),
+        (0, 44.9, False, False),
+        (0, 45.1, False, True),
+        (10, 180, False, True),
+    ],
+)
+def test_correct_and_too_far_off(off_in, off_deg, correct, lost):
+    score = score_step(_estimate(), _truth(off_in, off_deg))
+    assert score.position_error_m == pytest.approx(off_in * INCH_M)
+    assert score.heading_error_rad == pytest.approx(abs((np.deg2rad(off_deg) + np.pi) % (2 * np.pi) - np.pi))
+    assert (score.correct, score.lost) == (correct, lost)
+
+
+@pytest.mark.parametrize(
+    ("share", "off_in", "localized", "wrong"),
+    [(0.9, 0, True, False), (0.899, 0, False, False), (0.95, 20, False, True), (0.5, 20, False, False)],
+)
+def test_localized_and_wrong_and_confident(share, off_in, localized, wrong):
+    score = score_step(_estimate(converged=share), _truth(off_in))
+    assert (score.localized, score.wrong_and_confident) == (localized, wrong)
+
+
+def test_without_truth_nothing_but_convergence_is_known():
+    score = score_step(_estimate(), None)
+    assert score.converged
+    known = (score.position_error_m, score.heading_error_rad, score.correct, score.lost, score.localized)
+    assert known == (None,) * 5
+    assert score.wrong_and_confident is None
+
+
+def test_errors_are_counted_from_the_fourth_update():
+    run = _score([_truth(i) for i in (90, 90, 90, 2, 4, 12)])
+    assert run.updates == 6
+    assert run.position_error_mean_m == pytest.approx(6 * INCH_M)
+    assert run.position_error_median_m == pytest.approx(4 * INCH_M)
+    assert run.position_error_final_m == pytest.approx(12 * INCH_M)
+    turned = _score([_truth(0, i) for i in (90, 90, 90, 2, -4, 12)])
+    assert turned.heading_error_mean_rad == pytest.approx(np.deg2rad(6))
+    assert turned.heading_error_median_rad == pytest.approx(np.deg2rad(4))
+
+
+def test_a_lost_run_stays_in_its_mean():
+    run = _score([_truth(i) for i in (0, 0, 0, 0, 100, 100, 100, 100)])
+    assert run.lost
+    assert run.position_error_mean_m == pytest.approx(80 * INCH_M)
+
+
+def test_lost_takes_four_running():
+    assert not _score([_truth(i) for i in (40, 40, 40, 0, 40, 40, 40, 0)]).lost
+    run = _score([_truth(i) for i in (0, 0, 40, 40, 40, 40, 0, 0)])
+    assert run.lost
+    assert run.lost_at_update == 6
+    turned = _score([_truth(0, d) for d in (0, 50, 50, 50, 50)])
+    assert turned.lost_at_update == 5
+
+
+def _drive(ways_in, off_from=None):
+    """Drive along y; from update `off_from` on the estimate is 40 in away."""
+    scorer, way = Scorer(), 0.0
+    for number, step in enumerate(ways_in, start=1):
+        way += step * INCH_M
+        off = 40 * INCH_M if off_from is not None and number >= off_from else 0.0
+        scorer.add(_estimate(off, way), np.array([0.0, way, 0.0]), np.array([[0.5, 0.0, 0.0]]))
+    return scorer.result()
+
+
+def test_reached_is_a_thousand_true_inches():
+    assert not _drive([0] + [99] * 10).reached
+    run = _drive([0] + [100.01] * 10)
+    assert run.reached
+    assert run.distance_m == pytest.approx(1000.1 * INCH_M)
+
+
+def test_reached_counts_the_way_before_the_run_went_astray():
+    ways = [0] + [100.01] * 20
+    assert _drive(ways, off_from=12).reached, "1000 in were driven at update 11"
+    assert not _drive(ways, off_from=11).reached
+    assert not _drive(ways, off_from=1).reached
+    assert _drive(ways, off_from=19).lost is False, "three updates off are not lost yet"
+
+
+def test_distance_is_by_odometry_where_there_is_no_truth():
+    run = _score([None] * 3, motions=np.array([[0.3, 0.4, 1.0], [-0.5, 0.0, 0.0]]))
+    assert run.distance_m == pytest.approx(3 * 1.0)
+    assert run.updates == 3
+    unknown = (run.position_error_mean_m, run.position_error_median_m, run.position_error_final_m, run.lost)
+    assert unknown == (None,) * 4
+    assert (run.reached, run.localized_share, run.wrong_confident_share, run.right_at_end) == (None,) * 4
+    assert (run.localized_at_update, run.lost_at_update, run.heading_error_mean_rad) == (None,) * 3
+
+
+def test_updates_without_truth_are_in_no_share():
+    run = _score([_truth(), None, None, None, _truth(20), None])
+    assert run.localized_share == pytest.approx(0.5)
+    assert run.wrong_confident_share == pytest.approx(0.5)
+    assert run.position_error_mean_m == pytest.approx(20 * INCH_M)
+    assert run.position_error_final_m == pytest.approx(20 * INCH_M)
+    assert run.distance_m == pytest.approx(20 * INCH_M)
+
+
+def test_no_updates_at_all():
+    run = Scorer().result()
+    assert run.updates == 0
+    assert run.distance_m == 0
+    assert run.position_error_mean_m is None
+
+
+def test_too_short_for_a_mean():
+    run = _score([_truth(1)] * 3)
+    assert run.position_error_mean_m is None
+    assert run.position_error_final_m == pytest.approx(INCH_M)
+    assert run.localized_at_update is None
+    assert run.lost is False
+
+
+@pytest.mark.parametrize(
+    ("flags", "first"),
+    [
+        ("11111", 1),
+        ("1111", None),
+        ("0011011000", None),
+        ("00110110", None),
+        ("0011011100", None),
+        ("00110111", 4),
+        ("01101111", 2),
+        ("0110111", 2),
+        ("0001111", None),
+        ("000011011110", 5),
+        ("", None),
+    ],
+)
+def test_time_to_localize(flags, first):
+    expected = _slow_first(flags)
+    assert first_mostly(np.array([flag == "1" for flag in flags], bool)) == expected
+    if flags in ("11111", "1111", "0110111", "000011011110"):
+        assert expected == first
+
+
+def _slow_first(flags):
+    starts = [k for k in range(len(flags) - 4) if flags[k] == "1" and flags[k : k + 5].count("1") >= 4]
+    return starts[0] + 1 if starts else None
+
+
+def test_localized_at_update_needs_convergence_too():
+    assert _score([_truth()] * 6).localized_at_update == 1
+    assert _score([_truth()] * 6, converged=0.5).localized_at_update is None
+
+
+def test_right_at_the_end():
+    assert mostly_at_end([False] * 20 + [True] * 7 + [False] * 3) is True
+    assert mostly_at_end([True] * 20 + [True] * 6 + [False] * 4) is False
+    assert mostly_at_end([True] * 9) is None
+    assert _score([_truth(90)] * 5 + [_truth(1)] * 10).right_at_end is True
+
+
+def test_first_run_of():
+    assert first_run_of([True, True, False, True, True, True], 3) == 6
+    assert first_run_of([True, True, False], 3) is None
+
+
+def test_a_truth_far_from_the_origin_scores_the_same():
+    near, far = Scorer(), Scorer()
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        pose, off = rng.uniform(-2, 2, 3), rng.normal(0, 0.3, 3)
+        for scorer, at in ((near, np.zeros(3)), (far, np.array([5e5, -3e5, 0]))):
+            scorer.add(_estimate(*(pose + at)), pose + at + off, STILL)
+    for name in ("position_error_mean_m", "position_error_final_m", "heading_error_mean_rad", "distance_m"):
+        assert getattr(far.result(), name) == pytest.approx(getattr(near.result(), name), abs=1e-8)
