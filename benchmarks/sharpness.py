@@ -68,8 +68,7 @@ def main() -> None:
             localized = np.mean([s.localized_share or 0 for s in scores])
             wrong = np.mean([s.wrong_confident_share or 0 for s in scores])
             print(
-                f"{sharpness:9.0f}  {log_score:9.3f}  {error:15.1f}  {lost:4d}  {localized:9.0%}  {wrong:8.1%}",
-                flush=True,
+                f"{sharpness:9.0f}  {log_score:9.3f}  {error:15.1f}  {lost:4d}  {localized:9.0%}  {wrong:8.1%}"
             )
 
 

@@ -196,7 +196,7 @@ def _chart(paths: RunPaths, channel: str, name: str, kinds: Sequence[str]) -> rr
 def _single_traces(paths: RunPaths, shown: Shown) -> list[rrb.TimeSeriesView]:
     unit = shown.scale.units.name
     both = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE)]
-    shares = _plot("Confidence orange, effective sample blue (share)", both, top=1.02)
+    shares = _plot("Confidence orange, effective sample blue (share)", both, top=1.1)
     if not shown.has_truth:
         return [_plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
     distances = [paths.trace(POSITION_ERROR), paths.trace(SPREAD)]
@@ -218,8 +218,10 @@ def _compared_traces(labels: Sequence[str], shown: Shown) -> list[rrb.TimeSeries
             *plots,
         ]
     *above, spread = [_compared(quantity, name, labels) for quantity, name in plots]
-    confidence = _compared(CONFIDENCE, "Confidence (share)", labels, top=1.02)
-    effective = _compared(EFFECTIVE, "Effective sample (share)", labels, top=1.02)
+    confidence = _compared(CONFIDENCE, "Confidence (share)", labels, top=1.1)
+    effective = _compared(EFFECTIVE, "Effective sample (share)", labels, top=1.1)
+    if not above:
+        return [spread, confidence, effective]
     return [*above, rrb.Tabs(spread, confidence, effective, active_tab=0)]
 
 

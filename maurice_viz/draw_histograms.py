@@ -16,6 +16,7 @@ from maurice_mcl.typing import F32
 
 from .entities import RunPaths
 from .look import PALE, RGB
+from .tensors import tensor_of
 
 PLANES = 3  # red, green, blue: equal thirds of a descriptor
 BANDS: tuple[RGB, RGB, RGB] = ((64, 22, 20), (18, 50, 26), (22, 34, 76))
@@ -73,7 +74,7 @@ def draw_histograms(rec: rr.RecordingStream, paths: RunPaths, sighting: Sighting
         sample, index = sighting.descriptors[channel], library.index[channel]
         shown = (sample, index.references[best], bin_differences(sample, index.references[best], index))
         for kind, values in zip(KINDS, shown, strict=True):
-            rec.log(paths.histogram(channel, kind), rr.BarChart.from_fields(values=values))
+            rec.log(paths.histogram(channel, kind), rr.BarChart.from_fields(values=tensor_of(values)))
 
 
 def bin_differences(sample: F32, reference: F32, index: ChannelIndex) -> F32:

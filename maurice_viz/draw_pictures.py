@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import rerun as rr
 
 from maurice_mcl.channels.edges import edge_image
 from maurice_mcl.typing import U8
 
 from . import entities
-from .raster import jpeg
+from .look import MISSING, PALE
+from .raster import jpeg, put_text
 
 SHEET_QUALITY = 85
 
@@ -17,6 +19,14 @@ def draw_camera(rec: rr.RecordingStream, image: U8) -> None:
     """Log a picture (H, W, 3) RGB and its edge image, which is what the edge channel measures."""
     draw_jpeg(rec, entities.CAMERA, jpeg(image))
     draw_jpeg(rec, entities.EDGES, jpeg(edge_image(image)))
+
+
+def draw_no_camera(rec: rr.RecordingStream, shape: tuple[int, ...]) -> None:
+    """Log gray in the place of camera and edges, as large (H, W, 3) as the pictures to come."""
+    gray = np.full(shape, MISSING, np.uint8)
+    put_text(gray, "not taken yet", shape[1] * 0.08, shape[0] / 2, shape[1] / 14, PALE)
+    for path in (entities.CAMERA, entities.EDGES):
+        draw_jpeg(rec, path, jpeg(gray))
 
 
 def draw_sheet(rec: rr.RecordingStream, path: str, sheet: U8) -> None:

@@ -16,6 +16,7 @@ from .look import Scale
 NUMBER_OF = {Slot.PREDICT: 1, Slot.MEASURE: 2, Slot.WEIGHT: 3, Slot.RESAMPLE: 4, Slot.ESTIMATE: 5}
 STILL_RAD = np.radians(0.05)  # a turn that would be written "0.0 deg" is not mentioned
 STILL_M = 5e-4
+ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is no longer about any one heading
 
 
 def motion(motions: F64, scale: Scale) -> str:
@@ -49,10 +50,10 @@ def predicted(record: StepRecord, scale: Scale) -> str:
     """Say how the cloud moved."""
     cloud = record.predicted
     _, heading = circular_mean(cloud.poses[:, 2], cloud.weights)
-    turned = f" and {np.degrees(heading):.0f} deg" if np.isfinite(heading) else " and every heading"
+    turned = f"{np.degrees(heading):.0f} deg" if heading < ALL_ROUND_RAD else "every heading"
     return (
         f"The robot {motion(record.frame.motions, scale)}. Every particle did the same, with its own noise; "
-        f"the cloud now spreads over {scale.say(spread_m(cloud))}{turned}."
+        f"the cloud now spreads over {scale.say(spread_m(cloud))} and {turned}."
     )
 
 
@@ -123,7 +124,7 @@ def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
 
 def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Say what a whole step did, for the last phase and for timelines without phases."""
-    first = int(record.sighting.ranking()[0])
+    first = int(record.sighting.quality.argmax())
     match = f"Best match: entry {first}, quality {record.sighting.quality[first]:.3f}."
     kept = "Resampled." if record.parents is not None else "Not resampled."
     events = [*moment.events, *(event for event in record.events if event != "resampled")]

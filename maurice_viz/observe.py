@@ -68,6 +68,7 @@ class _Tools:
     sheet: ContactSheet
     estimate: draw_belief.PoseMarker
     truth: draw_belief.PoseMarker
+    seen: list[int] = field(default_factory=list)  # the first step, once it has been seen
 
 
 @dataclass(slots=True)
@@ -131,6 +132,16 @@ class RerunObserver:
         if self.scene and moment.truth is not None:
             tools.truth.draw(self.rec, moment.truth, tools.scale, tools.arrow)
         self._say(narrate.phase(moment, record, Slot.PREDICT, tools.scale))
+        if not tools.seen:
+            self._measure_nothing_yet(moment, tools)
+
+    def _measure_nothing_yet(self, moment: Moment, tools: _Tools) -> None:
+        """Fill the panels of the very first phase, in which no picture has been taken."""
+        tools.seen.append(moment.frame.step)
+        set_phase_only(self.rec, moment, Slot.PREDICT)
+        if self.scene:
+            draw_pictures.draw_no_camera(self.rec, moment.frame.image.shape)
+        draw_pictures.draw_sheet(self.rec, self._paths.contact_sheet, tools.sheet.draw(()))
 
     def _measure(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
         set_phase(self.rec, moment, Slot.MEASURE)

@@ -18,13 +18,15 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_loaders.errors import LogError
+
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 
-class SinkError(Exception):
-    """A recording cannot be written or shown. One line, for people: what, where, what to do."""
+class SinkError(LogError):
+    """A recording cannot be written or shown. One line, for people: where, what, what to do."""
 
 
 def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
@@ -77,7 +79,7 @@ def to_viewer(name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStrea
         rec.spawn(default_blueprint=blueprint)
     except (RuntimeError, OSError) as error:
         raise SinkError(
-            f"cannot start the Rerun viewer ({_first_line(error)}); use --save FILE.rrd"
+            Path("rerun"), f"the viewer does not start ({_first_line(error)}); use --save FILE.rrd"
         ) from error
     try:
         yield rec
@@ -87,15 +89,15 @@ def to_viewer(name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStrea
 
 def _check_target(path: Path, force: bool) -> None:
     if path.suffix != ".rrd":
-        raise SinkError(f"{path}: a recording's name ends in .rrd; use {path.name}.rrd")
+        raise SinkError(path, f"a recording's name ends in .rrd; use {path.name}.rrd")
     if path.is_dir():
-        raise SinkError(f"{path}: is a folder, not a file; choose another name")
+        raise SinkError(path, "is a folder, not a file; choose another name")
     if path.exists() and not force:
-        raise SinkError(f"{path}: exists already; use --force to replace it or --save to choose another name")
+        raise SinkError(path, "exists already; use --force to replace it or --save to choose another name")
     try:
         part_of(path).open("wb").close()
     except OSError as error:
-        raise SinkError(f"{path}: cannot be written ({error.strerror}); choose another folder") from error
+        raise SinkError(path, f"cannot be written ({error.strerror}); choose another folder") from error
 
 
 def _close(rec: rr.RecordingStream) -> bool:
@@ -111,11 +113,11 @@ def _close(rec: rr.RecordingStream) -> bool:
 
 def _check_written(part: Path, flushed: bool) -> None:
     if not part.exists():
-        raise SinkError(f"{part}: has vanished while it was being written")
+        raise SinkError(part, "has vanished while it was being written")
     if shutil.disk_usage(part.parent).free < LEAST_FREE:
-        raise SinkError(f"{part}: {os.strerror(errno.ENOSPC)}; free some space, or --save to another disk")
+        raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or --save to another disk")
     if not flushed:
-        raise SinkError(f"{part}: could not be written to the end; is the disk full or gone?")
+        raise SinkError(part, "could not be written to the end; is the disk full or gone?")
 
 
 def _first_line(error: Exception) -> str:

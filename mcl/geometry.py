@@ -25,10 +25,15 @@ def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
     range exactly as they are. In float32 the range is that of pi rounded to float32.
     """
     # Python floats keep the precision of a numpy array (NEP 50)
-    turned = angle_rad - 2 * math.pi * np.floor((angle_rad + math.pi) * (0.5 / math.pi))
-    pi = angle_rad.dtype.type(math.pi)
+    turned = np.asarray(angle_rad + math.pi, angle_rad.dtype)
+    turned *= 0.5 / math.pi
+    np.floor(turned, out=turned)
+    turned *= -2 * math.pi
+    turned += angle_rad
     # rounding can leave an angle a hair outside
-    return np.asarray(np.maximum(np.minimum(turned, np.nextafter(pi, -pi)), -pi), angle_rad.dtype)
+    pi = angle_rad.dtype.type(math.pi)
+    np.minimum(turned, np.nextafter(pi, -pi), out=turned)
+    return np.maximum(turned, -pi, out=turned)
 
 
 def angle_between(a_rad: float, b_rad: float) -> float:

@@ -45,6 +45,7 @@ class MauriceParameters:
     turn_sd_rad: float = float(np.deg2rad(4.916))  # sd of that residual
     straight_bias_m: float = -0.6978 * INCH_M  # actual minus encoder distance; inches are inferred
     straight_sd_m: float = 0.6356 * INCH_M  # sd of that
+    # by floor, "" for all others; 1.1 degrees a metre is ours, as the thesis's figure 10 cannot be read
     drift: Mapping[str, Drift] = field(default_factory=lambda: {"": Drift(0.0, float(np.deg2rad(1.1)))})
     turn_from_rad: float = float(np.deg2rad(0.5))  # a smaller measured rotation is no turn (ours)
     straight_from_m: float = 0.001  # a shorter measured way is no movement (ours)
@@ -107,24 +108,24 @@ class MauriceMotion:
         """See `MotionModel.move`; columns of `noise`: length, drift, turn."""
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
-        way = np.hypot(forward, left)
+        way = float(np.hypot(forward, left))
         heading = poses[:, 2] + np.float32(p.turn_gain * turn)
         if abs(turn) >= p.turn_from_rad:
-            heading = heading + (noise[:, 2] * np.float32(p.turn_sd_rad) + np.float32(p.turn_bias_rad))
+            heading += noise[:, 2] * np.float32(p.turn_sd_rad) + np.float32(p.turn_bias_rad)
         if way < p.straight_from_m:
             return _poses(poses[:, 0], poses[:, 1], wrap(heading))
         length = noise[:, 0] * np.float32(p.straight_sd_m) + np.float32(way + p.straight_bias_m)
         course = heading + np.float32(np.arctan2(left, forward))
-        drift = self._drift(poses[:, :2], origin, noise[:, 1]) * np.float32(way)
+        drift = self._drift(poses[:, :2], origin, way, noise[:, 1])
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
         return _poses(*moved, wrap(heading + drift))
 
-    def _drift(self, xy: F32, origin: F64, noise: F32) -> F32:
-        """Drift (N,) in radians a metre, by the floor on which each particle starts."""
+    def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
+        """Drift (N,) in radians over a way, by the floor on which each particle starts."""
         floors = [self.parameters.drift.get(name) for name in self.grid.floors]
         known = [f or self.parameters.drift.get("", Drift()) for f in floors]
-        bias = np.array([f.bias_rad_per_m for f in known], np.float32)
-        sd = np.array([f.sd_rad_per_m for f in known], np.float32)
+        bias = np.array([f.bias_rad_per_m * way_m for f in known], np.float32)
+        sd = np.array([f.sd_rad_per_m * way_m for f in known], np.float32)
         if len(known) == 1:
             return np.asarray(bias[0] + sd[0] * noise, np.float32)
         cell = self.grid.cells_of(xy, origin)

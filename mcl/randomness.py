@@ -48,7 +48,13 @@ def normals(rng: np.random.Generator, n: int) -> F32:
     The largest possible value is 5.8, as the uniforms go down to 2**-24.
     """
     bits = rng.integers(0, 2**64, (n, 2), np.uint64).view(np.uint32)
-    uniform = (bits.T >> np.uint32(8)).astype(np.float32, order="C") * np.float32(2**-24)
-    far = np.sqrt(-2 * np.log(1 - uniform[:2]))  # 1 - u is never 0
-    angle = 2 * math.pi * uniform[2:]
-    return np.stack([far[0] * np.cos(angle[0]), far[0] * np.sin(angle[0]), far[1] * np.cos(angle[1])]).T
+    uniform = (bits.T >> np.uint32(8)).astype(np.float32, order="C")
+    uniform += 1  # never 0, of which there is no logarithm
+    uniform *= 2**-24
+    far, angle = uniform[:2], uniform[2:]  # what follows works in place: at this size, memory is what costs
+    np.sqrt(np.multiply(np.log(far, out=far), -2, out=far), out=far)
+    angle *= 2 * math.pi
+    drawn = np.empty((3, n), np.float32)
+    np.multiply(far[0], np.sin(angle[0]), out=drawn[2])
+    np.multiply(far, np.cos(angle, out=angle), out=drawn[:2])
+    return drawn.T

@@ -154,7 +154,7 @@ def test_keep_going_skips_counts_and_says_so(small_session: Path, tmp_path: Path
     ("make", "said"),
     [
         (lambda p: None, "no session or command of that name"),
-        (lambda p: p.mkdir(), "directory"),
+        (lambda p: p.mkdir(), "folder"),
         (lambda p: p.write_bytes(b""), "empty"),
         (lambda p: p.write_bytes(os.urandom(4096)), "bad.log"),
         (

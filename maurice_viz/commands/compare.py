@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import typer
+
 from maurice_mcl.sensor import DEFAULT_SHARPNESS
 
 from .failing import one_line_errors

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
 from maurice_mcl.sensor import DEFAULT_SHARPNESS
 
 from ..console import note, progress, results

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
+
 from maurice_loaders.errors import LogError
 
 INTERRUPTED = 130  # what a shell says of a command ended by Ctrl-C

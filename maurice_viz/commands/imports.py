@@ -1,4 +1,4 @@
-"""`maurice-replay import pictures`: a folder of pictures and a table of poses becomes a survey and a session."""
+"""`maurice-replay import pictures`: pictures and a table of poses become a survey and a session."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
 from maurice_loaders.pictures_import import ImportOptions, ImportSummary, import_pictures
 from maurice_loaders.pose_table import Columns
 
@@ -93,8 +94,8 @@ def pictures(
 def _tell(summary: ImportSummary) -> None:
     lines = [
         f"{summary.session}: {summary.session_pictures} pictures of {summary.session_runs} runs",
-        f"{summary.survey}: {summary.library_pictures} pictures; {summary.guarded_runs} of {summary.runs} runs "
-        "left out, too near to the session's",
+        f"{summary.survey}: {summary.library_pictures} pictures; {summary.guarded_runs} of {summary.runs} "
+        "runs left out, too near to the session's",
         f"a session picture is {summary.nearest_reference_median_m:.2f} m from the nearest reference "
         f"(median; at most {summary.nearest_reference_max_m:.2f} m)",
     ]

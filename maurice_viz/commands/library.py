@@ -8,9 +8,10 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.table import Table
+
 from maurice_loaders.library_store import build_library, open_library, save_library
 from maurice_mcl.library import ChannelIndex, Library
-from rich.table import Table
 
 from ..console import note, progress, results
 from ..look import units_named

@@ -70,7 +70,9 @@ def _check_channels(session: SessionLog, library: Library, features: Sequence[st
         missing = [channel for channel in FEATURES[feature] if channel not in library.index]
         if missing:
             found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
-            raise LogError(session.path, f"{found}, and {feature} needs {missing[0]}; build the library again")
+            raise LogError(
+                session.path, f"{found}, and {feature} needs {missing[0]}; build the library again"
+            )
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:

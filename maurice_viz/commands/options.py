@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+
 from maurice_loaders.errors import LogError
 from maurice_mcl.resampling import RESAMPLERS
 from maurice_mcl.sensor import FEATURES

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
+
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.library import Library
 

@@ -23,7 +23,7 @@ GAIN = 0.5  # a step of 128 gray levels from one pixel to the next then reads 16
 def edge_image(image: U8) -> U8:
     """Give the edge image (H, W, 3) uint8 of a picture (H, W, 3) uint8, each color plane by itself."""
     smooth = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
-    # a plane at a time keeps what lies between small: five times faster at 640 x 480
+    # a plane at a time, so that what lies between is small enough for its memory to be used again
     planes = [_gradient(np.asarray(plane, np.uint8)) for plane in cv2.split(smooth)]
     return np.asarray(cv2.merge(planes), np.uint8)
 

@@ -12,12 +12,11 @@ from maurice_viz.contact_sheet import (
     CELL_PX,
     GAP_PX,
     KEPT,
-    MISSING,
     ContactSheet,
     Match,
     best_matches,
 )
-from maurice_viz.look import UNITS, Scale
+from maurice_viz.look import MISSING, UNITS, Scale
 
 INCHES = Scale(UNITS["in"])
 WIDTH = BEST * (CELL_PX + GAP_PX) - GAP_PX
@@ -32,6 +31,13 @@ def test_size_follows_the_pictures_shape(tmp_path: Path) -> None:
 def test_fewer_than_five_leave_the_size_as_it_is(tmp_path: Path) -> None:
     sheet = ContactSheet(fakes.make_library(tmp_path, 1, 1, 2), INCHES)
     assert sheet.draw((Match(1, 0, 1.0), Match(2, 1, 0.5))).shape[1] == WIDTH
+
+
+def test_no_match_at_all_is_five_gray_cells(tmp_path: Path) -> None:
+    sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
+    drawn = sheet.draw(())
+    assert drawn.shape == sheet.draw(FIVE).shape
+    assert all((drawn[0, column * (CELL_PX + GAP_PX)] == MISSING).all() for column in range(5))
 
 
 def test_the_pictures_shown_are_those_of_the_entries(tmp_path: Path) -> None:

@@ -176,14 +176,16 @@ def test_the_last_words_on_a_step_are_the_summary(
 def test_pictures_are_jpeg_and_logged_once_a_step(drawn: tuple[Path, recordings.Played]) -> None:
     for entity in (entities.CAMERA, entities.EDGES, RUN.contact_sheet):
         rows = recordings.rows(drawn[0], entity)
-        assert len(rows) == STEPS
+        assert [row.step for row in rows] == [None, *range(1, STEPS + 1)]  # first: nothing taken yet
+        assert rows[0].phase == entities.phase_number(1, Slot.PREDICT)
         assert all(bytes(row.values["EncodedImage:blob"][0][:2]) == b"\xff\xd8" for row in rows)
 
 
 def test_two_runs_share_world_camera_and_truth(library: Library, tmp_path: Path) -> None:
     path = tmp_path / "two.rrd"
     recordings.draw(path, fakes.make_session(library, 3), ["color", "blended"])
-    assert len(recordings.rows(path, entities.CAMERA)) == len(recordings.rows(path, entities.TRUTH)) == 3
+    assert [row.step for row in recordings.rows(path, entities.CAMERA)] == [None, 1, 2, 3]
+    assert [row.step for row in recordings.rows(path, entities.TRUTH)] == [1, 2, 3]
     for label in ("color", "blended"):
         assert len(recordings.rows(path, RunPaths(label).trace("position_error"))) == 3
     assert RunPaths("color").histogram("edges", "sample") not in recordings.entities_of(path)

@@ -92,3 +92,12 @@ def test_a_display_is_what_the_environment_says(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", display)
     assert sinks.has_display() == bool(display)
+
+
+def test_a_viewer_that_does_not_start_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def spawn(self: rr.RecordingStream, **options: object) -> None:
+        raise RuntimeError("no executable\nsee the manual")
+
+    monkeypatch.setattr(rr.RecordingStream, "spawn", spawn)
+    with pytest.raises(sinks.SinkError, match=r"no executable.*--save"), sinks.to_viewer("x", LAYOUT):
+        pass

@@ -51,7 +51,7 @@ def _transitions():
     """Give, for each action, next states (STATES, 4) and the probabilities (4,) of these."""
     cells = [(c, r, h) for r in range(ROWS) for c in range(COLUMNS) for h in range(HEADINGS)]
     ahead = [
-        [_ahead(*s), _state(*s), _ahead(s[0], s[1], s[2] + 1), _ahead(s[0], s[1], s[2] - 1)] for s in cells
+        [_ahead(c, r, h), _state(c, r, h), _ahead(c, r, h + 1), _ahead(c, r, h - 1)] for c, r, h in cells
     ]
     turned = [[_state(c, r, h + k) for k in (1, 0, 2, -1)] for c, r, h in cells]
     return {AHEAD: (np.array(ahead), [0.5, 0.2, 0.15, 0.15]), TURN: (np.array(turned), [0.6, 0.2, 0.1, 0.1])}
@@ -87,6 +87,22 @@ class LatticeMotion:
 
 def _relative(poses, origin):
     return (poses - np.append(origin, 0)).astype(np.float32)
+
+
+def _shares(poses):
+    """How bright the picture is that one sees from each pose (N, 3): smooth, and never unique."""
+    x, y, heading = np.asarray(poses).T
+    return 0.5 + 0.25 * np.cos(1.6 * x + heading) + 0.22 * np.sin(2.1 * y - 2 * heading)
+
+
+def _drive_pictures(rng, poses):
+    """Draw what is seen on one true drive through the lattice, with noise."""
+    state, seen = int(rng.integers(STATES)), []
+    for motion in DRIVE:
+        to, probabilities = TRANSITIONS[motion]
+        state = int(to[state, rng.choice(4, p=probabilities)])
+        seen.append(np.clip(_shares(poses[state : state + 1])[0] + rng.normal(0, 0.05), 0.0, 1.0))
+    return [_picture(share) for share in seen]
 
 
 def _picture(share, dark=100, bright=200):
@@ -140,9 +156,9 @@ def _forward(likelihoods):
 def lattice():
     rng = np.random.default_rng(2007)
     poses = _poses()
-    pictures = [_picture(share) for share in rng.random(STATES)]
+    pictures = [_picture(share) for share in _shares(poses)]
     pictures.append(_picture(1.0, dark=20))  # far from all others, so that no state is ever the worst
-    images = [_picture(share) for share in rng.random(UPDATES)]
+    images = _drive_pictures(rng, poses)
     references = np.stack([CHANNELS["color"].describe(picture) for picture in pictures])
     index = ChannelIndex(references, np.full(84, 1.0, np.float32), references.max(axis=0))
     size = (COLUMNS * PITCH_M, ROWS * PITCH_M)
@@ -155,17 +171,17 @@ def lattice():
     posterior, log_evidence = _forward(_likelihoods(library, images, sharpness))
     reference = nearest_reference(every, arena)
     sensor = SensorModel(library, reference, SensorParameters({"color": 1.0}, sharpness))
-    localizer = Localizer(library, reference, LatticeMotion(poses), sensor, RESAMPLERS["systematic"], _half)
-    frames = [
-        Frame(k + 1, float(k), np.array([m]), i, "")
-        for k, (m, i) in enumerate(zip(DRIVE, images, strict=True))
-    ]
+    localizer = Localizer(
+        library, reference, LatticeMotion(poses), sensor, RESAMPLERS["systematic"], _sometimes
+    )
+    seen = enumerate(zip(DRIVE, images, strict=True), start=1)
+    frames = [Frame(k, float(k), np.array([motion]), image, "") for k, (motion, image) in seen]
     return Lattice(localizer, frames, poses, posterior, log_evidence)
 
 
-def _half(belief):
-    """Resample when less than half of the particles count, so that weights are carried over."""
-    return effective_sample_size(belief.log_weights) < belief.size / 2
+def _sometimes(belief):
+    """Resample when less than three quarters of the particles count, so that weights are carried over."""
+    return effective_sample_size(belief.log_weights) < 0.75 * belief.size
 
 
 def _run(lattice, localizer, n, seed):
@@ -214,6 +230,7 @@ def test_the_lattice_is_a_fair_problem(lattice):
     posterior = lattice.posterior
     perplexity = np.exp(-(posterior * np.log(posterior)).sum())
     assert 30 < perplexity < STATES / 2
+    assert posterior.min() > 0
     entries = lattice.localizer.reference.entries(_relative(lattice.poses, np.zeros(2)), np.zeros(2))
     assert entries.tolist() == list(range(STATES))
     free = [(to != np.arange(STATES)[:, None]).any(axis=1) for to, _ in TRANSITIONS.values()]
@@ -227,7 +244,7 @@ def outcomes(lattice):
 
 def test_weights_are_carried_in_some_steps_and_not_in_others(outcomes):
     for outcome in outcomes.values():
-        assert 2 <= outcome.resampled <= UPDATES - 3
+        assert 1 <= outcome.resampled <= UPDATES / 2
 
 
 @pytest.mark.parametrize("n", SIZES)
@@ -248,13 +265,14 @@ def test_errors_fall_with_the_root_of_the_number_of_particles(outcomes):
 @pytest.mark.parametrize("resampler", sorted(RESAMPLERS))
 def test_resampling_at_every_step_is_right_too(lattice, resampler):
     localizer = replace(lattice.localizer, resampler=RESAMPLERS[resampler], resample_when=always)
-    outcome = _many(lattice, localizer, 1000)
+    outcome = _many(lattice, localizer, 500)
     assert outcome.resampled == UPDATES
     assert outcome.evidence_off() < 4
     assert outcome.bias_off() < 4
 
 
-def _is_caught(outcome):
+def _is_caught(lattice, faulty):
+    outcome = _many(lattice, faulty, 2000, runs=RUNS // 2)
     return outcome.evidence_off() > 4 and outcome.bias_off() > 4
 
 
@@ -262,7 +280,7 @@ def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
     sensor = lattice.localizer.sensor
     sharper = replace(sensor.parameters, sharpness=1.1 * sensor.parameters.sharpness)
     faulty = replace(lattice.localizer, sensor=replace(sensor, parameters=sharper))
-    assert _is_caught(_many(lattice, faulty, 2000))
+    assert _is_caught(lattice, faulty)
 
 
 def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
@@ -270,9 +288,9 @@ def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
         return weigh(replace(predicted, log_weights=uniform_log_weights(predicted.size)), log_likelihood)
 
     monkeypatch.setattr(localizer_module, "weigh", forgetful)
-    assert _is_caught(_many(lattice, lattice.localizer, 2000))
+    assert _is_caught(lattice, lattice.localizer)
 
 
 def test_five_percent_injection_is_caught(lattice):
     faulty = replace(lattice.localizer, motion=LatticeMotion(lattice.poses, injected=0.05))
-    assert _is_caught(_many(lattice, faulty, 2000))
+    assert _is_caught(lattice, faulty)

@@ -42,15 +42,14 @@ def test_the_same_seed_gives_the_same_records_to_the_last_bit(world, start, resa
 @EITHER_START
 def test_another_seed_gives_other_particles(world, start):
     once, other = (_records(world, start, seed=seed) for seed in (5, 6))
-    assert not any(
-        np.array_equal(a.predicted.poses, b.predicted.poses) for a, b in zip(once, other, strict=True)
-    )
+    pairs = zip(once, other, strict=True)
+    assert not any(np.array_equal(a.predicted.poses, b.predicted.poses) for a, b in pairs)
 
 
 @pytest.mark.parametrize("change", ["moved", "removed"])
 def test_truth_and_events_change_no_particle(world, change):
     def altered(moment):
-        truth = None if change == "removed" else moment.truth + [1.0, -1.0, 0.5]
+        truth = None if change == "removed" else moment.truth + np.array([1.0, -1.0, 0.5])
         return replace(moment, truth=truth, events=() if change == "removed" else ("kidnapped",))
 
     drive = replace(world.drive, all_moments=tuple(altered(m) for m in world.drive.all_moments))
@@ -89,13 +88,11 @@ def test_a_step_goes_on_from_the_state_alone(world):
 @EITHER_START
 def test_weights_stay_with_their_particles(world, start):
     """Shuffled against each other, no weight would fit its particle's own entry any more."""
+    reference = make_localizer(world.library, world.drive).reference
     for record in _records(world, start):
         likelihood = np.append(record.sighting.log_likelihood, -np.inf).astype(np.float64)
         entries = record.sighting.entries
-        localizer = make_localizer(world.library, world.drive)
-        assert np.array_equal(
-            entries, localizer.reference.entries(record.predicted.poses, world.library.origin)
-        )
+        assert np.array_equal(entries, reference.entries(record.predicted.poses, world.library.origin))
         expected = record.predicted.log_weights + likelihood[entries]
         assert record.weighted.log_weights + record.log_evidence == pytest.approx(expected, abs=1e-9)
         assert record.weighted.poses is record.predicted.poses

@@ -1,0 +1,67 @@
+"""What recording costs: milliseconds and kilobytes a step, per run, every panel on.
+
+    .venv/bin/python benchmarks/recording.py [PARTICLES]
+
+The embedded session is localized first, then drawn from memory, so that only drawing is timed. The first
+pass reads the reference pictures; the second has them, as a long session would.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+import cv2
+import numpy as np
+
+from maurice_datasets.maurice import demo_paths
+from maurice_loaders.library_build import build_library
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.library import Library
+from maurice_mcl.localizer import make_localizer, run
+from maurice_mcl.sensor import FEATURES
+from maurice_viz import blueprint, sinks
+from maurice_viz.look import scale_for
+from maurice_viz.observe import RerunObserver
+
+GOAL_MS = 3.0
+STEPS = 100
+
+
+def measure(library: Library, session: SessionLog, feature: str, particles: int, path: Path) -> None:
+    localizer = make_localizer(library, session, feature=feature, particles=particles)
+    pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
+    channels = tuple(FEATURES[feature])
+    shown = blueprint.Shown(library.arena, scale_for(library.display_units, library.arena), True)
+    layout = blueprint.for_runs([blueprint.Run(feature, channels)], shown)
+    with sinks.to_file(path, feature, layout, force=True) as rec:
+        observer = RerunObserver(rec, feature, channels)
+        observer.begin(session.info, library)
+        for name in ("first pass", "second pass"):
+            took = []
+            for moment, record in pairs:
+                began = perf_counter()
+                observer.see(moment, record)
+                took.append((perf_counter() - began) * 1000)
+            print(
+                f"{feature:8} {name:12} median {np.median(took):6.2f} ms  mean {np.mean(took):6.2f} ms a step"
+            )
+        observer.end()
+    print(f"{feature:8} {path.stat().st_size / len(pairs) / 2000:.0f} kB a step (goal {GOAL_MS} ms)")
+
+
+def main() -> None:
+    cv2.setNumThreads(1)
+    particles = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    paths = demo_paths()
+    library = build_library(paths.survey)
+    session = SessionLog(paths.session)
+    with tempfile.TemporaryDirectory() as folder:
+        for feature in ("color", "blended"):
+            measure(library, session, feature, particles, Path(folder) / f"{feature}.rrd")
+
+
+if __name__ == "__main__":
+    main()
