@@ -14,6 +14,7 @@ from maurice_mcl.arena import Arena
 
 from . import entities
 from .canvas import map_extent
+from .draw_pictures import EDGE_GAIN
 from .draw_traces import CONFIDENCE, EFFECTIVE, HEADING_ERROR, POSITION_ERROR, SPREAD
 from .entities import RunPaths
 from .look import GROUND, RUN_COLORS, TRUTH, Scale
@@ -22,6 +23,7 @@ Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 FPS = 4.0
 LEGEND = " (256 x share): picture white, match orange"
+SHORT_LEGEND = " (256 x share), match orange"
 SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
 COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
 
@@ -47,12 +49,12 @@ def single(run: Run, shown: Shown) -> rrb.Blueprint:
     """Lay out one run: the arena and the words left, matching in the middle, pictures and traces right."""
     paths = RunPaths(run.label)
     distances, *others = _single_traces(paths, shown)
-    left = rrb.Vertical(arena_view(paths, shown), text_view(paths), distances, row_shares=[2.9, 0.9, 1.05])
+    left = rrb.Vertical(arena_view(paths, shown), text_view(paths), distances, row_shares=[2.6, 0.85, 1.2])
     middle = rrb.Vertical(
         circles_view(paths, shown),
         histogram_tabs(paths, run.channels),
         difference_tabs(paths, run.channels),
-        row_shares=[2.1, 1, 1],
+        row_shares=[1.85, 1, 1],
     )
     right = rrb.Vertical(
         rrb.Horizontal(camera_view(), edges_view()),
@@ -86,8 +88,8 @@ def _side(run: Run, shown: Shown) -> rrb.Vertical:
         rrb.Tabs(arena_view(paths, shown, title), circles_view(paths, shown, title)),
         sheet_view(paths, title),
         rrb.Tabs(
-            *_histograms(paths, run.channels, "", LEGEND),
-            *_differences(paths, run.channels, " diff."),
+            *_histograms(paths, run.channels, "", SHORT_LEGEND),
+            *_differences(paths, run.channels, " D"),
             active_tab=0,
         ),
         text_view(paths, title),
@@ -145,7 +147,7 @@ def camera_view() -> rrb.Spatial2DView:
 
 def edges_view() -> rrb.Spatial2DView:
     """Show the edge image of what the robot saw."""
-    return rrb.Spatial2DView(name="Edges (px)", origin=entities.EDGES, background=GROUND)
+    return rrb.Spatial2DView(name=f"Edges (px, {EDGE_GAIN} x brighter)", origin=entities.EDGES, background=GROUND)
 
 
 def sheet_view(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
@@ -219,7 +221,7 @@ def _compared_traces(labels: Sequence[str], shown: Shown) -> list[rrb.TimeSeries
         ]
     *above, spread = [_compared(quantity, name, labels) for quantity, name in plots]
     confidence = _compared(CONFIDENCE, "Confidence (share)", labels, top=1.1)
-    effective = _compared(EFFECTIVE, "Effective sample (share)", labels, top=1.1)
+    effective = _compared(EFFECTIVE, "ESS (share)", labels, top=1.1)
     if not above:
         return [spread, confidence, effective]
     return [*above, rrb.Tabs(spread, confidence, effective, active_tab=0)]

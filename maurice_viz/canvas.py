@@ -20,6 +20,7 @@ EMPTY: RGB = (30, 32, 37)
 FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (34, 44, 66)}
 OTHER_FLOORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
 MOST_TICKS = 9  # labels along one side of the ruler
+LEAST_SHRUNK = 0.7  # of the usual size of text, to make a name fit its obstacle
 TICK_STEPS = (1, 2, 3, 5, 10)
 
 
@@ -126,8 +127,8 @@ def _fill_obstacle(canvas: Canvas, obstacle: Region, scale: Scale, text_px: floa
     cv2.fillPoly(canvas.image, [polygon.round().astype(np.int32)], OBSTACLE, cv2.LINE_AA)
     room = np.ptp(polygon[:, 0]) * 0.9
     width, height = text_size(obstacle.name, text_px)
-    shrunk = min(text_px, text_px * room / max(width, 1))
-    if shrunk > text_px / 2:
+    shrunk = max(min(text_px, text_px * room / max(width, 1)), LEAST_SHRUNK * text_px)
+    if width * shrunk / text_px < 1.3 * room:  # a little over the edge is better than too small to read
         middle = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
         width, height = text_size(obstacle.name, shrunk)
         put_text(canvas.image, obstacle.name, middle[0] - width / 2, middle[1] + height / 2, shrunk, GROUND)

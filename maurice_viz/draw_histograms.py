@@ -1,7 +1,8 @@
 """Histograms: the picture's over that of its best match, and how much each bin adds to the distance.
 
-A chart has one color, so red, green and blue are told apart by three static bands behind the bars. The
-bands also fix the height of the chart, so that steps can be compared.
+A chart has one color, so red, green and blue are told apart by three static bands behind the bars. Each is
+1 wide along x: red from 0 to 1, green to 2, blue to 3, and each runs over the values 16 to 240. The bands
+also fix the height of the chart, so that steps can be compared.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ BANDS: tuple[RGB, RGB, RGB] = ((64, 22, 20), (18, 50, 26), (22, 34, 76))
 SAMPLE: RGB = (255, 255, 255)
 REFERENCE: RGB = (230, 159, 0)
 USUAL = 99.5  # percentile of all library bins that the bands reach up to; a higher bar makes the chart grow
-USUAL_DIFFERENCE = 0.5
+USUAL_DIFFERENCE = 0.1
 KINDS = ("sample", "reference", "difference")
 
 
@@ -34,8 +35,8 @@ def prepare_histograms(
     for channel in channels:
         index = library.index[channel]
         bins = len(index.relevance)
-        _bands(rec, paths, channel, "bands", bins, usual_height(index))
-        _bands(rec, paths, channel, "difference_bands", bins, USUAL_DIFFERENCE)
+        _bands(rec, paths, channel, "bands", usual_height(index))
+        _bands(rec, paths, channel, "difference_bands", USUAL_DIFFERENCE)
         _bars(rec, paths.histogram(channel, "reference"), REFERENCE, bins, 0.0, 1.0)
         _bars(rec, paths.histogram(channel, "sample"), SAMPLE, bins, 0.3, 0.4)
         _bars(rec, paths.histogram(channel, "difference"), PALE, bins, 0.0, 1.0)
@@ -46,18 +47,18 @@ def usual_height(index: ChannelIndex) -> float:
     return max(float(np.percentile(index.references, USUAL)), 1.0)
 
 
-def _bands(
-    rec: rr.RecordingStream, paths: RunPaths, channel: str, kind: str, bins: int, height: float
-) -> None:
-    width = bins / PLANES
+def _bands(rec: rr.RecordingStream, paths: RunPaths, channel: str, kind: str, height: float) -> None:
     for plane, color in enumerate(BANDS):
-        band = rr.BarChart([height], abscissa=[plane * width], widths=[width], color=color)
+        band = rr.BarChart([height], abscissa=[float(plane)], widths=[1.0], color=color)
         rec.log(paths.histogram(channel, f"{kind}/{plane}"), band, static=True)
 
 
 def _bars(rec: rr.RecordingStream, path: str, color: RGB, bins: int, offset: float, width: float) -> None:
-    at = np.arange(bins, dtype=np.float32) + np.float32(offset)
-    chart = rr.BarChart(np.zeros(bins, np.float32), color=color, abscissa=at, widths=np.full(bins, width))
+    """Place the bars; `offset` and `width` are shares of a bin."""
+    one = PLANES / bins
+    at = ((np.arange(bins) + offset) * one).astype(np.float32)
+    wide = np.full(bins, width * one, np.float32)
+    chart = rr.BarChart(np.zeros(bins, np.float32), color=color, abscissa=at, widths=wide)
     # all but the values: static values would hide all later ones, and from_fields() insists on values
     style = [
         part
