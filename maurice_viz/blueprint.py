@@ -147,7 +147,7 @@ def camera_view() -> rrb.Spatial2DView:
 
 def edges_view() -> rrb.Spatial2DView:
     """Show the edge image of what the robot saw."""
-    return rrb.Spatial2DView(name=f"Edges (px, {EDGE_GAIN} x brighter)", origin=entities.EDGES, background=GROUND)
+    return rrb.Spatial2DView(name=f"Edges x {EDGE_GAIN} (px)", origin=entities.EDGES, background=GROUND)
 
 
 def sheet_view(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
