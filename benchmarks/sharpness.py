@@ -67,9 +67,8 @@ def main() -> None:
             lost = sum(bool(s.lost) for s in scores)
             localized = np.mean([s.localized_share or 0 for s in scores])
             wrong = np.mean([s.wrong_confident_share or 0 for s in scores])
-            print(
-                f"{sharpness:9.0f}  {log_score:9.3f}  {error:15.1f}  {lost:4d}  {localized:9.0%}  {wrong:8.1%}"
-            )
+            shares = f"{localized:9.0%}  {wrong:8.1%}"
+            print(f"{sharpness:9.0f}  {log_score:9.3f}  {error:15.1f}  {lost:4d}  {shares}")
 
 
 if __name__ == "__main__":

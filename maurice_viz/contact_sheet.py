@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -39,7 +40,7 @@ class Match:
 
 def best_matches(sighting: Sighting) -> tuple[Match, ...]:
     """Give the best entries, best first; fewer than five where the library has fewer."""
-    ranking = sighting.ranking()[:BEST].tolist()
+    ranking = sighting.best(BEST).tolist()
     return tuple(Match(rank, entry, float(sighting.quality[entry])) for rank, entry in enumerate(ranking, 1))
 
 
@@ -74,8 +75,9 @@ class ContactSheet:
         return self._cells[entry]
 
     def _drawn(self, entry: int) -> U8:
-        thumbnail = self._thumbnail(self.library.pictures[entry])
         height = self._height
+        path = self.library.pictures[entry]
+        thumbnail = None if path is None else thumbnail_of(path, height)
         cell = _blank(height)
         cell[:height, :CELL_PX] = MISSING if thumbnail is None else thumbnail
         if thumbnail is None:
@@ -86,13 +88,16 @@ class ContactSheet:
         put_text(cell, pose, 2, height + 37, _fitting(pose), PALE)
         return cell
 
-    def _thumbnail(self, path: Path | None) -> U8 | None:
-        image = read_picture(path) if path is not None else None
-        if image is None:
-            return None
-        return np.asarray(
-            cv2.resize(image, (CELL_PX, self._height), interpolation=cv2.INTER_LINEAR), np.uint8
-        )
+
+@lru_cache(maxsize=KEPT)
+def thumbnail_of(path: Path, height: int) -> U8 | None:
+    """Read a picture and make it a cell wide (height, CELL_PX, 3); kept for all runs, read only."""
+    image = read_picture(path)
+    if image is None:
+        return None
+    small = cv2.resize(image, (CELL_PX, height), interpolation=cv2.INTER_LINEAR)
+    small.flags.writeable = False
+    return np.asarray(small, np.uint8)
 
 
 def cell_height(pictures: Sequence[Path | None]) -> int:

@@ -42,7 +42,7 @@ class Circles:
         share = np.sqrt(relative_likelihood(sighting.log_likelihood))  # so that the area is the likelihood
         radii = np.maximum(share * np.float32(LARGEST), np.float32(SMALLEST))
         rec.log(paths.circles, rr.Points2D.from_fields(radii=radii * np.float32(self.spacing)))
-        best = sighting.ranking()[:BEST]
+        best = sighting.best(BEST)
         sizes = radii[best] * np.float32(self.spacing)
         rec.log(paths.best, rr.Points2D.from_fields(positions=self.centers[best], radii=sizes))
 

@@ -41,6 +41,11 @@ def draw_sheet(rec: rr.RecordingStream, path: str, sheet: U8) -> None:
     draw_jpeg(rec, path, jpeg(sheet, SHEET_QUALITY))
 
 
+def prepare_jpeg(rec: rr.RecordingStream, path: str) -> None:
+    """Log once what kind of pictures will come."""
+    rec.log(path, rr.EncodedImage.from_fields(media_type="image/jpeg"), static=True)
+
+
 def draw_jpeg(rec: rr.RecordingStream, path: str, data: bytes) -> None:
     """Log an encoded picture."""
-    rec.log(path, rr.EncodedImage.from_fields(blob=data, media_type="image/jpeg"))
+    rec.log(path, rr.EncodedImage.from_fields(blob=data))

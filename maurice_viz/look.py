@@ -72,9 +72,9 @@ class Scale:
 
         Rerun's 2D views have y pointing down and cannot be flipped; this is the only place that knows.
         """
-        moved = (np.asarray(xy_m, np.float64)[..., :2] - self.origin_m) * self.units.per_m
-        rounded = np.round(moved / self.units.fine) * self.units.fine
-        return (rounded * (1.0, -1.0)).astype(np.float32)
+        steps = self.units.per_m / self.units.fine
+        whole = np.rint((np.asarray(xy_m, np.float64)[..., :2] - self.origin_m) * (steps, -steps))
+        return (whole * self.units.fine).astype(np.float32)
 
     def length(self, length_m: float) -> float:
         """Turn a length into display units."""

@@ -60,7 +60,7 @@ def predicted(record: StepRecord, scale: Scale) -> str:
 def measured(record: StepRecord) -> str:
     """Say what the picture was compared with, and what matched best."""
     sighting = record.sighting
-    first, *others = sighting.ranking()[:2].tolist()
+    first, *others = sighting.best(2).tolist()
     against = f"{len(sighting.quality)} references by {' and '.join(sighting.channels)}"
     runner_up = f", then entry {others[0]} ({sighting.quality[others[0]]:.3f})" if others else ""
     return (

@@ -26,6 +26,8 @@ from .contact_sheet import ContactSheet, best_matches
 from .entities import RunPaths, Slot
 from .look import Scale, scale_for
 
+MARKDOWN = "text/markdown"
+
 
 class Observer(Protocol):
     """Somebody who watches."""
@@ -105,6 +107,10 @@ class RerunObserver:
             draw_world.draw_world(self.rec, library, scale)
             draw_world.draw_keys(self.rec, library, scale, self.has_truth)
             tools.truth.prepare(self.rec)
+            for path in (entities.CAMERA, entities.EDGES):
+                draw_pictures.prepare_jpeg(self.rec, path)
+        draw_pictures.prepare_jpeg(self.rec, self._paths.contact_sheet)
+        self.rec.log(self._paths.text, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         draw_belief.prepare_cloud(self.rec, self._paths.particles)
         tools.estimate.prepare(self.rec)
         tools.circles.prepare(self.rec, self._paths)
@@ -171,4 +177,4 @@ class RerunObserver:
         self._say(narrate.summary(moment, record, tools.scale))
 
     def _say(self, text: str) -> None:
-        self.rec.log(self._paths.text, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        self.rec.log(self._paths.text, rr.TextDocument.from_fields(text=text))

@@ -57,10 +57,12 @@ def software_driver() -> Path | None:
 
 
 @contextmanager
-def headless_viewer(recording: Path, size: tuple[int, int] = (1600, 1000)) -> Iterator[Viewer]:
+def headless_viewer(
+    recording: Path, size: tuple[int, int] = (1600, 1000), patience_s: float = PATIENCE_S
+) -> Iterator[Viewer]:
     """Open a recording in a headless viewer, and close the viewer at the end.
 
-    LogError when there is no driver, when the viewer dies, or when nothing is loaded within a minute.
+    LogError when there is no driver, when the viewer dies, or when nothing is loaded in time.
     """
     driver = software_driver()
     if driver is None:
@@ -69,7 +71,7 @@ def headless_viewer(recording: Path, size: tuple[int, int] = (1600, 1000)) -> It
     with tempfile.TemporaryDirectory(prefix="maurice-viewer-") as home:
         process, address = _start(recording, size, driver, Path(home))
         try:
-            yield _connect(recording, process, address)
+            yield _connect(recording, process, address, patience_s)
         finally:
             process.terminate()
             try:
@@ -101,8 +103,8 @@ def _start(
     )
 
 
-def _connect(recording: Path, process: subprocess.Popen[bytes], address: str) -> Viewer:
-    client, deadline = None, time.monotonic() + PATIENCE_S
+def _connect(recording: Path, process: subprocess.Popen[bytes], address: str, patience_s: float) -> Viewer:
+    client, deadline = None, time.monotonic() + patience_s
     while time.monotonic() < deadline:
         if process.poll() is not None:
             raise LogError(recording, f"the viewer ended with status {process.returncode}")
@@ -115,7 +117,7 @@ def _connect(recording: Path, process: subprocess.Popen[bytes], address: str) ->
             if state.recordings and not state.loading and state.recordings[0].timelines:
                 return Viewer(client, state.recordings[0])
         time.sleep(LOOK_EVERY_S)
-    raise LogError(recording, f"the viewer loaded no recording within {PATIENCE_S:.0f} s")
+    raise LogError(recording, f"the viewer loaded no recording within {patience_s:.0f} s")
 
 
 def _free_port() -> int:

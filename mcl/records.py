@@ -29,6 +29,14 @@ class Sighting:
     log_likelihood: F32  # (L,) of every entry; finite, as the quality is floored
     entries: I32  # (N,) the entry each particle is compared with; -1 outside free space
 
+    def best(self, count: int) -> I32:
+        """Entry numbers of the best few (count,), best first; all L of them when there are fewer."""
+        if count >= len(self.quality):
+            return self.ranking()
+        some = self.quality.argpartition(-count)[-count:]
+        some.sort()  # so that ties keep the library's order
+        return some[(-self.quality[some]).argsort(kind="stable")].astype("int32")
+
     def ranking(self) -> I32:
         """Entry numbers (L,), best quality first; ties keep the library's order."""
         return (-self.quality).argsort(kind="stable").astype("int32")

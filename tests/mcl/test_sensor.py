@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_mcl.library import ChannelIndex
+from maurice_mcl.records import Sighting
 from maurice_mcl.selection import nearest_reference
 from maurice_mcl.sensor import (
     FEATURES,
@@ -195,3 +196,15 @@ def test_particles_get_their_entrys_likelihood_and_nothing_outside(world):
     assert 0 < outside.sum() < len(poses)
     assert np.all(found[outside] == -np.inf)
     assert np.array_equal(found[~outside], sighting.log_likelihood[sighting.entries[~outside]])
+
+
+def test_the_best_few_are_the_beginning_of_the_ranking() -> None:
+    rng = np.random.default_rng(5)
+    for size in (1, 4, 5, 6, 300):
+        quality = np.round(rng.random(size), 3).astype(np.float32)
+        nothing = np.zeros((0, size), np.float32)
+        sighting = Sighting((), {}, nothing, nothing, quality, quality, np.zeros(0, np.int32))
+        best = sighting.best(5)
+        assert len(best) == min(5, size)
+        assert len(set(best.tolist())) == len(best)
+        np.testing.assert_array_equal(quality[best], quality[sighting.ranking()[:5]])
