@@ -39,7 +39,7 @@ def note(text: str) -> None:
 def progress(what: str) -> Iterator[Advance]:
     """Show a bar on standard error while something goes on; silent where that is no terminal."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeElapsedColumn(), console=notes, transient=True) as bar:
+    with Progress(*columns, TimeElapsedColumn(), console=notes, transient=True, disable=not notes.is_terminal) as bar:
         task = bar.add_task(what, total=None)
 
         def advance(done: int, total: int, now: str = "", /) -> None:

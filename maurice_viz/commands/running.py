@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -115,5 +117,13 @@ def _sink(
     path = output.save or Path(f"{output.stem}.rrd")
     with sinks.to_file(path, session.info.name, layout, force=output.force) as rec:
         yield rec
-    note(f"{path} written; open it with: rerun {path}")
+    note(f"{path} written; open it with: {_viewer_command()} {path}")
     note(KEYS)
+
+
+def _viewer_command() -> str:
+    """Name the viewer as this shell can find it: by its word, or beside our own Python."""
+    if shutil.which("rerun"):
+        return "rerun"
+    beside = Path(sys.executable).parent / "rerun"
+    return str(beside.relative_to(Path.cwd())) if beside.is_relative_to(Path.cwd()) else str(beside)
