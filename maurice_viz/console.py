@@ -39,7 +39,8 @@ def note(text: str) -> None:
 def progress(what: str) -> Iterator[Advance]:
     """Show a bar on standard error while something goes on; silent where that is no terminal."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeElapsedColumn(), console=notes, transient=True, disable=not notes.is_terminal) as bar:
+    quiet = not notes.is_terminal  # otherwise a pipe would get blank lines
+    with Progress(*columns, TimeElapsedColumn(), console=notes, transient=True, disable=quiet) as bar:
         task = bar.add_task(what, total=None)
 
         def advance(done: int, total: int, now: str = "", /) -> None:

@@ -20,8 +20,12 @@ import rerun.blueprint as rrb
 
 from maurice_loaders.errors import LogError
 
+from .viewer import address, free_port, start_viewer, viewer_binary, wait_until_listening
+
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
+PATIENCE_S = 20.0  # for a viewer to come up
+ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 
@@ -73,14 +77,19 @@ def to_file(
 
 @contextmanager
 def to_viewer(name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """Open a recording that is shown in a viewer, which is started and stays open afterwards."""
-    rec = recording(name)
+    """Open a recording that is shown in a viewer, which is started and stays open afterwards.
+
+    Raises SinkError when no viewer comes up.
+    """
+    port = free_port()
     try:
-        rec.spawn(default_blueprint=blueprint)
-    except (RuntimeError, OSError) as error:
-        raise SinkError(
-            Path("rerun"), f"the viewer does not start ({_first_line(error)}); use --save FILE.rrd"
-        ) from error
+        viewer = start_viewer(port, ["--expect-data-soon"])
+    except OSError as error:
+        raise SinkError(viewer_binary(), f"does not start ({error.strerror}); {ELSEWHERE}") from error
+    if not wait_until_listening(viewer, port, PATIENCE_S):
+        raise SinkError(viewer_binary(), f"opened no window on this display; {ELSEWHERE}")
+    rec = recording(name)
+    rec.connect_grpc(address(port), default_blueprint=blueprint)
     try:
         yield rec
     finally:
@@ -118,7 +127,3 @@ def _check_written(part: Path, flushed: bool) -> None:
         raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or --save to another disk")
     if not flushed:
         raise SinkError(part, "could not be written to the end; is the disk full or gone?")
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -6,22 +6,20 @@ Needs a Vulkan driver; Mesa's software one will do (`apt-get install mesa-vulkan
 from __future__ import annotations
 
 import json
-import os
-import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import rerun_cli  # type: ignore[import-untyped]  # has no types, and comes with rerun-sdk
 from rerun.experimental import ViewerClient
 
 from maurice_loaders.errors import LogError
 
 from .entities import PHASE, STEP
+from .viewer import address, free_port, start_viewer
 
 PATIENCE_S = 60.0  # for a recording to load, and again for a picture to settle
 LOOK_EVERY_S = 0.2
@@ -69,9 +67,10 @@ def headless_viewer(
         advice = "apt-get install mesa-vulkan-drivers libvulkan1"
         raise LogError(recording, f"found no software Vulkan driver to draw with; {advice}")
     with tempfile.TemporaryDirectory(prefix="maurice-viewer-") as home:
-        process, address = _start(recording, size, driver, Path(home))
+        port = free_port()
+        process = _start(recording, size, driver, Path(home), port)
         try:
-            yield _connect(recording, process, address, patience_s)
+            yield _connect(recording, process, address(port), patience_s)
         finally:
             process.terminate()
             try:
@@ -82,34 +81,24 @@ def headless_viewer(
 
 
 def _start(
-    recording: Path, size: tuple[int, int], driver: Path, home: Path
-) -> tuple[subprocess.Popen[bytes], str]:
-    """Start the viewer's own binary: the `rerun` script is a wrapper whose child survives it."""
+    recording: Path, size: tuple[int, int], driver: Path, home: Path, port: int
+) -> subprocess.Popen[bytes]:
     settings = home / ".config" / "rerun"
     settings.mkdir(parents=True)
     (settings / "analytics.json").write_text(json.dumps({"analytics_enabled": False}))
     drawn_by = {"VK_ICD_FILENAMES": str(driver), "VK_DRIVER_FILES": str(driver)}
     place = {"HOME": str(home), "XDG_RUNTIME_DIR": str(home), "XDG_CONFIG_HOME": str(home / ".config")}
-    port = _free_port()
-    command: Sequence[str] = (
-        str(Path(rerun_cli.__file__).parent / "rerun"),
-        *("--headless", "--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port)),
-        *("--window-size", f"{size[0]}x{size[1]}", str(recording)),
-    )
-    environment = os.environ | drawn_by | place | {"RUST_LOG": "error"}
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, stdout=quiet, stderr=quiet, env=environment), (
-        f"rerun+http://127.0.0.1:{port}/proxy"
-    )
+    options = ["--headless", "--window-size", f"{size[0]}x{size[1]}", str(recording)]
+    return start_viewer(port, options, drawn_by | place | {"RUST_LOG": "error"})
 
 
-def _connect(recording: Path, process: subprocess.Popen[bytes], address: str, patience_s: float) -> Viewer:
+def _connect(recording: Path, process: subprocess.Popen[bytes], url: str, patience_s: float) -> Viewer:
     client, deadline = None, time.monotonic() + patience_s
     while time.monotonic() < deadline:
         if process.poll() is not None:
             raise LogError(recording, f"the viewer ended with status {process.returncode}")
         try:
-            client = client or ViewerClient.connect(address)
+            client = client or ViewerClient.connect(url)
             state = client.get_state()
         except (ConnectionError, OSError, RuntimeError):  # it is not listening yet
             client = None
@@ -118,9 +107,3 @@ def _connect(recording: Path, process: subprocess.Popen[bytes], address: str, pa
                 return Viewer(client, state.recordings[0])
         time.sleep(LOOK_EVERY_S)
     raise LogError(recording, f"the viewer loaded no recording within {patience_s:.0f} s")
-
-
-def _free_port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return int(listener.getsockname()[1])

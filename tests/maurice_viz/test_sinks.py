@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
+from rerun.experimental import ViewerClient
 
-from maurice_viz import sinks
+from maurice_viz import sinks, viewer
+from maurice_viz.snapshot import software_driver
 
 LAYOUT = rrb.Blueprint(rrb.TextDocumentView(origin="/a"))
 
@@ -94,10 +97,41 @@ def test_a_display_is_what_the_environment_says(monkeypatch: pytest.MonkeyPatch,
     assert sinks.has_display() == bool(display)
 
 
-def test_a_viewer_that_does_not_start_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    def spawn(self: rr.RecordingStream, **options: object) -> None:
-        raise RuntimeError("no executable\nsee the manual")
-
-    monkeypatch.setattr(rr.RecordingStream, "spawn", spawn)
-    with pytest.raises(sinks.SinkError, match=r"no executable.*--save"), sinks.to_viewer("x", LAYOUT):
+def test_a_viewer_that_does_not_start_is_said_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("maurice_viz.viewer.viewer_binary", lambda: tmp_path / "no such viewer")
+    with pytest.raises(sinks.SinkError, match=r"No such file.*--save"), sinks.to_viewer("x", LAYOUT):
         pass
+
+
+def test_a_viewer_that_dies_at_once_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("maurice_viz.viewer.viewer_binary", lambda: Path("/bin/false"))
+    with pytest.raises(sinks.SinkError, match=r"opened no window.*--save"), sinks.to_viewer("x", LAYOUT):
+        pass
+
+
+@pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
+def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The real viewer, without its window: everything else is as where there is a display."""
+    started = []
+
+    def headless(port: int, options: list[str]) -> subprocess.Popen[bytes]:
+        started.append((port, viewer.start_viewer(port, [*options, "--headless"])))
+        return started[0][1]
+
+    monkeypatch.setattr(sinks, "start_viewer", headless)
+    try:
+        with sinks.to_viewer("a session", LAYOUT) as rec:
+            rec.set_time("step", sequence=3)
+            rec.log("/a", rr.TextDocument("hello"))
+        client = ViewerClient.connect(viewer.address(started[0][0]))
+        names = [timeline.name for timeline in client.get_state().recordings[0].timelines]
+        assert "step" in names
+        assert started[0][1].poll() is None, "the viewer stays open"
+    finally:
+        for _, process in started:
+            process.kill()
+            process.wait()
