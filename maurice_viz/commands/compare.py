@@ -6,8 +6,6 @@ import typer
 
 from maurice_mcl.sensor import DEFAULT_SHARPNESS
 
-from .failing import one_line_errors
-from .opening import make_runs, open_library_for, open_session
 from .options import (
     DEFAULT_PARTICLES,
     DEFAULT_RESAMPLER,
@@ -50,13 +48,10 @@ def compare(
     json_output: JsonOption = False,
 ) -> None:
     """Replay a session once for each --feature, side by side in one recording on one timeline."""
-    from .running import replay_and_report
+    from .running import replay_features
 
     if not 2 <= len(features) <= MOST_RUNS:
         raise typer.BadParameter(f"--feature is wanted 2 to {MOST_RUNS} times, found {len(features)}")
     options = RunOptions(particles, seed, start, resampler, sharpness)
     output = OutputOptions(session.stem, save, headless, no_recording, force, json_output)
-    with one_line_errors():
-        log = open_session(session, keep_going=keep_going)
-        references = open_library_for(log, library, keep_going=keep_going)
-        replay_and_report(make_runs(log, references, features, options), log, references, output)
+    replay_features(session, library, features, options, output, keep_going=keep_going)

@@ -12,7 +12,6 @@ from maurice_mcl.sensor import DEFAULT_SHARPNESS
 from ..console import note, progress, results
 from .compare import COLOR_AND_BLENDED
 from .failing import one_line_errors
-from .opening import make_runs, open_library_for, open_session
 from .options import (
     DEFAULT_PARTICLES,
     DEFAULT_RESAMPLER,
@@ -43,7 +42,7 @@ def demo(
     """Compare color and blended features on a drive through a simulated two-room arena."""
     from maurice_datasets.maurice import demo_paths, write_demo
 
-    from .running import replay_and_report
+    from .running import replay_features
 
     with one_line_errors():
         if session_only is not None:
@@ -54,8 +53,6 @@ def demo(
             return
         with progress("arena") as advance:
             paths = demo_paths(DEMO_SEED, progress=advance)
-        log = open_session(paths.session, keep_going=False)
-        references = open_library_for(log, None, keep_going=False)
-        options = RunOptions(DEFAULT_PARTICLES, DEMO_SEED, None, DEFAULT_RESAMPLER, DEFAULT_SHARPNESS)
-        output = OutputOptions("demo", save, headless, no_recording, force, json_output)
-        replay_and_report(make_runs(log, references, COLOR_AND_BLENDED, options), log, references, output)
+    options = RunOptions(DEFAULT_PARTICLES, DEMO_SEED, None, DEFAULT_RESAMPLER, DEFAULT_SHARPNESS)
+    output = OutputOptions("demo", save, headless, no_recording, force, json_output)
+    replay_features(paths.session, None, COLOR_AND_BLENDED, options, output, keep_going=False)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from maurice_mcl.sensor import DEFAULT_SHARPNESS
 
-from .failing import one_line_errors
-from .opening import make_runs, open_library_for, open_session
 from .options import (
     DEFAULT_PARTICLES,
     DEFAULT_RESAMPLER,
@@ -45,11 +43,8 @@ def replay(
     json_output: JsonOption = False,
 ) -> None:
     """Replay a session log in the Rerun viewer, or into a recording where there is no display."""
-    from .running import replay_and_report
+    from .running import replay_features
 
     options = RunOptions(particles, seed, start, resampler, sharpness)
     output = OutputOptions(session.stem, save, headless, no_recording, force, json_output)
-    with one_line_errors():
-        log = open_session(session, keep_going=keep_going)
-        references = open_library_for(log, library, keep_going=keep_going)
-        replay_and_report(make_runs(log, references, [feature], options), log, references, output)
+    replay_features(session, library, [feature], options, output, keep_going=keep_going)

@@ -19,8 +19,9 @@ from ..console import note, progress, results
 from ..look import scale_for, units_named
 from ..replaying import ResultCollector, Run, run_together
 from ..summary import to_json, to_table
-from .failing import INTERRUPTED
-from .options import OutputOptions
+from .failing import INTERRUPTED, one_line_errors
+from .opening import make_runs, open_library_for, open_session
+from .options import OutputOptions, RunOptions
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -31,6 +32,22 @@ KEYS = (
     "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data; "
     "choose the timeline `phase` to walk through one update."
 )
+
+
+def replay_features(
+    path: Path,
+    library: Path | None,
+    features: Sequence[str],
+    options: RunOptions,
+    output: OutputOptions,
+    *,
+    keep_going: bool,
+) -> None:
+    """Replay a session once for each feature; what is wrong with a file ends in one line and status 1."""
+    with one_line_errors():
+        session = open_session(path, keep_going=keep_going)
+        references = open_library_for(session, library, keep_going=keep_going)
+        replay_and_report(make_runs(session, references, features, options), session, references, output)
 
 
 def replay_and_report(
