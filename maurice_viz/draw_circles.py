@@ -19,6 +19,7 @@ from .look import CIRCLE, RANK, Scale
 
 OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
 LARGEST = 0.13  # radius of the best entry's circle, in node spacings: neighbors just touch
+LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
 SMALLEST = 0.012  # so that every entry can be seen to be there
 
 
@@ -27,7 +28,7 @@ class Circles:
     """Where the circles stand, and how large the largest is; made once from the library."""
 
     centers: F32  # (L, 2) drawn
-    spacing: float  # between nodes, in display units
+    spacing: float  # between nodes, or what it is drawn as, in display units
 
     def prepare(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
         """Log what does not change: places and colors."""
@@ -49,7 +50,7 @@ class Circles:
 
 def circles_for(library: Library, scale: Scale) -> Circles:
     """Place one circle an entry, off its node along its heading."""
-    spacing_m = node_spacing(library.poses)
+    spacing_m = max(node_spacing(library.poses), LEAST_SPACING * max(library.arena.size_m))
     heading = library.poses[:, 2]
     along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     centers = scale.screen(library.poses[:, :2] + OFFSET * spacing_m * along)

@@ -18,9 +18,10 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
     """Log everything about the map, static."""
     ground = draw_ground(library.arena, scale)
     _log_image(rec, entities.FLOORS, ground.image, ground.extent, ground.extent.width)
-    if len(library.arena.walls):
+    inside = clipped(library.arena.walls, library.arena.bounds)
+    if len(inside):
         walls = rr.LineStrips2D(
-            list(scale.screen(library.arena.walls.reshape(-1, 2)).reshape(-1, 2, 2)),
+            list(scale.screen(inside.reshape(-1, 2)).reshape(-1, 2, 2)),
             colors=[WALL],
             radii=rr.components.Radius.ui_points(1.75),
             draw_order=1.0,
@@ -33,6 +34,24 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
         draw_order=2.0,
     )
     rec.log(entities.NODES, nodes, static=True)
+
+
+def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
+    """Cut wall segments (W, 4) at the map's bounds; those wholly outside are left out (Liang, Barsky 1984).
+
+    Maps often reach further than the part that was surveyed, and would be drawn across ruler and key.
+    """
+    start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    low, high = np.array(bounds[:2]), np.array(bounds[2:])
+    parallel = way == 0
+    step = np.where(parallel, 1.0, way)
+    first, second = (low - start) / step, (high - start) / step
+    enter = np.where(parallel, 0.0, np.minimum(first, second)).max(axis=1, initial=0.0)
+    leave = np.where(parallel, 1.0, np.maximum(first, second)).min(axis=1, initial=1.0)
+    beside = (parallel & ((start < low) | (start > high))).any(axis=1)
+    kept = (enter <= leave) & ~beside
+    ends = [start + at[:, None] * way for at in (enter, leave)]
+    return np.asarray(np.concatenate(ends, axis=1)[kept])
 
 
 def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth: bool) -> None:

@@ -8,7 +8,7 @@ from maurice_mcl.arena import Arena
 from maurice_viz import keys
 from maurice_viz.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks
 from maurice_viz.draw_circles import circles_for, node_spacing, relative_likelihood
-from maurice_viz.draw_world import distinct_places
+from maurice_viz.draw_world import clipped, distinct_places
 from maurice_viz.look import OBSTACLE, scale_for
 from maurice_viz.raster import plain, text_size
 
@@ -88,3 +88,21 @@ def test_likelihood_is_relative_to_the_best() -> None:
     logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
     np.testing.assert_allclose(relative_likelihood(logs), [1, 0.5, 0], atol=1e-6)
     np.testing.assert_array_equal(relative_likelihood(np.full(3, -np.inf, np.float32)), [0, 0, 0])
+
+
+def test_walls_are_cut_at_the_bounds() -> None:
+    bounds = (0.0, 0.0, 4.0, 3.0)
+    walls = np.array(
+        [
+            [1.0, 1.0, 2.0, 2.0],  # inside: as it is
+            [-2.0, 1.0, 2.0, 1.0],  # cut on one side
+            [2.0, -5.0, 2.0, 9.0],  # cut on both
+            [-1.0, -1.0, 5.0, 5.0],  # slanted, through two corners' sides
+            [0.0, 0.0, 4.0, 0.0],  # on the border
+            [5.0, 0.0, 5.0, 3.0],  # beside, parallel
+            [-3.0, 2.0, 1.0, 6.0],  # passes the corner outside
+        ]
+    )
+    expected = [[1, 1, 2, 2], [0, 1, 2, 1], [2, 0, 2, 3], [0, 0, 3, 3], [0, 0, 4, 0]]
+    np.testing.assert_allclose(clipped(walls, bounds), expected)
+    assert clipped(np.zeros((0, 4)), bounds).shape == (0, 4)
