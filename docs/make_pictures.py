@@ -17,7 +17,7 @@ from maurice_datasets.maurice import demo_paths
 from maurice_viz.snapshot import headless_viewer
 
 HERE = Path(__file__).parent / "pictures"
-COMMAND = [sys.executable, "-c", "from maurice_viz.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
 WIDTH_PX = 1600
 
 

@@ -129,8 +129,7 @@ class RerunObserver:
         self._estimate(moment, record, tools)
 
     def end(self) -> None:
-        """Hand over what is still buffered."""
-        self.rec.flush()
+        """Nothing is kept back here: whoever opened the recording writes it out and says if that fails."""
 
     def _predict(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
         set_phase(self.rec, moment, Slot.PREDICT)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from maurice_mcl.localizer import Localizer
+from maurice_mcl.localizer import ALL_ZERO, Localizer
 from maurice_mcl.metrics import RunScore, Scorer
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, Session
@@ -52,10 +52,14 @@ class ResultCollector:
     def __init__(self, labels: Sequence[str]) -> None:
         self._scorers = {label: Scorer() for label in labels}
         self._took_s = dict.fromkeys(labels, 0.0)
+        self.updates = 0  # taken in so far
+        self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, a run
 
     def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> None:
         """Take in one update of every run."""
+        self.updates += 1
         for label, record in records.items():
+            self.all_zero[label] += ALL_ZERO in record.events
             self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
             self._took_s[label] += sum(record.took_s.values())
 

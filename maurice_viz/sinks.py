@@ -1,8 +1,8 @@
 """Where a recording goes: a file or a viewer.
 
-A file is written beside its final name as `<stem>.part.rrd` and renamed when it is whole, so that a file
-under its own name is never half a recording and an earlier one survives a failure. When the process is
-killed the part stays; the viewer opens it and shows all that had been flushed.
+A file is written beside its final name as `<stem>.<process>.part.rrd` and renamed when it is whole, so that
+a file under its own name is never half a recording and an earlier one survives a failure. When the process
+is killed the part stays; the viewer opens it and shows all that had been flushed.
 """
 
 from __future__ import annotations
@@ -18,19 +18,15 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_loaders.errors import LogError
-
-from .viewer import address, free_port, start_viewer, viewer_binary, wait_until_listening
+from .errors import SinkError
+from .viewer import address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
 PATIENCE_S = 20.0  # for a viewer to come up
+SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
-
-
-class SinkError(LogError):
-    """A recording cannot be written or shown. One line, for people: where, what, what to do."""
 
 
 def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
@@ -50,8 +46,8 @@ def has_display() -> bool:
 
 
 def part_of(path: Path) -> Path:
-    """Give the name that a recording has while it is being written."""
-    return path.with_name(f"{path.stem}.part.rrd")
+    """Give the name that a recording has while it is being written; no other process writes it."""
+    return path.with_name(f"{path.stem}.{os.getpid()}.part.rrd")
 
 
 @contextmanager
@@ -75,25 +71,35 @@ def to_file(
     part.replace(path)
 
 
-@contextmanager
-def to_viewer(name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
-    """Open a recording that is shown in a viewer, which is started and stays open afterwards.
+def bring_up_viewer() -> int:
+    """Start a viewer on this display, which stays open afterwards; give the port it listens on.
 
-    Raises SinkError when no viewer comes up.
+    Raises SinkError when none comes up, or it ends again at once (the display may be dead).
     """
     port = free_port()
     try:
         viewer = start_viewer(port, ["--expect-data-soon"])
     except OSError as error:
-        raise SinkError(viewer_binary(), f"does not start ({error.strerror}); {ELSEWHERE}") from error
-    if not wait_until_listening(viewer, port, PATIENCE_S):
-        raise SinkError(viewer_binary(), f"opened no window on this display; {ELSEWHERE}")
+        raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
+    if not wait_until_listening(viewer, port, PATIENCE_S) or ends_within(viewer, SETTLE_S):
+        raise SinkError(viewer_binary(), "opened no window on this display")
+    return port
+
+
+@contextmanager
+def to_viewer(port: int, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """Open a recording that is shown by the viewer on that port of this machine.
+
+    Raises SinkError at the end when the viewer was closed before it had everything.
+    """
     rec = recording(name)
     rec.connect_grpc(address(port), default_blueprint=blueprint)
     try:
         yield rec
     finally:
-        _close(rec)
+        flushed = _close(rec)
+    if not flushed:
+        raise SinkError(viewer_binary(), f"was closed before everything was shown; {ELSEWHERE}")
 
 
 def _check_target(path: Path, force: bool) -> None:

@@ -64,3 +64,12 @@ def wait_until_listening(viewer: subprocess.Popen[bytes], port: int, patience_s:
             return True
         time.sleep(PROBE_EVERY_S)
     return False
+
+
+def ends_within(viewer: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Wait a moment; tell whether the viewer ended in it."""
+    try:
+        viewer.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True

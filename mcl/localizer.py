@@ -131,6 +131,7 @@ def make_localizer(
     library: Library,
     session: Session,
     *,
+    reference: NearestReference | None = None,
     feature: str = "blended",
     particles: int = 2000,
     seed: int = 0,
@@ -139,9 +140,11 @@ def make_localizer(
 ) -> Localizer:
     """Put together the localizer for a session from names; the robot's own motion model is used.
 
+    `reference`, the library's tables, can be shared among localizers: they take a while to build.
+
     Raises KeyError for an unknown feature or resampler, ValueError for bad motion parameters.
     """
-    reference = nearest_reference(library.poses, library.arena)
+    reference = reference or nearest_reference(library.poses, library.arena)
     parameters = SensorParameters(FEATURES[feature], sharpness)
     return Localizer(
         library=library,

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-COMMAND = [sys.executable, "-c", "from maurice_viz.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
     "position_error_final_m", "heading_error_mean_rad", "localized_at_update", "localized_share", "lost",
@@ -19,11 +19,14 @@ RUN_KEYS = {
 }  # fmt: skip
 
 
+def no_display() -> dict[str, str]:
+    return {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
 def maurice(*args: str | Path, cwd: Path, expect: int = 0) -> subprocess.CompletedProcess[str]:
     """Run the command in a folder, as in a terminal without a display."""
-    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run(
-        [*COMMAND, *map(str, args)], cwd=cwd, env=env, capture_output=True, text=True, check=False
+        [*COMMAND, *map(str, args)], cwd=cwd, env=no_display(), capture_output=True, text=True, check=False
     )
     assert done.returncode == expect, (done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
@@ -195,25 +198,67 @@ def test_bad_motion_parameters_name_the_header(small_session: Path, tmp_path: Pa
     assert "turn_gian" in said
 
 
-def test_ctrl_c_leaves_a_recording_and_the_figures_so_far(small_session: Path, tmp_path: Path) -> None:
-    """Interrupt a replay that is slow because it has very many particles."""
-    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_being_stopped_leaves_a_recording_and_the_figures_so_far(
+    small_session: Path, tmp_path: Path, sent: signal.Signals, status: int
+) -> None:
+    """Stop a replay that is slow because it has very many particles."""
     args = [*COMMAND, str(small_session), "--particles", "300000", "--json"]
     with subprocess.Popen(
-        args, cwd=tmp_path, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        args, cwd=tmp_path, env=no_display(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as going:
-        part = tmp_path / "session.part.rrd"
         for _ in range(600):
-            if part.exists() and part.stat().st_size > 2_000_000:
+            if any(part.stat().st_size > 2_000_000 for part in tmp_path.glob("session.*.part.rrd")):
                 break
             assert going.poll() is None, "it should still be running"
             time.sleep(0.05)
-        going.send_signal(signal.SIGINT)
+        going.send_signal(sent)
         out, err = going.communicate(timeout=60)
-    assert going.returncode == 130, err.decode()
+    assert going.returncode == status, err.decode()
+    assert b"Traceback" not in err
     (run,) = json.loads(out)["runs"]
     assert 0 < run["updates"] < 14
     assert RrdReader(tmp_path / "session.rrd").recordings()
+
+
+def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(
+    small_session: Path, tmp_path: Path
+) -> None:
+    args = [small_session, "--no-recording", "--start"]
+    assert "outside the map" in one_line(maurice(*args, "-100,-100,0", cwd=tmp_path, expect=1))
+    maurice(*args, "1e300,0,0", cwd=tmp_path, expect=2)
+    on_a_wall = maurice(*args, "0,1,180", cwd=tmp_path)
+    assert "not in the map's free space" in on_a_wall.stderr
+    assert "all weights were zero" in on_a_wall.stderr
+
+
+def test_a_survey_is_no_session(small_session: Path, tmp_path: Path) -> None:
+    assert "found a survey log" in one_line(maurice("survey.log", cwd=tmp_path, expect=1))
+
+
+def test_a_dead_display_counts_as_none(small_session: Path, tmp_path: Path) -> None:
+    env = no_display() | {"DISPLAY": ":987"}
+    done = subprocess.run(
+        [*COMMAND, str(small_session)], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "writing a file instead" in done.stderr
+    assert (tmp_path / "session.rrd").exists()
+
+
+def test_save_and_no_recording_exclude_each_other(small_session: Path, tmp_path: Path) -> None:
+    maurice(small_session, "--no-recording", "--save", "x.rrd", cwd=tmp_path, expect=2)
+
+
+def test_the_first_five_minutes_of_the_readme(tmp_path: Path) -> None:
+    """Type its commands one after the other in one folder, as a newcomer does."""
+    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    block = text.split("## Your first five minutes")[1].split("```")[1]
+    typed = [line.split("#")[0].split() for line in block.splitlines() if line.startswith("maurice-replay ")]
+    assert len(typed) >= 4
+    for words in typed:
+        maurice(*words[1:], cwd=tmp_path)
+    assert (tmp_path / "session.rrd").exists()
 
 
 def test_every_command_and_option_is_documented() -> None:

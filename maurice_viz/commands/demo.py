@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +49,12 @@ def demo(
         if session_only is not None:
             with progress("arena") as advance:
                 written = write_demo(session_only, DEMO_SEED, force=force, progress=advance)
-            results.print(f"{written.session}\n{written.survey}", markup=False)
+            if json_output:
+                results.print_json(
+                    json.dumps({"session": str(written.session), "survey": str(written.survey)})
+                )
+            else:
+                results.print(f"{written.session}\n{written.survey}", markup=False)
             note(f"now try: maurice-replay {written.session}")
             return
         with progress("arena") as advance:

@@ -9,7 +9,8 @@ import typer
 
 from maurice_loaders.errors import LogError
 
-INTERRUPTED = 130  # what a shell says of a command ended by Ctrl-C
+INTERRUPTED = 130  # what a shell says of a command ended by Ctrl-C ...
+TERMINATED = 143  # ... and by SIGTERM
 
 
 @contextmanager

@@ -6,12 +6,16 @@ import difflib
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from maurice_loaders.errors import LogError
 from maurice_loaders.library_store import open_library
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import make_localizer
+from maurice_mcl.selection import NearestReference, nearest_reference
 from maurice_mcl.sensor import FEATURES
+from maurice_mcl.typing import F64
 
 from ..console import note, progress
 from ..entities import RESERVED
@@ -27,7 +31,11 @@ def open_session(path: Path, *, keep_going: bool) -> SessionLog:
         near = difflib.get_close_matches(str(path), COMMANDS, n=1)
         advice = f"did you mean the command {near[0]}?" if near else "maurice-replay --help lists commands"
         raise LogError(path, f"there is no session or command of that name; {advice}")
-    return SessionLog(path, keep_going=keep_going)
+    session = SessionLog(path, keep_going=keep_going)
+    if session.kind != "session":
+        advice = "build a library from it, or replay the session that belongs to it"
+        raise LogError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
+    return session
 
 
 def open_library_for(session: SessionLog, library: Path | None, *, keep_going: bool) -> Library:
@@ -45,13 +53,17 @@ def make_runs(
     session: SessionLog, library: Library, features: Sequence[str], options: RunOptions
 ) -> list[Run]:
     """Put together one run a feature, on the same drive and with the same seed."""
-    start = start_pose(options.start, session.info, session.path)
     _check_channels(session, library, features)
+    reference = nearest_reference(library.poses, library.arena)
+    start = start_pose(options.start, session.info, session.path)
+    if start is not None:
+        _check_start(session, library, reference, start)
     try:
         localizers = [
             make_localizer(
                 library,
                 session,
+                reference=reference,
                 feature=feature,
                 particles=options.particles,
                 seed=options.seed,
@@ -60,9 +72,21 @@ def make_runs(
             )
             for feature in features
         ]
-    except ValueError as problem:  # bad motion parameters in the header, or nowhere to start
+    except ValueError as problem:  # bad motion parameters in the header
         raise LogError(session.path, str(problem), 1) from None
     return [Run(label, made, start) for label, made in zip(unique_labels(features), localizers, strict=True)]
+
+
+def _check_start(session: SessionLog, library: Library, reference: NearestReference, start: F64) -> None:
+    """Refuse a start outside the map; only say so where the map has something solid there."""
+    at = f"the start pose ({start[0]:.2f}, {start[1]:.2f}) m"
+    x_min, y_min, x_max, y_max = library.arena.bounds
+    if not (x_min <= start[0] <= x_max and y_min <= start[1] <= y_max):
+        bounds = f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"
+        raise LogError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
+    local = np.array([[*(start[:2] - library.origin), start[2]]], np.float32)
+    if reference.entries(local, library.origin)[0] < 0:
+        note(f"{at} is not in the map's free space: until particles reach it, all their weights are zero")
 
 
 def _check_channels(session: SessionLog, library: Library, features: Sequence[str]) -> None:

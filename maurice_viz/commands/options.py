@@ -38,8 +38,8 @@ def _check_resampler(value: str) -> str:
 
 
 def _check_sharpness(value: float) -> float:
-    if not (np.isfinite(value) and value >= 0):
-        raise typer.BadParameter(f"a sharpness is a finite number from 0 up, found {value}")
+    if not 0 <= value <= SHARPEST:
+        raise typer.BadParameter(f"a sharpness is a number from 0 to {SHARPEST:g}, found {value}")
     return value
 
 
@@ -103,6 +103,8 @@ KeepGoingOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 DEFAULT_PARTICLES = 2000
+SHARPEST = 10_000.0  # beyond it only the best entry has any likelihood
+FARTHEST_M = 1e9  # no map reaches further
 DEFAULT_RESAMPLER = "systematic"
 
 
@@ -119,7 +121,7 @@ class RunOptions:
 
 @dataclass(frozen=True, slots=True)
 class OutputOptions:
-    """Where the result goes."""
+    """Where the result goes. A usage error where a recording is both wanted and not."""
 
     stem: str  # of the recording, where no --save names it
     save: Path | None
@@ -127,6 +129,10 @@ class OutputOptions:
     no_recording: bool
     force: bool
     json: bool
+
+    def __post_init__(self) -> None:
+        if self.no_recording and self.save is not None:
+            raise typer.BadParameter("--save and --no-recording exclude each other")
 
 
 def start_pose(text: str | None, info: SessionInfo, log: Path) -> F64 | None:
@@ -151,7 +157,7 @@ def _typed_pose(text: str, units: Units) -> F64:
     except ValueError:
         x = y = heading_deg = np.nan
     pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
-    if not np.isfinite(pose).all():
+    if not (np.abs(pose) <= FARTHEST_M).all():
         raise typer.BadParameter(
             f"--start is tracking, global or X,Y,HEADING in {units.name} and degrees, found {text!r}"
         )

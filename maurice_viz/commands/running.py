@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,10 +17,11 @@ from maurice_loaders.session_log import SessionLog
 from maurice_mcl.library import Library
 
 from ..console import note, progress, results
+from ..errors import SinkError, Terminated
 from ..look import scale_for, units_named
 from ..replaying import ResultCollector, Run, run_together
 from ..summary import to_json, to_table
-from .failing import INTERRUPTED, one_line_errors
+from .failing import INTERRUPTED, TERMINATED, one_line_errors
 from .opening import make_runs, open_library_for, open_session
 from .options import OutputOptions, RunOptions
 
@@ -53,24 +55,43 @@ def replay_features(
 def replay_and_report(
     runs: Sequence[Run], session: SessionLog, library: Library, output: OutputOptions
 ) -> None:
-    """Replay, draw, and print the table or JSON; after Ctrl-C what was done so far is kept and printed."""
+    """Replay, draw, and print the table or JSON.
+
+    After Ctrl-C or SIGTERM what was done so far is kept and printed; when the recording cannot be written
+    or shown the figures are printed all the same, and SinkError goes on.
+    """
     collector = ResultCollector([run.label for run in runs])
-    interrupted = False
+    stopped: KeyboardInterrupt | None = None
     pictures, has_truth = session.overview()
-    with recording(runs, session, library, output, has_truth) as observers:
-        try:
-            with progress("replay") as advance:
-                for moment, records in run_together(runs, session):
-                    collector.add(moment, records)
-                    for label, observer in observers.items():
-                        observer.see(moment, records[label])
-                    advance(moment.frame.step, pictures)
-        except KeyboardInterrupt:
-            interrupted = True
+    try:
+        with recording(runs, session, library, output, has_truth) as observers:
+            try:
+                _step_through(runs, session, observers, collector, pictures)
+            except KeyboardInterrupt as stop:
+                stopped = stop
+    except SinkError:
+        if collector.updates:
+            report(collector, session, output)
+        raise
     report(collector, session, output)
-    if interrupted:
-        note("stopped by Ctrl-C; the recording and the figures go as far as it got")
-        raise typer.Exit(INTERRUPTED)
+    if stopped is not None:
+        note("stopped; the recording and the figures go as far as it got")
+        raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)
+
+
+def _step_through(
+    runs: Sequence[Run],
+    session: SessionLog,
+    observers: Mapping[str, Observer],
+    collector: ResultCollector,
+    pictures: int,
+) -> None:
+    with progress("replay") as advance:
+        for moment, records in run_together(runs, session):
+            collector.add(moment, records)
+            for label, observer in observers.items():
+                observer.see(moment, records[label])
+            advance(moment.frame.step, pictures)
 
 
 def report(collector: ResultCollector, session: SessionLog, output: OutputOptions) -> None:
@@ -82,7 +103,11 @@ def report(collector: ResultCollector, session: SessionLog, output: OutputOption
         note(
             f"{session.path}: skipped {session.problem_count} broken lines, the first: {session.problems[0]}"
         )
-    if not done[0].score.updates:
+    for label, times in collector.all_zero.items():
+        if times:
+            why = "no particle was in free space"
+            note(f"{label}: at {times} of {collector.updates} updates all weights were zero: {why}")
+    if not collector.updates:
         note(f"{session.path}: holds no picture, so nothing was localized")
     if output.json:
         results.print_json(json.dumps(to_json(done)))
@@ -127,14 +152,19 @@ def _sink(
         [blueprint.Run(run.label, tuple(run.localizer.sensor.parameters.weights)) for run in runs], shown
     )
     if output.save is None and not output.headless and sinks.has_display():
-        with sinks.to_viewer(session.info.name, layout) as rec:
-            yield rec
-        note(KEYS)
-        return
+        try:
+            port = sinks.bring_up_viewer()
+        except SinkError as problem:
+            note(f"{problem}; writing a file instead")
+        else:
+            with sinks.to_viewer(port, session.info.name, layout) as rec:
+                yield rec
+            note(KEYS)
+            return
     path = output.save or Path(f"{output.stem}.rrd")
     with sinks.to_file(path, session.info.name, layout, force=output.force) as rec:
         yield rec
-    note(f"{path} written; open it with: {_viewer_command()} {path}")
+    note(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
     note(KEYS)
 
 

@@ -101,14 +101,14 @@ def test_a_viewer_that_does_not_start_is_said_in_one_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("maurice_viz.viewer.viewer_binary", lambda: tmp_path / "no such viewer")
-    with pytest.raises(sinks.SinkError, match=r"No such file.*--save"), sinks.to_viewer("x", LAYOUT):
-        pass
+    with pytest.raises(sinks.SinkError, match="No such file"):
+        sinks.bring_up_viewer()
 
 
 def test_a_viewer_that_dies_at_once_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maurice_viz.viewer.viewer_binary", lambda: Path("/bin/false"))
-    with pytest.raises(sinks.SinkError, match=r"opened no window.*--save"), sinks.to_viewer("x", LAYOUT):
-        pass
+    with pytest.raises(sinks.SinkError, match="opened no window"):
+        sinks.bring_up_viewer()
 
 
 @pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
@@ -124,7 +124,7 @@ def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(
 
     monkeypatch.setattr(sinks, "start_viewer", headless)
     try:
-        with sinks.to_viewer("a session", LAYOUT) as rec:
+        with sinks.to_viewer(sinks.bring_up_viewer(), "a session", LAYOUT) as rec:
             rec.set_time("step", sequence=3)
             rec.log("/a", rr.TextDocument("hello"))
         client = ViewerClient.connect(viewer.address(started[0][0]))
@@ -135,3 +135,17 @@ def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(
         for _, process in started:
             process.kill()
             process.wait()
+
+
+def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a full disk does to the file's writer."""
+
+    def flush(self: rr.RecordingStream, **options: object) -> None:
+        raise RuntimeError("File-writer thread shut down prematurely")
+
+    monkeypatch.setattr(rr.RecordingStream, "flush", flush)
+    with pytest.raises(sinks.SinkError, match="could not be written to the end"):
+        write(tmp_path / "a.rrd")
+    assert not (tmp_path / "a.rrd").exists()
