@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
+
+MOST = 1e9  # metres, radians, pixels: more is a slip, and squares of it still fit into float32
+MOST_T_S = 4e9  # Unix time until 2096; the time between any two is still one that the viewer can count
 
 
 class FieldError(ValueError):
@@ -18,19 +20,22 @@ def show(value: Any) -> str:
     return shown if len(shown) <= 60 else shown[:57] + "..."
 
 
-def number(value: Any, what: str) -> float:
-    """Give a finite number; true and false are none."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        try:
-            if math.isfinite(value):
-                return float(value)
-        except OverflowError:  # whole numbers beyond 1e308
-            pass
-    raise FieldError(f"found {what} {show(value)}, expected a finite number")
+def number(value: Any, what: str, most: float = MOST) -> float:
+    """Give a finite number at most so far from zero; true and false are none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
+        raise FieldError(f"found {what} {show(value)}, expected a finite number")
+    if abs(value) > most:
+        raise FieldError(f"found {what} {show(value)}, expected {up_to(most)}")
+    return float(value)
+
+
+def up_to(most: float = MOST) -> str:
+    """Say how large a number may be."""
+    return f"a number up to {most:g} in size".replace("e+0", "e")
 
 
 def numbers(value: Any, count: int, what: str) -> list[float]:
-    """Give a list of exactly so many finite numbers."""
+    """Give a list of exactly so many numbers, each of them as `number` takes it."""
     if not isinstance(value, list) or len(value) != count:
         raise FieldError(f"found {what} {show(value)}, expected a list of {count} numbers")
     return [number(v, what) for v in value]

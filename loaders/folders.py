@@ -24,7 +24,7 @@ def cache_root() -> Path:
 def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
     """Give a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
 
-    LogError when `target` exists already. With `force` an old folder is replaced, but only one that is
+    LogError when `target` exists already or has no name. With `force` an old folder is replaced, but only one that is
     empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
     """
     _refuse(target, force, ours)
@@ -42,6 +42,8 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
 
 
 def _refuse(target: Path, force: bool, ours: str) -> None:
+    if not target.name:  # ".", which "" means as well, and "/" cannot be put in place whole
+        raise LogError(target, "found no name for a new folder, expected one; name it")
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
         return
     if not force:

@@ -13,6 +13,7 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.typing import F32, F64
 
 from .errors import LogError
+from .extent import check_span
 from .session_log import SessionLog
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
@@ -31,7 +32,8 @@ def build_library(
 
     The noise floor is the mean of the covered-lens pictures (zeros, with a warning, when there are none),
     the relevance the maximum of each bin over the library (thesis 3.3). Without a map in the survey all is
-    free. Pictures are held one at a time. LogError for a broken survey or one without any picture.
+    free. Pictures are held one at a time. LogError for a broken survey, one without any picture, or
+    poses too far apart (see `check_span`).
     """
     log = SessionLog(survey, keep_going=keep_going)
     used = chosen_channels(channels)
@@ -51,6 +53,7 @@ def build_library(
             progress(done, total)
     if not poses:
         raise LogError(survey, "found no picture with a pose, expected at least one; is this the survey?")
+    check_span(survey, np.array(poses), log.info.arena)
     index = {name: _index(references[name], covered[name]) for name in used}
     library = _library(log, np.array(poses), tuple(pictures), index)
     for text in _warnings(log, library, any(covered.values())):

@@ -20,7 +20,8 @@ from maurice_mcl.typing import F64
 
 from .arena_json import arena_from_json, arena_to_json
 from .errors import LogError
-from .fields import FieldError, items, mapping, show, text
+from .extent import check_span
+from .fields import MOST, FieldError, items, mapping, show, text, up_to
 from .folders import new_folder
 
 FORMAT = "maurice-library"
@@ -50,12 +51,15 @@ def save_library(
 
 
 def load_library(folder: Path) -> Library:
-    """Read a library folder. LogError, one line, when it is none, damaged, or of other channel parameters."""
+    """Read a library folder.
+
+    LogError, one line, when it is none, damaged, of other channel parameters, or spans too much ground.
+    """
     try:
         manifest = read_manifest(folder)
         _check_files(folder, manifest)
         poses, pictures = _read_entries(folder)
-        return Library(
+        library = Library(
             name=text(manifest.get("name"), "name"),
             poses=poses,
             pictures=pictures,
@@ -72,6 +76,8 @@ def load_library(folder: Path) -> Library:
         pl.exceptions.PolarsError,
     ) as problem:
         raise LogError(folder, f"is a damaged library ({problem}); build it again from its survey") from None
+    check_span(folder, library.poses, library.arena)
+    return library
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -152,6 +158,8 @@ def hash_file(file: Path) -> str:
 def _check_files(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Compare every part with its checksum, so that no parser ever sees damaged bytes."""
     for part, expected in mapping(manifest.get("sha256"), "sha256").items():
+        if not (folder / part).is_file():
+            raise FieldError(f"{part} is missing")
         if hash_file(folder / part) != expected:
             raise FieldError(f"{part} was changed after it was written")
 
@@ -163,6 +171,8 @@ def _read_entries(folder: Path) -> tuple[F64, tuple[Path | None, ...]]:
     lost = [picture for picture in pictures if picture is not None and not picture.is_file()]
     if lost or not np.isfinite(poses).all():
         raise FieldError(f"{lost[0].name} is missing" if lost else "a pose is not finite")
+    if np.abs(poses).max(initial=0.0) > MOST:
+        raise FieldError(f"found a pose of {np.abs(poses).max():g}, expected {up_to()}")
     return poses, pictures
 
 

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, NoReturn
 
 from .errors import LogError
 from .fields import FieldError, mapping, show
+from .regular import expect_regular
 
 MAX_LINE_BYTES = 64 * 2**20  # room for a large picture inline; more is no log
 
@@ -26,9 +27,13 @@ class Line:
 
 
 def read_lines(path: Path) -> Iterator[Line]:
-    """Read a file line by line, never holding more than one; LogError when it cannot be opened."""
+    """Read a file line by line, never holding more than one.
+
+    LogError when it cannot be opened or is no regular file, which might never end.
+    """
     if path.is_dir():
         raise LogError(path, _folder_advice(path))
+    expect_regular(path, "a log")
     try:
         with path.open("rb") as file:
             number = 0

@@ -13,7 +13,7 @@ from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64
 
 from .errors import LogError
-from .fields import FieldError, flag, mapping, number, numbers, show, text
+from .fields import MOST_T_S, FieldError, flag, mapping, number, numbers, show, text
 from .findings import Findings
 from .header import Kind, header_from_json
 from .log_lines import Line, parse_object, read_lines
@@ -110,7 +110,7 @@ def _parses(line: Line) -> bool:
 
 def _record(line: Line, kind: Kind) -> Record:
     found = parse_object(line)
-    t_s = number(found.get("t"), "t")
+    t_s = number(found.get("t"), "t", MOST_T_S)
     keys = [key for key in RECORD_KEYS if key in found]
     if len(keys) != 1:
         raise FieldError(

@@ -12,6 +12,8 @@ from maurice_mcl.arena import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
 from .errors import LogError
+from .extent import check_span
+from .fields import show
 from .folders import new_folder
 from .import_split import Split, split_runs, xy_of
 from .map_lines import arena_from_lines
@@ -55,18 +57,26 @@ class ImportSummary:
 
 
 def import_pictures(
-    folder: Path, poses_csv: Path, out: Path, options: ImportOptions | None = None, *, force: bool = False
+    folder: Path | str,
+    poses_csv: Path,
+    out: Path,
+    options: ImportOptions | None = None,
+    *,
+    force: bool = False,
 ) -> ImportSummary:
     """Split pictures with poses into a library and a drive; `out` stands alone, and appears whole or not.
 
     Rows are taken to be one pass in order, a second apart. The odometry is made from the pose steps plus
     noise and said to be synthetic in the header. Library pictures within `guard_m` of any session pose
-    are dropped (see `split_runs`). LogError for a table that cannot be read, a missing or broken picture,
-    a split that leaves nothing, or an `out` that exists already; ValueError for senseless options.
+    are dropped (see `split_runs`). LogError for a folder that does not exist, a table that cannot be read,
+    poses too far apart (see `check_span`), a missing or broken picture, a split that leaves nothing, or an
+    `out` that exists already; ValueError for senseless options.
     """
     options = options or ImportOptions()
     _check(options)
+    source = _existing(folder)
     rows = read_pose_table(poses_csv, options.columns)
+    check_span(poses_csv, xy_of(rows))
     runs = pose_runs(rows)
     split = split_runs(
         runs, options.session_every, options.guard_m, options.session_pictures, options.library_pictures
@@ -76,7 +86,7 @@ def import_pictures(
         raise LogError(poses_csv, f"found no picture {options.guard_m:g} m off the session's; {advice}")
     info = _info(rows, options, poses_csv)
     with new_folder(out, force=force, ours="session.log") as filling:
-        copy = _Copier(folder, poses_csv, filling)
+        copy = _Copier(source, poses_csv, filling)
         _write_survey(filling / "survey.log", info, split, copy)
         _write_session(filling / "session.log", info, rows, split, options, copy)
     return _summary(out, len(rows), len(runs), split, info)
@@ -86,6 +96,16 @@ def _check(options: ImportOptions) -> None:
     counts = (options.session_pictures, options.library_pictures, options.session_every - 1)
     if min(counts) < 1 or not options.guard_m >= 0:
         raise ValueError("expected session_every from 2, at least one picture of a run, and a guard from 0 m")
+
+
+def _existing(folder: Path | str) -> Path:
+    """Refuse what is no folder, "" too: as a Path it would be the working directory."""
+    if not str(folder) or not Path(folder).exists():
+        found = f"found no such folder {show(str(folder))}"
+        raise LogError(Path(folder), f"{found}, expected the one that picture names start from")
+    if not Path(folder).is_dir():
+        raise LogError(Path(folder), "found a file, expected the folder that picture names start from")
+    return Path(folder)
 
 
 def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> SessionInfo:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,9 +13,11 @@ import numpy as np
 from maurice_mcl.typing import F64
 
 from .errors import LogError
-from .fields import show
+from .fields import MOST, show, up_to
+from .regular import expect_regular
 
 UNITS = ("deg", "rad")
+OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}  # as some programs write what they call CSV
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,7 @@ class PoseRow:
 
 def read_pose_table(file: Path, columns: Columns) -> list[PoseRow]:
     """Read all rows. LogError names the columns that were found, or the row and column at fault."""
+    expect_regular(file, "a table of poses")
     try:
         with file.open(newline="", encoding="utf-8-sig") as data:
             rows = list(_rows(file, csv.DictReader(data), columns))
@@ -78,6 +81,7 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
     wanted = (columns.image, columns.x, columns.y, columns.heading)
     missing = [name for name in wanted if name not in found]
     if missing:
+        _expect_commas(file, found)
         names = ", ".join(found) or "none"
         raise LogError(
             file, f"found columns {names}, expected also {', '.join(missing)}; choose the columns", 1
@@ -92,6 +96,14 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
         yield PoseRow(number, line, image, np.array([x, y, heading * to_rad]))
 
 
+def _expect_commas(file: Path, found: Sequence[str]) -> None:
+    """Say it when all names are one, since something else stands between them."""
+    for separator, name in OTHER_SEPARATORS.items():
+        if len(found) == 1 and separator in found[0]:
+            advice = "save the table with commas between columns"
+            raise LogError(file, f"found columns separated by {name}, expected commas; {advice}", 1)
+
+
 def _number(file: Path, line: int, column: str, value: str | None) -> float:
     try:
         number = float(value or "")
@@ -99,4 +111,6 @@ def _number(file: Path, line: int, column: str, value: str | None) -> float:
         number = math.nan
     if not math.isfinite(number):
         raise LogError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
+    if abs(number) > MOST:
+        raise LogError(file, f"found {show(value)} in column {column!r}, expected {up_to()}", line)
     return number

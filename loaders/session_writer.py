@@ -15,6 +15,7 @@ from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64, U8
 
 from .errors import LogError
+from .fields import MOST, MOST_T_S, up_to
 from .header import KINDS, Kind, header_to_json
 from .pictures import encode_jpeg
 
@@ -26,7 +27,7 @@ class SessionWriter:
 
     Pictures go to `pictures/` beside the log, named after the log and a number, never after a pose.
     LogError when the log or a picture exists already and `force` is not given; ValueError for values that
-    no log may hold (NaN, a time before the last one, a survey's picture without its pose).
+    no log may hold (NaN, numbers too large, a time before the last one, a survey's picture without its pose).
     """
 
     def __init__(self, path: Path, info: SessionInfo, kind: Kind = "session", *, force: bool = False) -> None:
@@ -122,6 +123,8 @@ class SessionWriter:
     def _check_time(self, t_s: float) -> None:
         if not np.isfinite(t_s) or t_s < self._last_t_s:
             raise ValueError(f"found t {t_s}, expected a finite time not before {self._last_t_s}")
+        if abs(t_s) > MOST_T_S:
+            raise ValueError(f"found t {t_s}, expected {up_to(MOST_T_S)}")
 
     def _record(self, t_s: float, record: dict[str, Any]) -> None:
         self._check_time(t_s)
@@ -163,4 +166,6 @@ def _numbers(values: Numbers, count: int, what: str) -> list[float]:
     numbers = [float(v) for v in values]
     if len(numbers) != count or not np.isfinite(numbers).all():
         raise ValueError(f"found {what} {numbers}, expected {count} finite numbers")
+    if np.abs(numbers).max() > MOST:
+        raise ValueError(f"found {what} {numbers}, expected each {up_to()}")
     return numbers

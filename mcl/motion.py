@@ -16,6 +16,8 @@ from .geometry import INCH_M, wrap
 from .grid import Grid
 from .typing import F32, F64
 
+MOST = 1e6  # of a header's constants; the poses that follow from more would not fit into float32
+
 
 class MotionModel(Protocol):
     """Moves every particle by its own noisy version of what the robot measured."""
@@ -54,7 +56,7 @@ class MauriceParameters:
     def from_header(cls, values: Mapping[str, Any]) -> MauriceParameters:
         """Read the object that a session header holds under robot.motion; absent fields keep defaults.
 
-        Raises ValueError naming the field that is not a finite number, negative or not known.
+        Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
         """
         return cls(**_read(values, {f.name for f in fields(cls)}))
 
@@ -85,8 +87,10 @@ def _drift(floor: str, spec: Any) -> Drift:
 
 
 def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
         raise ValueError(f"{name} must be a finite number, found {value!r}")
+    if abs(value) > MOST:  # compares whole numbers of any length
+        raise ValueError(f"{name} must be a number up to 1e6 in size, found {value!r:.60}")
     if value < 0 and "bias" not in name.rsplit(".", 1)[1]:
         raise ValueError(f"{name} must not be negative, found {value!r}")
     return float(value)
@@ -147,7 +151,7 @@ class OdometryParameters:
     def from_header(cls, values: Mapping[str, Any]) -> OdometryParameters:
         """Read the object that a session header holds under robot.motion; absent fields keep defaults.
 
-        Raises ValueError naming the field that is not a finite number, negative or not known.
+        Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
         """
         return cls(**_read(values, {f.name for f in fields(cls)}))
 

@@ -49,6 +49,14 @@ def test_replaces_only_when_asked(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
 
 
+@pytest.mark.parametrize("target", ["", ".", "/"])
+def test_a_new_folder_has_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LogError, match="found no name for a new folder"):
+        fill(Path(target))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     fill(tmp_path / "a")

@@ -96,6 +96,17 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "camera angle": ({"cameras": {"a": {"yaw_rad": "left"}}}, "found cameras.a.yaw_rad 'left', expected"),
     "units": ({"display_units": "ft"}, "found display_units 'ft', expected 'm' or 'in'"),
     "start": ({"start": [1, 2]}, "found start .*, expected a list of 3 numbers"),
+    "start too far": ({"start": [0, 1e300, 0]}, r"found start 1e\+300, expected a number up to 1e9 in size"),
+    "camera too high": ({"cameras": {"a": {"height_m": 1e10}}}, "found cameras.a.height_m .* up to 1e9"),
+    "map too large": ({"map": {"bounds_m": [0, 0, 1e300, 1]}}, r"found map.bounds_m 1e\+300, .* up to 1e9"),
+    "wall too far": (
+        {"map": {"bounds_m": [0, 0, 1, 1], "walls_m": [[0, 0, 1, -1e10]]}},
+        "found map.walls_m .* up to 1e9",
+    ),
+    "corner too far": (
+        {"map": region(polygon_m=[[0, 0], [1, 1], [1e10, 0]])},
+        "found map.obstacles.polygon_m .* up to 1e9",
+    ),
     "survey": ({"survey": 1}, "found survey 1, expected a text"),
     "notes": ({"notes": "hello"}, "found notes 'hello', expected a list"),
     "map without bounds": ({"map": {}}, "found map.bounds_m nothing, expected a list of 4"),

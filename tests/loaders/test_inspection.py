@@ -1,6 +1,7 @@
 """What inspect says is what is there; broken lines are told, not raised."""
 
 import json
+import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -95,3 +96,10 @@ def test_a_survey(survey: Path) -> None:
 def test_what_is_no_log_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="found no such file"):
         inspect_session(tmp_path / "no.log")
+
+
+def test_what_never_ends_is_no_log(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(LogError, match="found no regular file"):
+            inspect_session(path)

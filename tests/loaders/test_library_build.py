@@ -1,14 +1,18 @@
 """A library holds what its channels measure, in the survey's order."""
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
 from maurice_loaders.library_build import build_library
+from maurice_loaders.library_store import open_library
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.channels import CHANNELS
+from maurice_mcl.selection import nearest_reference
 
 from .conftest import WriteLog
 
@@ -77,6 +81,49 @@ def test_broken_lines_stop_it_or_are_told(survey: Path) -> None:
     warnings: list[str] = []
     assert build_library(survey, keep_going=True, warn=warnings.append).size == 5
     assert any("1 broken lines skipped, the first: " in text for text in warnings)
+
+
+@pytest.mark.parametrize("far", [[1e8, 1e7, 0], [1e9, -1e9, 0], [0, 1e4 + 0.6, 0]])
+def test_a_wild_pose_is_named_and_no_map_is_rastered(write_log: WriteLog, pixel: object, far: object) -> None:
+    poses = [[0, 0, 0], [0.5, 0, 0], far, [0, 0.5, 0]]
+    records = [{"t": t, "image": pixel, "pose": pose} for t, pose in enumerate(poses)]
+    survey = write_log(*records, name="survey.log", kind="survey")
+    session = write_log(name="session.log", survey="survey.log")
+    at = re.escape(f"({far[0]:.15g}, {far[1]:.15g})") if isinstance(far, list) else ""
+    for build in (build_library, open_library):
+        with pytest.raises(LogError, match=f"found poses .* m apart, the farthest off at {at}") as caught:
+            build(SessionLog(session).info.survey or session)
+        assert caught.value.file == survey
+
+
+def test_ten_kilometres_anywhere_become_a_raster(write_log: WriteLog, pixel: object) -> None:
+    poses = [[1e8, -1e8, 0], [1e8 + 0.5, -1e8, 0], [1e8 + 9_990, -1e8 + 9_990, 0]]
+    records = [{"t": t, "image": pixel, "pose": pose} for t, pose in enumerate(poses)]
+    library = build_library(write_log(*records, kind="survey"))
+    reference = nearest_reference(library.poses, library.arena)
+    assert np.prod(reference.grid.shape) < 1.1e6
+    at = (library.poses - [*library.origin, 0.0]).astype(np.float32)
+    assert reference.entries(at, library.origin)[2] == 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"bounds_m": [0, 0, 1e7, 1]},
+        {"walls_m": [[0, 0, 1e8, 0]]},
+        {"floors": [{"name": "f", "polygon_m": [[0, 0], [1, 0], [-2e4, 1]]}]},
+        {"bounds_m": [2e4, 0, 2e4 + 1, 1]},
+    ],
+    ids=["bounds", "wall", "floor", "far from the poses"],
+)
+def test_a_map_too_large_names_the_survey(write_log: WriteLog, pixel: object, change: dict[str, Any]) -> None:
+    plan = {"bounds_m": [0, 0, 1, 1]} | change
+    path = write_log({"t": 0, "image": pixel, "pose": [0, 0, 0]}, kind="survey", map=plan)
+    with pytest.raises(
+        LogError, match=r"found a map that with the poses spans .*; are they in metres"
+    ) as caught:
+        build_library(path)
+    assert caught.value.file == path
 
 
 def test_nothing_to_build_from(write_log: WriteLog, pixel: object) -> None:

@@ -1,8 +1,10 @@
 """A library folder stands alone, comes back exactly, and says so when it is damaged."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +101,15 @@ def rewrite(key: str, value: object) -> Callable[[Path], None]:
     return damage
 
 
+def pipe(name: str) -> Callable[[Path], None]:
+    def damage(folder: Path) -> None:
+        (file,) = folder.glob(name)
+        file.unlink()
+        os.mkfifo(file)
+
+    return damage
+
+
 DAMAGE = {
     "cut manifest": cut("manifest.json"),
     "manifest without channels": rewrite("channels", None),
@@ -112,6 +123,7 @@ DAMAGE = {
     "cut channel": cut("color-*.npz"),
     "flipped bit in a channel": flip("edges-*.npz"),
     "no channel": remove("edges-*.npz"),
+    "a pipe for a channel": pipe("edges-*.npz"),
     "no picture": remove("pictures/00003.jpg"),
 }
 
@@ -135,6 +147,30 @@ def test_other_formats(folder: Path, key: str, value: object, message: str) -> N
     rewrite(key, value)(folder)
     with pytest.raises(LogError, match=message):
         load_library(folder)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "message"),
+    [
+        (1e300, r"is a damaged library \(found a pose of 1e\+300, expected a number up to 1e9 in size\)"),
+        (1e8, r"found poses 1e\+08 m apart, the farthest off at \(100000000, 1\), expected at most 10000 m"),
+    ],
+)
+def test_poses_too_far_off(survey: Path, tmp_path: Path, x_m: float, message: str) -> None:
+    built = build_library(survey)
+    poses = built.poses.copy()
+    poses[3, 0] = x_m
+    save_library(replace(built, poses=poses), tmp_path / "far")
+    with pytest.raises(LogError, match=message) as caught:
+        load_library(tmp_path / "far")
+    assert caught.value.file == tmp_path / "far"
+
+
+def test_a_map_too_large(survey: Path, tmp_path: Path) -> None:
+    built = build_library(survey)
+    save_library(replace(built, arena=replace(built.arena, bounds=(0, 0, 1e7, 1))), tmp_path / "far")
+    with pytest.raises(LogError, match=r"far: found a map that with the poses spans 1e\+07 m"):
+        load_library(tmp_path / "far")
 
 
 def test_other_channel_parameters_are_refused(folder: Path) -> None:

@@ -1,5 +1,7 @@
 """Every way in which a line can be wrong, by name and with its number."""
 
+import os
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +33,20 @@ BROKEN: dict[str, tuple[Any, str]] = {
     "a number too large": ('{"t": 6, "odometry": [1e999, 0, 0]}', "found '1e999', expected finite"),
     "a whole number too large": (
         '{"t": 6, "odometry": [1' + "0" * 400 + ", 0, 0]}",
-        "expected a finite number",
+        r"found odometry 10+\.\.\., expected a number up to 1e9 in size",
     ),
+    "a way too long": (
+        {"t": 6, "odometry": [1e300, 0, 0]},
+        r"found odometry 1e\+300, expected a number up to 1e9 in size",
+    ),
+    "a way back too long": ({"t": 6, "odometry": [-1.1e9, 0, 0]}, "expected a number up to 1e9 in size"),
+    "an encoder too far": (
+        {"t": 6, "odometry": [1, 2, 3], "encoders_m": [0, 0, 0, 1e10]},
+        r"found encoders_m 1e\+10|found encoders_m 10000000000",
+    ),
+    "truth too far": ({"t": 6, "truth": [0, 2e9, 0]}, "found truth .*, expected a number up to 1e9 in size"),
+    "a time too late": ({"t": 1e300, "event": "a"}, r"found t 1e\+300, expected a number up to 4e9 in size"),
+    "a time too early": ({"t": -5e9, "event": "a"}, "found t .*, expected a number up to 4e9 in size"),
     "an endless number": ('{"t": 6, "odometry": [' + "1" * 5000 + ", 0, 0]}", "endless number"),
     "nesting": ('{"t": ' + "[" * 100_000, "nested too deeply|broken JSON"),
     "a control character": ('{"t": 6, "event": "a\0b"}', "found binary data"),
@@ -82,6 +96,17 @@ def test_a_survey_wants_poses(write_log: WriteLog) -> None:
         read(path)
 
 
+def test_a_survey_wants_poses_within_the_bound(write_log: WriteLog) -> None:
+    path = write_log({"t": 0, "image": "a.jpg", "pose": [0, 1e300, 0]}, kind="survey")
+    with pytest.raises(LogError, match=r"log:2: found pose 1e\+300, expected a number up to 1e9 in size"):
+        read(path)
+
+
+def test_the_largest_numbers_and_unix_time_are_read(write_log: WriteLog) -> None:
+    path = write_log({"t": -4e9, "truth": [1e9, -1e9, 0]}, {"t": 1.8e9, "odometry": [-1e9, 1e9, 1e9]})
+    assert [record.t_s for record in read(path)] == [-4e9, 1.8e9]
+
+
 def test_a_covered_picture_needs_none(write_log: WriteLog) -> None:
     assert len(read(write_log({"t": 0, "image": "a.jpg", "covered": True}, kind="survey"))) == 1
 
@@ -124,6 +149,19 @@ class TestNoLogAtAll:
     def test_a_folder_with_a_log(self, write_log: WriteLog) -> None:
         path = write_log()
         self.expect(path.parent, f"found a folder, expected a log file; did you mean {path}")
+
+    def test_a_device_that_never_ends(self) -> None:
+        self.expect(Path("/dev/zero"), "^/dev/zero: found no regular file, expected a log")
+
+    def test_a_pipe_that_never_begins(self, tmp_path: Path) -> None:
+        os.mkfifo(tmp_path / "a.log")
+        self.expect(tmp_path / "a.log", "a.log: found no regular file, expected a log")
+
+    def test_a_socket(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)  # a socket's path is short
+        with socket.socket(socket.AF_UNIX) as listening:
+            listening.bind("a.log")
+            self.expect(Path("a.log"), "a.log: found no regular file, expected a log")
 
     def test_empty(self, tmp_path: Path) -> None:
         (tmp_path / "a.log").touch()

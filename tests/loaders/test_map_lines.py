@@ -40,8 +40,17 @@ def test_a_bad_line_is_named(tmp_path: Path, line: str) -> None:
         arena_from_lines(lines(tmp_path, f"1 2 3 4\n{line}\n"), "m", POSES)
 
 
+def test_a_wall_too_far_is_named(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"map\.txt:2: found '.*', expected each a number up to 1e9 in size"):
+        arena_from_lines(lines(tmp_path, "1 2 3 4\n1 2 1e300 4\n"), "m", POSES)
+    with pytest.raises(LogError, match=r"map\.txt: found a map that .* spans 20000 m, expected at most"):
+        arena_from_lines(lines(tmp_path, "-10000 2 10000 2\n"), "m", POSES)
+
+
 def test_no_map(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be read as a map"):
         arena_from_lines(tmp_path / "no.txt", "m", POSES)
+    with pytest.raises(LogError, match="found no regular file, expected a map"):
+        arena_from_lines(Path("/dev/zero"), "m", POSES)
     with pytest.raises(ValueError, match="found map unit 'ft'"):
         arena_from_lines(lines(tmp_path, ""), "ft", POSES)

@@ -134,6 +134,21 @@ class TestErrors:
         picture.write_bytes(picture.read_bytes()[:-9])
         self.expect(source, r"poses\.csv:2: .*_0\.JPG: found a cut JPEG")
 
+    @pytest.mark.parametrize("folder", ["", "nothere", Path("nothere")])
+    def test_a_folder_that_does_not_exist(self, source: Path, folder: Path | str) -> None:
+        with pytest.raises(LogError, match=f"found no such folder '{folder}', expected the one"):
+            import_pictures(folder, source / "poses.csv", source.parent / "out", OPTIONS)
+        assert not (source.parent / "out").exists()
+
+    def test_a_file_for_a_folder(self, source: Path) -> None:
+        with pytest.raises(LogError, match=r"poses\.csv: found a file, expected the folder"):
+            import_pictures(source / "poses.csv", source / "poses.csv", source.parent / "out", OPTIONS)
+
+    def test_poses_in_millimetres(self, source: Path) -> None:
+        table = source / "poses.csv"
+        table.write_text(table.read_text() + "images/far.JPG,12000,0,0\n")
+        self.expect(source, r"poses\.csv: found poses 12000 m apart, .* at \(12000, 0\), .* in metres\?")
+
     def test_a_guard_that_leaves_nothing(self, source: Path) -> None:
         self.expect(source, "found no picture 9 m off the session's", replace(OPTIONS, guard_m=9))
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,8 @@ def test_missing_columns_are_named_with_those_found(tmp_path: Path) -> None:
         ("a.jpg,nan,2,3", "found 'nan' in column 'x_m', expected a finite number"),
         ("a.jpg,1,2,inf", "found 'inf' in column 'heading_deg', expected a finite number"),
         ("a.jpg,1,,3", "found '' in column 'y_m', expected a finite number"),
+        ("a.jpg,1e300,2,3", "found '1e300' in column 'x_m', expected a number up to 1e9 in size"),
+        ("a.jpg,1,2,-2e9", "found '-2e9' in column 'heading_deg', expected a number up to 1e9 in size"),
         ("a.jpg,1,2", "found nothing in column 'heading_deg', expected a finite number"),
         (",1,2,3", "found no file name in column 'image', expected a picture"),
     ],
@@ -94,6 +97,29 @@ def test_no_table_at_all(tmp_path: Path) -> None:
         read_pose_table(tmp_path / "b.csv", Columns())
     with pytest.raises(LogError, match="cannot be read as a CSV table"):
         read_pose_table(tmp_path, Columns())
+
+
+def test_a_table_that_never_ends(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(LogError, match="found no regular file, expected a table of poses"):
+            read_pose_table(path, Columns())
+
+
+@pytest.mark.parametrize(("separator", "name"), [(";", "semicolons"), ("\t", "tabs")])
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_other_separators_are_named(tmp_path: Path, separator: str, name: str, quote: str) -> None:
+    head = separator.join(f"{quote}{column}{quote}" for column in HEAD.split(","))
+    path = table(tmp_path, separator.join(["a.jpg", "1,5", "2", "3"]), head=head)
+    with pytest.raises(LogError) as caught:
+        read_pose_table(path, Columns())
+    advice = "save the table with commas between columns"
+    assert str(caught.value) == f"{path}:1: found columns separated by {name}, expected commas; {advice}"
+
+
+def test_a_semicolon_within_a_name_is_no_separator(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="found columns file;name, x_m, .*, expected also image; choose"):
+        read_pose_table(table(tmp_path, head="file;name,x_m,y_m,heading_deg"), Columns())
 
 
 @given(st.lists(st.integers(0, 2), min_size=1))

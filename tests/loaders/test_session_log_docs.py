@@ -9,6 +9,8 @@ import jsonschema
 import numpy as np
 import pytest
 
+from maurice_loaders.extent import MOST_SPAN_M
+from maurice_loaders.fields import MOST, MOST_T_S
 from maurice_loaders.log_records import RECORD_KEYS
 from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log import SessionLog
@@ -72,6 +74,12 @@ def test_the_example_shows_every_key_of_the_schema() -> None:
     assert all(f"`{key}`" in PAGE for key in RECORD_KEYS)
 
 
+def test_the_page_tells_the_bounds_and_no_option_that_there_is_not() -> None:
+    assert "at most 1e9 in size, `t` at most 4e9" in PAGE
+    assert (MOST, MOST_T_S, MOST_SPAN_M) == (1e9, 4e9, 10_000)
+    assert "--camera" not in PAGE
+
+
 def test_what_the_writer_writes_obeys_the_schema(validator: Any, tmp_path: Path, image: U8) -> None:
     corner = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     info = SessionInfo(
@@ -106,8 +114,12 @@ def test_what_the_writer_writes_obeys_the_schema(validator: Any, tmp_path: Path,
         {"t": 0, "truth": [0, 0, 0], "event": "two at once"},
         {"event": "no time"},
         {"t": 0, "image": 5},
+        {"t": 5e9, "event": "late"},
+        {"t": 0, "truth": [0, 1e300, 0]},
+        {"t": 0, "odometry": [-2e9, 0, 0]},
         {"format": "maurice-session-log", "version": 2, "kind": "session"},
         {"format": "maurice-session-log", "version": 1, "kind": "movie"},
+        {"format": "maurice-session-log", "version": 1, "kind": "session", "start": [2e9, 0, 0]},
     ],
 )
 def test_the_schema_refuses_what_the_reader_refuses(validator: Any, line: dict[str, Any]) -> None:
