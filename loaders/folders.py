@@ -24,8 +24,8 @@ def cache_root() -> Path:
 def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
     """Give a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
 
-    LogError when `target` exists already or has no name. With `force` an old folder is replaced, but only one that is
-    empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
+    LogError when `target` exists already or has no name. With `force` an old folder is replaced, but only
+    one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
     """
     _refuse(target, force, ours)
     try:

@@ -53,7 +53,8 @@ class Grid:
         column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale
         rows, columns = self.shape
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        cell: I32 = row.astype(np.int32) * np.int32(columns) + column.astype(np.int32)
+        with np.errstate(invalid="ignore"):  # far outside no int32 holds the number, and none is needed
+            cell: I32 = row.astype(np.int32) * np.int32(columns) + column.astype(np.int32)
         cell[~inside] = -1
         return cell
 

@@ -29,7 +29,7 @@ def _root() -> None:
 
 @imports.command()
 def pictures(
-    folder: Annotated[Path, typer.Argument(help="The folder that the table's picture names start from.")],
+    folder: Annotated[str, typer.Argument(help="The folder that the table's picture names start from.")],
     poses: Annotated[Path, typer.Option("--poses", metavar="FILE.csv", help="A table with a row a picture.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="The folder to write.")],
     image_column: Annotated[str, typer.Option(help="Column of picture names.")] = COLUMNS.image,

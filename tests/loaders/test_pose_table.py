@@ -118,7 +118,7 @@ def test_other_separators_are_named(tmp_path: Path, separator: str, name: str, q
 
 
 def test_a_semicolon_within_a_name_is_no_separator(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="found columns file;name, x_m, .*, expected also image; choose"):
+    with pytest.raises(LogError, match=r"found columns file;name, x_m, .*, expected also image; choose"):
         read_pose_table(table(tmp_path, head="file;name,x_m,y_m,heading_deg"), Columns())
 
 
