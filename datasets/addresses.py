@@ -17,3 +17,12 @@ class Purpose(IntEnum):
     SESSION_NOISE = 7
     DRIVER = 8
     ROBOT = 9
+    MOVED = 10
+    OCCLUDERS = 11
+    LIGHT_DRIFT = 12
+    KIDNAP = 13
+    SLIP = 14
+    START = 15
+    WANDER = 16
+    PROXIMITY = 17
+    BARE = 18

@@ -12,12 +12,12 @@ from functools import partial
 import numpy as np
 
 from maurice_mcl.geometry import INCH_M
-from maurice_mcl.typing import F32, F64
+from maurice_mcl.typing import F32
 
 from . import pictures, textures
 from .palettes import Rgb, dye, ink, wood
 from .solids import Paint, Solid, box_of, faces_of, footprint, upright
-from .world import Box, Face
+from .world import Face, Piece
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,15 +29,6 @@ class Stand:
     width_in: float  # along its back
     depth_in: float  # from back to front
     yaw_rad: float = 0.0  # 0: its back to the north (+y)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Piece:
-    """One piece of furniture as the world takes it in."""
-
-    faces: tuple[Face, ...]
-    boxes: tuple[Box, ...]
-    plan: F64  # (4, 2) outline on the floor, metres
 
 
 Maker = Callable[[np.random.Generator, Stand], Piece]
@@ -53,7 +44,7 @@ def placed(part: Solid, stand: Stand) -> Solid:
 
 
 def assemble(
-    rng: np.random.Generator, stand: Stand, parts: list[Part], extra: tuple[Face, ...] = ()
+    rng: np.random.Generator, name: str, stand: Stand, parts: list[Part], extra: tuple[Face, ...] = ()
 ) -> Piece:
     """Put the parts of one piece up; parts off the floor get an underside."""
     solids = [(placed(solid, stand), paint) for solid, paint in parts]
@@ -61,7 +52,7 @@ def assemble(
         face for solid, paint in solids for face in faces_of(rng, solid, paint, underside=solid.z_in > 4)
     ]
     whole = footprint(Solid(stand.x_in, stand.y_in, 0, stand.width_in, stand.depth_in, 1, stand.yaw_rad))
-    return Piece((*faces, *extra), tuple(box_of(solid) for solid, _ in solids), whole * INCH_M)
+    return Piece(name, (*faces, *extra), tuple(box_of(solid) for solid, _ in solids), whole * INCH_M)
 
 
 def front_panel(
@@ -110,7 +101,7 @@ def sofa(rng: np.random.Generator, stand: Stand) -> Piece:
         paint = striped if k == 0 else cloth_of(ink(rng))
         side = (k - 1) * (w / 3.6) + float(rng.uniform(-2, 2))
         parts.append((Solid(side, d / 2 - 7, 12.5, 9, 4, 9.5, float(rng.uniform(-0.2, 0.2))), paint))
-    return assemble(rng, stand, parts)
+    return assemble(rng, "sofa", stand, parts)
 
 
 def armchair(rng: np.random.Generator, stand: Stand) -> Piece:
@@ -127,7 +118,7 @@ def armchair(rng: np.random.Generator, stand: Stand) -> Piece:
         (Solid(-w / 2 + 2, 0, 5, 4, d, 14), cover),
         (Solid(w / 2 - 2, 0, 5, 4, d, 14), cover),
     ]
-    return assemble(rng, stand, parts + legs)
+    return assemble(rng, "armchair", stand, parts + legs)
 
 
 def table(rng: np.random.Generator, stand: Stand) -> Piece:
@@ -144,7 +135,7 @@ def table(rng: np.random.Generator, stand: Stand) -> Piece:
     parts.append(
         (Solid(float(rng.uniform(-0.2, 0.2)) * w, 0, 0, 9, 6, 8, float(rng.uniform(-0.5, 0.5))), bag)
     )
-    return assemble(rng, stand, parts)
+    return assemble(rng, "table", stand, parts)
 
 
 def bookcase(rng: np.random.Generator, stand: Stand) -> Piece:
@@ -163,7 +154,7 @@ def bookcase(rng: np.random.Generator, stand: Stand) -> Piece:
         )
         for k in range(rows)
     )
-    return assemble(rng, stand, [(Solid(0, 0, 0, w, d, height), timber_of(color))], shelves)
+    return assemble(rng, "bookcase", stand, [(Solid(0, 0, 0, w, d, height), timber_of(color))], shelves)
 
 
 def dresser(rng: np.random.Generator, stand: Stand) -> Piece:
@@ -183,7 +174,7 @@ def dresser(rng: np.random.Generator, stand: Stand) -> Piece:
         for r in range(rows)
         for c in range(2)
     )
-    return assemble(rng, stand, [(Solid(0, 0, 0, w, d, height), timber_of(color))], drawers)
+    return assemble(rng, "dresser", stand, [(Solid(0, 0, 0, w, d, height), timber_of(color))], drawers)
 
 
 def drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
@@ -209,7 +200,7 @@ def carton(rng: np.random.Generator, stand: Stand) -> Piece:
         small = cloth_of(ink(rng))
         yaw = float(rng.uniform(-0.6, 0.6))
         parts.append((Solid(0, 0, height, w * 0.6, d * 0.6, float(rng.uniform(6, 10)), yaw), small))
-    return assemble(rng, stand, parts)
+    return assemble(rng, "box", stand, parts)
 
 
 def plant(rng: np.random.Generator, stand: Stand) -> Piece:
@@ -223,7 +214,7 @@ def plant(rng: np.random.Generator, stand: Stand) -> Piece:
         (Solid(0, 0, height + 6, 1.1 * w, 0.8 * w, 12, 0.8), textures.leaves),
         (Solid(0, 0, height + 15, 0.7 * w, 0.7 * w, 9, 0.4), textures.leaves),
     ]
-    return assemble(rng, stand, parts)
+    return assemble(rng, "plant", stand, parts)
 
 
 MAKERS: dict[str, Maker] = {

@@ -18,7 +18,7 @@ from maurice_mcl.typing import F64
 
 from . import rooms, textures
 from .addresses import Purpose
-from .furnish import MAKERS, Piece
+from .furnish import MAKERS
 from .layouts import (
     COLUMNS,
     DEPTH_IN,
@@ -35,7 +35,7 @@ from .layouts import (
 )
 from .palettes import Rgb, accent, pale, wood
 from .solids import flat
-from .world import Face, Lamp, RoomLight, World, clearance
+from .world import Face, Lamp, Piece, RoomLight, World, clearance
 
 NODE_CLEARANCE_M = 3 * INCH_M  # a node nearer than this to something solid is blocked
 
@@ -65,11 +65,11 @@ def styles(rng: np.random.Generator) -> tuple[Style, Style]:
     return bright, dim
 
 
-def furniture(rng: np.random.Generator, layout: Layout) -> tuple[list[str], list[Piece]]:
-    """Put up all pieces of a layout; their names, and the pieces in the same order."""
+def furniture(rng: np.random.Generator, layout: Layout) -> tuple[Piece, ...]:
+    """Put up all pieces of a layout."""
     stands = [(place.kind, stand_for(place, rng)) for place in layout.blocking]
     stands += [(place.kind, stand_aside(place, rng)) for place in layout.asides]
-    return [kind for kind, _ in stands], [MAKERS[kind](rng, stand) for kind, stand in stands]
+    return tuple(MAKERS[kind](rng, stand) for kind, stand in stands)
 
 
 def room_faces(rng: np.random.Generator, walls: tuple[rooms.Wall, ...], style: Style) -> list[Face]:
@@ -87,17 +87,17 @@ def room_faces(rng: np.random.Generator, walls: tuple[rooms.Wall, ...], style: S
     return faces
 
 
-def room_lamps(walls: tuple[rooms.Wall, ...], polygon_in: F64, style: Style) -> list[Lamp]:
+def room_lamps(name: str, walls: tuple[rooms.Wall, ...], polygon_in: F64, style: Style) -> list[Lamp]:
     """The ceiling lamp of a room, and its window if it has one."""
     x, y = polygon_in.mean(axis=0)
     spread = np.array([[-8, -8, 0], [8, -8, 0], [8, 8, 0], [-8, 8, 0.0]])
-    lamps = [Lamp((np.array([x, y, HEIGHT_IN - 8]) + spread) * INCH_M, np.array(style.lamp))]
+    lamps = [Lamp(f"{name} lamp", (np.array([x, y, HEIGHT_IN - 8]) + spread) * INCH_M, np.array(style.lamp))]
     if style.window:
         wall = walls[WINDOW_WALL]
         middle = wall.length_in * WINDOW_SHARE
         points = [np.append(wall.at(middle + a, 1), z) for a in (-14, 0, 14) for z in (30, 50)]
         inward = np.append(wall.at(middle, 1) - wall.at(middle, 0), 0.0)
-        lamps.append(Lamp(np.array(points) * INCH_M, np.array([1.1, 1.22, 1.4]), inward))
+        lamps.append(Lamp(f"{name} window", np.array(points) * INCH_M, np.array([1.1, 1.22, 1.4]), inward))
     return lamps
 
 
@@ -153,25 +153,39 @@ def two_rooms(seed: int) -> World:
     layout = LAYOUTS[int(rng.integers(len(LAYOUTS)))]
     bright, dim = styles(rng)
     west, east = (bright, dim) if rng.random() < 0.5 else (dim, bright)
-    names, pieces = furniture(rng, layout)
+    pieces = furniture(rng, layout)
     floor_faces, floor_regions = floors(rng)
     jambs, jamb_boxes = rooms.divider(rng, bright.skirting)
     west_faces = room_faces(rng, rooms.west_walls(), west)
     east_faces = room_faces(rng, rooms.east_walls(), east)
-    piece_faces = [face for piece in pieces for face in piece.faces]
-    piece_boxes = [box for piece in pieces for box in piece.boxes]
-    obstacles = tuple(Region(name, piece.plan) for name, piece in zip(names, pieces, strict=True))
-    lamps = room_lamps(rooms.west_walls(), WEST, west) + room_lamps(rooms.east_walls(), EAST, east)
+    obstacles = tuple(Region(piece.name, piece.plan) for piece in pieces)
+    arena = Arena(BOUNDS_M, walls_m(), obstacles, floor_regions, ROOMS)
+    lamps = room_lamps("west room", rooms.west_walls(), WEST, west)
+    lamps += room_lamps("east room", rooms.east_walls(), EAST, east)
     return World(
         name=f"two rooms, seed {seed}",
-        arena=Arena(BOUNDS_M, walls_m(), obstacles, floor_regions, ROOMS),
-        faces=(*floor_faces, *west_faces, *east_faces, *jambs, *piece_faces),
-        boxes=(*rooms.shell_boxes(), *jamb_boxes, *piece_boxes),
+        arena=arena,
+        shell=(*floor_faces, *west_faces, *east_faces, *jambs),
+        solid=(*rooms.shell_boxes(), *jamb_boxes),
+        furniture=pieces,
         lamps=tuple(lamps),
         room_lights=tuple(
-            RoomLight(room, np.array(style.ambient)) for room, style in zip(ROOMS, (west, east), strict=True)
+            light for room, style in zip(ROOMS, (west, east), strict=True) for light in ambient(room, style)
         ),
+        nodes=free_nodes(arena),
+        headings=8,
     )
+
+
+def ambient(room: Region, style: Style) -> list[RoomLight]:
+    """Share the light of a room after many bounces out among its lamp and, where it has one, its window."""
+    everything = np.array(style.ambient)
+    if not style.window:
+        return [RoomLight(f"{room.name} lamp", room, everything)]
+    return [
+        RoomLight(f"{room.name} lamp", room, 0.4 * everything),
+        RoomLight(f"{room.name} window", room, 0.6 * everything),
+    ]
 
 
 def grid_nodes() -> F64:

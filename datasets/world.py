@@ -44,6 +44,7 @@ class Box:
 class Lamp:
     """Something that gives light: a few points that stand for its surface."""
 
+    source: str  # what it is one of, like "west room lamp": lights go out and grow dim by source
     points: F64  # (K, 3)
     color: F64  # (3,) intensity of all points together: radiance of a white face 1 m away
     facing: F64 | None = None  # (3,) unit vector for windows, which light one side only; None: all around
@@ -51,22 +52,53 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoomLight:
-    """Light that comes from everywhere in one room, after many bounces."""
+    """Light of one source that comes from everywhere in one room, after many bounces."""
 
+    source: str  # the lamp or window it began at
     room: Region
     ambient: F64  # (3,) radiance of an open white face
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """One piece of furniture; it may be moved after the survey."""
+
+    name: str
+    faces: tuple[Face, ...]
+    boxes: tuple[Box, ...]
+    plan: F64  # (4, 2) outline on the floor, metres
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """A place to drive in: what can be seen, what stands in the way, and its map."""
+    """A place to drive in: what can be seen, what is solid, its map, and where references are taken."""
 
     name: str
     arena: Arena
-    faces: tuple[Face, ...]
-    boxes: tuple[Box, ...]
+    shell: tuple[Face, ...]  # floors, ceilings, walls and what hangs on them
+    solid: tuple[Box, ...]  # walls, floors and ceilings as boxes, to throw shadows
+    furniture: tuple[Piece, ...]
     lamps: tuple[Lamp, ...]
     room_lights: tuple[RoomLight, ...]
+    nodes: F64  # (K, 2) free nodes of the library's grid
+    headings: int  # references a node
+
+    @property
+    def faces(self) -> tuple[Face, ...]:
+        """All that can be seen."""
+        return (*self.shell, *(face for piece in self.furniture for face in piece.faces))
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """All that throws shadows."""
+        return (*self.solid, *(box for piece in self.furniture for box in piece.boxes))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of its sources of light, in order, each once."""
+        return tuple(
+            dict.fromkeys([lamp.source for lamp in self.lamps] + [r.source for r in self.room_lights])
+        )
 
 
 def inside(polygon: F64, points: F64) -> Bool:

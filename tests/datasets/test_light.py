@@ -48,18 +48,28 @@ def world_with(lamps: tuple[Lamp, ...], boxes: tuple[Box, ...] = (), ambient: fl
         np.full((64, 64, 3), 0.5, np.float32),
     )
     arena = Arena((-9, -9, 9, 9), np.zeros((0, 4)))
-    return World("test", arena, (face,), boxes, lamps, (RoomLight(room, np.full(3, ambient)),))
+    return World(
+        "test",
+        arena,
+        (face,),
+        boxes,
+        (),
+        lamps,
+        (RoomLight("lamp", room, np.full(3, ambient)),),
+        np.zeros((0, 2)),
+        8,
+    )
 
 
 def test_a_lamp_two_metres_up_gives_a_quarter_and_less_at_a_slant() -> None:
-    lamp = Lamp(np.array([[0.0, 0, 2]]), np.ones(3))
+    lamp = Lamp("lamp", np.array([[0.0, 0, 2]]), np.ones(3))
     points, up = np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     light = irradiance(world_with((lamp,)), points, up, Baking())
     assert light[:, 0] == pytest.approx([0.25, np.cos(np.pi / 4) / 8])
 
 
 def test_a_box_between_lamp_and_floor_throws_a_shadow() -> None:
-    lamp, shade = Lamp(np.array([[0.0, 0, 2]]), np.ones(3)), Box((0.0, 0.0, 1.0), (0.2, 0.2, 0.1))
+    lamp, shade = Lamp("lamp", np.array([[0.0, 0, 2]]), np.ones(3)), Box((0.0, 0.0, 1.0), (0.2, 0.2, 0.1))
     points, up = np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     light = irradiance(world_with((lamp,), (shade,)), points, up, Baking())
     assert light[0, 0] == 0
@@ -67,7 +77,7 @@ def test_a_box_between_lamp_and_floor_throws_a_shadow() -> None:
 
 
 def test_a_window_lights_only_the_side_it_faces() -> None:
-    window = Lamp(np.array([[0.0, 0, 1]]), np.ones(3), facing=np.array([1.0, 0, 0]))
+    window = Lamp("lamp", np.array([[0.0, 0, 1]]), np.ones(3), facing=np.array([1.0, 0, 0]))
     points, up = np.array([[1.0, 0, 0], [-1, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     light = irradiance(world_with((window,)), points, up, Baking())
     assert light[0, 0] > 0
