@@ -74,14 +74,18 @@ def _from_cache(kept: Path, warn: Warn | None) -> Library | None:
 
 def _into_cache(built: Library, kept: Path, warnings: list[str]) -> Library:
     """Keep a library; where that fails the built one serves as well, with its pictures at the survey."""
+    there = kept.exists()  # asked before it is read: what comes into place afterwards is never thrown away
+    quicker = _from_cache(kept, None)
+    if quicker is not None:
+        return quicker
     try:
-        if kept.exists():
-            discard(kept)  # it was damaged
+        if there:
+            discard(kept)  # it is damaged
         save_library(built, kept, warnings=warnings)
         not_kept = "it was removed meanwhile"
     except (LogError, OSError) as problem:
         not_kept = str(problem)
-    library = _from_cache(kept, None)  # ours, or that of another process that was quicker
+    library = _from_cache(kept, None)  # ours, or that of another process that was quicker still
     if library is None:
         warnings.append(f"the library was not kept for next time: {not_kept}")
     return library or built
