@@ -8,15 +8,23 @@ from ..typing import F32, U8
 
 
 class Channel(Protocol):
-    """Measures a picture as one vector that can be compared with a reference's, bin by bin."""
+    """Measures a picture as one vector that can be compared with a reference's, element by element."""
 
     @property
     def name(self) -> str:
         """Lower-case name, used on the command line and in files."""
         ...
 
+    @property
+    def distance(self) -> str:
+        """Name of the distance that suits it best, see maurice_mcl.distances; a user may choose another."""
+        ...
+
     def describe(self, image: U8) -> F32:
-        """Measure a picture (H, W, 3) RGB; gives (D,) float32, every element finite and >= 0."""
+        """Measure a picture (H, W, 3) RGB; gives (D,) float32, every element finite and >= 0.
+
+        The size D may not depend on the picture.
+        """
         ...
 
     def parameters(self) -> dict[str, Any]:

@@ -40,6 +40,7 @@ class Edges:
     """How much edge there is, and how strong. Less moved by color of light than color is."""
 
     name: str = "edges"
+    distance: str = "thesis"
 
     def describe(self, image: U8) -> F32:
         """Give the camera histogram (84,) of the edge image of a picture (H, W, 3) RGB."""

@@ -1,0 +1,79 @@
+"""Distances: how far a picture's descriptor is from every reference's. Chosen by name.
+
+Every function takes a sample (D,) and a channel's index of L references, and gives (L,) float32, >= 0, 0 for
+a reference that is equal to the sample (or, for "thesis", within the noise floor of it). They are absolute:
+distances of one channel can be compared between pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from .library import ChannelIndex
+from .typing import F32
+
+Distance = Callable[[F32, ChannelIndex], F32]
+
+
+def thesis(sample: F32, index: ChannelIndex) -> F32:
+    """Mean over all bins of max(|s - r| - n, 0) / m, noise floor n and relevance m (thesis 3.3).
+
+    The sum that the thesis prints is this times the number of bins. Bins that are empty all over the
+    library count nothing.
+    """
+    relevant = index.relevance > 0
+    inverse = np.zeros_like(index.relevance)
+    inverse[relevant] = 1 / index.relevance[relevant]
+    apart = np.abs(index.references - sample)
+    apart -= index.noise_floor
+    np.maximum(apart, 0, out=apart)
+    return np.asarray(apart @ (inverse / np.float32(len(sample))), np.float32)
+
+
+def relevance_only(sample: F32, index: ChannelIndex) -> F32:
+    """Do as the thesis but leave its noise floor out, to see what the floor does."""
+    bare = ChannelIndex(index.references, np.zeros_like(index.noise_floor), index.relevance)
+    return thesis(sample, bare)
+
+
+def floor_only(sample: F32, index: ChannelIndex) -> F32:
+    """Do as the thesis but count every bin alike, to see what relevance does."""
+    apart = np.abs(index.references - sample) - index.noise_floor
+    return np.asarray(np.maximum(apart, 0).mean(axis=1), np.float32)
+
+
+def l1(sample: F32, index: ChannelIndex) -> F32:
+    """Mean of |s - r| (Swain and Ballard's intersection, 1991, is one minus half of it for shares)."""
+    return np.asarray(np.abs(index.references - sample).mean(axis=1), np.float32)
+
+
+def l2(sample: F32, index: ChannelIndex) -> F32:
+    """Root of the mean of (s - r) squared."""
+    return np.asarray(np.sqrt(np.square(index.references - sample).mean(axis=1)), np.float32)
+
+
+def chi2(sample: F32, index: ChannelIndex) -> F32:
+    """Mean of (s - r)^2 / (s + r): differences count more where there is little (Rubner et al. 2000)."""
+    both = index.references + sample
+    apart = np.square(index.references - sample)
+    share = np.divide(apart, both, out=np.zeros_like(apart), where=both > 0)
+    return np.asarray(share.mean(axis=1), np.float32)
+
+
+def hellinger(sample: F32, index: ChannelIndex) -> F32:
+    """Root of the mean of (root s - root r) squared: L2 of square roots (Hellinger 1909; Bhattacharyya)."""
+    apart = np.sqrt(index.references) - np.sqrt(sample)
+    return np.asarray(np.sqrt(np.square(apart).mean(axis=1)), np.float32)
+
+
+DISTANCES: Mapping[str, Distance] = {
+    "thesis": thesis,
+    "relevance_only": relevance_only,
+    "floor_only": floor_only,
+    "l1": l1,
+    "l2": l2,
+    "chi2": chi2,
+    "hellinger": hellinger,
+}
