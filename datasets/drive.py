@@ -1,19 +1,16 @@
-"""A drive through the arena: goals drawn at random, the way there found on a raster, one update at a time.
+"""A drive: the robot senses, its behaviors propose, the arbiter chooses, the robot moves, and then it looks.
 
-The driver sees the arena and knows nothing of library nodes. Every update is a turn of any size and a
-straight. The chances of an update are drawn first and are never drawn again: of the commands that chance
-proposes, the driver drops those that would end in a wall, as somebody walking beside the robot would.
+The robot is told the bearing of the next point on the way to its goal, as by somebody who walks beside it and
+sees the whole arena; everything else it decides from its proximity sensors. Nobody knows of library nodes.
+Every update is a turn of any size, a straight, and a picture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from maurice_mcl.arena import Arena
 from maurice_mcl.geometry import INCH_M
@@ -21,131 +18,152 @@ from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.typing import F64
 
 from .addresses import Purpose
-from .robot import Chassis, Movement, draw_luck, drive_by, turn_by
-from .world import clearance
+from .arbiter import choose
+from .behaviors import (
+    DICE,
+    AvoidCollision,
+    Behavior,
+    Command,
+    GoToPoint,
+    Localize,
+    Proposal,
+    Senses,
+    Teleoperate,
+    Wander,
+)
+from .planner import Raster, free_pose
+from .proximity import Ring, sense
+from .robot import Chassis, Movement, draw_luck, draw_slip, drive_by, turn_by
+
+REACHED_M = 9.0 * INCH_M  # a goal counts as reached from here
+KIDNAP_M = 48 * INCH_M  # a kidnapped robot is put down at least so far away
+BEHAVIORS: tuple[Behavior, ...] = (Localize(), Teleoperate(), AvoidCollision(), GoToPoint(), Wander())
+STAY = Proposal("nobody", -1)
 
 
 @dataclass(frozen=True, slots=True)
-class Habits:
-    """How the driver drives."""
+class Wanted:
+    """What somebody else wants of the robot, besides what it senses."""
 
-    keep_m: float = 6.0 * INCH_M  # from the robot's middle to anything solid, always
-    shortest_m: float = 4.0 * INCH_M  # told length of a straight, drawn evenly from this ...
-    longest_m: float = 16.0 * INCH_M  # ... to this: 1000 in are reached within 120 updates
-    reached_m: float = 9.0 * INCH_M  # a goal counts as reached from here
-    proposals: int = 48  # commands looked at before one is chosen
-    cell_m: float = 3.0 * INCH_M  # raster on which the way is found
+    goal_rad: float | None = None  # bearing of the next point on the way to a goal
+    command: Command | None = None  # from a list
+
+
+Wish = Callable[[int, F64], Wanted | None]  # by update and true pose (3,); None: that is all
+Carry = Callable[[int, F64], F64 | None]  # where somebody carries the robot after an update; None: nowhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
-    """One update of a drive: a turn, then a straight."""
+    """One update of a drive: a turn, a straight, and then the robot looks."""
 
     turn: Movement
     straight: Movement
+    behavior: str  # whose proposal it was
+    kidnapped_to: F64 | None = None  # (3,) where it is carried after it has looked
 
     @property
     def pose(self) -> F64:
-        """The true pose (3,) at its end."""
+        """The true pose (3,) at its end, where it looks."""
         return np.asarray(self.straight.path[-1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Raster:
-    """Free cells and which are neighbors; made once a drive."""
-
-    centers: F64  # (K, 2) of the free cells
-    steps: csr_array[np.float64, tuple[int, int]]  # (K, K), each pair once: distances between neighbors
-
-    def nearest(self, point: F64) -> int:
-        """Give the free cell nearest to a point (2,)."""
-        return int(np.argmin(np.linalg.norm(self.centers - point, axis=1)))
-
-    def way_to(self, goal: F64) -> F64:
-        """Give how far it is from every free cell to a goal (K,), inf where there is no way."""
-        return np.asarray(dijkstra(self.steps, directed=False, indices=[self.nearest(goal)])[0])
-
-
-def raster(arena: Arena, habits: Habits) -> Raster:
-    """Cut the arena into cells, keep those with room enough, join each with its eight neighbors."""
-    x_min, y_min, x_max, y_max = arena.bounds
-    x = np.arange(x_min + habits.cell_m / 2, x_max, habits.cell_m)
-    y = np.arange(y_min + habits.cell_m / 2, y_max, habits.cell_m)
-    centers = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    centers = centers[clearance(arena, centers) > habits.keep_m]
-    pairs = cKDTree(centers).query_pairs(1.5 * habits.cell_m, output_type="ndarray")
-    gaps = np.linalg.norm(centers[pairs[:, 0]] - centers[pairs[:, 1]], axis=1)
-    steps = coo_array((gaps, (pairs[:, 0], pairs[:, 1])), shape=(len(centers), len(centers)))
-    return Raster(centers, steps.tocsr())
-
-
-def start_pose(map_: Raster, rng: np.random.Generator) -> F64:
-    """Draw where a drive begins: any free place, any heading."""
-    place = map_.centers[int(rng.integers(len(map_.centers)))]
-    return np.array([*place, rng.uniform(-np.pi, np.pi)])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Driver:
+class Robot:
     """Everything that stays the same during one drive."""
 
     arena: Arena
-    map: Raster
-    chassis: Chassis
-    habits: Habits
     seed: int
+    chassis: Chassis = field(default_factory=Chassis)
+    behaviors: Sequence[Behavior] = BEHAVIORS
+    ring: Ring = field(default_factory=Ring)
 
-    def update(self, step: int, pose: F64, way: F64) -> Update:
-        """Choose the command that should lead on best among those that stay clear."""
-        luck = draw_luck(stream(Domain.SIMULATOR, self.seed, step, Purpose.ROBOT))
-        rng = stream(Domain.SIMULATOR, self.seed, step, Purpose.DRIVER)
-        while True:
-            for turn_rad, length_m in self.ranked(pose, way, rng):
-                turn = turn_by(pose, turn_rad, luck, self.chassis)
-                straight = drive_by(turn.path[-1], length_m, luck, self.arena, self.chassis)
-                if self.clear(straight.path):
-                    return Update(turn, straight)
+    def decide(
+        self, step: int, pose: F64, wanted: Wanted, last: Update | None, unseen: bool
+    ) -> Proposal | None:
+        """Sense everything once and let the arbiter choose among the behaviors."""
+        around = sense(self.arena, pose, self.ring, self.chance(step, Purpose.PROXIMITY))
+        dice = self.chance(step, Purpose.WANDER).random(DICE)
+        bumped = last is not None and last.straight.bumped
+        return choose(self.behaviors, Senses(around, dice, bumped, unseen, wanted.goal_rad, wanted.command))
 
-    def ranked(self, pose: F64, way: F64, rng: np.random.Generator) -> F64:
-        """Propose commands (P, 2): turn_rad all around, length_m even; the one that should end best first."""
-        habits = self.habits
-        turns = rng.uniform(-np.pi, np.pi, habits.proposals)
-        lengths = rng.uniform(habits.shortest_m, habits.longest_m, habits.proposals)
-        headings = pose[2] + turns
-        ends = pose[:2] + lengths[:, None] * np.stack([np.cos(headings), np.sin(headings)], axis=1)
-        left = np.array([way[self.map.nearest(end)] for end in ends])
-        order = np.argsort(left - 0.2 * lengths)  # longer straights are liked, or all would be short
-        return np.stack([turns, lengths], axis=1)[order]
+    def move(self, step: int, pose: F64, chosen: Proposal) -> Update:
+        """Carry out what was chosen, as well as chance lets it."""
+        slip = draw_slip(self.chance(step, Purpose.SLIP), self.chassis)
+        luck = draw_luck(self.chance(step, Purpose.ROBOT), slip)
+        turn = turn_by(pose, chosen.turn_rad, luck, self.chassis)
+        straight = drive_by(turn.path[-1], chosen.forward_m, luck, self.arena, self.chassis)
+        return Update(turn, straight, chosen.behavior)
 
-    def done_with(self, goal: F64, way: F64, pose: F64) -> bool:
-        """Tell whether a goal (2,) is reached, or cannot be."""
-        near = float(np.linalg.norm(goal - pose[:2])) < self.habits.reached_m
-        return near or not np.isfinite(way[self.map.nearest(pose[:2])])
+    def chance(self, step: int, purpose: Purpose) -> np.random.Generator:
+        """Open the random stream of one update and purpose."""
+        return stream(Domain.SIMULATOR, self.seed, step, purpose)
 
-    def clear(self, path: F64) -> bool:
-        """Tell whether a path (K, 3) keeps its distance from everything solid."""
-        return bool((clearance(self.arena, path[:, :2]) > self.habits.keep_m).all())
+
+class Guide:
+    """Walks beside the robot: chooses goals anywhere in free space and says where to go next.
+
+    Remembers the goal of the moment; the goals themselves are the seed's.
+    """
+
+    def __init__(self, map_: Raster, seed: int) -> None:
+        self._map = map_
+        self._rng = stream(Domain.SIMULATOR, seed, 0, Purpose.DRIVER)
+        self._goal = free_pose(map_, self._rng)
+        self._way = map_.way_to(self._goal[:2])
+
+    def bearing(self, pose: F64) -> float:
+        """Give the bearing of the next point on the way from a pose (3,), counter-clockwise from ahead."""
+        while float(np.hypot(*(self._goal - pose)[:2])) < REACHED_M:
+            self._goal = free_pose(self._map, self._rng)
+            self._way = self._map.way_to(self._goal[:2])
+        x, y = self._map.next_point(pose[:2], self._way) - pose[:2]
+        return float(np.arctan2(y, x)) - float(pose[2])
 
 
 def drive(
-    arena: Arena, seed: int, updates: int, chassis: Chassis | None = None, habits: Habits | None = None
+    robot: Robot, map_: Raster, updates: int, kidnap_at: int | None = None
 ) -> tuple[F64, Iterator[Update]]:
-    """Give the start pose (3,), and so many updates, driven as they are asked for."""
-    habits = habits or Habits()
-    driver = Driver(arena, raster(arena, habits), chassis or Chassis(), habits, seed)
-    rng = stream(Domain.SIMULATOR, seed, 0, Purpose.DRIVER)
-    start = start_pose(driver.map, rng)
-    return start, driven(driver, start, updates, rng)
+    """Give the start pose (3,) and so many updates, driven as they are asked for, from goal to goal.
+
+    After update `kidnap_at` the robot is carried to a place drawn evenly from all that are far enough away.
+    """
+    start = free_pose(map_, robot.chance(0, Purpose.START))
+    guide = Guide(map_, robot.seed)
+
+    def wish(step: int, pose: F64) -> Wanted | None:
+        return Wanted(goal_rad=guide.bearing(pose)) if step <= updates else None
+
+    def carry(step: int, pose: F64) -> F64 | None:
+        at = robot.chance(step, Purpose.KIDNAP)
+        return free_pose(map_, at, pose, KIDNAP_M) if step == kidnap_at else None
+
+    return start, go(robot, start, wish, carry)
 
 
-def driven(driver: Driver, start: F64, updates: int, rng: np.random.Generator) -> Iterator[Update]:
-    """Drive on from a pose (3,), to one goal after the other."""
-    pose, goal = start, start[:2]
-    way = driver.map.way_to(goal)
-    for step in range(1, updates + 1):
-        while driver.done_with(goal, way, pose):
-            goal = driver.map.centers[int(rng.integers(len(driver.map.centers)))]
-            way = driver.map.way_to(goal)
-        update = driver.update(step, pose, way)
-        yield update
-        pose = update.pose
+def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[Update]:
+    """Teleoperate from a pose (3,): one update a command (turn_rad, forward_m), stopped only by contact."""
+
+    def wish(step: int, pose: F64) -> Wanted | None:
+        return Wanted(command=commands[step - 1]) if step <= len(commands) else None
+
+    return go(robot, start, wish)
+
+
+def go(robot: Robot, pose: F64, wish: Wish, carry: Carry = lambda step, pose: None) -> Iterator[Update]:
+    """Let the robot live from a pose (3,) until nothing is wished for any more.
+
+    A motion after which nobody has looked stops everything else, as localization outranks all behaviors: one
+    completed motion is one update.
+    """
+    step, last, unseen = 1, None, False
+    while (wanted := wish(step, pose)) is not None:
+        chosen = robot.decide(step, pose, wanted, last, unseen) or STAY
+        if last is None or not chosen.look:
+            last, unseen = robot.move(step, pose, chosen), True
+            pose = last.pose
+            continue
+        carried = carry(step, pose)
+        yield replace(last, kidnapped_to=carried)
+        pose = pose if carried is None else carried
+        step, unseen = step + 1, False

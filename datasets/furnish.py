@@ -217,6 +217,78 @@ def plant(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "plant", stand, parts)
 
 
+def desk(rng: np.random.Generator, stand: Stand) -> Piece:
+    """A desk with a screen, a keyboard and papers on it, and a cable that hangs down behind."""
+    w, d = stand.width_in, stand.depth_in
+    top, steel = timber_of((0.5, 0.42, 0.33) if rng.random() < 0.6 else wood(rng)), cloth_of((0.2, 0.2, 0.21))
+    black, side = cloth_of((0.03, 0.03, 0.032)), float(rng.uniform(-0.2, 0.2)) * w
+    parts: list[Part] = [
+        (Solid(sx * (w / 2 - 1.5), sy * (d / 2 - 1.5), 0, 1.8, 1.8, 28), steel)
+        for sx in (-1, 1)
+        for sy in (-1, 1)
+    ]
+    parts += [
+        (Solid(0, 0, 28, w, d, 1.2), top),
+        (Solid(side, d / 4, 32, 20, 1.6, 12, float(rng.uniform(-0.2, 0.2))), black),
+        (Solid(side, d / 4, 29.2, 6, 4, 3), black),
+        (Solid(w / 4, -d / 5, 29.2, 9, 11, float(rng.uniform(0.4, 3))), cloth_of((0.7, 0.69, 0.66))),
+        (Solid(-0.33 * w, 0.1 * d, 0, 8, 8, 12), cloth_of(dye(rng))),  # a bin
+        (Solid(side + 3, d / 2 - 1, 0, 0.5, 0.5, 28), black),
+    ]
+    return assemble(rng, "desk", stand, parts)
+
+
+def chair(rng: np.random.Generator, stand: Stand) -> Piece:
+    """An office chair: a cross on the floor, a column, seat and back."""
+    w, d, cover = stand.width_in, stand.depth_in, cloth_of(dye(rng))
+    steel = cloth_of((0.05, 0.05, 0.055))
+    parts: list[Part] = [
+        (Solid(0, 0, 1.2, w, 2, 1.5), steel),
+        (Solid(0, 0, 1.2, 2, d, 1.5), steel),
+        (Solid(0, 0, 2.5, 2.2, 2.2, 13.5), steel),
+        (Solid(0, -0.5, 16, w * 0.94, d * 0.9, 3), cover),
+        (Solid(0, d / 2 - 1.5, 22, w * 0.86, 2.5, 17), cover),
+        (Solid(0, d / 2 - 0.7, 16, 3, 1.2, 12), steel),
+    ]
+    return assemble(rng, "chair", stand, parts)
+
+
+def cabinet(rng: np.random.Generator, stand: Stand) -> Piece:
+    """A steel cabinet with two doors, and files or a box on top."""
+    w, d = stand.width_in, stand.depth_in
+    height, gray = float(rng.uniform(38, 56)), float(rng.uniform(0.28, 0.5))
+    color = (gray, gray, 1.02 * gray)
+    doors = tuple(
+        front_panel(rng, stand, span, (2.0, height - 1.2), -d / 2 - 0.05, partial(steel_door, color=color))
+        for span in ((-w / 2 + 0.8, -0.15), (0.15, w / 2 - 0.8))
+    )
+    on_top = (
+        Solid(float(rng.uniform(-0.2, 0.2)) * w, 0, height, 0.35 * w, 0.7 * d, 8, 0.1),
+        textures.cardboard,
+    )
+    body: Part = (Solid(0, 0, 0, w, d, height), cloth_of(color))
+    return assemble(rng, "cabinet", stand, [body, on_top], doors)
+
+
+def steel_door(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
+    """A painted steel door: dark gaps around, a handle, a label."""
+    rows, columns = size
+    leaf = textures.tint(color, 1 + 0.05 * textures.clouds(rng, size, rows / 2))
+    leaf[:2] *= np.float32(0.35)
+    leaf[:, :2] *= np.float32(0.35)
+    leaf[:, -2:] *= np.float32(0.35)
+    middle = int(rows * 0.45)
+    leaf[middle : middle + rows // 12, columns - columns // 8 : columns - columns // 12] = 0.04
+    leaf[rows // 6 : rows // 6 + rows // 20, columns // 4 : columns // 2] = 0.7
+    return np.clip(leaf, 0.02, 0.95)
+
+
+def block(rng: np.random.Generator, stand: Stand, height_in: float, sides: Paint, top: Paint) -> Piece:
+    """A plain box, as a world file paints it."""
+    solid = Solid(stand.x_in, stand.y_in, 0, stand.width_in, stand.depth_in, height_in, stand.yaw_rad)
+    return Piece("block", faces_of(rng, solid, sides, top=top), (box_of(solid),), footprint(solid) * INCH_M)
+
+
 MAKERS: dict[str, Maker] = {
     "sofa": sofa,
     "armchair": armchair,
@@ -225,4 +297,7 @@ MAKERS: dict[str, Maker] = {
     "dresser": dresser,
     "box": carton,
     "plant": plant,
+    "desk": desk,
+    "chair": chair,
+    "cabinet": cabinet,
 }

@@ -1,19 +1,15 @@
-"""Light baked into textures once: lamps with soft shadows, open sky of each room, dark corners.
-
-A coarse grid of points on every face asks which lamps it sees past the boxes; the result is enlarged to the
-texture. After that a picture costs only the warping of faces.
-"""
+"""Light at points: lamps with soft shadows, open sky of each room, dark corners, each source apart."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.typing import F32, F64
 
+from .parts import Part, parts_of
 from .world import Box, Face, Lamp, World, inside
 
 
@@ -27,33 +23,6 @@ class Baking:
     lift_m: float = 0.1 * INCH_M  # points start this far before their face
     least: float = 0.04  # share of the room's light that seeps in everywhere
     chunk: int = 24_000  # rays at once: bounds memory to about 100 MB
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LitFace:
-    """A face with the light it gives off, at full size and halved again and again."""
-
-    corner: F64  # (3,) as in Face
-    across: F64  # (3,)
-    down: F64  # (3,)
-    levels: tuple[F32, ...]  # (H, W, 3) linear radiance; each level has half the rows and columns
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scene:
-    """What a camera needs to know of a world."""
-
-    faces: tuple[LitFace, ...]
-    corner: F64  # (F, 3) of all faces together, as in LitFace
-    across: F64  # (F, 3)
-    down: F64  # (F, 3)
-
-
-def scene_of(faces: tuple[LitFace, ...]) -> Scene:
-    """Gather lit faces."""
-    corner = np.stack([face.corner for face in faces])
-    across = np.stack([face.across for face in faces])
-    return Scene(faces, corner, across, np.stack([face.down for face in faces]))
 
 
 def hit_distance(start: F32, toward: F32, boxes: tuple[Box, ...]) -> F32:
@@ -111,10 +80,13 @@ def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) 
     return np.asarray(np.maximum(total / baking.directions, baking.least))
 
 
-def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
-    """Give the light (K, 3) that one lamp throws on points (K, 3) with normals (K, 3), shadows included."""
-    total = np.zeros(len(points))
-    for source in lamp.points:
+def carried(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
+    """Give how much of each of a lamp's points (P) arrives at points (K, 3) with normals (K, 3): (P, K).
+
+    Squared distance, both angles and what stands between are in it.
+    """
+    total = np.zeros((len(lamp.points), len(points)))
+    for row, source in zip(total, lamp.points, strict=True):
         ray = source - points
         distance = np.maximum(np.linalg.norm(ray, axis=1), 0.15)
         toward = ray / distance[:, None]
@@ -123,60 +95,34 @@ def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) ->
             slant = slant * np.clip(-(toward @ lamp.facing), 0, None)
         lit = slant > 0
         clear = hit_distance(points[lit].astype(np.float32), toward[lit].astype(np.float32), boxes)
-        seen = np.zeros(len(points))
-        seen[lit] = clear > distance[lit] - 0.01
-        total += slant * seen / distance**2
-    return total[:, None] / len(lamp.points) * lamp.color
+        row[lit] = (slant[lit] / distance[lit] ** 2) * (clear > distance[lit] - 0.01)
+    return total
+
+
+def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
+    """Give the light (K, 3) that one lamp throws on points (K, 3) with normals (K, 3), shadows included."""
+    return np.asarray(carried(points, normals, lamp, boxes).mean(axis=0)[:, None] * lamp.color)
 
 
 def irradiance(world: World, points: F64, normals: F64, baking: Baking) -> F64:
     """Give all light (K, 3) at points (K, 3) with normals (K, 3): lamps and the rooms' own."""
-    light = np.zeros((len(points), 3))
+    return np.asarray(irradiance_by_part(world, parts_of(world), points, normals, baking).sum(axis=0))
+
+
+def irradiance_by_part(
+    world: World, parts: tuple[Part, ...], points: F64, normals: F64, baking: Baking
+) -> F64:
+    """Give the light (S, K, 3) of each part at points (K, 3) with normals (K, 3)."""
+    light = np.zeros((len(parts), len(points), 3))
     for lamp in world.lamps:
-        light += lamp_light(points, normals, lamp, world.boxes)
+        arrives = carried(points, normals, lamp, world.boxes) / len(lamp.points)
+        for k, part in enumerate(parts):
+            if part.source == lamp.source:
+                light[k] += (part.shares(lamp) @ arrives)[:, None] * lamp.color
     view = openness(points, normals, world.boxes, baking)
     for room in world.room_lights:
-        here = inside(room.room.polygon, points[:, :2])
-        light += (here * view)[:, None] * room.ambient
+        here = (inside(room.room.polygon, points[:, :2]) * view)[:, None] * room.ambient
+        for k, part in enumerate(parts):
+            if part.source == room.source:
+                light[k] += here * part.whole
     return light
-
-
-def halvings(texture: F32) -> tuple[F32, ...]:
-    """Give a texture and its halves by averaging, down to a few pixels."""
-    levels = [texture]
-    while min(levels[-1].shape[:2]) >= 8:
-        rows, columns = levels[-1].shape[:2]
-        half = cv2.resize(levels[-1], (columns // 2, rows // 2), interpolation=cv2.INTER_AREA)
-        levels.append(np.asarray(half, dtype=np.float32))
-    return tuple(levels)
-
-
-def lit(face: Face, light: F32) -> LitFace:
-    """Multiply a face by its light (rows, columns, 3), enlarged to the texture, and add its own glow."""
-    rows, columns = face.albedo.shape[:2]
-    smooth = cv2.GaussianBlur(light, (3, 3), 0.7, borderType=cv2.BORDER_REPLICATE)
-    full = cv2.resize(smooth, (columns, rows), interpolation=cv2.INTER_LINEAR)
-    radiance = face.albedo * (full + np.float32(face.glow))
-    return LitFace(face.corner, face.across, face.down, halvings(radiance.astype(np.float32)))
-
-
-def bake(world: World, baking: Baking | None = None) -> Scene:
-    """Light every face of a world once."""
-    baking = baking or Baking()
-    grids = [face_points(face, baking) for face in world.faces]
-    counts = [len(points) for points, _ in grids]
-    points = np.concatenate([points for points, _ in grids])
-    normals = np.repeat([face.normal for face in world.faces], counts, axis=0)
-    light = np.concatenate(
-        [
-            irradiance(world, points[a : a + baking.chunk], normals[a : a + baking.chunk], baking)
-            for a in range(0, len(points), baking.chunk)
-        ]
-    ).astype(np.float32)
-    parts = np.split(light, np.cumsum(counts)[:-1])
-    return scene_of(
-        tuple(
-            lit(face, part.reshape(*shape, 3))
-            for face, part, (_, shape) in zip(world.faces, parts, grids, strict=True)
-        )
-    )

@@ -1,44 +1,32 @@
-"""The embedded default: a survey and a recorded drive in the simulated arena, as files."""
+"""Surveys and sessions of the simulated Maurice as files: the survey of a world, and the demo's two logs."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Iterator
+import shutil
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import numpy as np
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.folders import cache_root, discard, new_folder
+from maurice_loaders.folders import new_folder
 from maurice_loaders.session_writer import SessionWriter
-from maurice_mcl.arena import Arena
 from maurice_mcl.session import Camera, SessionInfo
-from maurice_mcl.typing import F64
 
 from .camera import Lens
-from .drive import Update, drive
-from .light import bake
+from .finished import NOTE, cached, fingerprint, seal
+from .legs import FRAME_S, Log, Progress, write_legs
+from .outing import Outing, survey_outing
 from .robot import Chassis
-from .survey import Outing, Surveyor, references, session_outing, survey_outing
-from .two_rooms import free_nodes, two_rooms
-from .world import World, floor_at
+from .simulation import Plan, Stage, stage
+from .survey import Surveyor, references
+from .tasks import TASKS, UPDATES
+from .world import World
 
-GENERATOR = 1  # raise it whenever the same seed gives other files: old caches are then not used
-UPDATES = 120
-FINISHED = "demo.json"  # written last: without it a demo is not whole
+GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used
 SURVEY = Path("survey") / "survey.log"  # beside the session's log
-
-FRAME_S = 3.3  # to fetch an 88 x 143 frame at 115,200 baud (worked out from the CMUcam2's manual)
-SETTLE_S = 0.5  # before and after each movement; invented
-TURN_RAD_S = float(np.radians(45))  # invented
-DRIVE_M_S = 0.15  # invented
 SURVEY_S = 12.0  # to place the robot and take one reference; invented
-
-Progress = Callable[[int, int, str], None]  # done, all, what is being made
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,18 +53,104 @@ def camera_of(lens: Lens) -> Camera:
     return Camera("front", lens.width_px, lens.height_px, lens.horizontal_fov_rad, 0.0, lens.height_m)
 
 
-def info_of(world: World, seed: int, name: str) -> SessionInfo:
-    """Give what survey and session have in common."""
-    notes = (f"simulated: {world.name}, generator {GENERATOR}",)
+def survey_info(world: World, outing: Outing) -> SessionInfo:
+    """Give the header of a world's survey."""
     return SessionInfo(
-        name=f"{name}, seed {seed}",
+        name=f"survey of {world.name}",
         display_units="in",
         robot="Maurice (simulated)",
         motion=Chassis().motion_header(),
-        cameras=(camera_of(Lens()),),
+        cameras=(camera_of(outing.lens),),
         arena=world.arena,
-        notes=notes,
+        notes=(f"simulated: {world.name}, generator {GENERATOR}",),
     )
+
+
+def session_info(set_up: Stage) -> SessionInfo:
+    """Give the header of a session: its map is the survey's, which does not know of things moved since."""
+    plan = set_up.plan
+    return SessionInfo(
+        name=f"{plan.task.title} in {Path(plan.world).stem}, arena seed {plan.arena_seed}, seed {plan.seed}",
+        display_units="in",
+        robot="Maurice (simulated)",
+        motion=set_up.course.motion,
+        cameras=(camera_of(set_up.outing.lens),),
+        start=set_up.course.start if plan.task.start_known else None,
+        survey=SURVEY,
+        arena=set_up.surveyed.arena,
+        notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *notes_of(set_up)),
+    )
+
+
+def notes_of(set_up: Stage) -> tuple[str, ...]:
+    """Say in the header what a reader of the session may want to know."""
+    moved = set_up.plan.moved
+    things = (f"pieces of furniture moved after the survey: {moved}",) if moved else ()
+    return (f"tier {set_up.plan.tier}", *set_up.outing.notes, *things, *set_up.course.notes)
+
+
+def play(set_up: Stage, log: Log, report: Progress) -> None:
+    """Let the robot drive, and write down what happens."""
+    course = set_up.course
+    write_legs(log, course.start, course.legs(), set_up.outing, set_up.world.arena, course.total, report)
+
+
+def write_survey(path: Path, world: World, outing: Outing, surveyor: Surveyor, report: Progress) -> None:
+    """Write the covered pictures, then every reference with its nominal pose."""
+    total = len(world.nodes) * surveyor.headings
+    with SessionWriter(path, survey_info(world, outing), kind="survey") as log:
+        for number in range(surveyor.covered):
+            log.image(number * FRAME_S, outing.take_covered(number), covered=True, camera="front")
+        t_s = surveyor.covered * FRAME_S
+        for number, (pose, picture) in enumerate(references(world.nodes, outing, surveyor), start=1):
+            log.image(t_s + number * SURVEY_S, picture, pose=pose, camera="front")
+            report(number, total, "survey")
+
+
+def survey_folder(plan: Plan, world: World, report: Progress) -> Path:
+    """Give the folder of a world's survey from the cache: it depends on world, tier and arena seed alone."""
+    key = f"{GENERATOR}-{fingerprint(world)[:24]}-{plan.arena_seed}"
+
+    def make(folder: Path) -> None:
+        with new_folder(folder) as filling:
+            outing = survey_outing(world, plan.arena_seed)
+            write_survey(filling / SURVEY.name, world, outing, surveyor_of(world), report)
+            seal(filling, key)
+
+    return cached("surveys", key, make)
+
+
+def surveyor_of(world: World) -> Surveyor:
+    """Give the surveyor that takes as many headings as the world says."""
+    return Surveyor(headings=world.headings)
+
+
+def write_simulation(
+    folder: Path,
+    plan: Plan,
+    *,
+    surveyor: Surveyor | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> DemoPaths:
+    """Write a session and the survey it belongs to into a new folder, all of it or nothing.
+
+    LogError when the folder exists and holds something (`force` replaces an earlier one), and for worlds and
+    recordings that cannot be used. Without a surveyor the survey comes from the cache.
+    """
+    report = progress or (lambda done, total, what: None)
+    with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
+        set_up = stage(plan)
+        if surveyor is None:
+            kept = survey_folder(plan, set_up.surveyed, report)
+            shutil.copytree(kept, filling / SURVEY.parent, ignore=shutil.ignore_patterns(NOTE))
+        else:
+            outing = survey_outing(set_up.surveyed, plan.arena_seed)
+            write_survey(filling / SURVEY, set_up.surveyed, outing, surveyor, report)
+        with SessionWriter(filling / "session.log", session_info(set_up)) as log:
+            play(set_up, log, report)
+        seal(filling, key_of(plan))
+    return paths_in(folder)
 
 
 def write_demo(
@@ -88,114 +162,27 @@ def write_demo(
     force: bool = False,
     progress: Progress | None = None,
 ) -> DemoPaths:
-    """Write survey and session of one seed into a new folder, all of it or nothing.
+    """Write survey and session of one seed into a new folder: position tracking where nothing changes."""
+    plan = demo_plan(seed, updates)
+    return write_simulation(folder, plan, surveyor=surveyor or Surveyor(), force=force, progress=progress)
 
-    LogError when the folder exists and holds something (`force` replaces an earlier demo).
-    """
-    report = progress or (lambda done, total, what: None)
-    with new_folder(folder, force=force, ours=FINISHED) as filling, one_thread():
-        world = two_rooms(seed)
-        scene = bake(world)
-        write_survey(filling / SURVEY, world, survey_outing(scene, seed), surveyor or Surveyor(), report)
-        write_session(filling / "session.log", world, session_outing(scene, seed), updates, report)
-        (filling / FINISHED).write_text(finished_note(filling, cache_key(seed, updates)), encoding="utf-8")
-    return paths_in(folder)
+
+def demo_plan(seed: int, updates: int) -> Plan:
+    """Give the demo's plan: no slips, so that a first picture is not one of bad luck."""
+    return Plan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
+
+
+def key_of(plan: Plan) -> str:
+    """Name what is made from a plan so that another generator or plan never takes its place."""
+    return f"{plan.task.name}-{GENERATOR}-seed{plan.arena_seed}-{plan.seed}-{plan.updates}"
 
 
 def paths_in(folder: Path) -> DemoPaths:
-    """Name the two logs of a demo's folder."""
+    """Name the two logs of a folder."""
     return DemoPaths(folder / "session.log", folder / SURVEY)
 
 
-def write_survey(path: Path, world: World, outing: Outing, surveyor: Surveyor, report: Progress) -> None:
-    """Write the covered pictures, then every reference with its nominal pose."""
-    nodes = free_nodes(world.arena)
-    total = len(nodes) * surveyor.headings
-    with SessionWriter(
-        path, info_of(world, outing.seed, "survey of the Maurice arena"), kind="survey"
-    ) as log:
-        for number in range(surveyor.covered):
-            log.image(number * FRAME_S, outing.take_covered(number), covered=True, camera="front")
-        t_s = surveyor.covered * FRAME_S
-        for number, (pose, picture) in enumerate(references(nodes, outing, surveyor), start=1):
-            log.image(t_s + number * SURVEY_S, picture, pose=pose, camera="front")
-            report(number, total, "survey")
-
-
-def write_session(path: Path, world: World, outing: Outing, updates: int, report: Progress) -> None:
-    """Write one drive: for each update a turn, a straight and a picture, with the truth beside them."""
-    start, steps = drive(world.arena, outing.seed, updates)
-    info = info_of(world, outing.seed, "position tracking in the Maurice arena")
-    with SessionWriter(path, replace(info, start=start, survey=SURVEY)) as log:
-        log.event(0.0, f"floor {floor_at(world.arena, start[0], start[1])}")
-        log.truth(0.0, start)
-        t_s = 0.0
-        for number, update in enumerate(steps, start=1):
-            t_s = write_update(log, t_s, update, world.arena)
-            log.image(t_s, outing.take(number, update.pose), camera="front")
-            log.truth(t_s, update.pose)
-            report(number, updates, "session")
-
-
-def write_update(log: SessionWriter, t_s: float, update: Update, arena: Arena) -> float:
-    """Write the movements of one update and the floors it crossed; gives the time of its picture."""
-    turned = t_s + 2 * SETTLE_S + abs(float(update.turn.measured[2])) / TURN_RAD_S
-    log.odometry(turned, update.turn.measured, update.turn.encoders_m)
-    path, took = update.straight.path, float(update.straight.measured[0]) / DRIVE_M_S
-    for share, floor in crossings(path, arena):
-        log.event(turned + SETTLE_S + share * took, f"floor {floor}")
-    driven = turned + 2 * SETTLE_S + took
-    log.odometry(driven, update.straight.measured, update.straight.encoders_m)
-    return driven + FRAME_S
-
-
-def crossings(path: F64, arena: Arena) -> list[tuple[float, str]]:
-    """Give how far along a path (K, 3) the floor changes, as a share of it, and to which floor."""
-    names = [floor_at(arena, float(x), float(y)) for x, y, _ in path]
-    return [(k / (len(names) - 1), names[k]) for k in range(1, len(names)) if names[k] != names[k - 1]]
-
-
-def cache_key(seed: int, updates: int) -> str:
-    """Name a demo so that another generator, seed or length never takes its place."""
-    return f"maurice-{GENERATOR}-seed{seed}-{updates}"
-
-
-def digest(folder: Path) -> str:
-    """Give a checksum of all files of a demo but the note that holds it: names and contents."""
-    total = hashlib.sha256()
-    for file in sorted(folder.rglob("*")):
-        if file.is_file() and file.name != FINISHED:
-            total.update(file.relative_to(folder).as_posix().encode())
-            total.update(file.read_bytes())
-    return total.hexdigest()
-
-
-def finished_note(folder: Path, key: str) -> str:
-    """Write down what a finished demo is and what its files sum to."""
-    return json.dumps({"demo": key, "sha256": digest(folder)}) + "\n"
-
-
-def whole(folder: Path, key: str) -> bool:
-    """Tell whether a demo is finished and its files are as they were written."""
-    try:
-        return (folder / FINISHED).read_text(encoding="utf-8") == finished_note(folder, key)
-    except OSError:
-        return False
-
-
 def demo_paths(seed: int = 0, progress: Progress | None = None) -> DemoPaths:
-    """Give the demo from the user's cache (MAURICE_CACHE names another place).
-
-    It is made when absent, and made again when damaged. Two who make it at once do no harm.
-    """
-    key = cache_key(seed, UPDATES)
-    folder = cache_root() / "demos" / key
-    if folder.exists() and not whole(folder, key):
-        discard(folder)
-    if not folder.exists():
-        try:
-            write_demo(folder, seed, progress=progress)
-        except LogError:
-            if not whole(folder, key):  # otherwise somebody else was faster
-                raise
-    return paths_in(folder)
+    """Give the demo from the user's cache (MAURICE_CACHE names another place), made when it is not there."""
+    key = key_of(demo_plan(seed, UPDATES))
+    return paths_in(cached("demos", key, lambda folder: write_demo(folder, seed, progress=progress)))

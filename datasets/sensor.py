@@ -25,15 +25,21 @@ class Sensor:
     gamma: float = 1 / 2.0  # tone curve of the sensor
     lowest: int = 16  # the CMUcam2 keeps its values within 16 ...
     highest: int = 240  # ... and 240
-    blur_px: float = 0.75  # sd of the lens's blur
+    white: float = 1.3  # exposed light beyond this gives no more signal
+    blur_px: float = 0.75  # sd of the lens's blur ...
+    blur_of_px: int = 176  # ... in a picture of so many columns; it grows with the picture
     vignette: float = 0.35  # light lost in the corners
+    target: float = 62.0  # levels above black that automatic gain wants on the mean: between the two rooms'
+    least_gain: float = 0.4  # what automatic gain does at most to fixed gain
+    most_gain: float = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """Settings that stay fixed for one outing: survey and session each have their own."""
+    """How one picture is exposed: survey and session each have their own."""
 
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)  # light gain of R, G, B, white balance included
+    automatic: bool = False  # each picture's gain is chosen by its own light, from `gain` on
 
 
 def draw_exposure(rng: np.random.Generator, gain_sd: float = 0.03, balance_sd: float = 0.012) -> Exposure:
@@ -50,15 +56,49 @@ def falloff(rows: int, columns: int, lost: float) -> F32:
     return (1 - lost * (x**2 + y**2) / 2).astype(np.float32)
 
 
-def photograph(light: F32, sensor: Sensor, exposure: Exposure, rng: np.random.Generator) -> U8:
-    """Turn linear light (H, W, 3) into the picture (H, W, 3) RGB that the camera hands over."""
+def through_lens(light: F32, sensor: Sensor) -> F32:
+    """Blur light (H, W, 3) and darken its corners as the lens does."""
     rows, columns = light.shape[:2]
-    through = (
-        cv2.GaussianBlur(light, (0, 0), sensor.blur_px) * falloff(rows, columns, sensor.vignette)[..., None]
-    )
-    exposed = np.clip(through * np.asarray(exposure.gain, dtype=np.float32), 0, None)
-    signal = sensor.span * np.minimum(exposed, 1.3) ** sensor.gamma
-    return digitize(np.asarray(signal, dtype=np.float32), sensor, rng)
+    blur = sensor.blur_px * columns / sensor.blur_of_px
+    shade = falloff(rows, columns, sensor.vignette)[..., None]
+    return np.asarray(cv2.GaussianBlur(light, (0, 0), blur) * shade)
+
+
+def signal_of(light: F32, sensor: Sensor, gain: tuple[float, float, float]) -> F32:
+    """Give the signal (..., 3) in levels above black of light (..., 3) behind the lens."""
+    exposed = np.clip(light * np.asarray(gain, dtype=np.float32), 0, sensor.white)
+    return np.asarray(np.float32(sensor.span) * exposed**sensor.gamma)
+
+
+def photograph(
+    light: F32, sensor: Sensor, exposure: Exposure, rng: np.random.Generator, *, half: bool = False
+) -> U8:
+    """Turn linear light (H, W, 3) into the picture (H, W, 3) RGB that the camera hands over.
+
+    With `half`, every other column is read and handed over twice, noise and all.
+    """
+    behind = through_lens(light, sensor)
+    gain = metered(behind, sensor, exposure) if exposure.automatic else exposure.gain
+    if not half:
+        return digitize(signal_of(behind, sensor, gain), sensor, rng)
+    read = digitize(signal_of(behind[:, ::2], sensor, gain), sensor, rng)
+    return np.asarray(np.repeat(read, 2, axis=1)[:, : light.shape[1]])
+
+
+def metered(behind: F32, sensor: Sensor, exposure: Exposure) -> tuple[float, float, float]:
+    """Choose the gain that brings the mean signal of this one picture to the target, within its limits.
+
+    Every fourth pixel each way is measured. The signal grows as gain to the power gamma wherever it is not
+    clipped, so a few steps are enough; white balance stays as it is.
+    """
+    measured, factor = behind[::4, ::4], 1.0
+    for _ in range(6):
+        red, green, blue = (factor * gain for gain in exposure.gain)
+        mean = float(signal_of(measured, sensor, (red, green, blue)).mean())
+        wanted = factor * (sensor.target / max(mean, 1e-3)) ** (1 / sensor.gamma)
+        factor = min(max(wanted, sensor.least_gain), sensor.most_gain)
+    red, green, blue = (factor * gain for gain in exposure.gain)
+    return red, green, blue
 
 
 def digitize(signal: F32, sensor: Sensor, rng: np.random.Generator) -> U8:

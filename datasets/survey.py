@@ -15,9 +15,7 @@ from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.typing import F64, U8
 
 from .addresses import Purpose
-from .camera import Lens, radiance
-from .light import Scene
-from .sensor import Exposure, Sensor, covered, draw_exposure, photograph
+from .outing import Outing
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,40 +26,6 @@ class Surveyor:
     heading_sd_rad: float = float(np.radians(1.5))  # of each reference: set by eye
     headings: int = 8  # per node, from 0 (thesis 3.3)
     covered: int = 10  # pictures with the lens covered, for the noise floor
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Outing:
-    """One camera on one day: everything that makes pictures of a scene."""
-
-    scene: Scene
-    exposure: Exposure
-    seed: int
-    purpose: Purpose  # of the pictures' noise
-    lens: Lens
-    sensor: Sensor
-
-    def take(self, number: int, pose: F64) -> U8:
-        """Take picture `number` (H, W, 3) from a true pose (3,)."""
-        rng = stream(Domain.SIMULATOR, self.seed, number, self.purpose)
-        return photograph(radiance(self.scene, pose, self.lens), self.sensor, self.exposure, rng)
-
-    def take_covered(self, number: int) -> U8:
-        """Take a picture with the lens covered."""
-        rng = stream(Domain.SIMULATOR, self.seed, number, Purpose.COVERED_NOISE)
-        return covered(self.sensor, (self.lens.height_px, self.lens.width_px), rng)
-
-
-def survey_outing(scene: Scene, seed: int) -> Outing:
-    """Make the survey's camera: its own light and white balance."""
-    light = draw_exposure(stream(Domain.SIMULATOR, seed, 0, Purpose.SURVEY_LIGHT))
-    return Outing(scene, light, seed, Purpose.SURVEY_NOISE, Lens(), Sensor())
-
-
-def session_outing(scene: Scene, seed: int) -> Outing:
-    """Make the session's camera: the same camera on another day."""
-    light = draw_exposure(stream(Domain.SIMULATOR, seed, 0, Purpose.SESSION_LIGHT))
-    return Outing(scene, light, seed, Purpose.SESSION_NOISE, Lens(), Sensor())
 
 
 def reference_poses(nodes: F64, headings: int) -> F64:

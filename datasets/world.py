@@ -82,6 +82,7 @@ class World:
     room_lights: tuple[RoomLight, ...]
     nodes: F64  # (K, 2) free nodes of the library's grid
     headings: int  # references a node
+    start: F64 | None = None  # (3,) pose that its file names as a place to start from; most name none
 
     @property
     def faces(self) -> tuple[Face, ...]:
@@ -140,3 +141,17 @@ def clearance(arena: Arena, points: F64) -> F64:
     for outline in outlines:
         distance = np.where(inside(outline, points), 0.0, distance)
     return distance
+
+
+def touching(a: F64, b: F64) -> bool:
+    """Tell whether two rectangles (4, 2) share any ground.
+
+    They do not where some side of either has all of the other beyond it.
+    """
+    for outline_, other in ((a, b), (b, a)):
+        for k in range(len(outline_)):
+            side = outline_[(k + 1) % len(outline_)] - outline_[k]
+            out = np.array([side[1], -side[0]])
+            if ((other - outline_[k]) @ out >= -1e-9).all():
+                return False
+    return True

@@ -8,12 +8,15 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from .commands.calibrate import calibrate
 from .commands.compare import compare
 from .commands.demo import demo
 from .commands.imports import imports
 from .commands.inspecting import inspect
 from .commands.library import library
 from .commands.replay import replay
+from .commands.simulate import simulate
+from .commands.survey import survey
 
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
 
@@ -40,8 +43,11 @@ app.command()(replay)
 app.command()(compare)
 app.command()(demo)
 app.command()(inspect)
+app.command()(simulate)
+app.command()(survey)
 app.add_typer(library, name="library")
 app.add_typer(imports, name="import")
+app.add_typer(calibrate, name="calibrate")
 
 
 def _version(wanted: bool) -> None:

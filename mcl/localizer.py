@@ -8,10 +8,11 @@ record of everything that happened. Truth is no part of a frame, so it cannot ge
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -137,8 +138,11 @@ def make_localizer(
     seed: int = 0,
     resampler: str = "systematic",
     sharpness: float = DEFAULT_SHARPNESS,
+    motion: Mapping[str, Any] | None = None,
 ) -> Localizer:
     """Put together the localizer for a session from names; the robot's own motion model is used.
+
+    `motion` holds motion parameters, named as in a header, that take the place of the session's own.
 
     `reference`, the library's tables, can be shared among localizers: they take a while to build.
 
@@ -149,7 +153,7 @@ def make_localizer(
     return Localizer(
         library=library,
         reference=reference,
-        motion=motion_model(session.info.motion, reference.grid),
+        motion=motion_model(motion or session.info.motion, reference.grid),
         sensor=SensorModel(library, reference, parameters),
         resampler=RESAMPLERS[resampler],
         particles=particles,

@@ -16,6 +16,7 @@ class Domain(IntEnum):
     FILTER = 1
     SIMULATOR = 2
     IMPORT = 3
+    CALIBRATE = 4
 
 
 class Purpose(IntEnum):

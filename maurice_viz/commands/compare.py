@@ -15,6 +15,7 @@ from .options import (
     JsonOption,
     KeepGoingOption,
     LibraryOption,
+    MotionOption,
     NoRecordingOption,
     OutputOptions,
     ParticlesOption,
@@ -40,6 +41,7 @@ def compare(
     start: StartOption = None,
     resampler: ResamplerOption = DEFAULT_RESAMPLER,
     sharpness: SharpnessOption = DEFAULT_SHARPNESS,
+    motion: MotionOption = None,
     save: SaveOption = None,
     headless: HeadlessOption = False,
     no_recording: NoRecordingOption = False,
@@ -52,6 +54,6 @@ def compare(
 
     if not 2 <= len(features) <= MOST_RUNS:
         raise typer.BadParameter(f"--feature is wanted 2 to {MOST_RUNS} times, found {len(features)}")
-    options = RunOptions(particles, seed, start, resampler, sharpness)
+    options = RunOptions(particles, seed, start, resampler, sharpness, motion)
     output = OutputOptions(session.stem, save, headless, no_recording, force, json_output)
     replay_features(session, library, features, options, output, keep_going=keep_going)

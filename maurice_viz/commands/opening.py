@@ -10,6 +10,7 @@ import numpy as np
 
 from maurice_loaders.errors import LogError
 from maurice_loaders.library_store import open_library
+from maurice_loaders.motion_toml import read_motion
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import make_localizer
@@ -22,7 +23,7 @@ from ..entities import RESERVED
 from ..replaying import Run
 from .options import RunOptions, start_pose
 
-COMMANDS = ("replay", "compare", "demo", "library", "import", "inspect")
+COMMANDS = ("calibrate", "replay", "compare", "demo", "library", "import", "inspect")
 
 
 def open_session(path: Path, *, keep_going: bool) -> SessionLog:
@@ -58,6 +59,7 @@ def make_runs(
     start = start_pose(options.start, session.info, session.path)
     if start is not None:
         _check_start(session, library, reference, start)
+    motion = None if options.motion is None else read_motion(options.motion)
     try:
         localizers = [
             make_localizer(
@@ -69,10 +71,13 @@ def make_runs(
                 seed=options.seed,
                 resampler=options.resampler,
                 sharpness=options.sharpness,
+                motion=motion,
             )
             for feature in features
         ]
-    except ValueError as problem:  # bad motion parameters in the header
+    except ValueError as problem:  # bad motion parameters, in the file given or in the header
+        if options.motion is not None:
+            raise LogError(options.motion, str(problem)) from None
         raise LogError(session.path, str(problem), 1) from None
     return [Run(label, made, start) for label, made in zip(unique_labels(features), localizers, strict=True)]
 

@@ -85,6 +85,14 @@ SharpnessOption = Annotated[
         callback=_check_sharpness,
     ),
 ]
+MotionOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--motion",
+        metavar="FILE.toml",
+        help="Motion parameters in place of the header's, as `calibrate motion -o` writes them.",
+    ),
+]
 SaveOption = Annotated[
     Path | None,
     typer.Option("--save", metavar="OUT.rrd", help="Write the recording to this file and open no viewer."),
@@ -117,6 +125,7 @@ class RunOptions:
     start: str | None
     resampler: str
     sharpness: float
+    motion: Path | None = None  # in place of the header's parameters
 
 
 @dataclass(frozen=True, slots=True)

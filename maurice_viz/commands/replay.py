@@ -13,6 +13,7 @@ from .options import (
     JsonOption,
     KeepGoingOption,
     LibraryOption,
+    MotionOption,
     NoRecordingOption,
     OutputOptions,
     ParticlesOption,
@@ -35,6 +36,7 @@ def replay(
     start: StartOption = None,
     resampler: ResamplerOption = DEFAULT_RESAMPLER,
     sharpness: SharpnessOption = DEFAULT_SHARPNESS,
+    motion: MotionOption = None,
     save: SaveOption = None,
     headless: HeadlessOption = False,
     no_recording: NoRecordingOption = False,
@@ -45,6 +47,6 @@ def replay(
     """Replay a session log in the Rerun viewer, or into a recording where there is no display."""
     from .running import replay_features
 
-    options = RunOptions(particles, seed, start, resampler, sharpness)
+    options = RunOptions(particles, seed, start, resampler, sharpness, motion)
     output = OutputOptions(session.stem, save, headless, no_recording, force, json_output)
     replay_features(session, library, [feature], options, output, keep_going=keep_going)

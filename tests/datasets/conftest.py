@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_datasets.light import Scene, bake
-from maurice_datasets.two_rooms import two_rooms
+from maurice_datasets.baking import bake
+from maurice_datasets.scene import Scene
+from maurice_datasets.world_file import load_world
 from maurice_datasets.world import World
 
 
 @pytest.fixture(scope="session")
 def world() -> World:
-    return two_rooms(0)
+    return load_world("two-rooms", 0)
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.light import Baking, bake, face_points, hit_distance, irradiance, openness
+from maurice_datasets.baking import bake
+from maurice_datasets.light import Baking, face_points, hit_distance, irradiance, openness
 from maurice_datasets.world import Box, Face, Lamp, RoomLight, World
 from maurice_mcl.arena import Arena, Region
 

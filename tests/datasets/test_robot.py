@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.robot import Chassis, Luck, draw_luck, drive_by, turn_by
+from maurice_datasets.robot import Chassis, Luck, draw_luck, draw_slip, drive_by, turn_by
 from maurice_mcl.arena import Arena, Region
 from maurice_mcl.geometry import INCH_M, wrap
 
@@ -104,3 +104,53 @@ def test_the_header_names_what_a_filter_needs_in_its_units() -> None:
         "bias_rad_per_m": 0.0,
         "sd_rad_per_m": pytest.approx(0.019087, rel=1e-3),
     }
+
+
+def test_contact_stops_it_and_the_wheels_say_little_more_than_it_went() -> None:
+    walled = Arena((-9, -9, 9, 9), np.array([[0.6, -9.0, 0.6, 9.0]]))
+    move = drive_by(np.zeros(3), 2.0, NO_LUCK, walled, CHASSIS)
+    assert move.bumped
+    assert 0.6 - CHASSIS.radius_m - 0.02 < move.path[-1, 0] <= 0.6 - CHASSIS.radius_m
+    assert 0 < move.measured[0] - move.path[-1, 0] < CHASSIS.stall_m + 0.02
+    assert not drive_by(np.zeros(3), 0.3, NO_LUCK, walled, CHASSIS).bumped
+
+
+def test_a_robot_that_stands_too_near_can_leave_but_not_come_nearer() -> None:
+    walled = Arena((-9, -9, 9, 9), np.array([[0.05, -9.0, 0.05, 9.0]]))
+    away = drive_by(np.array([0.0, 0.0, np.pi]), 0.5, NO_LUCK, walled, CHASSIS)
+    assert not away.bumped
+    into = drive_by(np.zeros(3), 0.5, NO_LUCK, walled, CHASSIS)
+    assert into.bumped
+    assert into.path[-1, 0] == 0
+    assert into.measured[0] <= CHASSIS.stall_m
+
+
+def test_no_length_is_no_movement() -> None:
+    move = drive_by(START, 0.0, Luck(0, 9.0, 0, (0, 0)), plain("wood"), CHASSIS)
+    assert np.array_equal(move.path[-1], START)
+    assert (move.measured == 0).all()
+
+
+def test_slips_come_as_often_as_said_and_are_beyond_three_deviations_either_way() -> None:
+    chassis = Chassis(slip_chance=0.1)
+    slips = np.array([draw_slip(np.random.default_rng(k), chassis) for k in range(DRAWS)])
+    hit = slips[slips != 0]
+    assert len(hit) / DRAWS == pytest.approx(0.1, abs=4 * np.sqrt(0.09 / DRAWS))
+    assert (np.abs(hit) > 3 * chassis.turn_sd_rad).all()
+    assert (hit > 0).mean() == pytest.approx(0.5, abs=2 / np.sqrt(len(hit)))
+    assert draw_slip(np.random.default_rng(1), CHASSIS) == 0
+
+
+def test_a_slip_turns_it_where_the_floor_changes_and_nowhere_else() -> None:
+    half = np.array([[0.5, -9.0], [9, -9], [9, 9], [0.5, 9]])
+    both = Arena((-9, -9, 9, 9), np.zeros((0, 4)), floors=(*plain("wood").floors, Region("rug", half)))
+    luck = Luck(0, 0, 0, (0, 0), slip_rad=0.4)
+    move = drive_by(np.zeros(3), 1.0, luck, both, CHASSIS)
+    assert move.slipped_rad == 0.4
+    assert move.path[-1, 2] == pytest.approx(0.4)
+    assert move.path[move.path[:, 0] < 0.5][:, 2].max() == 0
+    assert move.measured[2] == 0  # the wheels do not see it
+    alone = drive_by(np.zeros(3), 1.0, luck, plain("wood"), CHASSIS)
+    assert (alone.slipped_rad, alone.path[-1, 2]) == (0, 0)
+    blocked = Arena(both.bounds, np.array([[0.55, -9.0, 0.55, 9.0]]), floors=both.floors)
+    assert drive_by(np.zeros(3), 1.0, luck, blocked, CHASSIS).slipped_rad == 0

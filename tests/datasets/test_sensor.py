@@ -3,7 +3,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.sensor import Exposure, Sensor, covered, draw_exposure, falloff, photograph
+from maurice_datasets.sensor import (
+    Exposure,
+    Sensor,
+    covered,
+    draw_exposure,
+    falloff,
+    metered,
+    photograph,
+    signal_of,
+)
 
 SIZE = (144, 176)
 
@@ -66,3 +75,33 @@ def test_exposures_differ_by_a_few_percent() -> None:
     assert gains.mean(axis=1).std() == pytest.approx(0.031, rel=0.1)
     between = (gains / gains.mean(axis=1, keepdims=True)).std()
     assert 0.006 < between < 0.018
+
+
+def test_fixed_gain_is_linear_below_white_whatever_the_curve() -> None:
+    """Half the light gives the signal of half the light: dimming by x is radiance times x."""
+    sensor = Sensor()
+    levels = np.array([0.1, 0.3, 0.9], np.float32)
+    for share in (0.25, 0.6):
+        straight = (signal_of(share * levels, sensor, (1, 1, 1)) / sensor.span) ** (1 / sensor.gamma)
+        assert straight == pytest.approx(share * levels, rel=1e-4)
+
+
+@pytest.mark.parametrize("level", [0.03, 0.1, 0.2])
+def test_automatic_gain_meets_its_target_and_keeps_white_balance(level: float) -> None:
+    sensor, light = Sensor(), gray(level) * np.linspace(0.5, 1.5, SIZE[1], dtype=np.float32)[None, :, None]
+    gain = metered(light, sensor, Exposure((1.1, 1.0, 0.9), automatic=True))
+    assert signal_of(light, sensor, gain).mean() == pytest.approx(sensor.target, rel=0.02)
+    assert gain[0] / gain[1] == pytest.approx(1.1)
+    assert gain[2] / gain[1] == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(("level", "limit"), [(0.0, 4.0), (0.001, 4.0), (50.0, 0.4)])
+def test_automatic_gain_ends_at_its_limits(level: float, limit: float) -> None:
+    assert metered(gray(level), Sensor(), Exposure(automatic=True)) == pytest.approx((limit,) * 3)
+
+
+def test_half_resolution_of_an_odd_width_keeps_the_width() -> None:
+    light = np.full((20, 31, 3), 0.2, np.float32)
+    picture = photograph(light, Sensor(), Exposure(), np.random.default_rng(0), half=True)
+    assert picture.shape == light.shape
+    assert np.array_equal(picture[:, 0:30:2], picture[:, 1:30:2])

@@ -3,15 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.light import Scene
+from maurice_datasets.outing import session_outing, survey_outing
 from maurice_datasets.survey import (
     Surveyor,
     placed_poses,
     reference_poses,
     references,
-    session_outing,
-    survey_outing,
 )
+from maurice_datasets.world import World
 from maurice_mcl.geometry import INCH_M
 
 NODES = np.array([[1.0, 2.0], [3.0, 4.0], [0.5, 0.25]])
@@ -36,8 +35,8 @@ def test_references_are_placed_with_the_errors_that_are_named() -> None:
     assert not np.array_equal(off, placed_poses(nominal, 5, Surveyor()))
 
 
-def test_labels_are_nominal_and_pictures_are_taken_where_the_robot_was(scene: Scene) -> None:
-    outing, surveyor = survey_outing(scene, 0), Surveyor(headings=1)
+def test_labels_are_nominal_and_pictures_are_taken_where_the_robot_was(world: World) -> None:
+    outing, surveyor = survey_outing(world, 0), Surveyor(headings=1)
     nodes = np.array([[1.2, 1.9], [1.65, 1.9]])
     made = list(references(nodes, outing, surveyor))
     assert np.array_equal([pose for pose, _ in made], reference_poses(nodes, 1))
@@ -45,8 +44,8 @@ def test_labels_are_nominal_and_pictures_are_taken_where_the_robot_was(scene: Sc
     assert np.array_equal(made[1][1], outing.take(1, actual[1]))
 
 
-def test_survey_and_session_have_lights_and_noise_of_their_own(scene: Scene) -> None:
-    survey, session = survey_outing(scene, 0), session_outing(scene, 0)
+def test_survey_and_session_have_lights_and_noise_of_their_own(world: World) -> None:
+    survey, session = survey_outing(world, 0), session_outing(world, 0)
     assert survey.exposure != session.exposure
     pose = np.array([1.2, 1.9, 0.4])
     assert not np.array_equal(survey.take(1, pose), session.take(1, pose))
@@ -54,6 +53,6 @@ def test_survey_and_session_have_lights_and_noise_of_their_own(scene: Scene) -> 
     assert not np.array_equal(session.take(1, pose), session.take(2, pose))
 
 
-def test_covered_pictures_differ_from_one_another(scene: Scene) -> None:
-    outing = survey_outing(scene, 0)
+def test_covered_pictures_differ_from_one_another(world: World) -> None:
+    outing = survey_outing(world, 0)
     assert not np.array_equal(outing.take_covered(0), outing.take_covered(1))

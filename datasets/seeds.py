@@ -1,0 +1,34 @@
+"""Which seeds may be fitted on and which may only be tested on: split once and for all.
+
+Both `--arena-seed` and `--seed` of a session count: a drive is for testing only when both are test seeds.
+Seeds outside the three groups are free for trying things out; nothing that is published rests on them.
+"""
+
+from __future__ import annotations
+
+DEMO = 0  # the first, not a chosen one
+FITTING = range(1, 100)  # anything may be fitted or tuned on these
+TEST = range(1000, 2000)  # nothing ever is
+
+
+def for_fitting(seed: int) -> int:
+    """Give a seed back that may be fitted on; ValueError for any other, test seeds above all."""
+    if seed not in FITTING:
+        raise ValueError(f"found seed {seed}, expected a fitting seed, {_span(FITTING)}{_whose(seed)}")
+    return seed
+
+
+def for_testing(seed: int) -> int:
+    """Give a seed back that results may be reported on; ValueError for any other."""
+    if seed not in TEST:
+        raise ValueError(f"found seed {seed}, expected a test seed, {_span(TEST)}{_whose(seed)}")
+    return seed
+
+
+def _span(seeds: range) -> str:
+    return f"{seeds.start} to {seeds.stop - 1}"
+
+
+def _whose(seed: int) -> str:
+    names = {"the demo's": seed == DEMO, "a fitting seed": seed in FITTING, "a test seed": seed in TEST}
+    return "".join(f"; it is {name}" for name, is_it in names.items() if is_it)

@@ -1,0 +1,136 @@
+"""A simulated session, planned and set up: which world, which task, what changes, and what the robot does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_loaders.errors import LogError
+from maurice_mcl.randomness import Domain, stream
+from maurice_mcl.typing import F64
+
+from .addresses import Purpose
+from .conditions import GAINS, Conditions, LightChange, conditions_for
+from .drive import KIDNAP_M, Robot, drive
+from .legs import Leg, driven_legs
+from .outing import Outing, session_outing
+from .planner import SCALES, Raster, fit, raster
+from .rearrange import move_things
+from .recorded_path import read_recording
+from .robot import Chassis
+from .tasks import UPDATES, Task
+from .tiers import TIERS
+from .world import World
+from .world_file import load_world
+
+SLIP_CHANCE = 0.1  # at a crossing into another floor: one or two in a drive of 1000 in
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All that a session depends on. ValueError for what no session can be."""
+
+    task: Task
+    world: str = "two-rooms"  # a name, or the path of a TOML file
+    tier: str = "nominal"
+    arena_seed: int = 0  # textures, furniture, lights, survey
+    seed: int = 0  # drive, the session's light, noise
+    updates: int = UPDATES  # at most, where a recording is followed
+    kidnap_at: int | None = None  # None: half way
+    lights: tuple[LightChange, ...] = ()
+    moved: int = 0  # pieces of furniture moved after the survey
+    gain: str = "fixed"
+    recording: Path | None = None  # a recorded path to drive along
+    slip_chance: float = SLIP_CHANCE
+
+    def __post_init__(self) -> None:
+        if self.tier not in TIERS:
+            raise ValueError(f"no tier called {self.tier!r}; there are {', '.join(TIERS)}")
+        if self.recording is not None and self.task.kidnapped:
+            raise ValueError("nobody kidnapped the robot of the recording; take tracking or global")
+        if self.gain not in GAINS:
+            raise ValueError(f"no gain called {self.gain!r}; there are {', '.join(GAINS)}")
+        if self.updates < 1:
+            raise ValueError(f"found {self.updates} updates, expected 1 or more")
+        self.task.kidnap_at(self.updates, self.kidnap_at)
+
+    @property
+    def conditions(self) -> Conditions:
+        """What changes during the session."""
+        return conditions_for(TIERS[self.tier], self.lights, gain=self.gain)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What the robot does."""
+
+    start: F64  # (3,)
+    total: int  # updates
+    legs: Callable[[], Iterator[Leg]]  # from the beginning on every call
+    motion: dict[str, Any] | None  # the robot's motion parameters, as a header has them
+    notes: tuple[str, ...] = ()  # for the header
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """Everything in its place; nothing has moved yet, and no picture has been taken."""
+
+    plan: Plan
+    surveyed: World  # as the survey saw it
+    world: World  # as it is now
+    outing: Outing  # the session's camera
+    course: Course
+
+
+def stage(plan: Plan) -> Stage:
+    """Set everything up. LogError for worlds and recordings that cannot be used."""
+    surveyed = load_world(plan.world, plan.arena_seed, plan.tier)
+    world = move_things(surveyed, plan.moved, plan.seed) if plan.moved else surveyed
+    map_ = raster(world.arena)
+    if map_ is None:
+        raise LogError(
+            Path(plan.world), "found no room for the robot to drive in; leave 12 in between things"
+        )
+    course = (
+        driven(plan, world, map_) if plan.recording is None else followed(plan, world, map_, plan.recording)
+    )
+    return Stage(plan, surveyed, world, session_outing(world, plan.seed, plan.conditions), course)
+
+
+def driven(plan: Plan, world: World, map_: Raster) -> Course:
+    """Let the robot drive itself. LogError where a kidnapped robot cannot be put far enough away."""
+    chassis = Chassis(slip_chance=plan.slip_chance)
+    robot = Robot(world.arena, plan.seed, chassis)
+    kidnap_at = plan.task.kidnap_at(plan.updates, plan.kidnap_at)
+    reach = np.ptp(map_.centers, axis=0)
+    if kidnap_at is not None and float(np.hypot(*reach)) < 2 * KIDNAP_M:
+        raise LogError(Path(plan.world), "found too small a place to be kidnapped in; take a larger world")
+
+    def legs() -> Iterator[Leg]:
+        return driven_legs(drive(robot, map_, plan.updates, kidnap_at)[1], world.arena)
+
+    start = drive(robot, map_, 0)[0]
+    return Course(
+        start, plan.updates, legs, chassis.motion_header(), (f"slips: {plan.slip_chance:g} a crossing",)
+    )
+
+
+def followed(plan: Plan, world: World, map_: Raster, path: Path) -> Course:
+    """Follow a recorded path, moved to where it fits. LogError where it fits nowhere."""
+    found = read_recording(path, plan.updates)
+    at = fit(map_, found.track, stream(Domain.SIMULATOR, plan.seed, 0, Purpose.START))
+    if at is None:
+        size = " x ".join(f"{v:.1f} m" for v in np.ptp(found.track, axis=0))
+        smallest = f"{SCALES[-1]:.0%} of its size"
+        raise LogError(
+            path,
+            f"found a path of {size} that fits nowhere into {world.name}, not even at {smallest}; "
+            "take a larger world or fewer --updates",
+        )
+    scaled = "" if at.scale == 1 else f", path and odometry scaled to {at.scale:.0%} to fit"
+    note = f"path and odometry are recorded: {found.name}{scaled}"
+    return Course(at.pose(found.start), len(found.legs), lambda: found.placed(at), found.motion, (note,))

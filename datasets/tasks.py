@@ -1,0 +1,43 @@
+"""The thesis's three problems (its section 1) as tasks that a robot can be given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+UPDATES = 120  # of a drive, unless asked otherwise: more than 1000 in
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is known at the start, and what is done to the robot."""
+
+    name: str
+    title: str
+    start_known: bool  # the session's header says where the drive begins
+    kidnapped: bool  # once the robot is carried elsewhere, and its odometry does not see it
+
+    def kidnap_at(self, updates: int, asked: int | None) -> int | None:
+        """Give the update after which the robot is carried away: half way unless asked otherwise.
+
+        ValueError where the task has no kidnapping, or where no update would come after it.
+        """
+        if not self.kidnapped:
+            if asked is not None:
+                raise ValueError(
+                    f"the task {self.name} kidnaps nobody; leave --kidnap-at out or take kidnapped"
+                )
+            return None
+        at = updates // 2 if asked is None else asked
+        if not 1 <= at < updates:
+            raise ValueError(f"found kidnapping after update {at} of {updates}, expected 1 to {updates - 1}")
+        return at
+
+
+TASKS: dict[str, Task] = {
+    task.name: task
+    for task in (
+        Task("tracking", "position tracking", start_known=True, kidnapped=False),
+        Task("global", "global localization", start_known=False, kidnapped=False),
+        Task("kidnapped", "kidnapped robot", start_known=True, kidnapped=True),
+    )
+}

@@ -1,0 +1,176 @@
+"""One table of a TOML file, read key by key: whatever is wrong with it is said with its full key.
+
+Every reader takes its key out; `done` then refuses what nobody asked for.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import NoReturn
+
+from maurice_loaders.errors import LogError
+
+from .plan import Choice, Number, Rect, Span, Word
+
+FARTHEST = 1e5  # no length of a building is longer, in inches
+
+
+class Table:
+    """A table of the file, with the key that leads to it."""
+
+    def __init__(self, file: Path, key: str, values: dict[str, object], inches: float = 1.0) -> None:
+        self.file, self.key, self.inches = file, key, inches
+        self._left = dict(values)
+
+    def named(self, key: str) -> str:
+        """Give the full key, like `room[1].rect`."""
+        return f"{self.key}.{key}" if self.key else key
+
+    def fail(self, key: str, why: str) -> NoReturn:
+        """Raise the one-line error for a key of this table."""
+        raise LogError(self.file, f"{self.named(key) if key else self.key}: {why}")
+
+    def has(self, key: str) -> bool:
+        """Tell whether a key is there and was not read yet."""
+        return key in self._left
+
+    def take(self, key: str) -> object:
+        """Take a value out, whatever it is; an error where it is missing."""
+        if key not in self._left:
+            self.fail(key, "is missing; add it (docs/worlds.md has all keys)")
+        return self._left.pop(key)
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Take a word out."""
+        value = default if default is not None and not self.has(key) else self.take(key)
+        if not isinstance(value, str) or not value.strip():
+            self.fail(key, f"found {value!r}, expected a word in quotes")
+        return value
+
+    def one_of(self, key: str, known: tuple[str, ...], default: str | None = None) -> str:
+        """Take one of some words out."""
+        value = self.text(key, default)
+        if value not in known:
+            self.fail(key, f"found {value!r}; there are {', '.join(known)}")
+        return value
+
+    def flag(self, key: str, default: bool = False) -> bool:
+        """Take true or false out."""
+        value = self.take(key) if self.has(key) else default
+        if not isinstance(value, bool):
+            self.fail(key, f"found {value!r}, expected true or false")
+        return value
+
+    def tables(self, key: str) -> tuple[Table, ...]:
+        """Take a list of tables out; none where the key is missing."""
+        value = self.take(key) if self.has(key) else []
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            self.fail(key, f"expected tables, written [[{key}]] or {key} = [{{...}}, ...]")
+        return tuple(
+            Table(self.file, f"{self.named(key)}[{k}]", item, self.inches) for k, item in enumerate(value)
+        )
+
+    def table(self, key: str) -> Table:
+        """Take one table out; an empty one where the key is missing."""
+        return self.as_table(key, self.take(key) if self.has(key) else {})
+
+    def as_table(self, key: str, value: object) -> Table:
+        """Make a table of a value; an error where it is none."""
+        if not isinstance(value, dict):
+            self.fail(key, f"found {value!r}, expected a table")
+        return Table(self.file, self.named(key), value, self.inches)
+
+    def items(self) -> list[tuple[str, object]]:
+        """Give all that was not read yet."""
+        return list(self._left.items())
+
+    def items_of(self, key: str, count: tuple[int, ...]) -> list[object]:
+        """Take a list of so many values out."""
+        value = self.take(key)
+        if not isinstance(value, list) or len(value) not in count:
+            wanted = " or ".join(str(n) for n in count)
+            self.fail(key, f"found {value!r}, expected a list of {wanted} values")
+        return value
+
+    def real(
+        self, key: str, value: object, unit: float = 1.0, low: float = -FARTHEST, high: float = FARTHEST
+    ) -> float:
+        """Check one number, and bring it to inches or radians by `unit`."""
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.fail(key, f"found {value!r}, expected a number")
+        if not math.isfinite(value):
+            self.fail(key, f"found {value}, expected a finite number")
+        if not low <= value * unit <= high:
+            self.fail(key, f"found {value:g}, expected {low / unit:g} to {high / unit:g}")
+        return float(value * unit)
+
+    def drawn(
+        self, key: str, value: object, unit: float = 1.0, low: float = -FARTHEST, high: float = FARTHEST
+    ) -> Number:
+        """Check a number or `{ from = a, to = b }`."""
+        if not isinstance(value, dict):
+            return self.real(key, value, unit, low, high)
+        inner = self.as_table(key, value)
+        ends = [inner.real(end, inner.take(end), unit, low, high) for end in ("from", "to")]
+        inner.done()
+        if ends[0] > ends[1]:
+            self.fail(key, f"goes from {ends[0] / unit:g} down to {ends[1] / unit:g}; put the smaller first")
+        return Span(ends[0], ends[1])
+
+    def number(
+        self,
+        key: str,
+        default: float | None = None,
+        low: float = -FARTHEST,
+        high: float = FARTHEST,
+    ) -> Number:
+        """Take a plain number or a span of them out."""
+        if default is not None and not self.has(key):
+            return default
+        return self.drawn(key, self.take(key), 1.0, low, high)
+
+    def length(self, key: str, default_in: float | None = None, low: float = 0.0) -> float:
+        """Take a length out, in inches."""
+        if default_in is not None and not self.has(key):
+            return default_in
+        return self.real(key, self.take(key), self.inches, low)
+
+    def lengths(self, key: str, count: tuple[int, ...], low: float = -FARTHEST) -> tuple[Number, ...]:
+        """Take a list of lengths or spans out, in inches."""
+        return tuple(self.drawn(key, item, self.inches, low) for item in self.items_of(key, count))
+
+    def rect(self, key: str) -> Rect:
+        """Take [x1, y1, x2, y2] out, in inches."""
+        x1, y1, x2, y2 = (self.real(key, item, self.inches) for item in self.items_of(key, (4,)))
+        if x1 >= x2 or y1 >= y2:
+            self.fail(key, "has no area; write [x1, y1, x2, y2] with x1 < x2 and y1 < y2")
+        return x1, y1, x2, y2
+
+    def word(self, key: str, value: object) -> Word:
+        """Check a word or `{ any = ["a", "b"] }`."""
+        if isinstance(value, str) and value:
+            return value
+        options = value["any"] if isinstance(value, dict) and list(value) == ["any"] else None
+        if not (isinstance(options, list) and options and all(isinstance(o, str) and o for o in options)):
+            self.fail(key, f'found {value!r}, expected a word in quotes or {{ any = ["one", "other"] }}')
+        return Choice(tuple(options))
+
+    def done(self) -> None:
+        """Refuse keys that nobody knows."""
+        if self._left:
+            first = next(iter(self._left))
+            self.fail(first, "no such key; take it out or see docs/worlds.md for those there are")
+
+
+def read_toml(file: Path) -> Table:
+    """Read a file as one table; LogError where it cannot be read or is no TOML."""
+    try:
+        return Table(file, "", tomllib.loads(file.read_text(encoding="utf-8")))
+    except tomllib.TOMLDecodeError as problem:
+        raise LogError(file, f"is no valid TOML: {problem}; mend it there") from None
+    except UnicodeDecodeError:
+        raise LogError(file, "is no text in UTF-8; save it as such") from None
+    except OSError as problem:
+        raise LogError(file, f"cannot be read: {problem.strerror}") from None

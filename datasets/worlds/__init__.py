@@ -1,0 +1,1 @@
+"""World files that ship: TOML, described in docs/worlds.md."""

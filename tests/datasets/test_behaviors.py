@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_datasets.arbiter import choose
+from maurice_datasets.behaviors import (
+    DICE,
+    AvoidCollision,
+    GoToPoint,
+    Localize,
+    Senses,
+    Stride,
+    Teleoperate,
+    Wander,
+)
+from maurice_datasets.drive import BEHAVIORS
+from maurice_datasets.proximity import Proximity, Ring
+from maurice_mcl.geometry import INCH_M
+
+RING = Ring()
+BEARINGS = np.arange(RING.count) * (2 * np.pi / RING.count)
+FREE = np.full(RING.count, RING.reach_m)
+MIDDLE = np.full(DICE, 0.5)
+
+
+def around(**near_in: float) -> Proximity:
+    """Everything free but the sensors named by their number, like s0=8.0."""
+    ranges = FREE.copy()
+    for name, inches in near_in.items():
+        ranges[int(name[1:])] = inches * INCH_M
+    return Proximity(BEARINGS, ranges, RING.reach_m)
+
+
+def test_after_a_motion_nothing_but_looking_is_done() -> None:
+    pressed = Senses(around(s0=4.0), MIDDLE, bumped=True, unseen=True, goal_rad=0.1, command=(1.0, 1.0))
+    chosen = choose(BEHAVIORS, pressed)
+    assert chosen is not None
+    assert chosen.look
+    assert (chosen.turn_rad, chosen.forward_m) == (0, 0)
+
+
+def test_priorities_are_command_then_avoidance_then_goal_then_wandering() -> None:
+    near = around(s0=5.2)
+    names = [
+        choose(BEHAVIORS, senses)
+        for senses in (
+            Senses(near, MIDDLE, goal_rad=0.1, command=(0.3, 0.2)),
+            Senses(near, MIDDLE, goal_rad=0.1),
+            Senses(around(), MIDDLE, goal_rad=0.1),
+            Senses(around(), MIDDLE),
+        )
+    ]
+    expected = ["teleoperation", "collision avoidance", "going to a point", "wandering"]
+    assert [n and n.behavior for n in names] == expected
+    assert choose((), Senses(around(), MIDDLE)) is None
+
+
+def test_a_command_is_passed_on_as_it_is() -> None:
+    proposal = Teleoperate().propose(Senses(around(), MIDDLE, command=(-0.7, 0.31)))
+    assert proposal is not None
+    assert (proposal.turn_rad, proposal.forward_m) == (-0.7, 0.31)
+    assert Teleoperate().propose(Senses(around(), MIDDLE)) is None
+
+
+def test_avoidance_turns_away_from_what_is_near_and_is_silent_otherwise() -> None:
+    proposal = AvoidCollision().propose(Senses(around(s0=5.1, s1=5.3, s23=5.3), MIDDLE))
+    assert proposal is not None
+    assert abs(proposal.turn_rad) > np.pi / 2
+    assert AvoidCollision().propose(Senses(around(s0=7.0), MIDDLE)) is None
+
+
+@pytest.mark.parametrize("die", [0.0, 0.2, 0.5, 0.8, 0.999])
+def test_after_contact_it_goes_back(die: float) -> None:
+    dice = np.full(DICE, die)
+    proposal = AvoidCollision().propose(Senses(around(), dice, bumped=True))
+    assert proposal is not None
+    assert np.pi >= abs(proposal.turn_rad) >= np.radians(120) - 1e-9
+
+
+def test_a_goal_behind_an_obstacle_is_not_driven_at() -> None:
+    wall = around(s0=8.0, s1=8.3, s23=8.3, s2=9.2, s22=9.2, s3=11.3, s21=11.3)
+    assert GoToPoint().propose(Senses(wall, MIDDLE, goal_rad=0.0)) is None
+    clear = GoToPoint().propose(Senses(wall, MIDDLE, goal_rad=np.pi))
+    assert clear is not None
+    assert abs(clear.turn_rad) == pytest.approx(np.pi)
+
+
+def test_strides_and_bearings_to_a_goal_are_even_within_their_bounds() -> None:
+    rng = np.random.default_rng(5)
+    told = [GoToPoint().propose(Senses(around(), rng.random(DICE), goal_rad=0.4)) for _ in range(2000)]
+    turns = np.array([p.turn_rad for p in told if p]) - 0.4
+    lengths = np.array([p.forward_m for p in told if p])
+    assert len(turns) == 2000
+    for values, low, high in ((turns, -np.pi / 8, np.pi / 8), (lengths, 5 * INCH_M, 18 * INCH_M)):
+        assert (values >= low).all()
+        assert (values <= high).all()
+        error = (high - low) / np.sqrt(12 * len(values))
+        assert values.mean() == pytest.approx((low + high) / 2, abs=4 * error)
+
+
+def test_wandering_takes_any_open_way_and_stays_short_where_none_is() -> None:
+    rng = np.random.default_rng(6)
+    turns = [Wander().propose(Senses(around(), rng.random(DICE))) for _ in range(500)]
+    assert (np.histogram([p.turn_rad for p in turns if p], 4, (-np.pi, np.pi))[0] > 80).all()
+    boxed = Proximity(BEARINGS, np.full(RING.count, 7 * INCH_M), RING.reach_m)
+    stuck = Wander().propose(Senses(boxed, MIDDLE))
+    assert stuck is not None
+    assert stuck.forward_m < 2 * INCH_M
+
+
+def test_localization_asks_for_nothing_once_it_has_looked() -> None:
+    assert Localize().propose(Senses(around(), MIDDLE)) is None
+
+
+def test_a_stride_is_cut_to_what_is_open() -> None:
+    assert Stride().length(1.0, 0.2) == 0.2
+    assert Stride().length(0.0, 9.0) == pytest.approx(5 * INCH_M)

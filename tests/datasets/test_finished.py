@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from maurice_datasets.finished import cached, fingerprint, is_whole, seal
+from maurice_datasets.world import Box, World
+
+
+def test_a_sealed_folder_is_whole_until_anything_changes(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("one")
+    assert not is_whole(tmp_path, "key")
+    seal(tmp_path, "key")
+    assert is_whole(tmp_path, "key")
+    assert not is_whole(tmp_path, "other key")
+    (tmp_path / "a").rename(tmp_path / "b")
+    assert not is_whole(tmp_path, "key")
+
+
+def test_the_cache_makes_once_and_again_when_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
+    made: list[Path] = []
+
+    def make(folder: Path) -> None:
+        made.append(folder)
+        folder.mkdir(parents=True)
+        (folder / "file").write_text("text")
+        seal(folder, "key")
+
+    first = cached("kind", "key", make)
+    assert cached("kind", "key", make) == first == tmp_path / "kind" / "key"
+    assert len(made) == 1
+    (first / "file").write_text("cut")
+    cached("kind", "key", make)
+    assert len(made) == 2
+    assert (first / "file").read_text() == "text"
+
+
+def test_fingerprints_tell_worlds_apart_by_anything_in_them(world: World) -> None:
+    same = replace(world, nodes=world.nodes.copy())
+    assert fingerprint(same) == fingerprint(world)
+    moved = world.nodes + np.array([0, 1e-9])
+    box = Box((0, 0, 0), (1, 1, 1))
+    others = [
+        replace(world, nodes=moved),
+        replace(world, solid=(*world.solid, box)),
+        replace(world, headings=world.headings + 1),
+        replace(world, furniture=world.furniture[1:]),
+    ]
+    assert len({fingerprint(w) for w in (world, *others)}) == 5

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_datasets.baking import lighting_of
+from maurice_datasets.camera import radiance
+from maurice_datasets.conditions import Conditions
+from maurice_datasets.occluders import FARTHEST_M, NEAREST_M, ROOM_M, Stand, crossed, people, stands_at
+from maurice_datasets.outing import session_outing
+from maurice_datasets.scene import Scene, joined
+from maurice_datasets.sight import seen_past
+from maurice_datasets.world import Box, World, clearance
+from maurice_mcl.arena import Arena
+
+OPEN = Arena((-9, -9, 9, 9), np.array([[-9.0, -9, 9, -9]]))
+ORIGIN = np.zeros(3)
+POSE = np.array([4.0, 2.0, np.pi])
+
+
+def test_the_share_of_frames_with_people_is_the_one_asked_for() -> None:
+    frames = 2000
+    share = np.mean([bool(stands_at(OPEN, ORIGIN, 7, k, 0.3)) for k in range(1, frames + 1)])
+    assert abs(share - 0.3) < 4 * np.sqrt(0.3 * 0.7 / frames)
+
+
+def test_nobody_comes_where_nobody_is_asked_for() -> None:
+    assert not any(stands_at(OPEN, ORIGIN, 7, k, 0.0) for k in range(1, 100))
+
+
+def test_whether_people_come_does_not_depend_on_the_pose() -> None:
+    turned = np.array([1.0, -2, 2.5])
+    for k in range(1, 200):
+        assert bool(stands_at(OPEN, ORIGIN, 7, k, 0.3)) == bool(stands_at(OPEN, turned, 7, k, 0.3))
+
+
+def test_frames_and_seeds_have_people_of_their_own() -> None:
+    assert stands_at(OPEN, ORIGIN, 7, 1, 1.0) == stands_at(OPEN, ORIGIN, 7, 1, 1.0)
+    assert stands_at(OPEN, ORIGIN, 7, 1, 1.0) != stands_at(OPEN, ORIGIN, 7, 2, 1.0)
+    assert stands_at(OPEN, ORIGIN, 7, 1, 1.0) != stands_at(OPEN, ORIGIN, 8, 1, 1.0)
+
+
+def test_people_stand_ahead_at_free_places_that_can_be_seen(world: World) -> None:
+    rng = np.random.default_rng(2)
+    found = 0
+    for k in range(1, 150):
+        pose = np.append(world.nodes[rng.integers(len(world.nodes))], rng.uniform(-np.pi, np.pi))
+        for stand in stands_at(world.arena, pose, 7, k, 1.0):
+            found += 1
+            place = np.array([stand.x_m, stand.y_m])
+            away = place - pose[:2]
+            assert NEAREST_M <= np.linalg.norm(away) <= FARTHEST_M
+            assert away @ [np.cos(pose[2]), np.sin(pose[2])] > 0.9 * np.linalg.norm(away)
+            assert clearance(world.arena, place[None])[0] > ROOM_M
+            walls = world.arena.walls
+            assert not crossed(pose[:2], place[None], walls[:, :2], walls[:, 2:])[0]
+    assert found > 75
+
+
+def test_a_wall_between_hides_a_place_and_one_beside_does_not() -> None:
+    eye, places = np.zeros(2), np.array([[2.0, 0.0], [0.5, 0.0], [2.0, 3.0]])
+    starts, ends = np.array([[1.0, -1.0]]), np.array([[1.0, 1.0]])
+    assert crossed(eye, places, starts, ends).tolist() == [True, False, False]
+
+
+def test_a_box_hides_a_lamp_behind_it_only() -> None:
+    box = Box((1.0, 0.0, 0.0), (0.2, 0.5, 0.5), 0.3)
+    targets = np.array([[2.0, 0, 0], [0.5, 0, 0], [0, 2.0, 0], [2, 0, 4.0], [-2.0, 0, 0]])
+    assert seen_past(np.zeros(3), targets, (box,)).tolist() == [False, True, True, True, True]
+    assert seen_past(np.zeros(3), targets, ()).all()
+
+
+def person(world: World, stand: Stand, dim: float = 1.0) -> Scene:
+    parts = lighting_of(world).parts
+    return people(world, parts, np.full((len(parts), 3), dim), (stand,), 7)
+
+
+def test_a_person_is_people_sized_and_stands_on_the_floor(world: World) -> None:
+    made = person(world, Stand(3.0, 2.0, 0.7, 2))
+    corners = np.concatenate([made.corner + a * made.across + b * made.down for a in (0, 1) for b in (0, 1)])
+    assert corners[:, 2].min() == pytest.approx(0, abs=1e-9)
+    assert 1.5 < corners[:, 2].max() < 1.9
+    assert np.abs(corners[:, :2] - [3.0, 2.0]).max() < 0.45
+
+
+def test_a_person_takes_the_light_of_the_place(world: World) -> None:
+    stand = Stand(3.0, 2.0, 0.7, 2)
+    bright, dim = person(world, stand), person(world, stand, 0.25)
+    for one, other in zip(bright.faces, dim.faces, strict=True):
+        assert one.light is not None
+        assert other.light == pytest.approx(0.25 * one.light, rel=1e-4)
+    west, east = (np.mean([f.light for f in person(world, Stand(x, 2.0, 0.0, 1)).faces]) for x in (1.2, 4.0))
+    assert max(west, east) > 2 * min(west, east)  # one room is bright, the other dim
+
+
+def test_furniture_in_front_hides_a_person(world: World, scene: Scene) -> None:
+    """What a picture with somebody in it differs in is hidden where something nearer stands."""
+    ahead, beyond = Stand(3.0, 2.0, 0.0, 0), Stand(-0.6, 2.0, 0.0, 0)  # the second behind the outer wall
+    empty = radiance(scene, POSE)
+    assert np.abs(radiance(joined(scene, person(world, ahead)), POSE) - empty).mean() > 1e-3
+    assert np.array_equal(radiance(joined(scene, person(world, beyond)), POSE), empty)
+
+
+def test_pictures_without_people_are_as_if_none_had_been_asked_for(world: World) -> None:
+    some, none = session_outing(world, 3, Conditions(occluded=0.3)), session_outing(world, 3)
+    seen = {bool(some.stands(k, POSE)) for k in range(1, 30)}
+    assert seen == {True, False}
+    for k in range(1, 9):
+        off = np.abs(some.take(k, POSE).astype(int) - none.take(k, POSE)).mean()
+        assert (off > 0.5) == bool(some.stands(k, POSE))

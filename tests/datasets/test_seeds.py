@@ -1,0 +1,32 @@
+from __future__ import annotations
+
+import pytest
+
+from maurice_datasets.seeds import DEMO, FITTING, TEST, for_fitting, for_testing
+
+
+def test_the_split_is_what_it_always_was() -> None:
+    assert DEMO == 0
+    assert (FITTING.start, FITTING.stop) == (1, 100)
+    assert (TEST.start, TEST.stop) == (1000, 2000)
+
+
+@pytest.mark.parametrize("seed", [1, 99])
+def test_fitting_seeds_are_for_fitting_only(seed: int) -> None:
+    assert for_fitting(seed) == seed
+    with pytest.raises(ValueError, match="1000 to 1999; it is a fitting seed"):
+        for_testing(seed)
+
+
+@pytest.mark.parametrize("seed", [1000, 1999])
+def test_test_seeds_are_for_testing_only(seed: int) -> None:
+    assert for_testing(seed) == seed
+    with pytest.raises(ValueError, match="1 to 99; it is a test seed"):
+        for_fitting(seed)
+
+
+@pytest.mark.parametrize("seed", [-1, 0, 100, 999, 2000])
+def test_all_others_are_for_neither(seed: int) -> None:
+    for ask in (for_fitting, for_testing):
+        with pytest.raises(ValueError, match=f"found seed {seed}"):
+            ask(seed)

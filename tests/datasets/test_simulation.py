@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from maurice_datasets import maurice, simulation
+from maurice_datasets.drive import KIDNAP_M
+from maurice_datasets.maurice import DemoPaths, write_simulation
+from maurice_datasets.recorded_path import read_recording
+from maurice_datasets.simulation import Plan
+from maurice_datasets.survey import Surveyor
+from maurice_datasets.tasks import TASKS
+from maurice_datasets.world import World, clearance
+from maurice_loaders.errors import LogError
+from maurice_loaders.session_log import SessionLog
+
+QUICK = Surveyor(headings=1, covered=1)
+SHORT = Plan(TASKS["tracking"], updates=4)
+DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "thymio"
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no recorded drives at {DATA}; set MAURICE_DATA")
+
+
+@pytest.fixture(autouse=True)
+def one_world(world: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Every arena seed gives the same world, so that it is lit once; surveys are small and cached here."""
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(simulation, "load_world", lambda name, seed, tier: world)
+    monkeypatch.setattr(maurice, "surveyor_of", lambda _: QUICK)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def records(paths: DemoPaths) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in paths.session.read_text(encoding="utf-8").splitlines()]
+
+
+def test_the_same_plan_gives_the_same_bytes(tmp_path: Path) -> None:
+    write_simulation(tmp_path / "a", SHORT)
+    write_simulation(tmp_path / "b", SHORT)
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+def test_another_seed_changes_the_session_and_not_the_survey(tmp_path: Path) -> None:
+    write_simulation(tmp_path / "a", SHORT)
+    write_simulation(tmp_path / "b", replace(SHORT, seed=1))
+    a, b = contents(tmp_path / "a"), contents(tmp_path / "b")
+    survey = {name for name in a if name.startswith("survey")}
+    assert len(survey) == 1 + 1 + 78
+    assert all(a[name] == b[name] for name in survey)
+    assert all(a[name] != b.get(name) for name in a if name not in survey)
+
+
+def test_another_arena_seed_changes_the_survey_and_not_the_drive(tmp_path: Path) -> None:
+    a = write_simulation(tmp_path / "a", SHORT)
+    b = write_simulation(tmp_path / "b", replace(SHORT, arena_seed=1))
+    assert not {p.read_bytes() for p in a.survey.parent.glob("pictures/*")} & {
+        p.read_bytes() for p in b.survey.parent.glob("pictures/*")
+    }
+    odometry = [[r["odometry"] for r in records(paths) if "odometry" in r] for paths in (a, b)]
+    assert odometry[0] == odometry[1]  # here, where the world is the same
+
+
+def test_the_survey_is_made_once(tmp_path: Path) -> None:
+    told: list[str] = []
+    for name in ("a", "b"):
+        plan = replace(SHORT, seed=len(told))
+        write_simulation(tmp_path / name, plan, progress=lambda done, total, what: told.append(what))
+    assert told.count("survey") == 78
+    assert told.count("session") == 8
+
+
+def test_the_global_task_hides_the_start_and_tracking_tells_it(tmp_path: Path) -> None:
+    known = SessionLog(write_simulation(tmp_path / "a", SHORT).session)
+    hidden = SessionLog(write_simulation(tmp_path / "b", replace(SHORT, task=TASKS["global"])).session)
+    assert known.info.start is not None
+    assert hidden.info.start is None
+    truth = [[m.truth for m in log.moments()] for log in (known, hidden)]
+    assert np.array_equal(truth[0], truth[1])
+
+
+def test_a_kidnapping_is_in_the_truth_and_in_no_odometry(tmp_path: Path) -> None:
+    plan = replace(SHORT, task=TASKS["kidnapped"])
+    lines = records(write_simulation(tmp_path / "a", plan))
+    (at,) = [k for k, r in enumerate(lines) if r.get("event") == "kidnapped"]
+    before = [np.array(r["truth"]) for r in lines[:at] if "truth" in r][-1]
+    after = next(np.array(r["truth"]) for r in lines[at:] if "truth" in r)
+    assert np.hypot(*(after - before)[:2]) >= KIDNAP_M
+    assert sum("image" in r for r in lines[:at]) == 2
+    assert all(abs(r["odometry"][0]) < 0.5 for r in lines if "odometry" in r)
+    log = SessionLog(tmp_path / "a" / "session.log")
+    assert [("kidnapped" in m.events) for m in log.moments()] == [False, False, True, False]
+
+
+def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
+    from maurice_datasets.conditions import parse_lights
+
+    plan = replace(SHORT, lights=parse_lights("dim:0.3@3"))
+    log = SessionLog(write_simulation(tmp_path / "a", plan).session)
+    moments = list(log.moments())
+    assert [any(e.startswith("lights") for e in m.events) for m in moments] == [False, False, True, False]
+    plain = list(SessionLog(write_simulation(tmp_path / "b", SHORT).session).moments())
+    ratio = [m.frame.image.mean() / p.frame.image.mean() for m, p in zip(moments, plain, strict=True)]
+    assert ratio[:2] == [1, 1]
+    assert max(ratio[2:]) < 0.95
+
+
+def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world: World) -> None:
+    first = write_simulation(tmp_path / "a", replace(SHORT, updates=6))
+    plan = replace(SHORT, task=TASKS["global"], seed=9, recording=first.session)
+    again = write_simulation(tmp_path / "b", plan)
+    old, new = (list(SessionLog(p.session).moments()) for p in (first, again))
+    assert len(new) == 4  # no more than asked for
+    for a, b in zip(old, new, strict=False):
+        assert np.array_equal(a.frame.motions, b.frame.motions)
+    steps = [np.diff([m.truth for m in moments[:4] if m.truth is not None], axis=0) for moments in (old, new)]
+    assert np.hypot(*steps[0].T[:2]) == pytest.approx(np.hypot(*steps[1].T[:2]))
+    places = np.array([m.truth[:2] for m in new if m.truth is not None])
+    assert clearance(world.arena, places).min() > 0.07
+    assert SessionLog(again.session).info.motion == SessionLog(first.session).info.motion
+
+
+@needs_data
+def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
+    plan = replace(SHORT, recording=DATA / "random_long")
+    log = SessionLog(write_simulation(tmp_path / "a", plan).session)
+    recording = read_recording(DATA / "random_long", 4)
+    moments = list(log.moments())
+    for moment, leg in zip(moments, recording.legs, strict=True):
+        (entry,) = leg.entries
+        assert moment.frame.motions[0] == pytest.approx(entry.motion)  # type: ignore[union-attr]
+    assert log.info.motion is None
+    assert any("recorded" in text for text in log.info.notes)
+
+
+def test_a_path_that_fits_nowhere_is_refused(tmp_path: Path) -> None:
+    for name, columns in (("gt.txt", (0, 1, 2)), ("odom_pose.txt", (0, 1))):
+        rows = np.stack([np.linspace(0, 90, 400), np.zeros(400), np.zeros(400)], axis=1)
+        np.savetxt(tmp_path / name, rows[:, columns])
+    np.savetxt(tmp_path / "odom_quaternion.txt", np.tile([0.0, 1.0], (400, 1)))
+    with pytest.raises(LogError, match="fits nowhere"):
+        write_simulation(tmp_path / "out", replace(SHORT, updates=400, recording=tmp_path))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_recording_without_movement_or_truth_is_refused(tmp_path: Path) -> None:
+    log = tmp_path / "session.log"
+    header = '{"format": "maurice-session-log", "version": 1, "kind": "session"}\n'
+    log.write_text(header + '{"t": 0, "odometry": [1, 0, 0]}\n')
+    with pytest.raises(LogError, match="start pose"):
+        read_recording(log, 9)
+    log.write_text(header + '{"t": 0, "truth": [1, 0, 0]}\n')
+    with pytest.raises(LogError, match="no movement"):
+        read_recording(log, 9)
+    log.write_text(header + '{"t": 0, "truth": [1, 0, 0]}\n{"t": 9, "image": "a.png"}\n')
+    with pytest.raises(LogError, match="without truth"):
+        read_recording(log, 9)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"tier": "easy"},
+        {"gain": "high"},
+        {"updates": 0},
+        {"task": TASKS["kidnapped"], "recording": Path("a")},
+        {"kidnap_at": 3},
+    ],
+)
+def test_a_plan_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"found|no |nobody"):
+        replace(SHORT, **wrong)
+
+
+def test_a_simulation_that_fails_leaves_nothing(tmp_path: Path) -> None:
+    def stop(done: int, total: int, what: str) -> None:
+        if what == "session":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_simulation(tmp_path / "out", SHORT, progress=stop)
+    assert {f.name for f in tmp_path.iterdir()} == {"cache"}

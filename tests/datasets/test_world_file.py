@@ -1,0 +1,175 @@
+"""World files: the example of the documentation loads, and bad ones are refused in one line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from maurice_datasets.world import World, clearance, floor_at, inside
+from maurice_datasets.world_file import load_world, shipped_worlds
+from maurice_loaders.errors import LogError
+
+DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"
+SMALL = """
+format = 1
+units = "m"
+height = 2.5
+[library]
+anchor = [0.5, 0.5]
+spacing = 0.5
+[style.plain]
+lamp = { brightness = 1.0, color = "warm" }
+[[room]]
+name = "a"
+rect = [0, 0, 2, 3]
+style = "plain"
+[[room]]
+name = "b"
+rect = [2.1, 0, 4, 3]
+style = "plain"
+[[door]]
+rect = [2, 1, 2.1, 2]
+[[floor]]
+name = "wood"
+[[furniture]]
+kind = "block"
+at = [3.5, 2.5]
+size = [0.4, 0.4]
+height = 0.3
+"""
+
+
+def write(folder: Path, text: str = SMALL) -> Path:
+    file = folder / "mine.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def refusal(file: Path) -> str:
+    with pytest.raises(LogError) as caught:
+        load_world(file, 0)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_the_example_of_the_documentation_loads(tmp_path: Path) -> None:
+    text = re.search(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
+    assert text is not None
+    cv2.imwrite(str(tmp_path / "poster.png"), np.full((40, 30, 3), 200, np.uint8))
+    for seed in range(5):
+        world = load_world(write(tmp_path, text[1]), seed)
+        assert len(world.arena.rooms) == 2
+        assert world.start is not None
+
+
+def test_a_small_world_has_its_map_and_nodes(tmp_path: Path) -> None:
+    world = load_world(write(tmp_path), 0)
+    assert world.arena.size_m == pytest.approx((4, 3))
+    assert world.arena.obstacles[0].polygon.mean(axis=0) == pytest.approx([3.5, 2.5])
+    assert [floor_at(world.arena, x, y) for x, y in world.nodes] == ["wood"] * len(world.nodes)
+    assert not np.isclose(world.nodes, [3.5, 2.5]).all(axis=1).any()
+    assert np.isclose(world.nodes, [0.5, 0.5]).all(axis=1).any()
+
+
+def test_units_do_not_change_the_world(tmp_path: Path) -> None:
+    in_m = load_world(write(tmp_path), 3)
+    scaled = re.sub(r"\[([\d., ]+)\]", lambda m: "[" + ", ".join(
+        f"{100 * float(v):g}" for v in m[1].split(",")) + "]", SMALL)  # fmt: skip
+    scaled = scaled.replace("= 0.5\n", "= 50\n").replace("= 2.5\n", "= 250\n").replace("= 0.3\n", "= 30\n")
+    in_cm = load_world(write(tmp_path, scaled.replace('"m"', '"cm"')), 3)
+    assert np.allclose(in_m.arena.walls, in_cm.arena.walls)
+    assert np.allclose(in_m.nodes, in_cm.nodes)
+
+
+def test_walls_of_the_map_are_outlines_without_doors_and_jambs(tmp_path: Path) -> None:
+    world = load_world(write(tmp_path), 0)
+    length = np.linalg.norm(world.arena.walls[:, 2:] - world.arena.walls[:, :2], axis=1).sum()
+    assert length == pytest.approx(2 * (2 + 3) + 2 * (1.9 + 3) - 2 * 1 + 2 * 0.1)
+    assert clearance(world.arena, np.array([[2.05, 1.5]]))[0] == pytest.approx(0.5)
+    assert clearance(world.arena, np.array([[2.05, 0.5]]))[0] == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("rect = [2.1, 0, 4, 3]", "rect = [1.5, 0, 4, 3]", "room[1].rect: 'b' overlaps"),
+        ("rect = [2, 1, 2.1, 2]", "rect = [0.5, 1, 0.6, 2]", "door[0].rect: reaches 'a'"),
+        ("rect = [2, 1, 2.1, 2]", "rect = [2, 2.5, 2.1, 3.5]", "door[0].rect"),
+        ("spacing = 0.5", "spacing = -0.5", "library.spacing: found -0.5"),
+        ("spacing = 0.5", "spacing = nan", "library.spacing: found nan"),
+        ("spacing = 0.5", "spacing = 0.5\nclearance = 2", "no node of the grid is free"),
+        ("spacing = 0.5", "spacing = 0.5\ncolour = 1", "library.colour: no such key"),
+        ('kind = "block"', 'kind = "throne"', "furniture[0].kind: found 'throne'; there are sofa"),
+        ("height = 0.3", 'height = 0.3\npaint = "velvet"', "no texture called 'velvet'; there are plaster"),
+        ("height = 0.3", 'height = 0.3\npaint = { texture = "cloth", color = "blau" }', "no color called 'blau'"),
+        ("height = 0.3", 'height = 0.3\npaint = { image = "no.png" }', "paint.image: there is no file"),
+        ("at = [3.5, 2.5]", "at = [2.1, 2.5]", "furniture[0]: the block reaches into a wall"),
+        ("size = [0.4, 0.4]", "size = [0.4, -1]", "furniture[0].size"),
+        ("size = [0.4, 0.4]", "size = [0.4]", "expected a list of 2 values"),
+        ("at = [3.5, 2.5]", "at = [{ from = 3, to = 2 }, 2.5]", "put the smaller first"),
+        ('units = "m"', "units = 3", "units: found 3"),
+        ('units = "m"', 'units = "m"\nstart = { pose = [2.05, 0.5, 0] }', "start.pose"),
+        ('units = "m"', 'units = "m"\nstart = { pose = [0.05, 0.5, 0] }', "a wall through it"),
+        ('units = "m"', 'units = "m"\nstart = { pose = [3.5, 2.5, 0] }', "has furniture[0] (block) on it"),
+        ('name = "b"', 'name = "a"', "same name"),
+        ('style = "plain"', 'style = "fancy"', "room[0].style: found 'fancy'; there are plain"),
+        ("format = 1", "format = 2", "format: expected 1"),
+        ("format = 1", "format = ", "is no valid TOML"),
+        ('[[floor]]\nname = "wood"', "", "floor: found none"),
+    ],
+)  # fmt: skip
+def test_bad_worlds_are_refused_with_file_key_and_reason(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    assert old in SMALL
+    problem = refusal(write(tmp_path, SMALL.replace(old, new, 1)))
+    assert problem.startswith(str(tmp_path / "mine.toml"))
+    assert said in problem
+
+
+def test_furniture_in_furniture_is_refused(tmp_path: Path) -> None:
+    more = '[[furniture]]\nkind = "plant"\nat = [3.4, 2.4]\nsize = [0.3, 0.3]\n'
+    assert "furniture[1]: the plant stands in the block of furniture[0]" in refusal(
+        write(tmp_path, SMALL + more)
+    )
+
+
+def test_an_unknown_name_lists_those_there_are(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="there are office, two-rooms"):
+        load_world("three-rooms", 0)
+    with pytest.raises(LogError, match="there are nominal, dim, hard"):
+        load_world("two-rooms", 0, "easy")
+
+
+def test_an_image_is_painted_on_a_block_the_right_way_up(tmp_path: Path) -> None:
+    image = np.zeros((20, 20, 3), np.uint8)
+    image[:10] = (0, 0, 255)  # the upper half red, as OpenCV has it
+    cv2.imwrite(str(tmp_path / "half.png"), image)
+    text = SMALL.replace("height = 0.3", 'height = 0.3\npaint = { image = "half.png" }')
+    face = load_world(write(tmp_path, text), 0).furniture[0].faces[0]
+    assert face.albedo[1, :, 0].min() > 0.8
+    assert face.albedo[-2, :, 0].max() < 0.1
+
+
+@pytest.fixture(scope="module")
+def office() -> World:
+    return load_world("office", 0)
+
+
+def test_the_office_is_large_with_rooms_alike_and_can_be_driven_through(office: World) -> None:
+    assert office.arena.size_m >= (12, 8)
+    assert len(office.arena.rooms) >= 8
+    for room in office.arena.rooms:
+        assert inside(room.polygon, office.nodes).sum() >= 4, room.name
+    for x, y in office.nodes:
+        assert floor_at(office.arena, float(x), float(y)) in ("carpet", "wood")
+
+
+@pytest.mark.parametrize("name", shipped_worlds())
+def test_shipped_worlds_stand_for_many_seeds(name: str) -> None:
+    for seed in range(20, 24):
+        assert len(load_world(name, seed).nodes) > 50

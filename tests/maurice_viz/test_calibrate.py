@@ -1,0 +1,202 @@
+"""`maurice-replay calibrate` as a person types it: what it prints, writes and refuses."""
+
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from maurice_loaders.session_writer import SessionWriter
+from maurice_mcl.session import SessionInfo
+from maurice_viz.cli import app
+
+FIGURES = {
+    4: "turns",
+    5: "turn-gain",
+    6: "turns-corrected",
+    7: "turn-residuals",
+    8: "turn-residual-histogram",
+    9: "straights",
+    10: "heading-errors",
+    11: "straight-error-histogram",
+}
+
+
+def calibrate(*args: str | Path, expect: int = 0) -> Result:
+    done = CliRunner().invoke(app, ["calibrate", *map(str, args)])
+    assert done.exit_code == expect, (done.output, done.exception)
+    return done
+
+
+def refused(*args: str | Path) -> str:
+    (line,) = calibrate(*args, expect=1).stderr.strip().splitlines()
+    return str(line)
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    file = tmp_path / "trials.csv"
+    calibrate("drive", "-o", file, "--seed", "3", "--trials", "30")
+    return file
+
+
+def test_a_drive_is_made_fitted_and_written_for_the_filter(table: Path, tmp_path: Path) -> None:
+    done = calibrate("motion", table, "-o", tmp_path / "m.toml")
+    assert "turn gain, actual / measured" in done.stdout
+    assert "30 turns" in done.stdout
+    motion = tomllib.loads((tmp_path / "m.toml").read_text())["robot"]["motion"]
+    assert motion["turn_gain"] == pytest.approx(1 / 1.3695, rel=0.05)
+    assert set(motion["drift"]) == {"wood", "carpet"}
+    assert "--force" in refused("motion", table, "-o", tmp_path / "m.toml")
+
+
+def test_without_a_file_the_parameters_are_printed(table: Path) -> None:
+    printed = calibrate("motion", table).stdout
+    assert "turn_gain" in tomllib.loads(printed[printed.index("[robot.motion]") :])["robot"]["motion"]
+
+
+def test_json_holds_fits_intervals_and_the_header(table: Path) -> None:
+    facts = json.loads(calibrate("motion", table, "--json").stdout)
+    gain = facts["turns"]["gain"]
+    assert gain["low"] < gain["value"] < gain["high"]
+    assert facts["motion"]["turn_gain"] == gain["value"]
+    assert [drift["floor"] for drift in facts["drifts"]] == ["wood", "carpet"]
+
+
+def test_lengths_in_inches_are_shown_in_inches(table: Path) -> None:
+    assert "straight error (in)" in calibrate("motion", table, "--unit", "in").stdout
+    calibrate("motion", table, "--unit", "feet", expect=2)
+
+
+def test_all_eight_figures_are_drawn_without_a_display(
+    table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DISPLAY", ":987")  # nothing is there; nothing must ask
+    calibrate("motion", table, "--plots", tmp_path / "figures")
+    files = sorted((tmp_path / "figures").iterdir())
+    assert [f.name for f in files] == [f"figure-{n:02d}-{name}.png" for n, name in FIGURES.items()]
+    for file in files:
+        picture = cv2.imread(str(file))
+        assert picture is not None
+        assert min(picture.shape[:2]) > 400
+        colors = (picture.reshape(-1, 3) // 64).astype(int) @ [16, 4, 1]
+        assert len(np.unique(colors)) > 3, file
+    assert "--force" in refused("motion", table, "--plots", tmp_path / "figures")
+    calibrate("motion", table, "--plots", tmp_path / "figures", "--force")
+
+
+def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path: Path) -> None:
+    rows = [f"turn,{k},{0.7 * k + k % 3},," for k in range(1, 90)]
+    rows += [
+        f"straight,{1 + k / 90},{0.9 + k / 90 + 0.01 * (k % 3)},{k % 4 if k else ''}," for k in range(90)
+    ]
+    file = tmp_path / "many.csv"
+    file.write_text("kind,measured,actual,heading_error_deg,floor\n" + "\n".join(rows))
+    done = calibrate("motion", file, "--plots", tmp_path / "figures")
+    assert "mostly one way" in done.stderr
+    assert len(list((tmp_path / "figures").iterdir())) == 8
+
+
+def test_a_missing_extra_is_one_line_with_the_command(
+    table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert "pip install 'maurice-replay[plots]'" in refused("motion", table, "--plots", tmp_path / "f")
+    assert "pip install 'maurice-replay[plots]'" in refused("noise", tmp_path, "--plot", tmp_path / "n.png")
+    calibrate("motion", table)
+
+
+def test_a_session_with_truth_is_shown_in_its_own_units(tmp_path: Path) -> None:
+    rng, heading, t_s = np.random.default_rng(0), 0.0, 0.0
+    with SessionWriter(tmp_path / "s.log", SessionInfo("s", "in")) as log:
+        log.truth(0.0, [0, 0, 0])
+        for _ in range(8):
+            turn = rng.uniform(-2, 2)
+            heading += 0.75 * turn
+            log.odometry(t_s := t_s + 1, [0, 0, turn])
+            log.truth(t_s, [0, 0, heading])
+            log.odometry(t_s := t_s + 1, [0.5, 0, 0])
+            log.truth(t_s, [0.5 * np.cos(heading), 0.5 * np.sin(heading), heading])
+            log.event(t_s, "kidnapped")
+            log.truth(t_s, [0, 0, heading])
+    done = calibrate("motion", tmp_path / "s.log")
+    assert "0.7500" in done.stdout
+    assert "drift (deg/in)" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("kind,measured,actual\nturn,9,9\n", "found 1 turn and no straights, expected 3 or more"),
+        ("kind,measured,actual\n" + "turn,9,9\n" * 9, "found 9 turns and no straights"),
+        ("kind,measured,actual,colour\nturn,9,9,red\n", "found columns kind, measured, actual, colour"),
+        ("kind,measured,actual\nturn,nan,9\n", "found 'nan' in column 'measured'"),
+    ],
+    ids=["one movement", "only turns", "an unknown column", "NaN"],
+)
+def test_bad_tables_end_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "bad.csv"
+    file.write_text(text)
+    assert said in refused("motion", file)
+
+
+def test_other_bad_sources_end_in_one_line(small_session: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    assert "found no gt.txt" in refused("motion", tmp_path / "empty")
+    assert "did you mean" in refused("motion", tmp_path)
+    assert "no such file" in refused("motion", tmp_path / "none.log")
+    assert "found a survey log" in refused("motion", tmp_path / "survey.log")
+    lines = small_session.read_text().splitlines(keepends=True)
+    small_session.write_text("".join(line for line in lines if '"truth"' not in line))
+    assert "found no truth" in refused("motion", small_session)
+    assert "neither pictures nor a log" in refused("noise", tmp_path / "empty")
+
+
+def test_noise_of_a_survey_and_its_figure(small_session: Path, tmp_path: Path) -> None:
+    survey = tmp_path / "survey.log"
+    done = calibrate("noise", survey, "--plot", tmp_path / "noise.png")
+    assert "16 to 23" in done.stdout
+    assert cv2.imread(str(tmp_path / "noise.png")) is not None
+    facts = json.loads(calibrate("noise", survey, "--json").stdout)
+    assert facts["frames"] == 1
+    assert facts["peaks"][0] == {
+        "color": "red", "count": 255.0, "sd": None, "first_value": 16, "last_value": 23,
+        "largest_bin_sd": None,
+    }  # fmt: skip
+    assert "--force" in refused("noise", survey, "--plot", tmp_path / "noise.png")
+
+
+def test_a_bright_folder_is_doubted(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "bright.png"), np.full((8, 8, 3), 180, np.uint8))
+    assert "was the lens covered?" in calibrate("noise", tmp_path).stderr
+
+
+def replayed(session: Path, *args: str | Path, expect: int = 0) -> Result:
+    done = CliRunner().invoke(app, [str(session), "--no-recording", *map(str, args)])
+    assert done.exit_code == expect, (done.output, done.exception)
+    return done
+
+
+def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session: Path, tmp_path: Path) -> None:
+    def error(*args: str | Path) -> float:
+        run = json.loads(replayed(small_session, "--json", *args).stdout)["runs"][0]
+        return float(run["position_error_mean_m"])
+
+    right, wrong = tmp_path / "right.toml", tmp_path / "wrong.toml"
+    text = '[robot.motion]\nmodel = "maurice"\nturn_gain = {}\nstraight_bias_m = 0.0\nturn_sd_rad = 0.02\n'
+    right.write_text(text.format("1.0"))
+    wrong.write_text(text.format("0.2"))
+    assert error("--motion", right) < error("--motion", wrong)
+
+
+def test_bad_motion_files_are_named(small_session: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text("[robot.motion]\nturn_gian = 1.0\n")
+    said = replayed(small_session, "--motion", bad, expect=1).stderr
+    assert f"{bad}: robot.motion.turn_gian is not known" in said
+    bad.write_text("turn_gain = 1.0\n")
+    assert "expected a table [robot.motion]" in replayed(small_session, "--motion", bad, expect=1).stderr

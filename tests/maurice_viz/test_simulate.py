@@ -1,0 +1,82 @@
+"""The command itself, in processes of its own: what it prints, refuses, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PATIENCE_S = 60
+
+
+def command(*args: str) -> list[str]:
+    return [sys.executable, "-c", "from maurice_viz.entry import main; main()", "simulate", *args]
+
+
+def environment(folder: Path) -> dict[str, str]:
+    return os.environ | {"MAURICE_CACHE": str(folder), "TERM": "dumb", "COLUMNS": "200"}
+
+
+@pytest.mark.parametrize(
+    ("args", "told"),
+    [
+        (["tracking"], "either -o DIR or --serve"),
+        (["tracking", "-o", "a", "--serve", "tcp://127.0.0.1:0"], "either -o DIR or --serve"),
+        (["flying", "-o", "a"], "there are tracking, global, kidnapped"),
+        (["tracking", "-o", "a", "--kidnap-at", "3"], "kidnaps nobody"),
+        (["tracking", "-o", "a", "--lights", "blink@3"], "light change"),
+        (["tracking", "-o", "a", "--tier", "easy"], "there are nominal, dim, hard"),
+        (["tracking", "-o", "a", "--rate", "2"], "go with --serve"),
+        (["tracking", "--serve", "127.0.0.1:1"], "expected tcp://HOST:PORT"),
+    ],
+)
+def test_wrong_options_are_usage_errors(args: list[str], told: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        command(*args), capture_output=True, text=True, cwd=tmp_path, env=environment(tmp_path), check=False
+    )
+    assert done.returncode == 2
+    assert told in " ".join(done.stderr.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        done = subprocess.run(
+            command("tracking", "--updates", "1", "--serve", address),
+            capture_output=True,
+            text=True,
+            env=environment(tmp_path),
+            check=False,
+        )
+    assert done.returncode == 1
+    assert done.stderr.splitlines() == [done.stderr.strip()]
+    assert done.stderr.startswith(f"maurice-replay: {address}: cannot listen there")
+
+
+def test_ctrl_c_ends_the_live_robot_with_its_account(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        command("tracking", "--serve", "tcp://127.0.0.1:0"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(tmp_path),
+    ) as robot:
+        assert robot.stdout is not None
+        address = robot.stdout.readline().strip()
+        with socket.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE_S) as reader:
+            header = json.loads(reader.makefile("rb").readline())
+            robot.send_signal(signal.SIGINT)
+            said = robot.communicate(timeout=PATIENCE_S)[1]
+    assert header["format"] == "maurice-session-log"
+    assert robot.returncode == 130
+    assert "readers: 1, lines left out for slow ones: 0" in said
+    assert "Traceback" not in said
