@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check bench difficulty clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -19,6 +19,10 @@ check: .venv/installed-dev
 bench: .venv/installed-dev
 	$(BIN)/python benchmarks/filter_step.py
 	$(BIN)/python benchmarks/recording.py
+
+# How hard the simulated arena is: a quarter of an hour, and it goes on where it stopped.
+difficulty: .venv/installed-dev
+	$(BIN)/python benchmarks/difficulty.py
 
 # An editable install, so that what is edited is what runs; a stale build/ would bring deleted files back.
 .venv/installed: pyproject.toml constraints.txt

@@ -1,8 +1,7 @@
 """Milliseconds a picture: two worlds, several sizes, and what changing light and people add to it.
 
-The office has no map of the survey's nodes in common with the two rooms: both are looked at from their own
-nodes, in headings drawn once. Every line is compared with the first of its world, the plain session, and the
-lines take turns picture by picture, so that a busy neighbor slows all of them.
+Each world is looked at from its own nodes, in headings drawn once. Every line is compared with the first of
+its world, the plain session; the lines take turns picture by picture, so a busy neighbor slows all of them.
 """
 
 from __future__ import annotations
@@ -47,10 +46,9 @@ def measure(name: str) -> None:
     lighting = lighting_of(world)
     lit_once(world)
     baked = perf_counter() - began
-    memory = lighting.light.nbytes / 1e6
-    print(
-        f"{name}: {len(world.faces)} faces, {len(world.boxes)} boxes, {len(world.sources)} sources of light"
-    )
+    memory = sum(part.light.nbytes + part.where.nbytes for part in lighting.by_part) / 1e6
+    counts = f"{len(world.faces)} faces, {len(world.boxes)} boxes, {len(world.sources)} sources of light"
+    print(f"{name}: {counts}")
     print(f"  {'baked in':30} {baked * 1000:7.0f} ms, light by source {memory:.0f} MB")
     cases = outings(world)
     rng = np.random.default_rng(1)

@@ -12,7 +12,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.typing import F32, F64
+from maurice_mcl.typing import F32, F64, I32
 
 from .light import Baking, face_points, irradiance_by_part
 from .parts import Part, parts_of
@@ -21,27 +21,36 @@ from .world import Face, World
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PartLight:
+    """What one part gives, kept only where it gives anything."""
+
+    where: I32  # (n,) points
+    light: F32  # (n, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Lighting:
     """The light that each part throws on each face."""
 
     faces: tuple[Face, ...]
     parts: tuple[Part, ...]  # S of them
-    shapes: tuple[tuple[int, int], ...]  # rows and columns of each face's grid
-    light: F32  # (S, K, 3) at the points of all grids one after the other, glow included
+    by_part: tuple[PartLight, ...]  # S; glow included
+    shapes: tuple[tuple[int, int], ...]  # rows and columns of each face's grid, one after the other
     total: F32  # (K, 3) of all parts together
 
-    def grids(self, weights: F64 | None = None) -> list[F32]:
-        """Add up the light of all parts under weights (S, 3), by default 1: (rows, columns, 3) a face."""
-        total = self.total
-        for light, weight in zip(self.light, () if weights is None else weights, strict=weights is not None):
+    def under(self, weights: F64) -> F32:
+        """Add up the light (K, 3) of all parts under weights (S, 3)."""
+        result = self.total.copy()
+        for part, weight in zip(self.by_part, weights, strict=True):
             if (weight != 1).any():  # most parts of most pictures are as they were at the survey
-                total = total + light * (weight - 1).astype(np.float32)
-        total = np.maximum(total, 0)  # of a difference of rounded numbers
+                result[part.where] += part.light * (weight - 1).astype(np.float32)
+        return np.asarray(np.maximum(result, 0))  # a difference of rounded numbers
+
+    def grids(self) -> list[F32]:
+        """Give the light (rows, columns, 3) of all parts together on each face."""
         ends = np.cumsum([rows * columns for rows, columns in self.shapes])[:-1]
-        return [
-            np.asarray(grid.reshape(*shape, 3), dtype=np.float32)
-            for grid, shape in zip(np.split(total, ends), self.shapes, strict=True)
-        ]
+        pieces = zip(np.split(self.total, ends), self.shapes, strict=True)
+        return [grid.reshape(*shape, 3) for grid, shape in pieces]
 
 
 @lru_cache(maxsize=2)
@@ -57,7 +66,14 @@ def lighting_of(world: World, baking: Baking | None = None) -> Lighting:
     shapes = tuple(shape for _, shape in grids)
     smooth = smoothed(np.concatenate(light, axis=1).astype(np.float32), shapes)
     glowing = with_glow(world, parts, shapes, smooth)
-    return Lighting(world.faces, parts, shapes, glowing, glowing.sum(axis=0))
+    by_part = tuple(only_where_lit(light) for light in glowing)
+    return Lighting(world.faces, parts, by_part, shapes, glowing.sum(axis=0))
+
+
+def only_where_lit(light: F32) -> PartLight:
+    """Keep of light (K, 3) what is not dark."""
+    where = np.flatnonzero(light.any(axis=1)).astype(np.int32)
+    return PartLight(where, light[where])
 
 
 def smoothed(light: F32, shapes: tuple[tuple[int, int], ...]) -> F32:
@@ -107,17 +123,16 @@ def lit(face: Face, light: F32) -> LitFace:
     return LitFace(face.corner, face.across, face.down, halvings(radiance.astype(np.float32)))
 
 
-def unlit(faces: tuple[Face, ...]) -> Scene:
-    """Prepare faces whose light changes: what they reflect, to be lit by `relit`."""
-    return scene_of(
-        tuple(LitFace(face.corner, face.across, face.down, halvings(face.albedo)) for face in faces)
-    )
-
-
-def relit(scene: Scene, grids: list[F32]) -> Scene:
-    """Put light (rows, columns, 3) on every face of an `unlit` scene."""
+def unlit(lighting: Lighting) -> Scene:
+    """Prepare faces whose light changes, under the light of all parts; `relit` gives them another."""
+    firsts = np.cumsum([0, *(rows * columns for rows, columns in lighting.shapes)])
     faces = (
-        LitFace(face.corner, face.across, face.down, face.levels, grid)
-        for face, grid in zip(scene.faces, grids, strict=True)
+        LitFace(face.corner, face.across, face.down, halvings(face.albedo), (int(first), *shape))
+        for face, first, shape in zip(lighting.faces, firsts, lighting.shapes, strict=False)
     )
-    return Scene(tuple(faces), scene.corner, scene.across, scene.down)
+    return scene_of(tuple(faces), lighting.total)
+
+
+def relit(scene: Scene, light: F32) -> Scene:
+    """Put other light (K, 3) on the faces of an `unlit` scene."""
+    return Scene(scene.faces, scene.corner, scene.across, scene.down, light)

@@ -155,7 +155,7 @@ def floor_rect(rng: np.random.Generator, plan: Plan, floor: FloorPlan) -> tuple[
 
 
 def grid_nodes(library: LibraryPlan, arena: Arena) -> F64:
-    """Give all places (K, 2) of the library's grid in rooms, clear of walls, row by row from the south-west."""
+    """Give all places (K, 2) of the library's grid in rooms and clear of walls, from the south-west."""
     axes = []
     for axis in (0, 1):
         first, step = library.anchor_in[axis] * INCH_M, library.spacing_in * INCH_M

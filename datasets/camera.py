@@ -176,17 +176,17 @@ def warp(texture: F32, planes: F64, window: Window) -> F32:
     )
 
 
-def draw(picture: F32, face: Seen, mine: Bool, nearness: F32) -> None:
+def draw(picture: F32, face: Seen, grid: F32 | None, mine: Bool, nearness: F32) -> None:
     """Fill in the samples `mine` of `picture` (H, W, 3) that see this face, in place.
 
-    `mine` covers the face's window.
+    `mine` covers the face's window, `grid` is its light where that is not in its levels.
     """
     left, top, width, height = cv2.boundingRect(mine.view(np.uint8))
     u, v = face.window[0] + left, face.window[1] + top
     window, part = (u, v, u + width, v + height), (slice(v, v + height), slice(u, u + width))
     here = mine[top : top + height, left : left + width]
     levels = level_of(face, nearness[part][here])
-    light = None if face.face.light is None else warp(face.face.light, face.planes, window)
+    light = None if grid is None else warp(grid, face.planes, window)
     for level in np.flatnonzero(np.bincount(levels)):
         which = here.copy()
         which[here] = levels == level
@@ -206,6 +206,7 @@ def radiance(scene: Scene, pose: F64, lens: Lens | None = None) -> F32:
     picture = np.zeros((*number.shape, 3), dtype=np.float32)
     for k in np.flatnonzero(np.bincount(number.ravel() + 1, minlength=2)[1:]):
         u1, v1, u2, v2 = seen[k].window
-        draw(picture, seen[k], number[v1:v2, u1:u2] == k, nearness)
+        grid = scene.grid_of(seen[k].face)
+        draw(picture, seen[k], grid, number[v1:v2, u1:u2] == k, nearness)
     size = (lens.width_px, lens.height_px)
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))

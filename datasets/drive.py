@@ -122,13 +122,14 @@ class Guide:
 
 
 def drive(
-    robot: Robot, map_: Raster, updates: int, kidnap_at: int | None = None
+    robot: Robot, map_: Raster, updates: int, kidnap_at: int | None = None, start: F64 | None = None
 ) -> tuple[F64, Iterator[Update]]:
     """Give the start pose (3,) and so many updates, driven as they are asked for, from goal to goal.
 
+    Without a start one is drawn evenly from all free poses.
     After update `kidnap_at` the robot is carried to a place drawn evenly from all that are far enough away.
     """
-    start = free_pose(map_, robot.chance(0, Purpose.START))
+    begin = free_pose(map_, robot.chance(0, Purpose.START)) if start is None else start
     guide = Guide(map_, robot.seed)
 
     def wish(step: int, pose: F64) -> Wanted | None:
@@ -138,7 +139,7 @@ def drive(
         at = robot.chance(step, Purpose.KIDNAP)
         return free_pose(map_, at, pose, KIDNAP_M) if step == kidnap_at else None
 
-    return start, go(robot, start, wish, carry)
+    return begin, go(robot, begin, wish, carry)
 
 
 def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[Update]:

@@ -6,7 +6,6 @@ A piece stands with its back to local +y and its front to local -y; sizes are in
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,74 +14,12 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.typing import F32
 
 from . import pictures, textures
+from .joinery import Part, Stand, assemble, cloth_of, clutter, front_panel, timber_of, wood_color
 from .palettes import Rgb, dye, ink, wood
-from .solids import Paint, Solid, box_of, faces_of, footprint, upright
-from .world import Face, Piece
-
-
-@dataclass(frozen=True, slots=True)
-class Stand:
-    """Where a piece stands: the middle of its plan, its size there, and which way its back points."""
-
-    x_in: float
-    y_in: float
-    width_in: float  # along its back
-    depth_in: float  # from back to front
-    yaw_rad: float = 0.0  # 0: its back to the north (+y)
-
+from .solids import Paint, Solid, box_of, faces_of, footprint
+from .world import Piece
 
 Maker = Callable[[np.random.Generator, Stand], Piece]
-Part = tuple[Solid, Paint]
-
-
-def placed(part: Solid, stand: Stand) -> Solid:
-    """Bring a part from the piece's own frame into the world."""
-    cos, sin = np.cos(stand.yaw_rad), np.sin(stand.yaw_rad)
-    x = stand.x_in + float(part.x_in * cos - part.y_in * sin)
-    y = stand.y_in + float(part.x_in * sin + part.y_in * cos)
-    return replace(part, x_in=x, y_in=y, yaw_rad=part.yaw_rad + stand.yaw_rad)
-
-
-def assemble(
-    rng: np.random.Generator, name: str, stand: Stand, parts: list[Part], extra: tuple[Face, ...] = ()
-) -> Piece:
-    """Put the parts of one piece up; parts off the floor get an underside."""
-    solids = [(placed(solid, stand), paint) for solid, paint in parts]
-    faces = [
-        face for solid, paint in solids for face in faces_of(rng, solid, paint, underside=solid.z_in > 4)
-    ]
-    whole = footprint(Solid(stand.x_in, stand.y_in, 0, stand.width_in, stand.depth_in, 1, stand.yaw_rad))
-    return Piece(name, (*faces, *extra), tuple(box_of(solid) for solid, _ in solids), whole * INCH_M)
-
-
-def front_panel(
-    rng: np.random.Generator,
-    stand: Stand,
-    span_in: tuple[float, float],
-    heights_in: tuple[float, float],
-    y_in: float,
-    paint: Paint,
-) -> Face:
-    """Hang a picture on the front of a piece: from local x span, between two heights, at local y."""
-    left = placed(Solid(span_in[0], y_in, 0, 1, 1, 1), stand)
-    right = placed(Solid(span_in[1], y_in, 0, 1, 1, 1), stand)
-    ends = np.array([[left.x_in, left.y_in], [right.x_in, right.y_in]])
-    return upright(rng, ends[0], ends[1], heights_in[0], heights_in[1], paint, per_inch=6.0)
-
-
-def cloth_of(color: Rgb) -> Paint:
-    """A painter of cloth in one color."""
-    return partial(textures.cloth, color=color)
-
-
-def timber_of(color: Rgb) -> Paint:
-    """A painter of wood in one color."""
-    return partial(textures.timber, color=color)
-
-
-def wood_color(rng: np.random.Generator) -> Rgb:
-    """Draw a furniture wood, now and then painted white."""
-    return (0.66, 0.64, 0.58) if rng.random() < 0.2 else wood(rng)
 
 
 def sofa(rng: np.random.Generator, stand: Stand) -> Piece:
@@ -131,6 +68,7 @@ def table(rng: np.random.Generator, stand: Stand) -> Piece:
         (Solid(sx * (w / 2 - 1.5), sy * (d / 2 - 1.5), 0, 2.2, 2.2, height), paint) for sx, sy in corners
     ]
     parts.append((Solid(0, 0, height, w, d, 1.5), paint))
+    parts += clutter(rng, stand, height + 1.5, d)
     bag = cloth_of(ink(rng))
     parts.append(
         (Solid(float(rng.uniform(-0.2, 0.2)) * w, 0, 0, 9, 6, 8, float(rng.uniform(-0.5, 0.5))), bag)
@@ -174,7 +112,8 @@ def dresser(rng: np.random.Generator, stand: Stand) -> Piece:
         for r in range(rows)
         for c in range(2)
     )
-    return assemble(rng, "dresser", stand, [(Solid(0, 0, 0, w, d, height), timber_of(color))], drawers)
+    body: list[Part] = [(Solid(0, 0, 0, w, d, height), timber_of(color))]
+    return assemble(rng, "dresser", stand, body + clutter(rng, stand, height, d), drawers)
 
 
 def drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from maurice_mcl.geometry import INCH_M
-from maurice_mcl.typing import F32, F64
+from maurice_mcl.typing import F32, F64, I32, Bool
 
 from .parts import Part, parts_of
 from .world import Box, Face, Lamp, World, inside
@@ -22,7 +23,8 @@ class Baking:
     reach_m: float = 30 * INCH_M  # things nearer than this take away light of the room
     lift_m: float = 0.1 * INCH_M  # points start this far before their face
     least: float = 0.04  # share of the room's light that seeps in everywhere
-    chunk: int = 24_000  # rays at once: bounds memory to about 100 MB
+    chunk: int = 1500  # points at once, so that few boxes are near them
+    probe: int = 5  # every so many points of a chunk ask first whether a lamp is seen at all
 
 
 def hit_distance(start: F32, toward: F32, boxes: tuple[Box, ...]) -> F32:
@@ -80,23 +82,87 @@ def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) 
     return np.asarray(np.maximum(total / baking.directions, baking.least))
 
 
-def carried(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
+def carried(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...], probe: int = 1) -> F64:
     """Give how much of each of a lamp's points (P) arrives at points (K, 3) with normals (K, 3): (P, K).
 
-    Squared distance, both angles and what stands between are in it.
+    Squared distance, both angles and what stands between are in it. With `probe` above 1 only every so many
+    points ask first for the lamp's first and last point: most lamps of a large world are behind walls.
     """
     total = np.zeros((len(lamp.points), len(points)))
+    ends = lamp.points[[0, -1]]
+    if probe > 1 and not any(arriving(points[::probe], normals[::probe], lamp, p, boxes).any() for p in ends):
+        return total
     for row, source in zip(total, lamp.points, strict=True):
-        ray = source - points
-        distance = np.maximum(np.linalg.norm(ray, axis=1), 0.15)
-        toward = ray / distance[:, None]
-        slant = np.clip(np.sum(toward * normals, axis=1), 0, None)
-        if lamp.facing is not None:
-            slant = slant * np.clip(-(toward @ lamp.facing), 0, None)
-        lit = slant > 0
-        clear = hit_distance(points[lit].astype(np.float32), toward[lit].astype(np.float32), boxes)
-        row[lit] = (slant[lit] / distance[lit] ** 2) * (clear > distance[lit] - 0.01)
+        row[:] = arriving(points, normals, lamp, source, boxes)
     return total
+
+
+def arriving(points: F64, normals: F64, lamp: Lamp, source: F64, boxes: tuple[Box, ...]) -> F64:
+    """Give how much of one point (3,) of a lamp arrives at points (K, 3): (K,)."""
+    ray = source - points
+    distance = np.maximum(np.linalg.norm(ray, axis=1), 0.15)
+    toward = ray / distance[:, None]
+    slant = np.clip(np.sum(toward * normals, axis=1), 0, None)
+    if lamp.facing is not None:
+        slant = slant * np.clip(-(toward @ lamp.facing), 0, None)
+    result, lit = np.zeros(len(points)), np.flatnonzero(slant > 0)
+    if len(lit):
+        between = boxes_within(boxes, np.vstack([points[lit], source]))
+        seen = lit[reached(points[lit], toward[lit], distance[lit] - 0.01, between)]
+        result[seen] = slant[seen] / distance[seen] ** 2
+    return result
+
+
+def reached(start: F64, toward: F64, distance: F64, boxes: tuple[Box, ...]) -> I32:
+    """Number the rays (R, 3), (R, 3) that go `distance` (R,) without meeting a box.
+
+    As `hit_distance`, but rays that have met one are dropped at once, so the largest boxes should come first.
+    """
+    alive = np.arange(len(start), dtype=np.int32)
+    origin, way = start.T.astype(np.float32), toward.T.astype(np.float32)
+    far = distance.astype(np.float32)
+    for box in boxes:
+        clear = ~blocked(origin, way, far, box)
+        if not clear.all():
+            alive, origin, way, far = alive[clear], origin[:, clear], way[:, clear], far[clear]
+        if not len(alive):
+            break
+    return alive
+
+
+def blocked(origin: F32, way: F32, far: F32, box: Box) -> Bool:
+    """Tell which rays (3, R), (3, R) meet one box within `far` (R,)."""
+    away = origin - np.array(box.center, dtype=np.float32)[:, None]
+    if box.yaw_rad:
+        cos, sin = np.float32(np.cos(box.yaw_rad)), np.float32(np.sin(box.yaw_rad))
+        into = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]], dtype=np.float32)
+        away, way = into @ away, into @ way
+    inverse = 1 / np.where(np.abs(way) < 1e-7, np.float32(1e-7), way)
+    middle, reach = -away * inverse, np.abs(np.array(box.half, dtype=np.float32)[:, None] * inverse)
+    enter = np.maximum((middle - reach).max(axis=0), 0)
+    return np.asarray((enter < (middle + reach).min(axis=0)) & (enter <= far))
+
+
+@lru_cache(maxsize=4)
+def extents(boxes: tuple[Box, ...]) -> tuple[F64, F64]:
+    """Give the lowest and highest corners (B, 3), (B, 3) of boxes."""
+    center, half = np.array([box.center for box in boxes]), np.array([box.half for box in boxes])
+    turn = np.array([(abs(np.cos(box.yaw_rad)), abs(np.sin(box.yaw_rad))) for box in boxes])
+    x = turn[:, 0] * half[:, 0] + turn[:, 1] * half[:, 1]
+    y = turn[:, 1] * half[:, 0] + turn[:, 0] * half[:, 1]
+    reach = np.stack([x, y, half[:, 2]], axis=1)
+    return center - reach, center + reach
+
+
+def boxes_within(boxes: tuple[Box, ...], points: F64, margin_m: float = 0.0) -> tuple[Box, ...]:
+    """Give the boxes that touch the upright box around points (K, 3), the largest first."""
+    if not boxes:
+        return ()
+    low, high = extents(boxes)
+    first, last = points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
+    touching = np.flatnonzero(((low <= last) & (high >= first)).all(axis=1))
+    size = np.sort(high[touching] - low[touching], axis=1)
+    return tuple(boxes[k] for k in touching[np.argsort(-size[:, 1] * size[:, 2], kind="stable")])
 
 
 def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
@@ -114,12 +180,14 @@ def irradiance_by_part(
 ) -> F64:
     """Give the light (S, K, 3) of each part at points (K, 3) with normals (K, 3)."""
     light = np.zeros((len(parts), len(points), 3))
+    probe = baking.probe if len(points) > baking.chunk // 4 else 1
     for lamp in world.lamps:
-        arrives = carried(points, normals, lamp, world.boxes) / len(lamp.points)
+        arrives = carried(points, normals, lamp, world.boxes, probe) / len(lamp.points)
         for k, part in enumerate(parts):
             if part.source == lamp.source:
                 light[k] += (part.shares(lamp) @ arrives)[:, None] * lamp.color
-    view = openness(points, normals, world.boxes, baking)
+    near = boxes_within(world.boxes, points, baking.reach_m)
+    view = openness(points, normals, near, baking)
     for room in world.room_lights:
         here = (inside(room.room.polygon, points[:, :2]) * view)[:, None] * room.ambient
         for k, part in enumerate(parts):

@@ -27,8 +27,9 @@ BESIDE_RAD = float(np.radians(19))  # at most so far from straight ahead
 ROOM_M = 0.24  # around a person's middle
 APART_M = 0.5  # between two people
 PAIRS = 0.3  # share of occluded frames with two people
-TRIES = 96  # places looked at; where none is free nobody stands in view
+TRIES = 48  # places looked at; where none is free nobody stands in view
 ROWS = 4  # points of light on each face of a person, from top to bottom
+LAMPS_M = 6.0  # lamps farther than this add nothing that would be seen on a person
 FEET_M = 0.17  # size of the dark patch where somebody stands
 
 
@@ -100,7 +101,8 @@ def people(
     world: World, parts: tuple[Part, ...], weights: F64, stands: tuple[Stand, ...], seed: int
 ) -> Scene:
     """Stand people (at least one) into a world, lit by its parts under weights (S, 3)."""
-    lit = []
+    lit: list[LitFace] = []
+    lights: list[F32] = []
     for stand in stands:
         skins = wardrobe(seed)[stand.who]
         turn = turning(stand.heading_rad)
@@ -110,9 +112,13 @@ def people(
         across = np.stack([face.across for face in faces]) @ turn.T
         down = np.stack([face.down for face in faces]) @ turn.T
         normals = np.array([skin.turned for skin in skins]) @ turn.T
-        light = person_light(world, parts, weights, at, (corner, across, down), normals)
-        lit += [LitFace(corner[k], across[k], down[k], face.levels, light[k]) for k, face in enumerate(faces)]
-    return scene_of(tuple(lit))
+        first = sum(map(len, lights))
+        lights.append(person_light(world, parts, weights, at, (corner, across, down), normals).reshape(-1, 3))
+        lit += [
+            LitFace(corner[k], across[k], down[k], face.levels, (first + k * ROWS * 2, ROWS, 2))
+            for k, face in enumerate(faces)
+        ]
+    return scene_of(tuple(lit), np.concatenate(lights))
 
 
 def turning(angle_rad: float) -> F64:
@@ -148,6 +154,8 @@ def person_light(
             for part, weight in zip(parts, weights, strict=True)
             if part.source == lamp.source
         )
+        if np.linalg.norm(lamp.points[:, :2] - at[:2], axis=1).min() > LAMPS_M or not np.any(colors):
+            continue
         knee, chest = (seen_past(at + np.array([0, 0, z]), lamp.points, world.boxes) for z in (0.4, 1.0))
         for k, source in enumerate(lamp.points):
             if not (knee[k] or chest[k]):
@@ -177,17 +185,19 @@ def surrounding(
     return np.asarray(openness[..., None] * total)
 
 
-def standing_shade(faces: tuple[LitFace, ...], grids: list[F32], stands: tuple[Stand, ...]) -> list[F32]:
+def standing_shade(scene: Scene, stands: tuple[Stand, ...]) -> Scene:
     """Darken the light on the floor where people stand."""
-    return [
-        shaded(face, grid, stands) if lies_on_floor(face) else grid
-        for face, grid in zip(faces, grids, strict=True)
-    ]
-
-
-def lies_on_floor(face: LitFace) -> bool:
-    """Tell whether a face lies flat and less than 5 cm up."""
-    return float(face.corner[2]) < 0.05 and float(face.across[2]) == float(face.down[2]) == 0.0
+    if scene.light is None:
+        return scene
+    light = scene.light.copy()
+    flat = (scene.corner[:, 2] < 0.05) & (scene.across[:, 2] == 0) & (scene.down[:, 2] == 0)
+    for k in np.flatnonzero(flat):
+        face = scene.faces[k]
+        grid = scene.grid_of(face)
+        if grid is not None and face.grid is not None:
+            first = face.grid[0]
+            light[first : first + grid.shape[0] * grid.shape[1]] = shaded(face, grid, stands).reshape(-1, 3)
+    return Scene(scene.faces, scene.corner, scene.across, scene.down, light)
 
 
 def shaded(face: LitFace, grid: F32, stands: tuple[Stand, ...]) -> F32:

@@ -56,7 +56,7 @@ def carpet_tiles(rng: np.random.Generator, size: Size, color: Rgb, step: int) ->
     """Carpet in squares that are laid this way and that."""
     worn = carpet(rng, size, color) * shades(rng, size, step, step, 0.09)[..., None]
     worn[joints(size, step, 1)] *= np.float32(0.8)
-    return np.clip(worn, 0.02, 0.95)
+    return np.asarray(np.clip(worn, 0.02, 0.95), np.float32)
 
 
 def linoleum(rng: np.random.Generator, size: Size, color: Rgb) -> F32:

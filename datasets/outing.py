@@ -86,11 +86,12 @@ class Outing:
             return self.scene
         lighting = self.lighting
         weights = weights_at(lighting.parts, windows_of(self.world), self.conditions.lights, number)
-        grids, stands = lighting.grids(weights), self.stands(number, pose)
+        room, stands = relit(self.scene, lighting.under(weights)), self.stands(number, pose)
         if not stands:
-            return relit(self.scene, grids)
-        room = relit(self.scene, standing_shade(self.scene.faces, grids, stands))
-        return joined(room, people(self.world, lighting.parts, weights, stands, self.seed))
+            return room
+        return joined(
+            standing_shade(room, stands), people(self.world, lighting.parts, weights, stands, self.seed)
+        )
 
 
 @lru_cache(maxsize=1)
@@ -138,7 +139,7 @@ def outing(
     moving = reshades(conditions) or conditions.occluded > 0
     return Outing(
         world=world,
-        scene=unlit(world.faces) if moving else lit_once(world),
+        scene=unlit(lighting_of(world)) if moving else lit_once(world),
         lighting=lighting_of(world) if moving else None,
         exposure=Exposure(drawn.gain, conditions.gain == "auto"),
         seed=seed,

@@ -93,7 +93,7 @@ def wood(rng: np.random.Generator, low: float = 0.12, high: float = 0.5) -> Rgb:
 
 def ink(rng: np.random.Generator) -> Rgb:
     """Draw a color of print: stronger than cloth."""
-    levels = np.array([rng.uniform(0.45, 0.75), rng.uniform(0.10, 0.55), rng.uniform(0.04, 0.14)])
+    levels = np.array([rng.uniform(0.35, 0.60), rng.uniform(0.12, 0.45), rng.uniform(0.05, 0.20)])
     red, green, blue = rng.permutation(levels) * rng.uniform(0.5, 1.0)
     return float(red), float(green), float(blue)
 

@@ -11,7 +11,8 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.typing import F64
 
 from .draw import PLAIN_PALETTE, number, paint_of
-from .furnish import MAKERS, Stand, block
+from .furnish import MAKERS, block
+from .joinery import Stand
 from .plan import FurniturePlan, Plan, RoomPlan
 from .world import Piece, touching
 

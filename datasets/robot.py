@@ -49,7 +49,7 @@ class Chassis:
     encoder_sd_m: float = 0.15 * INCH_M  # front against rear wheel of a side; invented
     radius_m: float = 5 * INCH_M  # of its body, a disc: nothing solid comes nearer to its middle; invented
     stall_m: float = 0.5 * INCH_M  # what the wheels still turn when it has run into something; invented
-    slip_chance: float = 0.0  # of a slip at a movement's first crossing into another floor; simulate has 0.1
+    slip_chance: float = 0.0  # of a slip at a movement's first crossing into another floor; simulate has 0.15
     slip_from_sd: float = 3.5  # size of a slip in sd of a turn, drawn evenly from this: beyond three sd ...
     slip_to_sd: float = 6.0  # ... to this; thesis 3.6 gives neither number nor size, so both are invented
 

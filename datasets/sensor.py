@@ -42,8 +42,8 @@ class Exposure:
     automatic: bool = False  # each picture's gain is chosen by its own light, from `gain` on
 
 
-def draw_exposure(rng: np.random.Generator, gain_sd: float = 0.03, balance_sd: float = 0.012) -> Exposure:
-    """Draw the light and white balance of an outing: a few percent in all, one percent between colors."""
+def draw_exposure(rng: np.random.Generator, gain_sd: float = 0.05, balance_sd: float = 0.02) -> Exposure:
+    """Draw the light and white balance of an outing: some percent in all, two between colors."""
     common = 1 + gain_sd * float(rng.standard_normal())
     red, green, blue = common * (1 + balance_sd * rng.standard_normal(3))
     return Exposure((float(red), float(green), float(blue)))

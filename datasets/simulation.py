@@ -27,7 +27,7 @@ from .tiers import TIERS
 from .world import World
 from .world_file import load_world
 
-SLIP_CHANCE = 0.1  # at a crossing into another floor: one or two in a drive of 1000 in
+SLIP_CHANCE = 0.15  # at a crossing into another floor: about two in a drive of 1000 in
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,11 @@ def stage(plan: Plan) -> Stage:
     course = (
         driven(plan, world, map_) if plan.recording is None else followed(plan, world, map_, plan.recording)
     )
-    return Stage(plan, surveyed, world, session_outing(world, plan.seed, plan.conditions), course)
+    try:
+        outing = session_outing(world, plan.seed, plan.conditions)
+    except ValueError as problem:  # a lamp that this world does not have
+        raise LogError(Path(plan.world), str(problem)) from None
+    return Stage(plan, surveyed, world, outing, course)
 
 
 def driven(plan: Plan, world: World, map_: Raster) -> Course:
@@ -106,14 +110,14 @@ def driven(plan: Plan, world: World, map_: Raster) -> Course:
     chassis = Chassis(slip_chance=plan.slip_chance)
     robot = Robot(world.arena, plan.seed, chassis)
     kidnap_at = plan.task.kidnap_at(plan.updates, plan.kidnap_at)
-    reach = np.ptp(map_.centers, axis=0)
-    if kidnap_at is not None and float(np.hypot(*reach)) < 2 * KIDNAP_M:
+    reach_m = float(np.ptp(map_.centers, axis=0).max())  # one of the two ends is half of it away, or more
+    if kidnap_at is not None and reach_m < 2 * KIDNAP_M:
         raise LogError(Path(plan.world), "found too small a place to be kidnapped in; take a larger world")
 
     def legs() -> Iterator[Leg]:
-        return driven_legs(drive(robot, map_, plan.updates, kidnap_at)[1], world.arena)
+        return driven_legs(drive(robot, map_, plan.updates, kidnap_at, world.start)[1], world.arena)
 
-    start = drive(robot, map_, 0)[0]
+    start = drive(robot, map_, 0, start=world.start)[0]
     return Course(
         start, plan.updates, legs, chassis.motion_header(), (f"slips: {plan.slip_chance:g} a crossing",)
     )

@@ -22,7 +22,7 @@ from .tiers import TIERS
 from .world import World, clearance, inside
 from .world_file import check_tier, load_plan
 
-AHEAD_M = 1.0  # views that would show a wall from nearer than this are left out
+AHEAD_M = 1.6  # of some poses one with so much room ahead is preferred
 
 
 def surveyed_world(

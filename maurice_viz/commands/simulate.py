@@ -119,9 +119,9 @@ def simulate(
             TASKS[task], world, tier, arena_seed, seed, updates, kidnap_at, changes, moved, gain, motion_from
         )
         live = _live(serve, rate, no_truth)
-        _run(plan, output, live, force, json_output)
     except ValueError as problem:
         raise typer.BadParameter(str(problem)) from None
+    _run(plan, output, live, force, json_output)
 
 
 def _live(serve: str | None, rate: float | None, no_truth: bool) -> Live | None:

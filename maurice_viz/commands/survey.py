@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 MOST_SEED = 2**32 - 1
 VIEWS = 24
+SHEET_QUALITY = 80
 METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
 
 OutputOption = Annotated[
@@ -40,7 +41,8 @@ HeadingsOption = Annotated[
     typer.Option("--headings", min=1, max=360, help="References a node. [default: what the world says]"),
 ]
 SheetOption = Annotated[
-    Path | None, typer.Option("--contact-sheet", metavar="OUT.png", help="Draw 24 views of the world.")
+    Path | None,
+    typer.Option("--contact-sheet", metavar="OUT.png", help="Draw 24 views of the world (.png or .jpg)."),
 ]
 
 
@@ -67,6 +69,8 @@ def survey(
     """Take the reference pictures of a simulated world, and some with the lens covered."""
     if output is None and contact_sheet is None:
         raise typer.BadParameter("give -o DIR, or --contact-sheet OUT.png, or both")
+    if contact_sheet is not None and contact_sheet.suffix not in (".png", ".jpg"):
+        raise typer.BadParameter(f"--contact-sheet ends in .png or .jpg, found {str(contact_sheet)!r}")
     try:
         spacing_m = None if spacing is None else read_length(spacing)
     except ValueError as problem:
@@ -96,7 +100,7 @@ def _write_sheet(path: Path, world: World, seed: int, force: bool, advance: Adva
     from maurice_datasets.survey_folder import views
 
     from ..look import scale_for
-    from ..raster import png
+    from ..raster import jpeg, png
     from ..views_sheet import draw_sheet
 
     if path.exists() and not force:
@@ -109,4 +113,5 @@ def _write_sheet(path: Path, world: World, seed: int, force: bool, advance: Adva
             advance(number, len(poses), "views")
     scale = scale_for("in", world.arena)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(png(draw_sheet(pictures, poses, scale)))
+    sheet = draw_sheet(pictures, poses, scale)
+    path.write_bytes(png(sheet) if path.suffix == ".png" else jpeg(sheet, SHEET_QUALITY))

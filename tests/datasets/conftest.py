@@ -6,8 +6,8 @@ import pytest
 
 from maurice_datasets.baking import bake
 from maurice_datasets.scene import Scene
-from maurice_datasets.world_file import load_world
 from maurice_datasets.world import World
+from maurice_datasets.world_file import load_world
 
 
 @pytest.fixture(scope="session")

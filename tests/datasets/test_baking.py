@@ -14,11 +14,11 @@ POSES = [np.array(pose) for pose in ([0.5, 1.8, 0.3], [2.7, 1.8, 3.0], [4.6, 1.6
 
 @pytest.fixture(scope="module")
 def bare(world: World) -> Scene:
-    return unlit(world.faces)
+    return unlit(lighting_of(world))
 
 
 def view(world: World, bare: Scene, weights: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    return radiance(relit(bare, lighting_of(world).grids(weights)), pose)
+    return radiance(relit(bare, lighting_of(world).under(weights)), pose)
 
 
 def test_weights_of_one_give_the_picture_that_is_lit_for_good(
@@ -63,7 +63,9 @@ def test_what_glows_goes_out_with_the_lamp_that_is_nearest(world: World) -> None
         if face.glow:
             glowing += 1
             own = [k for k, part in enumerate(lighting.parts) if part.source == nearest_source(world, face)]
-            assert lighting.light[own, here].sum(axis=0).min() >= face.glow * 0.999
+            dark = np.array([[0.0 if k in own else 1.0] * 3 for k in range(len(lighting.parts))])
+            left = lighting.total[here] - lighting.under(dark)[here]
+            assert left.min() >= face.glow * 0.999
     assert glowing > 0
 
 

@@ -127,6 +127,15 @@ def test_a_kidnapped_robot_goes_on_far_away_and_its_wheels_know_nothing(world: W
         assert np.abs(updates[3].straight.measured[0]) < 20 * INCH_M
 
 
+def test_a_given_start_is_where_it_starts(world: World) -> None:
+    map_ = raster(world.arena)
+    assert map_ is not None
+    here = np.array([*map_.centers[7], 0.5])
+    start, updates = drive(Robot(world.arena, 3), map_, 1, start=here)
+    assert np.array_equal(start, here)
+    assert np.array_equal(next(updates).turn.path[0], here)
+
+
 def test_before_the_kidnapping_the_drive_is_the_same(world: World) -> None:
     _, plain = drive_in(world.arena, 2, 4)
     _, kidnapped = drive_in(world.arena, 2, 4, kidnap_at=2)
