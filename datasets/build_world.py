@@ -14,19 +14,19 @@ from .addresses import Purpose
 from .draw import Bareness, Palette, number, paint_of
 from .openings import Opening, along, check_rooms, map_walls, opening_of, wall_of
 from .place_furniture import pieces_of, place_all
-from .plan import FloorPlan, LibraryPlan, Plan, RoomPlan, WindowPlan
+from .plan import FloorPlan, LibraryPlan, Plan, RoomPlan
 from .shell import Look, bounds_of, door_faces, draw_look, rectangle, room_faces, solid_boxes
 from .solids import flat
 from .tiers import Tier
-from .world import Face, Lamp, RoomLight, World, clearance, inside
-
-Windows = tuple[tuple[WindowPlan, float], ...]  # with the x or y drawn for each
+from .wall_places import Windows, check_doors, check_windows
+from .world import Face, Lamp, Piece, RoomLight, World, clearance, inside
 
 
 def build_world(plan: Plan, seed: int, tier: Tier) -> World:
     """Draw the world of a seed; LogError where what is drawn cannot stand or no node is free."""
     check_rooms(plan)
     openings = tuple(opening_of(plan, door) for door in plan.doors)
+    check_doors(plan, openings)
     rng = stream(Domain.SIMULATOR, seed, 0, Purpose.WORLD)
     bare = Bareness(tier.bare, stream(Domain.SIMULATOR, seed, 0, Purpose.BARE))
     looks = draw_looks(rng, plan, tier.light, bare)
@@ -40,14 +40,7 @@ def build_world(plan: Plan, seed: int, tier: Tier) -> World:
         for room in plan.rooms
         for face in room_faces(rng, plan, room, looks[room.name], windows[room.name], openings, bare)
     ]
-    x1, y1, x2, y2 = (float(v) for v in np.array(bounds_of(plan)) * INCH_M)
-    arena = Arena(
-        (x1, y1, x2, y2),
-        map_walls(plan, openings) * INCH_M,
-        tuple(Region(piece.name, piece.plan) for piece in pieces),
-        regions,
-        tuple(Region(room.name, rectangle(*room.rect) * INCH_M) for room in plan.rooms),
-    )
+    arena = map_of(plan, openings, pieces, regions)
     world = World(
         name=f"{plan.name}, seed {seed}",
         arena=arena,
@@ -64,6 +57,20 @@ def build_world(plan: Plan, seed: int, tier: Tier) -> World:
     )
     check_world(plan, world, [piece.key for piece in layout])
     return world
+
+
+def map_of(
+    plan: Plan, openings: tuple[Opening, ...], pieces: tuple[Piece, ...], floors: tuple[Region, ...]
+) -> Arena:
+    """Give the map of a world: what the robot is told of it."""
+    x1, y1, x2, y2 = (float(v) for v in np.array(bounds_of(plan)) * INCH_M)
+    return Arena(
+        (x1, y1, x2, y2),
+        map_walls(plan, openings) * INCH_M,
+        tuple(Region(piece.name, piece.plan) for piece in pieces),
+        floors,
+        tuple(Region(room.name, rectangle(*room.rect) * INCH_M) for room in plan.rooms),
+    )
 
 
 def draw_looks(rng: np.random.Generator, plan: Plan, light: float, bare: Bareness) -> dict[str, Look]:
@@ -83,13 +90,7 @@ def draw_windows(
 ) -> Windows:
     """Draw where the windows of a room are; none where no daylight comes in."""
     drawn = tuple((window, number(rng, window.at_in)) for window in room.windows)
-    for k, (window, at) in enumerate(drawn):
-        axis = 0 if window.wall in ("south", "north") else 1
-        low, high = room.rect[axis] + window.width_in / 2, room.rect[axis + 2] - window.width_in / 2
-        if not low <= at <= high or window.top_in > room.height_in:
-            raise LogError(
-                plan.file, f"{room.key}.windows[{k}]: reaches beyond its wall; move it or make it smaller"
-            )
+    check_windows(plan, room, drawn, openings)
     return drawn if look.daylight > 0 else ()
 
 
@@ -190,15 +191,14 @@ def check_world(plan: Plan, world: World, keys: list[str]) -> None:
     if world.start is None:
         return
     at = world.start[None, :2]
-    where = f"start.pose: ({plan.start[0]:g}, {plan.start[1]:g}) in" if plan.start else "start.pose"
     if not in_rooms(world.arena, at)[0]:
-        raise LogError(plan.file, f"{where} lies in no room; move it into one")
+        raise LogError(plan.file, "start.pose: lies in no room; move it into one")
     need = plan.library.clearance_in * INCH_M
     bare = Arena(world.arena.bounds, world.arena.walls)
     if clearance(bare, at)[0] < need:
-        raise LogError(plan.file, f"{where} has a wall through it or nearer than the clearance; move it")
+        raise LogError(plan.file, "start.pose: has a wall through it or nearer than the clearance; move it")
     for region, key in zip(world.arena.obstacles, keys, strict=True):
         if clearance(Arena(bare.bounds, np.zeros((0, 4)), (region,)), at)[0] < need:
             raise LogError(
-                plan.file, f"{where} has {key} ({region.name}) on it or too near; move one of them"
+                plan.file, f"start.pose: has {key} ({region.name}) on it or too near; move one of them"
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -56,6 +57,20 @@ def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:
             if not is_whole(folder, key):  # otherwise somebody else was faster
                 raise
     return folder
+
+
+def copy_whole(source: Path, target: Path) -> None:
+    """Copy a finished folder without its note. LogError at the first file that cannot be written."""
+    for file in sorted(source.rglob("*")):
+        copy = target / file.relative_to(source)
+        try:
+            if file.is_dir():
+                copy.mkdir(parents=True)
+            elif file != source / NOTE:
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file, copy)
+        except OSError as problem:
+            raise LogError(copy, f"cannot be written: {problem.strerror}; choose another place") from None
 
 
 def fingerprint(value: Any) -> str:

@@ -18,6 +18,7 @@ FRAME_S = 3.3  # to fetch an 88 x 143 frame at 115,200 baud (worked out from the
 SETTLE_S = 0.5  # before and after each movement; invented
 TURN_RAD_S = float(np.radians(45))  # invented
 DRIVE_M_S = 0.15  # invented
+KIDNAPPED = "kidnapped"  # the event
 CARRY_S = 20.0  # to carry the robot somewhere else; invented
 
 Progress = Callable[[int, int, str], None]  # done, all, what is being made
@@ -99,7 +100,7 @@ def write_legs(
         log.image(leg.t_s, eye.take(number, leg.pose), camera="front")
         log.truth(leg.t_s, leg.pose)
         if leg.kidnapped_to is not None:
-            log.event(leg.t_s + CARRY_S, "kidnapped")
+            log.event(leg.t_s + CARRY_S, KIDNAPPED)
             log.event(leg.t_s + CARRY_S, floor_event(arena, leg.kidnapped_to))
             log.truth(leg.t_s + CARRY_S, leg.kidnapped_to)
         report(number, total, "session")

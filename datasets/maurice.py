@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from maurice_loaders.session_writer import SessionWriter
 from maurice_mcl.session import Camera, SessionInfo
 
 from .camera import Lens
-from .finished import NOTE, cached, fingerprint, seal
+from .finished import NOTE, cached, copy_whole, fingerprint, seal
 from .legs import FRAME_S, Log, Progress, write_legs
 from .outing import Outing, survey_outing
 from .robot import Chassis
@@ -143,7 +142,7 @@ def write_simulation(
         set_up = stage(plan)
         if surveyor is None:
             kept = survey_folder(plan, set_up.surveyed, report)
-            shutil.copytree(kept, filling / SURVEY.parent, ignore=shutil.ignore_patterns(NOTE))
+            copy_whole(kept, filling / SURVEY.parent)
         else:
             outing = survey_outing(set_up.surveyed, plan.arena_seed)
             write_survey(filling / SURVEY, set_up.surveyed, outing, surveyor, report)

@@ -17,6 +17,8 @@ from . import offices, pictures, textures
 from .palettes import Rgb
 from .textures import Size
 
+MOST_PX = 1024  # of an image's longer side
+
 Make = Callable[[np.random.Generator, Size, Rgb, Rgb, int], F32]  # color, other, pattern in pixels
 
 
@@ -70,6 +72,9 @@ def read_image(file: Path) -> F32:
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if bgr is None:
         raise LogError(file, "is no image that can be read; save it as PNG or JPEG")
+    shrink = min(1.0, MOST_PX / max(bgr.shape))  # a photograph has more than any face can show
+    if shrink < 1:
+        bgr = cv2.resize(bgr, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
     levels = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.float32) / 255
     linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
     return np.clip(linear, 0.02, 0.95).astype(np.float32)

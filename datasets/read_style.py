@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from maurice_loaders.errors import LogError
+
 from .hangings import HANGINGS
 from .paints import TEXTURES, read_image
 from .palettes import COLORS, GROUPS, LIGHTS, is_color, is_light
@@ -54,7 +56,10 @@ def paint_value(table: Table, key: str, value: object, more: tuple[str, ...] = (
         file = inner.file.parent / inner.text("image")
         if not file.is_file():
             inner.fail("image", f"there is no file {file}; its path is relative to the world file")
-        read_image(file)
+        try:
+            read_image(file)
+        except LogError as problem:
+            inner.fail("image", str(problem))
         result = PaintPlan("plaster", image=file)
     else:
         result = PaintPlan(
@@ -112,6 +117,6 @@ def read_hang(table: Table) -> tuple[str, ...]:
         return tuple(HANGINGS)
     kinds = table.items_of("hang", tuple(range(1, 65)))
     for kind in kinds:
-        if kind not in HANGINGS:
+        if not isinstance(kind, str) or kind not in HANGINGS:
             table.fail("hang", f"nothing called {kind!r} can hang; there are {', '.join(HANGINGS)}")
     return tuple(str(kind) for kind in kinds)

@@ -13,12 +13,12 @@ import numpy as np
 from maurice_loaders.errors import LogError
 from maurice_loaders.findings import Findings
 from maurice_loaders.log_records import Odometry, PictureRecord, Truth, read_header, read_records
-from maurice_loaders.odometry_folder import read_aligned
-from maurice_loaders.truth import with_truth
+from maurice_loaders.odometry_folder import Cutting, jumps, read_aligned
+from maurice_loaders.truth import is_kidnapping, with_truth
 from maurice_mcl.geometry import INCH_M, wrap
 from maurice_mcl.typing import F64
 
-from .legs import Leg, Moved
+from .legs import KIDNAPPED, Happened, Leg, Moved
 from .planner import Placement
 
 ROW_S = 1 / 3  # between two rows of a folder's tables: about three a second, as their source says
@@ -35,6 +35,11 @@ class Recording:
     legs: tuple[Leg, ...]
     track: F64  # (K, 2) places on the way, dense where the recording is
     motion: dict[str, Any] | None  # motion parameters of its robot, as a header has them
+
+    @property
+    def carried(self) -> int:
+        """How often the robot was carried to where it went on."""
+        return sum(isinstance(e, Happened) for leg in self.legs for e in leg.entries)
 
     def placed(self, at: Placement) -> Iterator[Leg]:
         """Give the legs at another place; a scale applies to the odometry's lengths as well."""
@@ -58,17 +63,23 @@ def read_recording(path: Path, updates: int) -> Recording:
 
 
 def read_tables(folder: Path, updates: int) -> Recording:
-    """Read aligned odometry and truth; the robot looks after every stride of its odometry."""
+    """Read aligned odometry and truth; the robot looks after every stride of its odometry.
+
+    Where truth goes further than the wheels could (somebody carried the robot, or the capture lost it), the
+    simulated robot is carried: its odometry does not see it.
+    """
     drive = read_aligned(folder)
+    jumped = jumps(drive, Cutting())
     rows = [0]
     for row in range(1, len(drive.odometry)):
         forward, left, turn = between(drive.odometry[rows[-1]], drive.odometry[row])
         if len(rows) <= updates and (np.hypot(forward, left) >= STRIDE_M or abs(turn) >= SWING_RAD):
             rows.append(row)
-    legs = (
-        Leg((Moved(b * ROW_S, between(drive.odometry[a], drive.odometry[b])),), b * ROW_S, drive.truth[b])
-        for a, b in pairwise(rows)
-    )
+    legs = []
+    for a, b in pairwise(rows):
+        carried = (Happened(b * ROW_S, KIDNAPPED),) if jumped[a:b].any() else ()
+        moved = Moved(b * ROW_S, between(drive.odometry[a], drive.odometry[b]))
+        legs.append(Leg((*carried, moved), b * ROW_S, drive.truth[b]))
     return Recording(folder.name, drive.truth[0], tuple(legs), drive.truth[: rows[-1] + 1, :2], None)
 
 
@@ -79,10 +90,12 @@ def read_log(path: Path, updates: int) -> Recording:
         raise LogError(path, f"found a {kind} log, expected a session log with truth", 1)
     start, begin_s = info.start, 0.0
     legs: list[Leg] = []
-    moved: list[Moved] = []
+    moved: list[Moved | Happened] = []
     for record, truth in with_truth(read_records(path, kind, Findings(False))):
         if isinstance(record, Truth) and start is None and not moved:
             start, begin_s = record.pose, record.t_s
+        if is_kidnapping(record):
+            moved.append(Happened(record.t_s - begin_s, KIDNAPPED))
         if isinstance(record, Odometry):
             moved.append(Moved(record.t_s - begin_s, record.motion, record.encoders_m))
         if isinstance(record, PictureRecord) and not record.covered and len(legs) < updates:

@@ -11,11 +11,12 @@ from maurice_mcl.typing import F32, F64
 
 from . import textures
 from .draw import Bareness, Palette, number, paint_of
-from .hangings import decorate, hang, shaded, trim, window_in
+from .hangings import Wall, decorate, hang, shaded, trim, window_in
 from .openings import Opening, along, doors_in, rest_of, stretch, wall_of
 from .palettes import Rgb, light_of
 from .plan import Plan, PosterPlan, RoomPlan, StylePlan, WindowPlan
 from .solids import Paint, Solid, box_of, faces_of, flat, upright
+from .wall_places import check_poster
 from .world import Box, Face
 
 SIDES = ("south", "east", "north", "west")
@@ -156,8 +157,10 @@ def on_wall(
             taken.append((middle - half - 6, middle + half + 6))
     for poster in plan.posters:
         if poster.room == room.name and poster.wall == name:
-            faces.append(poster_face(rng, room, poster, look))
-            middle = along(wall, number(rng, poster.at_in))
+            at = number(rng, poster.at_in)
+            check_poster(plan, room, poster, at, openings)
+            middle = along(wall, at)
+            faces.append(poster_face(rng, wall, middle, poster, look))
             taken.append((middle - poster.size_in[0] / 2, middle + poster.size_in[0] / 2))
     style = look.style
     for part in rest_of(
@@ -168,12 +171,13 @@ def on_wall(
     return faces
 
 
-def poster_face(rng: np.random.Generator, room: RoomPlan, poster: PosterPlan, look: Look) -> Face:
-    """One thing that hangs at a place of its own."""
-    wall = wall_of(room, poster.wall)
+def poster_face(
+    rng: np.random.Generator, wall: Wall, middle_in: float, poster: PosterPlan, look: Look
+) -> Face:
+    """One thing that hangs at a place of its own, so far from the left end of its wall."""
     paint = paint_of(rng, poster.paint, look.palette, 5.0)
     span = (poster.bottom_in, poster.bottom_in + poster.size_in[1])
-    return hang(rng, wall, along(wall, number(rng, poster.at_in)), poster.size_in[0], span, shaded(paint))
+    return hang(rng, wall, middle_in, poster.size_in[0], span, shaded(paint))
 
 
 def door_faces(rng: np.random.Generator, opening: Opening) -> tuple[list[Face], list[Box]]:

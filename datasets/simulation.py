@@ -57,6 +57,9 @@ class Plan:
         if self.updates < 1:
             raise ValueError(f"found {self.updates} updates, expected 1 or more")
         self.task.kidnap_at(self.updates, self.kidnap_at)
+        for change in self.lights:
+            if change.update > self.updates:
+                raise ValueError(f"found a change of light at update {change.update} of {self.updates}")
 
     @property
     def conditions(self) -> Conditions:
@@ -136,5 +139,7 @@ def followed(plan: Plan, world: World, map_: Raster, path: Path) -> Course:
             "take a larger world or fewer --updates",
         )
     scaled = "" if at.scale == 1 else f", path and odometry scaled to {at.scale:.0%} to fit"
-    note = f"path and odometry are recorded: {found.name}{scaled}"
-    return Course(at.pose(found.start), len(found.legs), lambda: found.placed(at), found.motion, (note,))
+    notes = [f"path and odometry are recorded: {found.name}{scaled}"]
+    if found.carried:
+        notes.append(f"the recorded robot was carried, or its truth jumps: {found.carried} times")
+    return Course(at.pose(found.start), len(found.legs), lambda: found.placed(at), found.motion, tuple(notes))

@@ -27,6 +27,8 @@ class Task:
                     f"the task {self.name} kidnaps nobody; leave --kidnap-at out or take kidnapped"
                 )
             return None
+        if updates < 2:
+            raise ValueError(f"found {updates} update, expected 2 or more: one comes after the kidnapping")
         at = updates // 2 if asked is None else asked
         if not 1 <= at < updates:
             raise ValueError(f"found kidnapping after update {at} of {updates}, expected 1 to {updates - 1}")

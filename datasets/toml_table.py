@@ -15,6 +15,7 @@ from maurice_loaders.errors import LogError
 from .plan import Choice, Number, Rect, Span, Word
 
 FARTHEST = 1e5  # no length of a building is longer, in inches
+MOST_NUMBER = 1e300
 
 
 class Table:
@@ -90,7 +91,7 @@ class Table:
         """Take a list of so many values out."""
         value = self.take(key)
         if not isinstance(value, list) or len(value) not in count:
-            wanted = " or ".join(str(n) for n in count)
+            wanted = " or ".join(map(str, count)) if len(count) < 4 else f"{count[0]} to {count[-1]}"
             self.fail(key, f"found {value!r}, expected a list of {wanted} values")
         return value
 
@@ -100,8 +101,10 @@ class Table:
         """Check one number, and bring it to inches or radians by `unit`."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.fail(key, f"found {value!r}, expected a number")
-        if not math.isfinite(value):
-            self.fail(key, f"found {value}, expected a finite number")
+        if abs(value) > MOST_NUMBER:  # true of infinity, and of whole numbers that no float can hold
+            self.fail(key, "found a number without bound, expected a finite number")
+        if math.isnan(value):
+            self.fail(key, "found nan, expected a finite number")
         if not low <= value * unit <= high:
             self.fail(key, f"found {value:g}, expected {low / unit:g} to {high / unit:g}")
         return float(value * unit)
@@ -172,5 +175,7 @@ def read_toml(file: Path) -> Table:
         raise LogError(file, f"is no valid TOML: {problem}; mend it there") from None
     except UnicodeDecodeError:
         raise LogError(file, "is no text in UTF-8; save it as such") from None
+    except (ValueError, RecursionError):  # thousands of digits, or of brackets
+        raise LogError(file, "is no valid TOML: numbers too long or nested too deep; mend it there") from None
     except OSError as problem:
         raise LogError(file, f"cannot be read: {problem.strerror}") from None

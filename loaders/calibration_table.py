@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from maurice_mcl.geometry import INCH_M
 from .errors import LogError
 from .fields import MOST, show, up_to
 from .regular import expect_regular
+from .whole_files import write_whole
 
 NEEDED = ("kind", "measured", "actual")
 COLUMNS = (*NEEDED, "heading_error_deg", "floor")
@@ -68,28 +68,7 @@ def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
     for measured, actual, drift, floor in zip(s.measured_m, s.actual_m, s.drift_rad, s.floors, strict=True):
         turned = f"{np.degrees(drift):.4f}" if math.isfinite(drift) else ""
         table.writerow(["straight", f"{measured:.6f}", f"{actual:.6f}", turned, floor or ""])
-    write_text_whole(file, text.getvalue(), force=force)
-
-
-def write_text_whole(file: Path, text: str, *, force: bool = False) -> None:
-    """Write a text file whole or not at all. LogError when it exists and `force` is not given."""
-    expect_absent(file, force=force)
-    filling = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
-        filling.write_text(text, encoding="utf-8")
-        filling.replace(file)
-    except OSError as problem:
-        raise LogError(file, f"cannot be written: {problem.strerror}; choose another place") from None
-    finally:
-        filling.unlink(missing_ok=True)
-
-
-def expect_absent(file: Path, *, force: bool) -> None:
-    """Raise LogError where a file to be written exists and may not be overwritten, or is a folder."""
-    if file.is_dir() or not file.name:
-        raise LogError(file, "found a folder, expected the name of a file to write")
-    if file.exists() and not force:
-        raise LogError(file, "exists already; write elsewhere, or replace it with --force")
+    write_whole(file, text.getvalue().encode(), force=force)
 
 
 def _rows(file: Path, table: csv.DictReader[str], metres: float) -> Iterator[_Row]:

@@ -80,7 +80,7 @@ def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
     the odometry saw of it. Movements in which the truth jumps (capture lost, or the robot carried) are left
     out, and counted with those that are too small, and with arcs.
     """
-    kinds, jumped = _kinds(drive.odometry, cutting), _jumps(drive, cutting)
+    kinds, jumped = _kinds(drive.odometry, cutting), jumps(drive, cutting)
     edges = np.flatnonzero(np.diff(kinds)) + 1
     turns, ways, left_out = [], [], 0
     for first, last in zip([0, *edges], [*edges, len(kinds)], strict=True):  # steps first to last - 1
@@ -117,7 +117,7 @@ def _kinds(odometry: F64, cutting: Cutting) -> NDArray[np.int64]:
     return np.where(np.maximum(way, arc) < cutting.still_m, STANDING, going).astype(np.int64)
 
 
-def _jumps(drive: AlignedDrive, cutting: Cutting) -> Bool:
+def jumps(drive: AlignedDrive, cutting: Cutting) -> Bool:
     """Tell the steps (n - 1,) in which the truth goes or turns further than the wheels ever could."""
     wheels, truth = (np.abs(np.diff(rows, axis=0)) for rows in (drive.odometry, drive.truth))
     most_m = cutting.jump * float(np.hypot(wheels[:, 0], wheels[:, 1]).max())

@@ -74,6 +74,9 @@ def warnings_of(fit: Calibration) -> list[str]:
     if fit.left_out:
         why = "too small, bent, several between two truths, or of doubtful truth"
         said.append(f"{fit.left_out} movements were left out: {why}")
+    errors = {"turn residuals": fit.turns.residual, "straight errors": fit.straights.error}
+    errors |= {f"drifts on {drift.floor}".removesuffix(" on "): drift.rate for drift in fit.drifts}
+    said += [_far_out(what, spread) for what, spread in errors.items() if _has_far_out(spread)]
     if fit.turns.one_sided:
         said.append("turns go mostly one way, so that gain and bias of turns cannot be told apart well")
     left, right = fit.turns.left_gain, fit.turns.right_gain
@@ -85,6 +88,16 @@ def warnings_of(fit: Calibration) -> list[str]:
     if not fit.drifts:
         said.append("no floor has two straights with a known heading error, so that no drift was fitted")
     return said
+
+
+def _has_far_out(spread: Spread) -> bool:
+    """Tell whether more values lie beyond 3 sd than chance puts there, 27 in 10,000 (one is no news)."""
+    return spread.beyond_3_sd > 1 + 0.0027 * spread.count
+
+
+def _far_out(what: str, spread: Spread) -> str:
+    number = f"{spread.beyond_3_sd} of {spread.count} {what}"
+    return f"{number} lie beyond 3 sd: slips, perhaps; they are not left out, and make the sd larger"
 
 
 def noise_table(floor: NoiseFloor, name: str) -> Table:

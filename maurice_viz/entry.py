@@ -6,19 +6,28 @@ import signal
 import sys
 from types import FrameType
 
+INTERRUPTED = 130  # what a shell says of a command ended by Ctrl-C ...
+TERMINATED = 143  # ... and by SIGTERM
+
 
 def main() -> None:
     """Run `maurice-replay`; exit status 130 after Ctrl-C and 143 after SIGTERM."""
+    asked: list[int] = []  # signals to end
     try:
         from .errors import Terminated
 
         def terminate(number: int, frame: FrameType | None) -> None:
+            asked.append(number)
             raise Terminated
 
         signal.signal(signal.SIGTERM, terminate)
         from .cli import app
 
         app()
-    except KeyboardInterrupt as stop:
+    except KeyboardInterrupt:
         sys.stderr.write("maurice-replay: stopped\n")
-        sys.exit(143 if type(stop).__name__ == "Terminated" else 130)
+        sys.exit(TERMINATED if asked else INTERRUPTED)
+    except SystemExit as end:  # typer takes whatever stops a command for Ctrl-C
+        if asked and end.code == INTERRUPTED:
+            sys.exit(TERMINATED)
+        raise

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_loaders.calibration_table import expect_absent
 from maurice_loaders.errors import LogError
+from maurice_loaders.whole_files import expect_absent, write_whole
 from maurice_mcl.calibrate_statistics import Spread
 from maurice_mcl.typing import F64
 
@@ -68,14 +68,7 @@ def save(made: Figure, file: Path, *, force: bool) -> None:
     data = io.BytesIO()
     FigureCanvasAgg(made)
     made.savefig(data, format="png", dpi=DPI, metadata={"Software": None})
-    part = file.with_name(f".{file.name}.part")
-    try:
-        part.write_bytes(data.getvalue())
-        part.replace(file)
-    except OSError as problem:
-        raise LogError(file, f"cannot be written: {problem.strerror}; choose another place") from None
-    finally:
-        part.unlink(missing_ok=True)
+    write_whole(file, data.getvalue(), force=force)
 
 
 def against_normal(axes: Axes, values: F64, spread: Spread, unit: str) -> None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_loaders.calibration_table import expect_absent
 from maurice_loaders.errors import LogError
+from maurice_loaders.whole_files import expect_absent
 from maurice_mcl.calibrate import Calibration, Trials
 from maurice_mcl.calibrate_statistics import Fitted, Spread
 from maurice_mcl.typing import F64

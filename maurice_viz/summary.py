@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
 from .look import Units
 from .replaying import RunResult
@@ -42,7 +43,7 @@ def _run_json(result: RunResult) -> dict[str, Any]:
 
 def to_table(results: Sequence[RunResult], units: Units, title: str) -> Table:
     """Give a table with a column a run, in the session's own units."""
-    table = Table(title=title, title_justify="left")
+    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
     table.add_column("")
     for result in results:
         table.add_column(result.label, justify="right")

@@ -250,10 +250,11 @@ def test_save_and_no_recording_exclude_each_other(small_session: Path, tmp_path:
     maurice(small_session, "--no-recording", "--save", "x.rrd", cwd=tmp_path, expect=2)
 
 
-def test_the_first_five_minutes_of_the_readme(tmp_path: Path) -> None:
+@pytest.mark.parametrize("section", ["Your first five minutes", "A robot of ours"])
+def test_the_commands_of_the_readme(section: str, tmp_path: Path) -> None:
     """Type its commands one after the other in one folder, as a newcomer does."""
     text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    block = text.split("## Your first five minutes")[1].split("```")[1]
+    block = text.split(f"## {section}")[1].split("```")[1]
     typed = [line.split("#")[0].split() for line in block.splitlines() if line.startswith("maurice-replay ")]
     assert len(typed) >= 4
     for words in typed:

@@ -8,18 +8,13 @@ from typing import Annotated
 
 import typer
 
-from maurice_loaders.calibration_session import trials_from_session
-from maurice_loaders.calibration_table import (
-    METRES,
-    expect_absent,
-    read_trials,
-    write_text_whole,
-    write_trials,
-)
+from maurice_loaders.calibration_session import mishaps, trials_from_session
+from maurice_loaders.calibration_table import METRES, read_trials, write_trials
 from maurice_loaders.covered_pictures import covered_pictures
 from maurice_loaders.errors import LogError
 from maurice_loaders.log_records import read_header
 from maurice_loaders.odometry_folder import is_odometry_folder, trials_from_folder
+from maurice_loaders.whole_files import expect_absent, write_whole
 from maurice_mcl.calibrate import Calibration, Trials
 from maurice_mcl.calibrate import calibrate as fit_trials
 from maurice_mcl.calibrate_noise import noise_floor
@@ -83,13 +78,13 @@ def motion(
         fit = _fitted(source, trials)
         toml = motion_toml(fit, source.name)
         if output is not None:
-            write_text_whole(output, toml, force=force)
+            write_whole(output, toml.encode(), force=force)
         if plots is not None:
             from ..plots_motion import Shown, draw_motion
 
             drawn = draw_motion(Shown(trials, fit, units), plots, force=force)
             note(f"{len(drawn)} figures written to {plots}")
-    for text in warnings_of(fit):
+    for text in (*_told(source), *warnings_of(fit)):
         note(f"note: {text}")
     if json_output:
         results.print_json(json.dumps(motion_json(fit)))
@@ -168,6 +163,14 @@ def _trials(source: Path, unit: str) -> tuple[Trials, Units]:
         return read_trials(source, unit), units_named("in" if unit == "in" else "m")
     trials = trials_from_session(source)
     return trials, units_named(read_header(source)[0].display_units)
+
+
+def _told(source: Path) -> list[str]:
+    """Say what a session log tells of slips and bumps, which are in the constants as well."""
+    if source.is_dir() or source.suffix.lower() == ".csv":
+        return []
+    found = [f"{count} of {word}" for word, count in mishaps(source).items() if count]
+    return [f"the log has events: {', '.join(found)}; these movements are not left out"] if found else []
 
 
 def _odometry_folder(folder: Path) -> Path:

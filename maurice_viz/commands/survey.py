@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.whole_files import expect_absent, write_whole
 
 from ..console import Advance, note, progress, results
 from .failing import one_line_errors
@@ -103,8 +103,7 @@ def _write_sheet(path: Path, world: World, seed: int, force: bool, advance: Adva
     from ..raster import jpeg, png
     from ..views_sheet import draw_sheet
 
-    if path.exists() and not force:
-        raise LogError(path, "exists already; write elsewhere, or replace it with --force")
+    expect_absent(path, force=force)
     poses, pictures = views(world, seed, VIEWS), []
     with one_thread():
         outing = survey_outing(world, seed)
@@ -112,6 +111,7 @@ def _write_sheet(path: Path, world: World, seed: int, force: bool, advance: Adva
             pictures.append(outing.take(number, pose))
             advance(number, len(poses), "views")
     scale = scale_for("in", world.arena)
-    path.parent.mkdir(parents=True, exist_ok=True)
     sheet = draw_sheet(pictures, poses, scale)
-    path.write_bytes(png(sheet) if path.suffix == ".png" else jpeg(sheet, SHEET_QUALITY))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    packed = png(sheet) if path.suffix == ".png" else jpeg(sheet, SHEET_QUALITY)
+    write_whole(path, packed, force=force)

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_datasets.finished import cached, fingerprint, is_whole, seal
+from maurice_datasets.finished import cached, copy_whole, fingerprint, is_whole, seal
 from maurice_datasets.world import Box, World
+from maurice_loaders.errors import LogError
 
 
 def test_a_sealed_folder_is_whole_until_anything_changes(tmp_path: Path) -> None:
@@ -18,6 +19,24 @@ def test_a_sealed_folder_is_whole_until_anything_changes(tmp_path: Path) -> None
     assert not is_whole(tmp_path, "other key")
     (tmp_path / "a").rename(tmp_path / "b")
     assert not is_whole(tmp_path, "key")
+
+
+def test_a_full_disk_is_one_short_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / "from" / "pictures").mkdir(parents=True, exist_ok=True)
+        (tmp_path / "from" / "pictures" / name).write_text(name)
+    seal(tmp_path / "from", "key")
+    copy_whole(tmp_path / "from", tmp_path / "to")
+    assert sorted(f.name for f in (tmp_path / "to").rglob("*")) == ["a", "b", "c", "pictures"]
+
+    def full(source: Path, target: Path) -> None:
+        raise OSError(28, "No space left on device", str(source))
+
+    monkeypatch.setattr("shutil.copyfile", full)
+    with pytest.raises(LogError) as caught:
+        copy_whole(tmp_path / "from", tmp_path / "full")
+    said = f"{tmp_path / 'full' / 'pictures' / 'a'}: cannot be written: No space left on device"
+    assert str(caught.value) == f"{said}; choose another place"
 
 
 def test_the_cache_makes_once_and_again_when_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

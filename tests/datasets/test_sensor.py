@@ -71,8 +71,8 @@ def test_corners_lose_the_share_that_is_named_and_the_middle_none() -> None:
 
 def test_exposures_differ_by_a_few_percent() -> None:
     gains = np.array([draw_exposure(np.random.default_rng(k)).gain for k in range(2000)])
-    assert gains.mean() == pytest.approx(1, abs=4 * 0.031 / np.sqrt(2000))
-    assert gains.mean(axis=1).std() == pytest.approx(0.031, rel=0.1)
+    assert gains.mean() == pytest.approx(1, abs=4 * 0.0513 / np.sqrt(2000))
+    assert gains.mean(axis=1).std() == pytest.approx(0.0513, rel=0.1)
     between = (gains / gains.mean(axis=1, keepdims=True)).std()
     assert 0.006 < between < 0.018
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from maurice_datasets import maurice, simulation
+from maurice_datasets.conditions import parse_lights
 from maurice_datasets.drive import KIDNAP_M
 from maurice_datasets.maurice import DemoPaths, write_simulation
 from maurice_datasets.recorded_path import read_recording
@@ -17,6 +18,7 @@ from maurice_datasets.simulation import Plan
 from maurice_datasets.survey import Surveyor
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.world import World, clearance
+from maurice_loaders.calibration_session import trials_from_session
 from maurice_loaders.errors import LogError
 from maurice_loaders.session_log import SessionLog
 
@@ -100,8 +102,6 @@ def test_a_kidnapping_is_in_the_truth_and_in_no_odometry(tmp_path: Path) -> None
 
 
 def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
-    from maurice_datasets.conditions import parse_lights
-
     plan = replace(SHORT, lights=parse_lights("dim:0.3@3"))
     log = SessionLog(write_simulation(tmp_path / "a", plan).session)
     moments = list(log.moments())
@@ -140,6 +140,24 @@ def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
     assert any("recorded" in text for text in log.info.notes)
 
 
+def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> None:
+    x = np.arange(60) * 0.04  # 1 cm a row more than it could jump
+    rows = np.stack([x, np.zeros(60), np.zeros(60)], axis=1)
+    np.savetxt(tmp_path / "odom_pose.txt", rows[:, :2])
+    np.savetxt(tmp_path / "odom_quaternion.txt", np.tile([0.0, 1.0], (60, 1)))
+    rows[40:, 1] += 1.0  # put down 1 m to the left
+    np.savetxt(tmp_path / "gt.txt", rows)
+    plan = replace(SHORT, updates=9, recording=tmp_path)
+    paths = write_simulation(tmp_path / "out", plan)
+    moments = list(SessionLog(paths.session).moments())
+    carried = [number for number, moment in enumerate(moments) if "kidnapped" in moment.events]
+    assert carried == [6]  # 0.24 m a leg: rows 36 to 42
+    assert any("jumps: 1 times" in note for note in SessionLog(paths.session).info.notes)
+    again = read_recording(paths.session, 9)
+    assert again.carried == 1
+    assert len(trials_from_session(paths.session).straights.actual_m) == len(moments) - 1
+
+
 def test_a_path_that_fits_nowhere_is_refused(tmp_path: Path) -> None:
     for name, columns in (("gt.txt", (0, 1, 2)), ("odom_pose.txt", (0, 1))):
         rows = np.stack([np.linspace(0, 90, 400), np.zeros(400), np.zeros(400)], axis=1)
@@ -172,6 +190,8 @@ def test_a_recording_without_movement_or_truth_is_refused(tmp_path: Path) -> Non
         {"updates": 0},
         {"task": TASKS["kidnapped"], "recording": Path("a")},
         {"kidnap_at": 3},
+        {"task": TASKS["kidnapped"], "updates": 1},
+        {"lights": parse_lights("dim@5")},
     ],
 )
 def test_a_plan_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from maurice_datasets.paints import read_image
 from maurice_datasets.world import World, clearance, floor_at, inside
 from maurice_datasets.world_file import load_world, shipped_worlds
 from maurice_loaders.errors import LogError
@@ -41,6 +42,13 @@ at = [3.5, 2.5]
 size = [0.4, 0.4]
 height = 0.3
 """
+
+
+ROOM = "rect = [0, 0, 2, 3]"
+
+
+def poster(wall: str, at: float, size: tuple[float, float]) -> str:
+    return f'[[poster]]\nroom = "a"\nwall = "{wall}"\nat = {at}\nsize = {list(size)}\n[[floor]]'
 
 
 def write(folder: Path, text: str = SMALL) -> Path:
@@ -117,6 +125,24 @@ def test_walls_of_the_map_are_outlines_without_doors_and_jambs(tmp_path: Path) -
         ('units = "m"', 'units = "m"\nstart = { pose = [3.5, 2.5, 0] }', "has furniture[0] (block) on it"),
         ('name = "b"', 'name = "a"', "same name"),
         ('style = "plain"', 'style = "fancy"', "room[0].style: found 'fancy'; there are plain"),
+        ("height = 2.5", "height = 1" + "0" * 400, "height: found a number without bound"),
+        ("height = 2.5", "height = inf", "height: found a number without bound"),
+        ("height = 2.5", "height = 1" + "0" * 5000, "is no valid TOML"),
+        ("height = 2.5", "height = " + 3000 * "[" + 3000 * "]", "is no valid TOML"),
+        ("[style.plain]", '[style.plain]\nhang = [["a"]]', "style.plain.hang: nothing called ['a'] can hang"),
+        ("[style.plain]", "[style.plain]\nhang = []", "expected a list of 1 to 64 values"),
+        ('name = "wood"', 'name = "wood"\npaint = { image = "mine.toml" }', "floor[0].paint.image: "),
+        (ROOM, f'{ROOM}\nwindows = [{{ wall = "east", at = 1.5 }}]', "looks into 'b' (room[1])"),
+        (ROOM, f'{ROOM}\nwindows = [{{ wall = "west", at = 9 }}]', "windows[0]: reaches beyond its wall"),
+        (
+            ROOM,
+            f'{ROOM}\nwindows = [{{ wall = "west", at = 1 }}, {{ wall = "west", at = 1.2 }}]',
+            "room[0].windows[1]: is where room[0].windows[0] is",
+        ),
+        ("[[floor]]", "[[door]]\nrect = [2, 1.5, 2.1, 2.5]\n[[floor]]", "door[1].rect: stands in door[0]"),
+        ("[[floor]]", poster("east", 1.5, (1, 1)), "poster[0]: hangs where a door is"),
+        ("[[floor]]", poster("north", 9, (1, 1)), "poster[0]: reaches beyond its wall"),
+        ("[[floor]]", poster("north", 1, (1, 3)), "poster[0]: reaches beyond its wall"),
         ("format = 1", "format = 2", "format: expected 1"),
         ("format = 1", "format = ", "is no valid TOML"),
         ('[[floor]]\nname = "wood"', "", "floor: found none"),
@@ -153,6 +179,31 @@ def test_an_image_is_painted_on_a_block_the_right_way_up(tmp_path: Path) -> None
     face = load_world(write(tmp_path, text), 0).furniture[0].faces[0]
     assert face.albedo[1, :, 0].min() > 0.8
     assert face.albedo[-2, :, 0].max() < 0.1
+
+
+def test_a_large_photograph_is_made_smaller_as_it_is_read(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "large.png"), np.full((3000, 1500, 3), 200, np.uint8))
+    assert read_image(tmp_path / "large.png").shape == (1024, 512, 3)
+
+
+def test_a_poster_takes_one_place_and_nothing_else_hangs_there(tmp_path: Path) -> None:
+    """Its place is drawn once: what is drawn for it keeps the rest of the wall's things away."""
+    cv2.imwrite(str(tmp_path / "red.png"), np.full((9, 9, 3), (0, 0, 255), np.uint8))
+    drawn = poster("west", 0, (0.5, 0.5)).replace("at = 0", "at = { from = 0.5, to = 2.5 }")
+    drawn = drawn.replace("[[floor]]", 'paint = { image = "red.png" }\n[[floor]]')
+    text = SMALL.replace("[[floor]]", drawn).replace("[style.plain]", "[style.plain]\nhang_every = 0.6")
+    places = set()
+    for seed in range(6):
+        faces = load_world(write(tmp_path, text), seed).shell
+        (red,) = [f for f in faces if f.albedo[1, 1, 0] > 0.8 and f.albedo[1, 1, 1:].max() < 0.1]
+        low, high = sorted((red.corner[1], red.corner[1] + red.across[1]))
+        places.add(round(float(low), 3))
+        for face in faces:
+            same_wall = abs(face.corner[0] - red.corner[0]) < 1e-6 and abs(face.across[0]) < 1e-6
+            if face is not red and same_wall and abs(face.across[1]) > 0.3:  # sockets may be anywhere
+                ends = sorted((face.corner[1], face.corner[1] + face.across[1]))
+                assert ends[1] <= low + 1e-6 or high - 1e-6 <= ends[0]
+    assert len(places) == 6
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.calibration_session import floor_between, trials_from_session
+from maurice_loaders.calibration_session import floor_between, mishaps, trials_from_session
 from maurice_loaders.errors import LogError
 from maurice_loaders.session_writer import SessionWriter
 from maurice_mcl.arena import Arena, Region
@@ -52,6 +52,43 @@ def test_nothing_is_joined_across_a_kidnapping(tmp_path: Path) -> None:
     trials = trials_from_session(path)
     assert len(trials.turns.actual_rad) == 0
     assert trials.straights.floors == ("carpet",)
+
+
+def test_arcs_are_left_out_and_counted(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        (0.0, "truth", (1, 1, 0)),
+        (1.0, "odometry", (0.3, 0.1, 0.7)),
+        (1.0, "truth", (1.3, 1.1, 0.7)),
+        (2.0, "odometry", (0.5, 0, 0.02)),
+        (2.0, "truth", (1.68, 1.42, 0.72)),
+    )
+    trials = trials_from_session(path)
+    assert trials.left_out == 1
+    assert len(trials.straights.actual_m) == 1
+    assert len(trials.turns.measured_rad) == 0
+
+
+def test_what_is_nearly_a_turn_is_one_and_what_is_nearly_straight_drifted(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        (0.0, "truth", (1, 1, 0)),
+        (1.0, "odometry", (0.02, 0.0, 1.2)),
+        (1.0, "truth", (1.02, 1, 0.9)),
+        (2.0, "odometry", (0.5, 0.01, 0.05)),
+        (2.0, "truth", (1.02, 1.5, 1.03)),
+    )
+    trials = trials_from_session(path)
+    assert trials.turns.measured_rad == pytest.approx([1.2])
+    assert trials.turns.actual_rad == pytest.approx([0.9])
+    assert trials.straights.actual_m == pytest.approx([0.5])
+    assert trials.straights.drift_rad == pytest.approx([0.13 - 0.05])
+
+
+def test_slips_and_bumps_are_counted(tmp_path: Path) -> None:
+    told = ("floor wood", "slip +18.3 deg", "bump", "slip -20.1 deg", "slippers found")
+    path = written(tmp_path, *((float(k), "event", text) for k, text in enumerate(told)))
+    assert mishaps(path) == {"slip": 2, "bump": 1}
 
 
 def test_floors_of_ways() -> None:

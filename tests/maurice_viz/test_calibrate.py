@@ -101,6 +101,35 @@ def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path: Path) -> 
     assert len(list((tmp_path / "figures").iterdir())) == 8
 
 
+def test_slips_are_told_of(tmp_path: Path) -> None:
+    rows = [f"turn,{m},{0.73 * m + e}" for m, e in zip(range(-155, 156, 10), 16 * [1, -1], strict=True)]
+    rows += ["turn,95,95", "turn,-95,-95"]  # two that slipped by 26 degrees
+    rows += [f"straight,{k},{k + 0.01 * (-1) ** k}" for k in range(1, 8)]
+    file = tmp_path / "slips.csv"
+    file.write_text("kind,measured,actual\n" + "\n".join(rows) + "\n")
+    notes = calibrate("motion", file).stderr
+    assert "2 of 34 turn residuals lie beyond 3 sd" in " ".join(notes.split())
+
+
+def test_events_of_a_session_s_log_are_told(tmp_path: Path) -> None:
+    log = tmp_path / "session.log"
+    with SessionWriter(log, SessionInfo("drive")) as writer:
+        writer.truth(0.0, [0, 0, 0])
+        x = turned = 0.0
+        for k in range(1, 7):
+            angle, x, turned = 0.5 + 0.1 * k, x, turned
+            writer.odometry(4.0 * k, [0, 0, angle])
+            turned += angle
+            writer.truth(4.0 * k, [x, 0, turned])
+            x += 0.5 + 0.01 * (k % 2)
+            writer.event(4.0 * k + 1, "slip +20.0 deg")
+            writer.odometry(4.0 * k + 2, [0.5, 0, 0])
+            writer.truth(4.0 * k + 2, [x, 0, turned])
+    assert "events: 6 of slip; these movements are not left out" in " ".join(
+        calibrate("motion", log).stderr.split()
+    )
+
+
 def test_a_missing_extra_is_one_line_with_the_command(
     table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

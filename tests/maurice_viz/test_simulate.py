@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -80,3 +81,24 @@ def test_ctrl_c_ends_the_live_robot_with_its_account(tmp_path: Path) -> None:
     assert robot.returncode == 130
     assert "readers: 1, lines left out for slow ones: 0" in said
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_being_stopped_half_way_leaves_no_folder(sent: signal.Signals, status: int, tmp_path: Path) -> None:
+    out = tmp_path / "here"
+    out.mkdir()
+    with subprocess.Popen(
+        command("tracking", "-o", str(out / "drive"), "--updates", "100000"),
+        stderr=subprocess.PIPE,
+        env=environment(tmp_path / "cache"),
+        text=True,
+    ) as going:
+        until = time.monotonic() + PATIENCE_S
+        while not list(out.glob(".drive-*.part")) and time.monotonic() < until:
+            time.sleep(0.02)
+        going.send_signal(sent)
+        said = going.communicate(timeout=PATIENCE_S)[1]
+    assert going.returncode == status, said
+    assert "Traceback" not in said
+    assert list(out.iterdir()) == []
+    assert not list((tmp_path / "cache").rglob("*.part"))
