@@ -3,8 +3,8 @@
 For each tier, arena seed = seed = 1, 2, 3, ...: position tracking of 120 updates in `two-rooms`. Retrieval by
 raw color (the thesis's distance): the rank of the reference nearest to the truth, the 5th and 95th percentile
 of all qualities, the gap from the best to the fifth, and how much better references in the same room are.
-Then the thesis's filter (sharpness 1, 2,000 particles) with color and blended, without a sensor, and with the
-references' poses shuffled, which must both do worse.
+Then the thesis's filter (the preset, 2,000 particles) with color and with edges blended in, without a sensor,
+and with the references' poses shuffled, which must both do worse.
 
 Run: make difficulty (a quarter of an hour for 20 drives a tier; it goes on where it stopped).
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -29,13 +29,16 @@ from maurice_loaders.folders import cache_root
 from maurice_loaders.library_store import open_library
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.arena import Arena
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.configuration import Layer, configure
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import Localizer, make_localizer, run
+from maurice_mcl.localizer import Localizer, run
 from maurice_mcl.metrics import Scorer
+from maurice_mcl.parameters import FilterParameters
+from maurice_mcl.presets import PRESETS
 from maurice_mcl.typing import F64, Bool
 
 INCH_M = 0.0254
-PARTICLES = 2000
 
 
 @dataclass(frozen=True)
@@ -70,10 +73,16 @@ def nearest_entry(localizer: Localizer, truth: F64) -> int:
     return int(localizer.reference.entries(local, library.origin)[0])
 
 
-def tracked(session: SessionLog, library: Library, feature: str, sharpness: float) -> tuple[float, bool]:
-    localizer = make_localizer(
-        library, session, feature=feature, sharpness=sharpness, particles=PARTICLES, seed=0
-    )
+def thesis_filter(channels: Sequence[str], sharpness: float) -> FilterParameters:
+    """Give the preset "thesis" with channels at equal weights; sharpness 0 makes it blind."""
+    own = {"sensor.weights": dict.fromkeys(channels, 1.0), "sensor.sharpness": sharpness}
+    return configure([Layer("thesis", PRESETS["thesis"]), Layer("here", own)]).parameters
+
+
+def tracked(
+    session: SessionLog, library: Library, channels: Sequence[str], sharpness: float = 1.0
+) -> tuple[float, bool]:
+    localizer = make_localizer(library, session, thesis_filter(channels, sharpness))
     scorer = Scorer()
     for moment, record in run(localizer, session, session.info.start):
         scorer.add(record.estimate, moment.truth, moment.frame.motions)
@@ -82,12 +91,12 @@ def tracked(session: SessionLog, library: Library, feature: str, sharpness: floa
 
 
 def retrieval(session: SessionLog, library: Library) -> dict[str, float]:
-    localizer = make_localizer(library, session, feature="color", sharpness=1.0, particles=10)
+    localizer = make_localizer(library, session, thesis_filter(["color"], 1.0))
     rooms = rooms_of(library.arena, library.poses[:, :2])
     rows = []
     for moment, record in run(localizer, session, session.info.start):
         assert moment.truth is not None
-        quality = record.sighting.quality.astype(np.float64)
+        quality = record.sighting.comparison.quality.astype(np.float64)
         entry = nearest_entry(localizer, moment.truth)
         best = np.sort(quality)[::-1]
         same: Bool = rooms == rooms_of(library.arena, moment.truth[None, :2])[0]
@@ -114,16 +123,16 @@ def measure(tier: str, seed: int) -> Result:
     assert session.info.survey is not None
     library = open_library(session.info.survey)
     order = np.random.default_rng(seed).permutation(library.size)
-    color, color_lost = tracked(session, library, "color", 1.0)
-    blended, blended_lost = tracked(session, library, "blended", 1.0)
+    color, color_lost = tracked(session, library, ["color"])
+    blended, blended_lost = tracked(session, library, ["color", "edges"])
     return Result(
         **retrieval(session, library),
         color=color,
         color_lost=color_lost,
         blended=blended,
         blended_lost=blended_lost,
-        no_sensor=tracked(session, library, "color", 0.0)[0],
-        shuffled=tracked(session, replace(library, poses=library.poses[order]), "color", 1.0)[0],
+        no_sensor=tracked(session, library, ["color"], 0.0)[0],
+        shuffled=tracked(session, replace(library, poses=library.poses[order]), ["color"])[0],
     )
 
 
@@ -132,7 +141,7 @@ def results(tier: str, drives: int, kept: Path) -> Iterator[Result]:
     lines = kept.read_text(encoding="utf-8").splitlines() if kept.exists() else []
     known = {entry["key"]: entry["result"] for entry in map(json.loads, lines)}
     for seed in range(1, drives + 1):
-        key = f"{GENERATOR} {tier} {seed}"
+        key = f"{GENERATOR} {tier} {seed} preset"
         if key not in known:
             known[key] = asdict(measure(tier, seed))
             with kept.open("a", encoding="utf-8") as file:

@@ -6,8 +6,7 @@ trust the ratios more than the nanoseconds.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import Any
 
@@ -15,23 +14,27 @@ import cv2
 import numpy as np
 
 from maurice_mcl.arena import Arena
+from maurice_mcl.assembly import make_localizer
 from maurice_mcl.belief import Belief, uniform_log_weights
 from maurice_mcl.channels import CHANNELS
+from maurice_mcl.distances import thesis
 from maurice_mcl.estimate import weighted_mean
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.localizer import Localizer, weigh
+from maurice_mcl.localizer import weigh
 from maurice_mcl.motion import Drift, MauriceMotion, MauriceParameters
+from maurice_mcl.parameters import of_feature
 from maurice_mcl.randomness import normals
 from maurice_mcl.resampling import systematic
 from maurice_mcl.selection import NearestReference, nearest_reference
-from maurice_mcl.sensor import FEATURES, SensorModel, SensorParameters, distance, particle_log_likelihood
-from maurice_mcl.session import Frame
+from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.session import Frame, Moment, SessionInfo
 
 PARTICLES = 5000
 ROUNDS = 400
 MOVEMENT = np.array([0.4, 0.0, 0.5])  # a turn, then a straight: both halves of the motion model
 SHARPNESS = 8.0
+THESIS = {"color": "thesis", "edges": "thesis"}
 
 
 def a_library(rng: np.random.Generator) -> tuple[Library, NearestReference]:
@@ -123,21 +126,22 @@ def filter_step() -> None:
     library, reference = a_library(rng)
     parameters = MauriceParameters(drift={"": Drift(0.01, 0.02)})
     motion = MauriceMotion(parameters, reference.grid)
-    sensor = SensorModel(library, reference, SensorParameters(FEATURES["color"], SHARPNESS))
+    sensor = SensorModel(
+        library, reference, SensorParameters({"color": 1.0}, SHARPNESS, "power", "sum", distances=THESIS)
+    )
     sample = library.index["color"].references[300]
     xy = (rng.random((PARTICLES, 2)) - 0.5) * (library.arena.size_m[0] * 0.3)
     poses = np.column_stack([xy, rng.random(PARTICLES) * 2 * np.pi - np.pi])
     belief = Belief(poses.astype(np.float32), uniform_log_weights(PARTICLES), library.origin)
-    sighting = sensor.sight({"color": sample}, belief.poses)
-    likelihood = np.exp(sighting.log_likelihood.astype(np.float64))
+    comparison = sensor.compare({"color": sample})
+    likelihood = np.exp(comparison.log_likelihood.astype(np.float64))
     naive = Naive(reference, parameters, library.origin)
     equal = np.full(PARTICLES, 1 / PARTICLES)
 
     def ours() -> object:
         moved = motion.move(belief.poses, belief.origin, MOVEMENT, normals(rng, PARTICLES))
-        seen = replace(sighting, entries=reference.entries(moved, belief.origin))
         predicted = Belief(moved, belief.log_weights, belief.origin)
-        weighted, _ = weigh(predicted, particle_log_likelihood(seen))
+        weighted, _ = weigh(predicted, reference.at(comparison.log_likelihood, moved, belief.origin))
         estimate = weighted_mean(weighted)
         parents = systematic(weighted.weights, PARTICLES, rng)
         return Belief(moved.take(parents, axis=0), uniform_log_weights(PARTICLES), belief.origin), estimate
@@ -149,18 +153,23 @@ def filter_step() -> None:
     print(f"  naive / ours = {took['naive'] / took['ours']:.2f}   (goal 2.5)")
 
 
+class _NoSession:
+    """A header and no drive."""
+
+    def __init__(self, info: SessionInfo) -> None:
+        self.info = info
+
+    def moments(self) -> Iterator[Moment]:
+        """Give nothing."""
+        return iter(())
+
+
 def whole_step(particles: int) -> None:
-    """Print how long `Localizer.step` takes by stage, with 624 entries, both channels and 176 x 144."""
+    """Print how long `Localizer.step` takes by stage, with 624 entries, color and edges, and 176 x 144."""
     rng = np.random.default_rng([2007, 2])
     library, reference = a_library(rng)
-    localizer = Localizer(
-        library=library,
-        reference=reference,
-        motion=MauriceMotion(MauriceParameters(), reference.grid),
-        sensor=SensorModel(library, reference, SensorParameters(FEATURES["blended"], SHARPNESS)),
-        resampler=systematic,
-        particles=particles,
-    )
+    session = _NoSession(SessionInfo("benchmark", motion={"model": "maurice"}))
+    localizer = make_localizer(library, session, of_feature("blended", particles), reference=reference)
     state = localizer.start(None)
     rows = []
     for step in range(1, 201):
@@ -186,7 +195,7 @@ def one_picture() -> None:
     def naive() -> object:
         return (np.maximum(np.abs(references - sample64) - floor, 0) / relevance).mean(axis=1)
 
-    took = interleaved({"ours": lambda: distance(sample, index), "naive": naive})
+    took = interleaved({"ours": lambda: thesis(sample, index), "naive": naive})
     ours, slow = took["ours"] * 1e3, took["naive"] * 1e3
     print(f"one picture against 624 entries: {ours:.3f} ms")
     print(f"  float64 broadcasting {slow:.3f} ms, naive / ours = {slow / ours:.1f}")

@@ -19,9 +19,10 @@ import numpy as np
 from maurice_datasets.maurice import demo_paths
 from maurice_loaders.library_build import build_library
 from maurice_loaders.session_log import SessionLog
+from maurice_mcl.assembly import make_localizer
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import make_localizer, run
-from maurice_mcl.sensor import FEATURES
+from maurice_mcl.localizer import run
+from maurice_mcl.parameters import of_feature
 from maurice_viz import blueprint, sinks
 from maurice_viz.look import scale_for
 from maurice_viz.observe import RerunObserver
@@ -31,13 +32,13 @@ STEPS = 100
 
 
 def measure(library: Library, session: SessionLog, feature: str, particles: int, path: Path) -> None:
-    localizer = make_localizer(library, session, feature=feature, particles=particles)
+    localizer = make_localizer(library, session, of_feature(feature, particles))
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
-    channels = tuple(FEATURES[feature])
+    distances = localizer.sensor.distances
     shown = blueprint.Shown(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = blueprint.for_runs([blueprint.Run(feature, channels)], shown)
+    layout = blueprint.for_runs([blueprint.Run(feature, tuple(distances))], shown)
     with sinks.to_file(path, feature, layout, force=True) as rec:
-        observer = RerunObserver(rec, feature, channels)
+        observer = RerunObserver(rec, feature, distances)
         observer.begin(session.info, library)
         for name in ("first pass", "second pass"):
             took = []

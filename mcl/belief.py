@@ -40,8 +40,8 @@ class Belief:
 
 
 def uniform_log_weights(n: int) -> F64:
-    """Give n equal normalized log-weights."""
-    return np.full(n, -np.log(n))
+    """Give n equal normalized log-weights; n may be 0."""
+    return np.full(n, -np.log(max(n, 1)))
 
 
 def normalize(log_weights: F64) -> tuple[F64, float]:

@@ -77,3 +77,32 @@ DISTANCES: Mapping[str, Distance] = {
     "chi2": chi2,
     "hellinger": hellinger,
 }
+
+
+def contributions(distance: str, sample: F32, reference: F32, index: ChannelIndex) -> F32:
+    """Give what each element (D,) adds to the distance of a sample from one reference, both (D,).
+
+    Their mean is the distance, or for "l2" and "hellinger" its square.
+    """
+    gap = np.abs(reference - sample)
+    over = np.maximum(gap - index.noise_floor, 0)
+    match distance:
+        case "thesis":
+            return _share(over, index.relevance)
+        case "relevance_only":
+            return _share(gap, index.relevance)
+        case "floor_only":
+            return np.asarray(over, np.float32)
+        case "l2":
+            return np.asarray(np.square(gap), np.float32)
+        case "chi2":
+            return _share(np.square(gap), reference + sample)
+        case "hellinger":
+            return np.asarray(np.square(np.sqrt(reference) - np.sqrt(sample)), np.float32)
+        case _:
+            return np.asarray(gap, np.float32)
+
+
+def _share(part: F32, whole: F32) -> F32:
+    """Divide, with nothing where there is no whole."""
+    return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 0), np.float32)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from .belief import Belief
-from .geometry import INCH_M, circular_mean
+from .geometry import INCH_M, circular_mean, wrap
 from .records import Estimate
 from .typing import F64, Bool
 
@@ -20,6 +20,7 @@ MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over
 SETTLED_M = 0.001  # a mean that shifts by less has arrived
 MOST_SHIFTS = 30  # a cloud spread evenly has no mode to arrive at
 
+Modes: TypeAlias = tuple[Estimate, ...]
 Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
 
 
@@ -38,6 +39,58 @@ def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
     x, y = _columns(belief)
     mode = _shift(_amid_most(x, y, weights), x, y, weights)
     return _stand_for(belief, weights, weights * _near(x, y, mode, CLUSTER_M))
+
+
+def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
+    """Stand by the one particle with most weight, the first of equals; its spread is zero.
+
+    Where particles were just resampled all weigh alike, and this says little. `injected` as elsewhere.
+    """
+    weights = _counted(belief, injected)
+    held = np.zeros_like(weights)
+    best = int(weights.argmax())
+    held[best] = weights[best]
+    return _stand_for(belief, weights, held)
+
+
+def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least: float = 0.01) -> Modes:
+    """Give the clusters, heaviest first: the heaviest one, then the heaviest of what it left, and so on.
+
+    Each holds what lies within 24 in of its mode and in no cluster before it, so that masses add up to no
+    more than one. At most so many, each of at least so large a share of the weight.
+    """
+    weights = _counted(belief, injected)
+    x, y = _columns(belief)
+    left, found = weights, list[Estimate]()
+    while len(found) < most and float(left.sum()) >= least:
+        mode = _shift(_amid_most(x, y, left), x, y, left)
+        held = left * _near(x, y, mode, CLUSTER_M)
+        if float(held.sum()) < least:
+            break
+        found.append(_stand_for(belief, weights, held))
+        left = np.asarray(np.where(held > 0, 0, left))
+    return tuple(sorted(found, key=lambda estimate: -estimate.mass))
+
+
+def covariance(belief: Belief, injected: Bool | None = None) -> F64:
+    """Give the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means.
+
+    Headings count by the way round from the mean, in [-pi, pi), so that the seam does no harm.
+    """
+    weights = _counted(belief, injected)
+    x, y = _columns(belief)
+    middle, _ = circular_mean(belief.poses[:, 2], weights)
+    turn = wrap(belief.poses[:, 2].astype(np.float64) - middle)
+    off = np.stack([x - weights @ x, y - weights @ y, turn])
+    return np.asarray((off * weights) @ off.T)
+
+
+def share_within(belief: Belief, pose: F64, radius_m: float, injected: Bool | None = None) -> float:
+    """Give the share of weight within a radius of a pose's place, in the map's frame, its rim included."""
+    weights = _counted(belief, injected)
+    x, y = _columns(belief)
+    center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
+    return float(weights @ _near(x, y, center, radius_m))
 
 
 def _counted(belief: Belief, injected: Bool | None) -> F64:

@@ -8,30 +8,33 @@ record of everything that happened. Truth is no part of a frame, so it cannot ge
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
-from .belief import Belief, effective_sample_size, normalize, uniform_log_weights
+from .belief import Belief, effective_sample_size, normalize
 from .estimate import heaviest_cluster, weighted_mean
+from .evidence import log_mean_likelihood
 from .library import Library
-from .motion import MotionModel, motion_model
-from .policies import ResamplePolicy, always
+from .motion import MotionModel
 from .randomness import Domain, Purpose, normals, stream
 from .records import FilterState, StepRecord
-from .resampling import RESAMPLERS, Resampler
-from .selection import NearestReference, nearest_reference
-from .sensor import DEFAULT_SHARPNESS, FEATURES, SensorModel, SensorParameters, particle_log_likelihood
+from .renewal import Renewal, Renewed
+from .selection import NearestReference
+from .sensor import SensorModel
 from .session import Frame, Moment, Session
 from .start import anywhere, at_pose
-from .typing import F32, F64, I32
+from .tails import TailParameters, widened
+from .typing import F32, F64
 
 RESAMPLED = "resampled"
+RESEEDED = "reseeded"
+EXPANDED = "expanded"
 ALL_ZERO = "all weights zero"
+NO_TAIL = TailParameters()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +45,8 @@ class Localizer:
     reference: NearestReference
     motion: MotionModel
     sensor: SensorModel
-    resampler: Resampler
-    resample_when: ResamplePolicy = always
+    renewal: Renewal
+    tail: TailParameters = NO_TAIL
     particles: int = 2000
     seed: int = 0
 
@@ -60,15 +63,29 @@ class Localizer:
         with _timed(took, "predict"):
             predicted = self._predict(state.belief, frame)
         with _timed(took, "measure"):
-            descriptors = self.sensor.measure(frame.image)
-            sighting = self.sensor.sight(descriptors, predicted.poses)
+            comparison = self.sensor.compare(self.sensor.measure(frame.image))
+            predicted, correction = self.renewal.mix_in(
+                predicted, comparison, self._rng(frame.step, Purpose.DUAL)
+            )
+            sighting = self.sensor.at(comparison, predicted.poses)
         with _timed(took, "weight"):
-            weighted, log_evidence = weigh(predicted, particle_log_likelihood(sighting))
+            weighted, log_evidence = weigh(predicted, sighting.particles, correction)
+            prior = _corrected(predicted, correction)
+            evidence = log_mean_likelihood(comparison.cost[None], prior, sighting.entries)
+            by_channel = log_mean_likelihood(comparison.channel_cost, prior, sighting.entries)
         with _timed(took, "estimate"):
-            estimate = heaviest_cluster(weighted, state.injected)
-            mean = weighted_mean(weighted, state.injected)
+            fresh = state.injected if correction is None else None
+            estimate = heaviest_cluster(weighted, fresh)
+            mean = weighted_mean(weighted, fresh)
         with _timed(took, "resample"):
-            belief, parents = self._resample(weighted, frame.step)
+            renewed = self.renewal.renew(
+                weighted,
+                comparison,
+                float(evidence[0]),
+                state.memory,
+                frame.step,
+                lambda purpose: self._rng(frame.step, purpose),
+            )
         record = StepRecord(
             frame=frame,
             predicted=predicted,
@@ -78,47 +95,60 @@ class Localizer:
             mean=mean,
             effective_sample_size=effective_sample_size(weighted.log_weights),
             log_evidence=log_evidence,
-            parents=parents,
-            injected=None,
-            belief=belief,
-            events=_events(log_evidence, parents),
+            calibrated_evidence=float(evidence[0]),
+            channel_evidence=by_channel,
+            parents=renewed.parents,
+            injected=renewed.injected,
+            belief=renewed.belief,
+            events=_events(log_evidence, renewed),
             took_s=took,
         )
-        return FilterState(frame.step, belief), record
+        return FilterState(frame.step, renewed.belief, renewed.injected, renewed.memory), record
+
+    def _rng(self, step: int, purpose: int) -> np.random.Generator:
+        return stream(Domain.FILTER, self.seed, step, purpose)
 
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
-        rng = stream(Domain.FILTER, self.seed, frame.step, Purpose.MOTION)
         poses: F32 = belief.poses
         # a generator a movement, so that a larger N keeps a smaller one's draws in all of them
-        for motion, own in zip(frame.motions, rng.spawn(len(frame.motions)), strict=True):
-            poses = self.motion.move(poses, belief.origin, motion, normals(own, belief.size))
+        count = len(frame.motions)
+        usual = self._rng(frame.step, Purpose.MOTION).spawn(count)
+        slips = self._rng(frame.step, Purpose.SLIP).spawn(count)
+        for motion, own, slip in zip(frame.motions, usual, slips, strict=True):
+            noise = widened(normals(own, belief.size), self.tail, slip)
+            poses = self.motion.move(poses, belief.origin, motion, noise)
         return Belief(poses, belief.log_weights, belief.origin)
 
-    def _resample(self, weighted: Belief, step: int) -> tuple[Belief, I32 | None]:
-        if not self.resample_when(weighted):
-            return weighted, None
-        rng = stream(Domain.FILTER, self.seed, step, Purpose.RESAMPLE)
-        parents = self.resampler(weighted.weights, weighted.size, rng)
-        copies = weighted.poses.take(parents, axis=0)
-        return Belief(copies, uniform_log_weights(len(parents)), weighted.origin), parents
 
-
-def weigh(predicted: Belief, log_likelihood: F32) -> tuple[Belief, float]:
+def weigh(predicted: Belief, log_likelihood: F32, correction: F64 | None = None) -> tuple[Belief, float]:
     """Multiply likelihoods (N,) into the weights; give the new belief and log p(o_t | past).
 
+    `correction` (N,) is the log of predicted over proposal density where particles were drawn otherwise.
     When every weight would be zero (all particles with any weight are outside free space) the picture is
     taken as uninformative: the prior weights stay, and the evidence is -inf, which the step reports as the
     event "all weights zero".
     """
-    posterior, log_evidence = normalize(predicted.log_weights + log_likelihood)
+    posterior, log_evidence = normalize(_corrected(predicted, correction).log_weights + log_likelihood)
     if not np.isfinite(log_evidence):
         return predicted, -np.inf
     return Belief(predicted.poses, posterior, predicted.origin), log_evidence
 
 
-def _events(log_evidence: float, parents: I32 | None) -> tuple[str, ...]:
-    zero = () if np.isfinite(log_evidence) else (ALL_ZERO,)
-    return zero if parents is None else (*zero, RESAMPLED)
+def _corrected(predicted: Belief, correction: F64 | None) -> Belief:
+    """Weigh particles that were drawn otherwise as if they had been predicted; sums to one on average."""
+    if correction is None:
+        return predicted
+    return Belief(predicted.poses, predicted.log_weights + correction, predicted.origin)
+
+
+def _events(log_evidence: float, renewed: Renewed) -> tuple[str, ...]:
+    happened = {
+        ALL_ZERO: not np.isfinite(log_evidence),
+        RESAMPLED: renewed.parents is not None,
+        RESEEDED: renewed.injected is not None,
+        EXPANDED: renewed.expanded,
+    }
+    return tuple(event for event, true in happened.items() if true)
 
 
 @contextmanager
@@ -126,39 +156,6 @@ def _timed(took: dict[str, float], stage: str) -> Iterator[None]:
     began = perf_counter()
     yield
     took[stage] = perf_counter() - began
-
-
-def make_localizer(
-    library: Library,
-    session: Session,
-    *,
-    reference: NearestReference | None = None,
-    feature: str = "blended",
-    particles: int = 2000,
-    seed: int = 0,
-    resampler: str = "systematic",
-    sharpness: float = DEFAULT_SHARPNESS,
-    motion: Mapping[str, Any] | None = None,
-) -> Localizer:
-    """Put together the localizer for a session from names; the robot's own motion model is used.
-
-    `motion` holds motion parameters, named as in a header, that take the place of the session's own.
-
-    `reference`, the library's tables, can be shared among localizers: they take a while to build.
-
-    Raises KeyError for an unknown feature or resampler, ValueError for bad motion parameters.
-    """
-    reference = reference or nearest_reference(library.poses, library.arena)
-    parameters = SensorParameters(FEATURES[feature], sharpness)
-    return Localizer(
-        library=library,
-        reference=reference,
-        motion=motion_model(motion or session.info.motion, reference.grid),
-        sensor=SensorModel(library, reference, parameters),
-        resampler=RESAMPLERS[resampler],
-        particles=particles,
-        seed=seed,
-    )
 
 
 def run(localizer: Localizer, session: Session, start: F64 | None) -> Iterator[tuple[Moment, StepRecord]]:

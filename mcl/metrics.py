@@ -12,6 +12,7 @@ import numpy as np
 
 from .geometry import INCH_M, angle_between
 from .records import Estimate
+from .success import Success
 from .typing import F64, Bool
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are left to settle
@@ -73,6 +74,7 @@ class RunScore:
     reached: bool | None  # drove 1000 true inches without being lost
     wrong_confident_share: float | None
     right_at_end: bool | None = None  # correct in at least 7 of the last 10 updates
+    success: tuple[Success, ...] = ()  # the thesis's own two readings, where they were judged
 
 
 @dataclass(slots=True)

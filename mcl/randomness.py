@@ -26,6 +26,9 @@ class Purpose(IntEnum):
     MOTION = 2
     RESAMPLE = 3
     INJECT = 4
+    DUAL = 5
+    ROUGHEN = 6
+    SLIP = 7
 
 
 def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random.Generator:

@@ -9,25 +9,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .belief import Belief
+from .memory import NOTHING, Memory
 from .session import Frame
 from .typing import F32, F64, I32, Bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
-    """Everything the sensor model thought of one picture.
+class Comparison:
+    """What the sensor model thinks of one picture, reference by reference.
 
-    `distances` are absolute (mean over channels and bins, about 0 to 1) and can be compared between
-    pictures; `channel_quality` and `quality` are relative to the worst entry for this very picture.
+    `distances` and costs are absolute and can be compared between pictures; `channel_quality` and `quality`
+    are relative to the worst entry for this very picture (unless the quality is an absolute one).
     """
 
     channels: tuple[str, ...]  # the C channel names, in the order of the rows below
     descriptors: Mapping[str, F32]  # channel -> (D,) what was measured in the picture
     distances: F32  # (C, L) absolute distance D of every entry
-    channel_quality: F32  # (C, L) 1 - D/D_max of each channel alone
+    channel_quality: F32  # (C, L) quality of each channel alone
     quality: F32  # (L,) blended quality in [0, 1]
-    log_likelihood: F32  # (L,) of every entry; finite, as the quality is floored
-    entries: I32  # (N,) the entry each particle is compared with; -1 outside free space
+    channel_cost: F32  # (C, L) distances over their calibrated scales: nats
+    cost: F32  # (L,) weighted sum of them, >= 0: what reseeding and people compare between pictures
+    log_likelihood: F32  # (L,) of every entry; finite
 
     def best(self, count: int) -> I32:
         """Entry numbers of the best few (count,), best first; all L of them when there are fewer."""
@@ -40,6 +42,15 @@ class Sighting:
     def ranking(self) -> I32:
         """Entry numbers (L,), best quality first; ties keep the library's order."""
         return (-self.quality).argsort(kind="stable").astype("int32")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """What a comparison means for each of the N particles."""
+
+    comparison: Comparison
+    entries: I32  # (N,) the nearest entry of each particle; -1 outside free space
+    particles: F32  # (N,) log-likelihood of each particle; -inf outside free space
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,8 +77,10 @@ class StepRecord:
     mean: Estimate  # weighted mean of all of `weighted`
     effective_sample_size: float  # of `weighted`, in particles
     log_evidence: float  # log p(o_t | past): log of the mean likelihood; -inf when every particle was outside
-    parents: I32 | None  # (N',) which weighted particle each new one copies; None: not resampled
-    injected: Bool | None  # (N',) freshly injected particles of `belief`; None: no reseeding
+    calibrated_evidence: float  # the same of exp(-cost), whatever the likelihood in force: compares runs
+    channel_evidence: F64  # (C,) the same of each channel alone
+    parents: I32 | None  # (N',) which weighted particle each new one copies, -1: fresh; None: not resampled
+    injected: Bool | None  # (N',) freshly injected particles of `belief`; None: none
     belief: Belief  # what the next step starts from
     events: tuple[str, ...]  # what the filter noticed: "resampled", "all weights zero"
     took_s: Mapping[str, float]  # seconds a stage; not part of what must repeat
@@ -80,3 +93,4 @@ class FilterState:
     step: int  # of the last frame taken in; 0 before the first
     belief: Belief
     injected: Bool | None = None  # (N,) which particles of `belief` were freshly injected
+    memory: Memory = NOTHING  # of the reseeding strategy

@@ -33,6 +33,26 @@ def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
     return np.repeat(np.arange(len(weights), dtype=np.int32), copies)
 
 
+def stratified(weights: F64, n: int, rng: np.random.Generator) -> I32:
+    """One draw in each of n even stretches (Kitagawa 1996): between multinomial and systematic."""
+    cumulative, last = _cumulative(weights)
+    points = (np.arange(n) + rng.random(n)) / n
+    return np.asarray(np.minimum(cumulative.searchsorted(points, side="right"), last), np.int32)
+
+
+def residual(weights: F64, n: int, rng: np.random.Generator) -> I32:
+    """Copy the whole part of n * w first, then draw the rest from what is left (Liu and Chen 1998)."""
+    share = weights * (n / weights.sum(dtype=np.float64))
+    whole = np.floor(share).astype(np.int32)
+    missing = n - int(whole.sum())
+    left = share - whole
+    if missing > 0 and left.sum() > 0:
+        whole += np.bincount(multinomial(left, missing, rng), minlength=len(weights)).astype(np.int32)
+    elif missing:  # rounding alone left some over, or took one too many
+        whole[int(weights.argmax())] += missing
+    return np.repeat(np.arange(len(weights), dtype=np.int32), whole)
+
+
 def _cumulative(weights: F64) -> tuple[F64, int]:
     """Running sums (N,) that end at exactly 1, and the last particle with any weight.
 
@@ -43,4 +63,9 @@ def _cumulative(weights: F64) -> tuple[F64, int]:
     return cumulative, int(cumulative.searchsorted(1.0))
 
 
-RESAMPLERS: Mapping[str, Resampler] = {"multinomial": multinomial, "systematic": systematic}
+RESAMPLERS: Mapping[str, Resampler] = {
+    "multinomial": multinomial,
+    "systematic": systematic,
+    "stratified": stratified,
+    "residual": residual,
+}

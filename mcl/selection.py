@@ -6,6 +6,7 @@ The thesis's rule: the nearest position first, then the nearest heading there; n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,23 @@ from .typing import F32, F64, I32, Bool
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
 SAME_PLACE_M = 0.001
 NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn, before walking there instead
+
+
+class Selection(Protocol):
+    """Brings what is known of entries to particles."""
+
+    @property
+    def grid(self) -> Grid:
+        """The raster of free space."""
+        ...
+
+    def entries(self, poses: F32, origin: F64) -> I32:
+        """Give the nearest entry (N,) of each pose (N, 3) relative to `origin`; -1 outside free space."""
+        ...
+
+    def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
+        """Give the log-likelihood (N,) at each pose from that of each entry (L,); -inf outside."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +57,15 @@ class NearestReference:
         turn = (poses[:, 2] + np.float32(np.pi)) * np.float32(HEADING_BINS / (2 * np.pi))
         heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
         return self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
+
+    def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
+        """Give each pose (N, 3) its nearest entry's log-likelihood (N,): all in a cell share one weight."""
+        return of_entries(log_likelihood, self.entries(poses, origin))
+
+
+def of_entries(log_likelihood: F32, entries: I32) -> F32:
+    """Index a log-likelihood (L,) by entries (N,); -inf for the entry -1."""
+    return np.append(log_likelihood, np.float32(-np.inf))[entries]  # entry -1, outside, is the table's last
 
 
 def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
@@ -81,12 +108,12 @@ def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64)
     place = np.full(len(points), -1, np.int32)
     for choice in choices.T:
         left = np.flatnonzero(place < 0)
-        seen = left[~_crosses(points[left], places[choice[left]], walls)]
+        seen = left[~crosses(points[left], places[choice[left]], walls)]
         place[seen] = choice[seen]
     return place
 
 
-def _crosses(start: F64, end: F64, walls: F64) -> Bool:
+def crosses(start: F64, end: F64, walls: F64) -> Bool:
     """Tell which of the segments start (N, 2) to end (N, 2) any wall (W, 4) cuts through."""
     hit = np.zeros(len(start), bool)
     for x1, y1, x2, y2 in walls:

@@ -1,125 +1,98 @@
 """The sensor model: from a picture to the likelihood of every library entry, and so of every particle.
 
-Distance, quality, blend and likelihood are parts of their own, because how a distance becomes a weight
-decides more than which feature is measured. Nothing here depends on the particles but the last step,
-an index: the cost of comparing does not grow with their number.
+Distance, blend, quality and likelihood are parts of their own, chosen by name, because how a distance
+becomes a weight decides more than which feature is measured. Nothing here depends on the particles but the
+last step: the cost of comparing does not grow with their number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from .blending import BLENDS, QUALITIES
 from .channels import CHANNELS
-from .library import ChannelIndex, Library
-from .records import Sighting
-from .selection import NearestReference
-from .typing import F32, F64, U8
-
-# Chosen on fitting drives by log score; docs/results.md has the curve.
-DEFAULT_SHARPNESS = 16.0
-# Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out for ever.
-LEAST_QUALITY = 1e-3
-# A spread over the library that is smaller than this share of the distance itself is rounding.
-LEAST_SPREAD = 1e-5
+from .distances import DISTANCES
+from .features import SCALES
+from .library import Library
+from .likelihoods import LIKELIHOODS
+from .records import Comparison, Sighting
+from .selection import Selection
+from .typing import F32, U8
 
 
 @dataclass(frozen=True, slots=True)
 class SensorParameters:
-    """What is compared, and how sharply."""
+    """What is compared, how, and how sharply. Names are keys of the registry beside each field."""
 
     weights: Mapping[str, float]  # channel name to its share in the blend; one channel: {"color": 1.0}
-    sharpness: float = DEFAULT_SHARPNESS  # likelihood = quality ** sharpness; 1 is the thesis's
+    sharpness: float = 1.0  # multiplies the log-likelihood; 0 makes the sensor blind
+    likelihood: str = "exponential"  # LIKELIHOODS
+    blend: str = "calibrated"  # BLENDS
+    quality: str = "relative"  # QUALITIES
+    distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
+    scales: Mapping[str, float] = field(
+        default_factory=dict
+    )  # channel to the distance of one nat; others: SCALES
 
+    def distance_of(self, channel: str) -> str:
+        """Name the distance that a channel is compared by."""
+        return self.distances.get(channel, CHANNELS[channel].distance)
 
-FEATURES: Mapping[str, Mapping[str, float]] = {
-    "color": {"color": 1.0},
-    "edges": {"edges": 1.0},
-    "blended": {"color": 0.5, "edges": 0.5},  # equal shares, as no others are known of the thesis
-}
-
-
-def distance(sample: F32, index: ChannelIndex) -> F32:
-    """Give the thesis's distance D (L,) of a sample (D,) from every entry, as the mean over all bins.
-
-    Every bin contributes max(|s - r| - n, 0) / m with noise floor n and relevance m (thesis 3.3; the sum
-    that it prints is D times the number of bins). Bins that are empty all over the library count nothing.
-    """
-    relevant = index.relevance > 0
-    inverse = np.zeros_like(index.relevance)
-    inverse[relevant] = 1 / index.relevance[relevant]
-    apart = np.abs(index.references - sample)
-    apart -= index.noise_floor
-    np.maximum(apart, 0, out=apart)
-    return np.asarray(apart @ (inverse / np.float32(len(sample))), np.float32)
-
-
-def contributions(sample: F32, reference: F32, index: ChannelIndex) -> F32:
-    """Give what each bin (D,) adds to the distance between a sample and one reference, both (D,)."""
-    relevant = index.relevance > 0
-    apart = np.maximum(np.abs(reference - sample) - index.noise_floor, 0)
-    share = np.where(relevant, apart / np.where(relevant, index.relevance, 1), 0)
-    return np.asarray(share / len(sample), np.float32)
-
-
-def quality(distances: F32) -> F32:
-    """Give 1 - D/D_max (L,): 1 is a perfect match, 0 the worst entry for this picture; 1 if all are 0."""
-    worst = distances.max()
-    if worst <= 0:
-        return np.ones_like(distances)
-    return np.asarray(1 - distances / worst, np.float32)
-
-
-def blend(distances: F32, weights: F64) -> F32:
-    """Bring each channel's distances (C, L) to the same spread over the library, then add them up (L,).
-
-    Each channel is divided by its standard deviation over the library and multiplied by its weight (C,).
-    A channel that tells no entry from another (no spread but rounding) has no say.
-    """
-    spread = distances.std(axis=1, dtype=np.float64)
-    tells = spread > LEAST_SPREAD * distances.max(axis=1)
-    scale = np.divide(weights, spread, out=np.zeros_like(weights), where=tells)
-    return np.asarray(scale @ distances, np.float32)
-
-
-def log_likelihood(quality: F32, sharpness: float) -> F32:
-    """Give log(quality ** sharpness) (L,), with qualities under 0.001 counted as 0.001: always finite."""
-    floored = np.maximum(quality, np.float32(LEAST_QUALITY))
-    return np.asarray(np.float32(sharpness) * np.log(floored), np.float32)
+    def scale_of(self, channel: str) -> float:
+        """Give the distance that costs one nat of log-likelihood at weight 1 and sharpness 1."""
+        if channel in self.scales:
+            return self.scales[channel]
+        return SCALES.get((channel, self.distance_of(channel)), 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorModel:
-    """Looks at a picture and weighs particles by the entry that each is compared with."""
+    """Looks at a picture and weighs particles by the entries that each is compared with."""
 
     library: Library
-    reference: NearestReference
+    selection: Selection
     parameters: SensorParameters
+
+    @property
+    def distances(self) -> dict[str, str]:
+        """Name the distance of each channel in use, in order."""
+        return {name: self.parameters.distance_of(name) for name in self.parameters.weights}
 
     def measure(self, image: U8) -> dict[str, F32]:
         """Give what every channel in use measures in a picture (H, W, 3) RGB: channel to (D,)."""
         return {name: CHANNELS[name].describe(image) for name in self.parameters.weights}
 
-    def sight(self, descriptors: Mapping[str, F32], poses: F32) -> Sighting:
-        """Compare with all L entries; say which of them each of the poses (N, 3) is compared with."""
-        names = tuple(self.parameters.weights)
-        distances = np.stack([distance(descriptors[name], self.library.index[name]) for name in names])
-        weights = np.array([self.parameters.weights[name] for name in names])
-        blended = quality(blend(distances, weights))
-        return Sighting(
+    def compare(self, descriptors: Mapping[str, F32]) -> Comparison:
+        """Compare with all L entries; nothing here depends on any particle."""
+        p, names = self.parameters, tuple(self.parameters.weights)
+        distances = np.stack([self._distance(name, descriptors[name]) for name in names])
+        weights = np.array([p.weights[name] for name in names])
+        scales = np.array([p.scale_of(name) for name in names])
+        quality = QUALITIES[p.quality]
+        blended = BLENDS[p.blend](distances, weights, scales, quality)
+        channel_cost = np.asarray(distances / scales[:, None], np.float32)
+        return Comparison(
             channels=names,
             descriptors=descriptors,
             distances=distances,
-            channel_quality=np.stack([quality(row) for row in distances]),
-            quality=blended,
-            log_likelihood=log_likelihood(blended, self.parameters.sharpness),
-            entries=self.reference.entries(poses, self.library.origin),
+            channel_quality=quality(distances),
+            quality=blended.quality,
+            channel_cost=channel_cost,
+            cost=np.asarray(weights @ channel_cost, np.float32),
+            log_likelihood=LIKELIHOODS[p.likelihood](blended, p.sharpness),
         )
 
+    def at(self, comparison: Comparison, poses: F32) -> Sighting:
+        """Say what a comparison means for each of the poses (N, 3)."""
+        origin = self.library.origin
+        return Sighting(
+            comparison=comparison,
+            entries=self.selection.entries(poses, origin),
+            particles=self.selection.at(comparison.log_likelihood, poses, origin),
+        )
 
-def particle_log_likelihood(sighting: Sighting) -> F32:
-    """Give the log-likelihood (N,) of every particle: that of its entry; -inf outside free space."""
-    # entry -1, outside, is the last of the table
-    return np.append(sighting.log_likelihood, np.float32(-np.inf))[sighting.entries]
+    def _distance(self, channel: str, sample: F32) -> F32:
+        return DISTANCES[self.parameters.distance_of(channel)](sample, self.library.index[channel])

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from .channel import Channel
-from .color import Color
-from .edges import Edges
+from .registry import BROKEN, CHANNELS, OUR_NAMES, describe, load_channels
 
-CHANNELS: Mapping[str, Channel] = {channel.name: channel for channel in (Color(), Edges())}
-
-__all__ = ["CHANNELS", "Channel"]
+__all__ = ["BROKEN", "CHANNELS", "OUR_NAMES", "Channel", "describe", "load_channels"]

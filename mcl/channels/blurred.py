@@ -19,7 +19,8 @@ class Blurred:
     """Color without the sensor's noise; what is small in the picture goes with it. About 0.3 ms."""
 
     name: str = "blurred"
-    distance: str = "thesis"
+    distance: str = "hellinger"
+    unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Give the camera histogram (84,) of a picture (H, W, 3) RGB after a Gaussian blur."""

@@ -20,6 +20,11 @@ class Channel(Protocol):
         """Name of the distance that suits it best, see maurice_mcl.distances; a user may choose another."""
         ...
 
+    @property
+    def unit(self) -> str:
+        """Say in a word or two what the vector's elements are, for the titles of charts."""
+        ...
+
     def describe(self, image: U8) -> F32:
         """Measure a picture (H, W, 3) RGB; gives (D,) float32, every element finite and >= 0.
 

@@ -42,6 +42,7 @@ class Chromaticity:
 
     name: str = "chromaticity"
     distance: str = "hellinger"
+    unit: str = "share"
 
     def describe(self, image: U8) -> F32:
         """Give a histogram (256,) over r and g that sums to one; pixels count by the root of brightness."""

@@ -23,6 +23,7 @@ class ColorGrid:
 
     name: str = "color_grid"
     distance: str = "l1"
+    unit: str = "share"
 
     def describe(self, image: U8) -> F32:
         """Give (288,) shares of all pixels: 12 parts row by row, in each 8 bins of R, G, B over 16 to 240."""

@@ -25,6 +25,7 @@ class ColorLayout:
 
     name: str = "color_layout"
     distance: str = "l1"
+    unit: str = "share of light"
 
     def describe(self, image: U8) -> F32:
         """Give r and g (48,) of each cell's mean color, row by row."""

@@ -20,7 +20,8 @@ class EdgeColor:
     """Which colors meet at edges; walls and floors, which fill most pictures, have no say. About 0.6 ms."""
 
     name: str = "edge_color"
-    distance: str = "thesis"
+    distance: str = "hellinger"
+    unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Give 28 bins a plane (84,) over the edge pixels, in the unit 256 x share of all pixels."""

@@ -40,7 +40,8 @@ class Edges:
     """How much edge there is, and how strong. Less moved by color of light than color is."""
 
     name: str = "edges"
-    distance: str = "thesis"
+    distance: str = "hellinger"
+    unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Give the camera histogram (84,) of the edge image of a picture (H, W, 3) RGB."""

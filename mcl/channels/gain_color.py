@@ -27,6 +27,7 @@ class GainColor:
 
     name: str = "gain_color"
     distance: str = "hellinger"
+    unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Give 28 bins a plane (84,) over 0 to 4 times its mean, in the unit 256 x share of pixels."""

@@ -24,6 +24,7 @@ class Hog:
 
     name: str = "hog"
     distance: str = "l1"
+    unit: str = "root of share"
 
     def describe(self, image: U8) -> F32:
         """Give (108,) roots of shares of all gradient; cells row by row, directions from 0 to 180 degrees."""

@@ -18,7 +18,8 @@ class Moments:
     """The smallest descriptor here; for a robot with little memory. About 0.1 ms for 176 x 144."""
 
     name: str = "moments"
-    distance: str = "l2"
+    distance: str = "hellinger"
+    unit: str = "gray levels"
 
     def describe(self, image: U8) -> F32:
         """Give (9,) gray levels: three means, three standard deviations, three cube roots of skew + 256."""

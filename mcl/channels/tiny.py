@@ -20,6 +20,7 @@ class Tiny:
 
     name: str = "tiny"
     distance: str = "l1"
+    unit: str = "relative brightness"
 
     def describe(self, image: U8) -> F32:
         """Give (324,): 12 x 9 cells of R, G, B, their mean taken off, at unit length, plus one."""

@@ -34,9 +34,10 @@ def _poses(at_m: tuple[float, float]) -> np.ndarray:
     return np.column_stack([np.repeat(places, 8, axis=0), np.tile(headings, len(places))])
 
 
-def _index(rng: np.random.Generator, entries: int) -> ChannelIndex:
-    references = rng.gamma(0.6, 6.0, (entries, 84)).astype(np.float32)
-    return ChannelIndex(references, np.full(84, 0.5, np.float32), references.max(axis=0))
+def _index(rng: np.random.Generator, entries: int, name: str) -> ChannelIndex:
+    size = len(CHANNELS[name].describe(np.zeros((24, 32, 3), np.uint8)))
+    references = rng.gamma(0.6, 6.0, (entries, size)).astype(np.float32)
+    return ChannelIndex(references, np.full(size, 0.5, np.float32), references.max(axis=0))
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def make_world(at_m: tuple[float, float] = (0.0, 0.0), updates: int = 8, motion:
     """Build the world; everything but where it lies is the same on every call."""
     rng = np.random.default_rng(4)
     arena, poses = _arena(at_m), _poses(at_m)
-    index = {name: _index(rng, len(poses)) for name in CHANNELS}
+    index = {name: _index(rng, len(poses), name) for name in CHANNELS}
     library = Library("two rooms", poses, (None,) * len(poses), index, arena)
     start = np.array([1.2 + at_m[0], 1.6 + at_m[1], 0.3])
     truth, moments = start, []

@@ -13,14 +13,18 @@ from scipy.special import ndtr
 
 import maurice_mcl.localizer as localizer_module
 from maurice_mcl.arena import Arena
-from maurice_mcl.belief import Belief, effective_sample_size, uniform_log_weights
+from maurice_mcl.belief import Belief, uniform_log_weights
 from maurice_mcl.channels import CHANNELS
+from maurice_mcl.draws import regions
+from maurice_mcl.dual import DualParameters
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.localizer import Localizer, weigh
-from maurice_mcl.policies import always
+from maurice_mcl.policies import always, below_effective
 from maurice_mcl.randomness import stream
 from maurice_mcl.records import FilterState
+from maurice_mcl.renewal import Renewal
 from maurice_mcl.resampling import RESAMPLERS
+from maurice_mcl.reseeding import none
 from maurice_mcl.selection import nearest_reference
 from maurice_mcl.sensor import SensorModel, SensorParameters
 from maurice_mcl.session import Frame
@@ -170,18 +174,21 @@ def lattice():
     sharpness = float(np.log(RATIO) / np.log(linear.max(axis=1) / linear.min(axis=1)).max())
     posterior, log_evidence = _forward(_likelihoods(library, images, sharpness))
     reference = nearest_reference(every, arena)
-    sensor = SensorModel(library, reference, SensorParameters({"color": 1.0}, sharpness))
-    localizer = Localizer(
-        library, reference, LatticeMotion(poses), sensor, RESAMPLERS["systematic"], _sometimes
-    )
+    by = {"color": "thesis"}
+    parameters = SensorParameters({"color": 1.0}, sharpness, likelihood="power", blend="sum", distances=by)
+    sensor = SensorModel(library, reference, parameters)
+    where = regions(reference, library.size)
+    # weights are carried over in some steps and not in others
+    renewal = Renewal(reference, where, RESAMPLERS["systematic"], below_effective(0.75), none)
+    localizer = Localizer(library, reference, LatticeMotion(poses), sensor, renewal)
     seen = enumerate(zip(DRIVE, images, strict=True), start=1)
     frames = [Frame(k, float(k), np.array([motion]), image, "") for k, (motion, image) in seen]
     return Lattice(localizer, frames, poses, posterior, log_evidence)
 
 
-def _sometimes(belief):
-    """Resample when less than three quarters of the particles count, so that weights are carried over."""
-    return effective_sample_size(belief.log_weights) < 0.75 * belief.size
+def _renewing(localizer, **changes):
+    """The same localizer, renewing otherwise."""
+    return replace(localizer, renewal=replace(localizer.renewal, **changes))
 
 
 def _run(lattice, localizer, n, seed):
@@ -194,7 +201,8 @@ def _run(lattice, localizer, n, seed):
         state, record = choices.step(state, frame)
         log_evidence += record.log_evidence
         resampled += record.parents is not None
-    means = lattice.functions(record.weighted.world_poses) @ record.weighted.weights
+    # the state that each stands for: dual draws lie anywhere in its cell
+    means = lattice.functions(lattice.poses[record.sighting.entries]) @ record.weighted.weights
     return np.exp(log_evidence - lattice.log_evidence), means, resampled
 
 
@@ -264,11 +272,34 @@ def test_errors_fall_with_the_root_of_the_number_of_particles(outcomes):
 
 @pytest.mark.parametrize("resampler", sorted(RESAMPLERS))
 def test_resampling_at_every_step_is_right_too(lattice, resampler):
-    localizer = replace(lattice.localizer, resampler=RESAMPLERS[resampler], resample_when=always)
+    localizer = _renewing(lattice.localizer, resampler=RESAMPLERS[resampler], when=always)
     outcome = _many(lattice, localizer, 500)
     assert outcome.resampled == UPDATES
     assert outcome.evidence_off() < 4
     assert outcome.bias_off() < 4
+
+
+@pytest.mark.parametrize("resampler", sorted(set(RESAMPLERS) - {"systematic"}))
+def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice, resampler):
+    outcome = _many(lattice, _renewing(lattice.localizer, resampler=RESAMPLERS[resampler]), 500)
+    assert 1 <= outcome.resampled <= UPDATES / 2
+    assert outcome.evidence_off() < 4
+    assert outcome.bias_off() < 4
+
+
+DUAL = DualParameters(share=0.2, teleport=0.0)
+
+
+@pytest.mark.parametrize("when", [always, below_effective(0.75)], ids=["always", "effective"])
+def test_dual_draws_weighed_by_their_densities_are_exact(lattice, when):
+    """Each state is one entry, so densities by entry are exact; where in its cell a draw lies is no matter.
+
+    (The lattice's motion rounds to the state, and every cell of the raster that has an entry nearest lies
+    within half a step of its state.)
+    """
+    outcome = _many(lattice, _renewing(lattice.localizer, dual=DUAL, when=when), 500)
+    assert outcome.evidence_off() < 4
+    assert _many(lattice, _renewing(lattice.localizer, dual=DUAL, when=when), 4000, RUNS // 2).bias_off() < 4
 
 
 def _is_caught(lattice, faulty):
@@ -284,8 +315,9 @@ def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
 
 
 def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
-    def forgetful(predicted, log_likelihood):
-        return weigh(replace(predicted, log_weights=uniform_log_weights(predicted.size)), log_likelihood)
+    def forgetful(predicted, log_likelihood, correction=None):
+        even = replace(predicted, log_weights=uniform_log_weights(predicted.size))
+        return weigh(even, log_likelihood, correction)
 
     monkeypatch.setattr(localizer_module, "weigh", forgetful)
     assert _is_caught(lattice, lattice.localizer)
@@ -294,3 +326,11 @@ def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
 def test_five_percent_injection_is_caught(lattice):
     faulty = replace(lattice.localizer, motion=LatticeMotion(lattice.poses, injected=0.05))
     assert _is_caught(lattice, faulty)
+
+
+def test_dual_draws_without_their_densities_are_caught(lattice, monkeypatch):
+    def naive(predicted, log_likelihood, correction=None):
+        return weigh(predicted, log_likelihood)
+
+    monkeypatch.setattr(localizer_module, "weigh", naive)
+    assert _is_caught(lattice, _renewing(lattice.localizer, dual=DUAL))

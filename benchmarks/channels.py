@@ -1,0 +1,55 @@
+"""What each channel costs: milliseconds to measure a picture, and to compare it with a library.
+
+Pictures are those of a simulated drive, 176 x 144. Each round measures every channel once, so that a busy
+neighbor troubles all alike; medians are printed. Run: .venv/bin/python benchmarks/channels.py (some seconds,
+and a minute more the first time, when the drive is simulated).
+"""
+
+from __future__ import annotations
+
+import itertools
+from time import perf_counter
+
+import cv2
+import numpy as np
+
+from maurice_datasets.maurice import demo_paths
+from maurice_loaders.library_store import open_library
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.channels import CHANNELS
+from maurice_mcl.distances import DISTANCES
+from maurice_mcl.library import Library
+from maurice_mcl.typing import U8
+
+PICTURES, ROUNDS = 40, 3
+
+
+def timed(image: U8, name: str, library: Library) -> tuple[float, float]:
+    """Seconds to measure one picture and to compare it with all references."""
+    channel = CHANNELS[name]
+    began = perf_counter()
+    found = channel.describe(image)
+    measured = perf_counter()
+    DISTANCES[channel.distance](found, library.index[name])
+    return measured - began, perf_counter() - measured
+
+
+def main() -> None:
+    cv2.setNumThreads(1)
+    paths = demo_paths(0)
+    library = open_library(paths.survey)
+    moments = itertools.islice(SessionLog(paths.session).moments(), PICTURES)
+    images = [moment.frame.image for moment in moments]
+    took: dict[str, list[tuple[float, float]]] = {name: [] for name in library.index}
+    for image in images * ROUNDS:
+        for name in took:
+            took[name].append(timed(image, name, library))
+    print(f"{'channel':14}{'D':>5}{'measure, ms':>14}{f'against {library.size}, ms':>18}")
+    for name, times in took.items():
+        measure, compare = 1000 * np.median(np.array(times), axis=0)
+        size = library.index[name].references.shape[1]
+        print(f"{name:14}{size:5d}{measure:14.2f}{compare:18.2f}")
+
+
+if __name__ == "__main__":
+    main()

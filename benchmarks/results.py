@@ -1,0 +1,271 @@
+"""The results table: every task and tier of docs/evaluation.md on unseen arenas, with intervals.
+
+Arena seeds 1000 to 1009, a drive seed of its own for every drive; nothing was fitted on any of them, and one
+configuration serves all tiers. Errors are inches: mean over drives with a 95 percent bootstrap interval, by
+arena, then drive. Rates have Wilson intervals. Beside every error stands its ratio to the nearest-node
+oracle's on the same drives, which always knows the nearest reference.
+
+Run: make results (hours for 300 drives a tier; it goes on where it stopped, and prints what there is).
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from maurice_datasets.conditions import LightChange
+from maurice_datasets.maurice import GENERATOR, survey_folder
+from maurice_datasets.seeds import for_testing
+from maurice_datasets.simulated_session import simulated_session
+from maurice_datasets.simulation import Plan
+from maurice_datasets.tasks import TASKS
+from maurice_datasets.world_file import load_world
+from maurice_loaders.folders import cache_root
+from maurice_loaders.library_store import open_library
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.configuration import Layer, configure
+from maurice_mcl.features import FEATURES
+from maurice_mcl.library import Library
+from maurice_mcl.localizer import run
+from maurice_mcl.metrics import Scorer, score_step
+from maurice_mcl.presets import PRESETS
+from maurice_mcl.selection import nearest_reference
+from maurice_mcl.session import Moment, SessionInfo
+
+INCH_M = 0.0254
+ARENAS = 10
+KIDNAP_AT, KIDNAP_UPDATES = 30, 60
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table: a filter, a task, a tier."""
+
+    name: str
+    task: str
+    tier: str
+    light: float = 1.0  # of the session against the survey
+    shuffled: bool = False
+
+    @property
+    def key(self) -> str:
+        return f"{self.name}|{self.task}|{self.tier}|{self.light:g}"
+
+
+COLOR = {"sensor.weights": dict(FEATURES["color"])}
+EDGES = {"sensor.weights": dict(FEATURES["edges"])}
+BLENDED = {"sensor.weights": dict(FEATURES["blended"])}
+ROBUST = dict(PRESETS["robust"])
+FILTERS: Mapping[str, Mapping[str, Any]] = {
+    "thesis": PRESETS["thesis"],
+    "thesis, blended": {**PRESETS["thesis"], "sensor.weights": {"color": 1.0, "edges": 1.0}},
+    "thesis, plain L1": {**PRESETS["thesis"], "sensor.distances": {"color": "l1"}},
+    "refined": PRESETS["refined"],
+    "color": COLOR,
+    "edges": EDGES,
+    "blended": BLENDED,
+    "best, 1,000": {**ROBUST, "particles": 1000, "reseeding.strategy": "none"},
+    "robust, 1,000": {**ROBUST, "particles": 1000},
+    "robust, 100": {**ROBUST, "particles": 100},
+    "robust, 5,000": {**ROBUST, "particles": 5000},
+    "no sensor": {**COLOR, "sensor.sharpness": 0.0},
+    "shuffled": COLOR,
+}
+TRACKING = tuple(name for name in FILTERS if name != "robust, 5,000")
+CASES = (
+    *(Case(name, "tracking", tier) for tier in ("nominal", "dim", "hard") for name in TRACKING),
+    *(Case("robust, 5,000", "global", tier) for tier in ("nominal", "dim", "hard")),
+    *(Case("robust, 1,000", "kidnapped", tier) for tier in ("nominal", "dim", "hard")),
+    *(Case("best, 1,000", "tracking", "nominal", light) for light in (1.3, 0.73)),
+)
+
+
+def plan_of(case: Case, drive: int) -> Plan:
+    """Give the session of a case's drive; one arena in ten drives."""
+    kidnapped = case.task == "kidnapped"
+    plan = Plan(
+        TASKS[case.task],
+        tier=case.tier,
+        arena_seed=for_testing(1000 + drive % ARENAS),
+        seed=for_testing(1000 + drive),
+        lights=() if case.light == 1 else (LightChange("dim", 1, amount=case.light),),
+    )
+    return replace(plan, updates=KIDNAP_UPDATES, kidnap_at=KIDNAP_AT) if kidnapped else plan
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A session's moments, held for all the filters that are to see them."""
+
+    info: SessionInfo
+    all_moments: Sequence[Moment]
+
+    def moments(self) -> Iterator[Moment]:
+        return iter(self.all_moments)
+
+
+def library_of(plan: Plan) -> Library:
+    world = load_world(plan.world, plan.arena_seed, plan.tier)
+    return open_library(survey_folder(plan, world, lambda done, total, what: None) / "survey.log")
+
+
+def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str, Any]]]:
+    """Run all cases that share a session on one drive."""
+    plan = plan_of(cases[0], drive)
+    simulated, library = simulated_session(plan), library_of(plan)
+    session = Kept(simulated.info, list(simulated.moments()))
+    nearest = nearest_reference(library.poses, library.arena)
+    order = np.random.default_rng(drive).permutation(library.size)
+    for case in cases:
+        parameters = configure([Layer(case.name, FILTERS[case.name])]).parameters
+        used = replace(library, poses=library.poses[order]) if case.name == "shuffled" else library
+        shared = None if case.name == "shuffled" else nearest
+        localizer = make_localizer(used, session, parameters, reference=shared)
+        yield case, scored(localizer, session, library, case)
+
+
+def scored(localizer: Any, session: Kept, library: Library, case: Case) -> dict[str, Any]:
+    scorer, localized, oracle = Scorer(), [], []
+    for moment, record in run(localizer, session, session.info.start):
+        assert moment.truth is not None
+        scorer.add(record.estimate, moment.truth, moment.frame.motions)
+        localized.append(bool(score_step(record.estimate, moment.truth).localized))
+        oracle.append(np.linalg.norm(library.poses[:, :2] - moment.truth[:2], axis=1).min())
+    score = scorer.result()
+    since = KIDNAP_AT if case.task == "kidnapped" else 0
+    return {
+        "error": (score.position_error_mean_m or 0.0) / INCH_M,
+        "heading": float(np.degrees(score.heading_error_mean_rad or 0.0)),
+        "lost": bool(score.lost),
+        "right": bool(score.right_at_end),
+        "wrong": score.wrong_confident_share,
+        "took": first_of(localized[since:]),
+        "oracle": float(np.mean(oracle[3:])) / INCH_M,
+    }
+
+
+def first_of(localized: Sequence[bool]) -> int | None:
+    """Give how many pictures until localized in at least four of the five updates that start there."""
+    for k in range(len(localized) - 4):
+        if localized[k] and sum(localized[k : k + 5]) >= 4:
+            return k + 1
+    return None
+
+
+def frozen() -> str:
+    """Give a hash of every configuration in the table."""
+    values = {name: configure([Layer(name, layer)]).values() for name, layer in FILTERS.items()}
+    return hashlib.sha256(json.dumps(values, sort_keys=True, default=dict).encode()).hexdigest()[:12]
+
+
+def interval(values: np.ndarray, arenas: np.ndarray) -> tuple[float, float, float]:
+    """Give the mean and its 95 percent interval, drawing arenas and then drives with replacement."""
+    rng = np.random.default_rng(0)
+    groups = [values[arenas == a] for a in np.unique(arenas)]
+    means = []
+    for _ in range(2000):
+        chosen = rng.integers(len(groups), size=len(groups))
+        drawn = [groups[k][rng.integers(len(groups[k]), size=len(groups[k]))] for k in chosen]
+        means.append(np.concatenate(drawn).mean())
+    low, high = np.percentile(means, (2.5, 97.5))
+    return float(values.mean()), float(low), float(high)
+
+
+def wilson(hits: int, count: int, z: float = 1.96) -> str:
+    """Give a rate with its Wilson interval, in percent."""
+    p = hits / count
+    middle = (p + z * z / (2 * count)) / (1 + z * z / count)
+    reach = z * np.sqrt(p * (1 - p) / count + z * z / (4 * count * count)) / (1 + z * z / count)
+    return f"{100 * p:.0f} [{100 * max(middle - reach, 0):.0f}, {100 * (middle + reach):.0f}]"
+
+
+def row(case: Case, found: Mapping[int, dict[str, Any]]) -> str:
+    drives = np.array(sorted(found))
+    results, arenas = [found[d] for d in drives], drives % ARENAS
+    oracle = np.array([r["oracle"] for r in results])
+    mean, low, high = interval(np.array([r["error"] for r in results]), arenas)
+    took = np.array([np.inf if r["took"] is None else r["took"] for r in results])
+    middle = np.median(took)
+    found_rate = wilson(int(np.isfinite(took).sum()), len(took))
+    wrong = 100 * np.mean([r["wrong"] for r in results])
+    light = "" if case.light == 1 else f", light {case.light - 1:+.0%}"
+    return (
+        f"| {case.name}{light} | {case.task} | {case.tier} | {len(results)} "
+        f"| {mean:.1f} [{low:.1f}, {high:.1f}] "
+        f"| {mean / oracle.mean():.2f} [{low / oracle.mean():.2f}, {high / oracle.mean():.2f}] "
+        f"| {np.mean([r['heading'] for r in results]):.1f} "
+        f"| {wilson(sum(r['lost'] for r in results), len(results))} "
+        f"| {wilson(sum(r['right'] for r in results), len(results))} "
+        f"| {'-' if case.task == 'tracking' else f'{middle:g}, {found_rate}'} "
+        f"| {wrong:.1f} |"
+    )
+
+
+PAIRS = (
+    ("thesis, blended", "thesis"),
+    ("blended", "color"),
+    ("blended", "edges"),
+    ("thesis, plain L1", "thesis"),
+    ("refined", "thesis"),
+    ("color", "thesis"),
+    ("best, 1,000", "blended"),
+    ("robust, 1,000", "best, 1,000"),
+)
+
+
+def paired(known: Mapping[tuple[str, int], dict[str, Any]], first: str, second: str, tier: str) -> str:
+    """Say how much the first filter's error differs from the second's, drive by drive."""
+    a, b = (Case(name, "tracking", tier).key for name in (first, second))
+    drives = np.array(sorted({d for key, d in known if key == a} & {d for key, d in known if key == b}))
+    if not len(drives):
+        return ""
+    apart = np.array([known[(a, d)]["error"] - known[(b, d)]["error"] for d in drives])
+    mean, low, high = interval(apart, drives % ARENAS)
+    return f"{mean:+.1f} [{low:+.1f}, {high:+.1f}]"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--drives", type=int, default=300)
+    parser.add_argument("--show", action="store_true", help="only print what there is")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    kept = cache_root() / "results" / f"{GENERATOR}-{frozen()}.jsonl"
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    lines = kept.read_text(encoding="utf-8").splitlines() if kept.exists() else []
+    known = {(entry["case"], entry["drive"]): entry["result"] for entry in map(json.loads, lines)}
+    together: dict[tuple[str, str, float], list[Case]] = {}
+    for case in CASES:
+        together.setdefault((case.task, case.tier, case.light), []).append(case)
+    for drive in range(0 if arguments.show else arguments.drives):
+        for cases in together.values():
+            missing = [case for case in cases if (case.key, drive) not in known]
+            for case, result in measure(missing, drive) if missing else ():
+                known[(case.key, drive)] = result
+                with kept.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"case": case.key, "drive": drive, "result": result}) + "\n")
+    print(f"configurations {frozen()}, generator {GENERATOR}")
+    titles = "filter, particles", "task", "tier", "drives", "error (in)", "of the oracle's", "heading (deg)"
+    print(f"| {' | '.join(titles)} | lost %", end=" ")
+    print("| right at the end % | pictures to localize, % | wrong and confident % |")
+    print("|" + "---|" * (len(titles) + 4))
+    for case in CASES:
+        found = {drive: result for (key, drive), result in known.items() if key == case.key}
+        if found:
+            print(row(case, found))
+    print("\nerror of the first less the second on the same drives (in)\n")
+    print("| | nominal | dim | hard |\n|---|---|---|---|")
+    for first, second in PAIRS:
+        cells = [paired(known, first, second, tier) for tier in ("nominal", "dim", "hard")]
+        print(f"| {first} against {second} | {' | '.join(cells)} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""From parameters to a localizer: every name is looked up here and nowhere else."""
+
+from __future__ import annotations
+
+from .draws import regions
+from .interpolation import interpolated
+from .library import Library
+from .localizer import Localizer
+from .motion import motion_model
+from .parameters import FilterParameters, ResamplingParameters, ReseedingParameters, SelectionParameters
+from .policies import ResamplePolicy, always, below_effective, every
+from .renewal import Renewal
+from .resampling import RESAMPLERS
+from .reseeding import Strategy, none
+from .reseeding import always as always_some
+from .selection import NearestReference, Selection, nearest_reference
+from .sensor import SensorModel
+from .session import Session
+
+
+def make_localizer(
+    library: Library,
+    session: Session,
+    parameters: FilterParameters | None = None,
+    *,
+    reference: NearestReference | None = None,
+    seed: int = 0,
+) -> Localizer:
+    """Put together the localizer for a session; the robot's own motion model is used unless one is given.
+
+    `reference`, the library's tables, can be shared among localizers: they take a while to build.
+
+    Raises KeyError for an unknown name, ValueError for bad motion parameters.
+    """
+    p = parameters or FilterParameters()
+    nearest = reference or nearest_reference(library.poses, library.arena)
+    return Localizer(
+        library=library,
+        reference=nearest,
+        motion=motion_model(session.info.motion if p.motion is None else p.motion, nearest.grid),
+        sensor=SensorModel(library, _selection(library, nearest, p.selection), p.sensor),
+        renewal=_renewal(library, nearest, p),
+        tail=p.tail,
+        particles=p.particles,
+        seed=seed,
+    )
+
+
+def _selection(library: Library, nearest: NearestReference, p: SelectionParameters) -> Selection:
+    if p.method == "interpolated":
+        return interpolated(nearest, library.poses, library.arena, p.interpolation)
+    return {"nearest": nearest}[p.method]
+
+
+def _renewal(library: Library, nearest: NearestReference, p: FilterParameters) -> Renewal:
+    return Renewal(
+        nearest=nearest,
+        where=regions(nearest, library.size),
+        resampler=RESAMPLERS[p.resampling.scheme],
+        when=_when(p.resampling),
+        strategy=_strategy(p.reseeding),
+        draw_evenly={"evenly": True, "likelihood": False}[p.reseeding.draw],
+        roughening=p.resampling.roughening,
+        kld=p.resampling.kld if p.resampling.adaptive else None,
+        dual=p.reseeding.dual if p.reseeding.strategy == "dual" else None,
+    )
+
+
+def _when(p: ResamplingParameters) -> ResamplePolicy:
+    return {"always": always, "effective": below_effective(p.below), "every": every(p.every)}[p.when]
+
+
+def _strategy(p: ReseedingParameters) -> Strategy:
+    strategies: dict[str, Strategy] = {
+        "none": none,
+        "dual": none,
+        "always": always_some(p.share),
+        "threshold": p.threshold,
+        "sensor": p.sensor,
+        "augmented": p.augmented,
+        "expansion": p.expansion,
+    }
+    return strategies[p.strategy]

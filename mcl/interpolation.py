@@ -1,0 +1,120 @@
+"""Reference selection by interpolation: a particle is weighed by several entries around it.
+
+The nearest few places that can be seen from where the particle is, by a Gaussian kernel of distance, and at
+each place the two headings on either side, linearly. Log-likelihoods are averaged, so what is sure at one
+entry fades to what is sure at the next instead of jumping at the border of a cell. Never across a wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .arena import Arena
+from .grid import Grid
+from .selection import HEADING_BINS, NearestReference, crosses
+from .typing import F32, F64, I32
+
+HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
+NO_WEIGHT = 1e-9  # a cell whose kernel holds less takes its nearest reference's place instead
+
+
+@dataclass(frozen=True, slots=True)
+class InterpolationParameters:
+    """How far and how many."""
+
+    places: int = 4  # weighed at once: the corners of a grid's cell
+    width: float = 0.5  # sd of the kernel in units of the library's spacing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Interpolated:
+    """Tables: raster cell to K places with weights; place and heading bin to two entries and a share."""
+
+    nearest: NearestReference
+    places: I32  # (rows * columns, K)
+    weights: F32  # (rows * columns, K) summing to one
+    before: I32  # (P, HEADING_BINS) the entry clockwise of a heading
+    after: I32  # (P, HEADING_BINS) the one counter-clockwise of it
+    share: F32  # (P, HEADING_BINS) of the one after, 0 to 1
+
+    @property
+    def grid(self) -> Grid:
+        """The raster of free space."""
+        return self.nearest.grid
+
+    def entries(self, poses: F32, origin: F64) -> I32:
+        """Give the nearest entry (N,), as `NearestReference` does: for pictures and words."""
+        return self.nearest.entries(poses, origin)
+
+    def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
+        """Give the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
+        by_heading = self._by_heading(log_likelihood)
+        cell = self.grid.cells_of(poses[:, :2], origin)
+        inside = self.nearest.place_of_cell.take(cell) >= 0
+        turn = (poses[:, 2] + np.float32(np.pi)) * HEADING_STEP
+        heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
+        total = np.zeros(len(poses), np.float32)
+        for k in range(self.places.shape[1]):
+            place = self.places[:, k].take(cell)
+            total += self.weights[:, k].take(cell) * by_heading.take(place * np.int32(HEADING_BINS) + heading)
+        return np.asarray(np.where(inside, total, np.float32(-np.inf)), np.float32)
+
+    def _by_heading(self, log_likelihood: F32) -> F32:
+        """Give the log-likelihood (P, HEADING_BINS) at every place for every heading."""
+        before, after = log_likelihood.take(self.before), log_likelihood.take(self.after)
+        return np.asarray(before + self.share * (after - before), np.float32)
+
+
+def interpolated(
+    nearest: NearestReference, poses: F64, arena: Arena, parameters: InterpolationParameters | None = None
+) -> Interpolated:
+    """Build the tables for library poses (L, 3) upon those of the nearest reference."""
+    parameters = parameters or InterpolationParameters()
+    places, weights = _kernel(nearest, arena, parameters)
+    before, after, share = _neighbors(nearest, poses)
+    return Interpolated(nearest, places, weights, before, after, share)
+
+
+def _kernel(nearest: NearestReference, arena: Arena, parameters: InterpolationParameters) -> tuple[I32, F32]:
+    """Give the places (cells, K) and their weights for every cell of the raster."""
+    tree, centers = cKDTree(nearest.places), nearest.grid.centers()
+    count = min(parameters.places, len(nearest.places))
+    looked = min(count + 4, len(nearest.places))  # some may be behind a wall
+    away, place = (np.asarray(a).reshape(len(centers), looked) for a in tree.query(centers, k=looked))
+    weight = np.exp(-0.5 * np.square(away / (parameters.width * spacing(nearest.places))))
+    for k in range(looked):
+        weight[:, k] *= ~crosses(centers, nearest.places[place[:, k]], arena.walls)
+    heaviest = np.argsort(-weight, axis=1, kind="stable")[:, :count]
+    place, weight = (np.take_along_axis(a, heaviest, axis=1) for a in (place, weight))
+    alone = weight.sum(axis=1) < NO_WEIGHT
+    place[alone] = np.maximum(nearest.place_of_cell[:-1][alone], 0)[:, None]
+    weight[alone] = 1
+    weight /= weight.sum(axis=1, keepdims=True)
+    return place.astype(np.int32), weight.astype(np.float32)
+
+
+def spacing(places: F64) -> float:
+    """Give the median distance from a place (P, 2) to its nearest neighbor; 1 m where there is but one."""
+    if len(places) < 2:
+        return 1.0
+    return float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
+
+
+def _neighbors(nearest: NearestReference, poses: F64) -> tuple[I32, I32, F32]:
+    """Give the entries on either side of every heading at every place, and how far over to the second."""
+    centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
+    count = len(nearest.places)
+    before = np.empty((count, HEADING_BINS), np.int32)
+    after, share = before.copy(), np.empty((count, HEADING_BINS), np.float32)
+    place_of_entry = cKDTree(nearest.places).query(poses[:, :2])[1]
+    for place in range(count):
+        entries = np.flatnonzero(place_of_entry == place)
+        turned = (poses[entries, 2][None, :] - centers[:, None]) % (2 * np.pi)  # (bins, entries) ahead of it
+        ahead, behind = turned.argmin(axis=1), turned.argmax(axis=1)
+        to, back = turned.min(axis=1), 2 * np.pi - turned.max(axis=1)
+        before[place], after[place] = entries[behind], entries[ahead]
+        share[place] = back / (to + back)
+    return before, after, share

@@ -1,0 +1,140 @@
+"""Everything that can be chosen about a filter, put together by name and run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.dual import DualParameters
+from maurice_mcl.estimate import heaviest_cluster, weighted_mean
+from maurice_mcl.kld import KldParameters
+from maurice_mcl.localizer import RESEEDED, run
+from maurice_mcl.parameters import (
+    FilterParameters,
+    ResamplingParameters,
+    ReseedingParameters,
+    SelectionParameters,
+)
+from maurice_mcl.sensor import SensorParameters
+from maurice_mcl.tails import TailParameters
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"selection": SelectionParameters("furthest")},
+        {"resampling": ResamplingParameters("lottery")},
+        {"resampling": ResamplingParameters(when="sometimes")},
+        {"reseeding": ReseedingParameters("hope")},
+        {"reseeding": ReseedingParameters("always", draw="somewhere")},
+    ],
+)
+def test_unknown_names_are_refused(world, choice):
+    with pytest.raises(KeyError):
+        make_localizer(world.library, world.drive, FilterParameters(**choice))
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"weights": {"smell": 1.0}},
+        {"blend": "shaken"},
+        {"likelihood": "none"},
+        {"quality": "fine"},
+        {"distances": {"color": "far"}},
+    ],
+)
+def test_unknown_names_of_the_sensor_are_refused_at_the_first_picture(world, choice):
+    parameters = FilterParameters(sensor=SensorParameters(**{"weights": {"color": 1.0}} | choice))
+    with pytest.raises(KeyError):
+        next(run(make_localizer(world.library, world.drive, parameters), world.drive, None))
+
+
+RESEEDINGS = ["none", "always", "threshold", "sensor", "augmented", "expansion", "dual"]
+
+
+@pytest.mark.parametrize("strategy", RESEEDINGS)
+@pytest.mark.parametrize("method", ["nearest", "interpolated"])
+@pytest.mark.parametrize("draw", ["evenly", "likelihood"])
+def test_every_strategy_runs_repeats_and_keeps_its_books(world, strategy, method, draw):
+    parameters = FilterParameters(
+        selection=SelectionParameters(method),
+        resampling=ResamplingParameters("residual", when="effective", roughening=0.1),
+        reseeding=ReseedingParameters(strategy, draw),
+        tail=TailParameters(0.1),
+        particles=200,
+    )
+    localizer = make_localizer(world.library, world.drive, parameters, seed=3)
+    records, again = ([r for _, r in run(localizer, world.drive, world.start)] for _ in range(2))
+    for record, other in zip(records, again, strict=True):
+        assert record.belief.poses.tobytes() == other.belief.poses.tobytes()
+        assert record.weighted.log_weights.tobytes() == other.weighted.log_weights.tobytes()
+    for record in records:
+        assert record.belief.size == 200
+        assert np.isfinite(record.belief.poses).all()
+        assert record.weighted.weights.sum() == pytest.approx(1)
+        assert record.belief.weights.sum() == pytest.approx(1)
+        assert (record.injected is not None) == (RESEEDED in record.events)
+        if record.injected is not None:
+            assert np.array_equal(record.injected, record.parents == -1)
+        if strategy == "always":
+            assert record.injected.sum() == 10
+        if strategy == "dual":
+            assert record.predicted.weights == pytest.approx(np.full(200, 1 / 200))
+
+
+def test_freshly_injected_particles_have_no_say_in_the_next_estimate(world):
+    parameters = FilterParameters(
+        reseeding=ReseedingParameters("always", share=0.4),
+        sensor=SensorParameters({"color": 1.0}, sharpness=0.0),
+        particles=400,
+    )
+    localizer = make_localizer(world.library, world.drive, parameters)
+    state, _ = localizer.step(localizer.start(world.start), world.drive.all_moments[0].frame)
+    assert state.injected.sum() == 160
+    _, record = localizer.step(state, world.drive.all_moments[1].frame)
+    for found, estimator in ((record.estimate, heaviest_cluster), (record.mean, weighted_mean)):
+        expected = estimator(record.weighted, state.injected)
+        assert np.array_equal(found.pose, expected.pose)
+        assert found.converged == expected.converged
+    assert record.estimate.converged > 0.9
+    assert heaviest_cluster(record.weighted).converged < 0.8
+
+
+def test_adaptive_size_follows_the_cloud(world):
+    parameters = FilterParameters(
+        resampling=ResamplingParameters(adaptive=True, kld=KldParameters(least=50, most=3000)),
+        sensor=SensorParameters({"color": 1.0}, sharpness=0.0),
+        particles=1000,
+    )
+    localizer = make_localizer(world.library, world.drive, parameters)
+    sizes = {}
+    for name, start in {"known": world.start, "anywhere": None}.items():
+        sizes[name] = [r.belief.size for _, r in run(localizer, world.drive, start)]
+        assert all(50 <= size <= 3000 for size in sizes[name])
+    assert sizes["known"][0] < 300 < 2500 < sizes["anywhere"][0]
+    state = localizer.start(None)
+    for moment in world.drive.all_moments:
+        state, record = localizer.step(state, moment.frame)
+        assert record.predicted.size == len(record.sighting.particles) == record.weighted.size
+        assert len(record.parents) == record.belief.size
+
+
+def test_evidence_of_dual_draws_counts_their_densities(world):
+    """Draws where the picture fits would make every picture look well explained."""
+    frame = replace(world.drive.all_moments[0].frame, motions=np.zeros((0, 3)))
+    found = []
+    for strategy in ("none", "dual"):
+        parameters = FilterParameters(
+            reseeding=ReseedingParameters(strategy, dual=DualParameters(0.5, 0.0)),
+            sensor=SensorParameters({"color": 1.0}, distances={"color": "thesis"}, scales={"color": 0.002}),
+            selection=SelectionParameters("nearest"),
+            particles=100_000,
+        )
+        localizer = make_localizer(world.library, world.drive, parameters)
+        _, record = localizer.step(localizer.start(None), frame)
+        assert record.calibrated_evidence == pytest.approx(record.log_evidence, abs=1e-4)
+        assert record.channel_evidence[0] == pytest.approx(record.calibrated_evidence, abs=1e-4)
+        found.append(record.calibrated_evidence)
+    assert found[1] == pytest.approx(found[0], abs=0.05)

@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from maurice_mcl.arena import Arena, Region
+from maurice_mcl.draws import evenly, from_likelihood, regions, shares_of
+from maurice_mcl.grid import make_grid
+from maurice_mcl.randomness import stream
+from maurice_mcl.selection import HEADING_BINS, nearest_reference
+
+MIDDLE = np.array([2.0, 1.5])
+BOX = Region("box", np.array([[0.0, 0.0], [1.2, 0.0], [1.2, 0.9], [0.0, 0.9]]))
+WALL = np.array([[2.0, 0.0, 2.0, 2.0]])
+ARENA = Arena((0.0, 0.0, 4.0, 3.0), WALL, (BOX,))
+N = 100_000
+
+
+def _library():
+    """Irregular on purpose: places of one, two and four headings, one of them in the box."""
+    places = [(0.5, 0.5, 4), (0.5, 2.0, 4), (1.5, 1.0, 2), (1.5, 2.5, 1), (2.5, 1.0, 4), (3.5, 2.5, 2)]
+    return np.array([[x, y, k * 2 * np.pi / n - 3] for x, y, n in places for k in range(n)])
+
+
+@pytest.fixture(scope="module")
+def nearest():
+    return nearest_reference(_library(), ARENA)
+
+
+@pytest.fixture(scope="module")
+def where(nearest):
+    return regions(nearest, len(_library()))
+
+
+def _logs(seed=0):
+    return np.random.default_rng(seed).normal(-50, 1.2, len(_library())).astype(np.float32)
+
+
+def _assert_shares(counts, shares):
+    """Chi-square at the 99.99 % quantile, and every share within four standard errors."""
+    n = counts.sum()
+    known = shares > 0
+    assert counts[~known].sum() == 0
+    statistic = (np.square(counts - n * shares)[known] / (n * shares[known])).sum()
+    assert statistic < chi2.ppf(0.9999, known.sum() - 1)
+    assert np.all(np.abs(counts / n - shares) <= 4 * np.sqrt(shares * (1 - shares) / n) + 1e-12)
+
+
+def _in_free_space(grid, poses):
+    cells = grid.cells_of(poses[:, :2], MIDDLE)
+    # float32 rounding puts a few in a million across the border that they were drawn beside
+    return (grid.free.ravel()[cells] & (cells >= 0)).mean() > 0.9999
+
+
+def test_evenly_is_even_over_free_space_and_headings(nearest):
+    poses = evenly(nearest.grid, N, MIDDLE, stream(9, 1))
+    assert poses.shape == (N, 3)
+    assert poses.dtype == np.float32
+    assert _in_free_space(nearest.grid, poses)
+    free = nearest.grid.free
+    block = np.arange(free.size).reshape(free.shape)
+    block = (block // free.shape[1] // 18) * 100 + block % free.shape[1] // 18
+    kept = nearest.grid.cells_of(poses[:, :2], MIDDLE)
+    kept = kept[nearest.grid.free.ravel()[kept]]
+    size = block.max() + 1
+    shares = np.bincount(block[free], minlength=size) / free.sum()
+    _assert_shares(np.bincount(block.ravel()[kept], minlength=size), shares)
+    turn = np.bincount(((poses[:, 2] + np.pi) * 24 / (2 * np.pi)).astype(int).clip(0, 23), minlength=24)
+    _assert_shares(turn, np.full(24, 1 / 24))
+
+
+def test_evenly_is_even_within_a_cell(nearest):
+    poses = evenly(nearest.grid, N, MIDDLE, stream(9, 2)).astype(np.float64)
+    inside = (poses[:, :2] + MIDDLE - nearest.grid.corner) / nearest.grid.cell_m % 1
+    for share in inside.T:
+        _assert_shares(np.bincount((share * 10).astype(int), minlength=10), np.full(10, 0.1))
+
+
+def test_a_larger_number_keeps_the_smaller_ones_draws(nearest):
+    few, many = (evenly(nearest.grid, n, MIDDLE, stream(9, 3)) for n in (10, 300))
+    assert np.array_equal(many[:10], few)
+
+
+def test_none_can_be_drawn(nearest, where):
+    assert evenly(nearest.grid, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
+    assert from_likelihood(_logs(), nearest.grid, where, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
+
+
+def test_no_free_space_is_said():
+    flood = Region("flood", np.array([[-1.0, -1.0], [5.0, -1.0], [5.0, 4.0], [-1.0, 4.0]]))
+    grid = make_grid(Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4)), (flood,)), _library()[:, :2])
+    with pytest.raises(ValueError, match="no free space"):
+        evenly(grid, 3, MIDDLE, stream(9, 1))
+
+
+def test_regions_are_the_tables_the_other_way_round(nearest, where):
+    size = where.sizes()
+    cells = nearest.place_of_cell[:-1]
+    slow = np.zeros(len(_library()))
+    for place in range(len(nearest.places)):
+        for entry in nearest.entry_of[place]:
+            slow[entry] += (cells == place).sum()
+    assert np.array_equal(size, slow)
+    assert size.sum() == nearest.grid.free.sum() * HEADING_BINS
+    for entry in range(len(_library())):
+        place = where.place_of_entry[entry]
+        own = where.cells[where.first_cell[place] : where.first_cell[place + 1]]
+        assert np.array_equal(np.sort(own), np.flatnonzero(cells == place))
+        bins = where.bins[where.first_bin[entry] : where.first_bin[entry + 1]]
+        assert np.array_equal(np.sort(bins), np.flatnonzero(nearest.entry_of[place] == entry))
+
+
+def test_an_entry_whose_place_is_the_nearest_of_no_cell_has_no_share(where):
+    size, shares = where.sizes(), shares_of(np.zeros(len(_library()), np.float32), where)
+    assert np.array_equal(shares, size / size.sum())
+    crowded = np.vstack([_library(), [_library()[4]]])  # the same pose twice: the first is taken
+    twice = nearest_reference(crowded, ARENA)
+    found = regions(twice, len(crowded)).sizes()
+    assert found[-1] == 0
+    assert shares_of(np.full(len(crowded), -9.0, np.float32), regions(twice, len(crowded)))[-1] == 0
+    drawn = from_likelihood(
+        np.append(_logs(), np.float32(0)), twice.grid, regions(twice, len(crowded)), 500, MIDDLE, stream(9, 4)
+    )
+    assert (twice.entries(drawn, MIDDLE) < len(_library())).all()
+
+
+def test_from_likelihood_has_every_entry_in_its_share(nearest, where):
+    logs = _logs()
+    weight = np.exp(logs.astype(float) + 50) * where.sizes()
+    assert shares_of(logs, where) == pytest.approx(weight / weight.sum())
+    poses = from_likelihood(logs, nearest.grid, where, N, MIDDLE, stream(9, 5))
+    assert poses.shape == (N, 3)
+    assert poses.dtype == np.float32
+    assert _in_free_space(nearest.grid, poses)
+    entries = nearest.entries(poses, MIDDLE)
+    entries = entries[entries >= 0]
+    _assert_shares(np.bincount(entries, minlength=len(logs)), shares_of(logs, where))
+
+
+def test_from_likelihood_is_even_over_what_each_entry_is_nearest_of(nearest, where):
+    poses = from_likelihood(_logs(1), nearest.grid, where, N, MIDDLE, stream(9, 6))
+    entries, cells = nearest.entries(poses, MIDDLE), nearest.grid.cells_of(poses[:, :2], MIDDLE)
+    most = np.bincount(entries[entries >= 0]).argmax()
+    held = cells[entries == most]
+    own = where.cells[
+        where.first_cell[where.place_of_entry[most]] : where.first_cell[where.place_of_entry[most] + 1]
+    ]
+    rank = np.searchsorted(np.sort(own), held) * 40 // len(own)
+    size = np.bincount(np.arange(len(own)) * 40 // len(own), minlength=40) / len(own)
+    _assert_shares(np.bincount(rank, minlength=40), size)
+    turn = ((poses[entries == most, 2].astype(float) + np.pi) * HEADING_BINS / (2 * np.pi)).astype(int)
+    bins = np.sort(where.bins[where.first_bin[most] : where.first_bin[most + 1]])
+    rank = np.searchsorted(bins, turn) * 20 // len(bins)
+    size = np.bincount(np.arange(len(bins)) * 20 // len(bins), minlength=20) / len(bins)
+    _assert_shares(np.bincount(rank.clip(0, 19), minlength=20), size)
+
+
+def test_an_even_likelihood_draws_evenly(nearest, where):
+    poses = from_likelihood(
+        np.zeros(len(_library()), np.float32), nearest.grid, where, N, MIDDLE, stream(9, 7)
+    )
+    west = (poses[:, 0] < 0).mean()
+    centers = nearest.grid.centers()[nearest.grid.free.ravel()]
+    expected = (centers[:, 0] < 2).mean()
+    assert abs(west - expected) < 4 * np.sqrt(expected * (1 - expected) / N)
+
+
+def test_one_sure_entry_takes_all_draws(nearest, where):
+    logs = np.full(len(_library()), -1e6, np.float32)
+    logs[9] = -1e5
+    drawn = from_likelihood(logs, nearest.grid, where, 1000, MIDDLE, stream(9, 8))
+    assert (nearest.entries(drawn, MIDDLE) == 9).mean() > 0.998
+
+
+def test_headings_stay_in_their_range(nearest, where):
+    for poses in (
+        evenly(nearest.grid, N, MIDDLE, stream(9, 9)),
+        from_likelihood(_logs(), nearest.grid, where, N, MIDDLE, stream(9, 9)),
+    ):
+        assert poses[:, 2].min() >= np.float32(-np.pi)
+        assert poses[:, 2].max() <= np.float32(np.pi)

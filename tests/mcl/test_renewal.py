@@ -1,0 +1,236 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maurice_mcl.arena import Arena
+from maurice_mcl.belief import Belief, normalize
+from maurice_mcl.draws import regions
+from maurice_mcl.dual import DualParameters
+from maurice_mcl.kld import KldParameters, adapted_size
+from maurice_mcl.memory import Memory
+from maurice_mcl.policies import always, never
+from maurice_mcl.randomness import Purpose, stream
+from maurice_mcl.records import Comparison
+from maurice_mcl.renewal import Renewal
+from maurice_mcl.resampling import RESAMPLERS
+from maurice_mcl.reseeding import Reseeding, none
+from maurice_mcl.reseeding import always as always_some
+from maurice_mcl.selection import nearest_reference
+
+MIDDLE = np.array([2.0, 1.5])
+EACH = pytest.mark.parametrize("resampler", sorted(RESAMPLERS))
+
+
+def _library():
+    places = [(0.5, 0.5), (1.5, 0.5), (2.5, 1.5), (3.5, 2.5)]
+    return np.array([[x, y, k * np.pi / 2 - 3] for x, y in places for k in range(4)])
+
+
+NEAREST = nearest_reference(_library(), Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4))))
+WHERE = regions(NEAREST, 16)
+RENEWAL = Renewal(NEAREST, WHERE, RESAMPLERS["systematic"], never, none)
+
+
+def _comparison(seed=0, spread=1.0):
+    logs = np.random.default_rng(seed).normal(-20, spread, 16).astype(np.float32)
+    row = np.zeros((1, 16), np.float32)
+    return Comparison(("color",), {}, row, row, row[0], row, -logs, logs)
+
+
+def _belief(n=500, seed=1):
+    rng = np.random.default_rng(seed)
+    poses = np.column_stack([rng.uniform(-2, 2, n), rng.uniform(-1.5, 1.5, n), rng.uniform(-3, 3, n)])
+    logs = rng.normal(0, 1, n)
+    logs[::7] = -np.inf
+    return Belief(poses.astype(np.float32), normalize(logs)[0], MIDDLE)
+
+
+def _renew(renewal, belief=None, comparison=None, memory=None):
+    return renewal.renew(
+        _belief() if belief is None else belief,
+        _comparison() if comparison is None else comparison,
+        -5.0,
+        memory or Memory(1.0, 2.0, 3.0, 4),
+        2,
+        lambda purpose: stream(9, 3, 2, purpose),
+    )
+
+
+def _asking(share, expand=False):
+    return lambda evidence, memory: Reseeding(share, memory, expand)
+
+
+def test_when_nothing_is_asked_for_the_belief_is_handed_on():
+    belief = _belief()
+    found = _renew(RENEWAL, belief)
+    assert found.belief is belief
+    assert found.parents is None
+    assert found.injected is None
+    assert not found.expanded
+    assert found.memory == Memory(1.0, 2.0, 3.0, 4)
+
+
+@EACH
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.13, 0.5, 1.0])
+@pytest.mark.parametrize("evenly", [True, False])
+def test_sizes_parents_weights_and_flags(resampler, share, evenly):
+    belief = _belief()
+    renewal = replace(
+        RENEWAL, resampler=RESAMPLERS[resampler], when=always, strategy=_asking(share), draw_evenly=evenly
+    )
+    found = _renew(renewal, belief)
+    fresh = round(share * 500)
+    assert found.belief.size == 500
+    assert found.belief.poses.dtype == np.float32
+    assert found.belief.weights == pytest.approx(np.full(500, 1 / 500))
+    assert found.belief.origin is belief.origin
+    assert found.parents.shape == (500,)
+    assert found.parents.dtype == np.int32
+    assert (found.parents == -1).sum() == fresh
+    copied = found.parents >= 0
+    assert np.array_equal(found.belief.poses[copied], belief.poses[found.parents[copied]])
+    assert np.all(np.isfinite(belief.log_weights[found.parents[copied]])), "no dead parent"
+    if fresh:
+        assert np.array_equal(found.injected, found.parents == -1)
+        entries = NEAREST.entries(found.belief.poses[found.injected], MIDDLE)
+        assert (entries >= 0).mean() > 0.99
+    else:
+        assert found.injected is None
+
+
+def test_reseeding_resamples_even_where_the_policy_would_not():
+    found = _renew(replace(RENEWAL, strategy=always_some(0.1)))
+    assert (found.parents == -1).sum() == 50
+    assert found.belief.weights == pytest.approx(np.full(500, 1 / 500))
+
+
+def test_where_fresh_particles_are_drawn():
+    """Where the picture says, or evenly: with one sure entry that is a great difference."""
+    logs = np.full(16, -100, np.float32)
+    logs[5] = 0
+    sure = replace(_comparison(), log_likelihood=logs)
+    share = {}
+    for evenly in (True, False):
+        renewal = replace(RENEWAL, strategy=_asking(1.0), draw_evenly=evenly)
+        found = _renew(renewal, comparison=sure)
+        share[evenly] = (NEAREST.entries(found.belief.poses, MIDDLE) == 5).mean()
+    expected = WHERE.sizes()[5] / WHERE.sizes().sum()
+    assert share[False] > 0.99
+    assert share[True] == pytest.approx(expected, abs=4 * np.sqrt(expected / 500))
+
+
+def test_nothing_is_changed_in_place():
+    belief, comparison = _belief(), _comparison()
+    kept = belief.poses.copy(), belief.log_weights.copy(), comparison.log_likelihood.copy()
+    renewal = replace(
+        RENEWAL,
+        when=always,
+        strategy=_asking(0.2, True),
+        roughening=0.2,
+        kld=KldParameters(),
+        dual=DualParameters(),
+    )
+    _renew(renewal, belief, comparison)
+    renewal.mix_in(belief, comparison, stream(9, 1))
+    assert np.array_equal(belief.poses, kept[0])
+    assert np.array_equal(belief.log_weights, kept[1])
+    assert np.array_equal(comparison.log_likelihood, kept[2])
+
+
+def test_the_memory_is_the_strategys():
+    told = Memory(7.0, 8.0, 9.0, 10)
+    assert _renew(replace(RENEWAL, strategy=lambda e, m: Reseeding(0.0, told))).memory == told
+    assert _renew(replace(RENEWAL, strategy=lambda e, m: Reseeding(0.1, told))).memory == told
+
+
+def test_the_strategy_is_told_evidence_and_memory():
+    heard = []
+
+    def listening(evidence, memory):
+        heard.append((evidence, memory))
+        return Reseeding(0.0, memory)
+
+    _renew(replace(RENEWAL, strategy=listening), memory=Memory(updates=3))
+    assert heard == [(-5.0, Memory(updates=3))]
+
+
+def test_expansion_moves_copies_by_the_spacing():
+    belief = Belief(np.zeros((20_000, 3), np.float32), normalize(np.zeros(20_000))[0], MIDDLE)
+    found = _renew(replace(RENEWAL, strategy=_asking(0.0, True)), belief)
+    assert found.expanded
+    assert found.injected is None
+    assert found.parents is not None
+    reach = (1 + np.sqrt(2)) / 2  # of the places, the median distance to the nearest other
+    sd = np.array([reach, reach, np.pi / 8])
+    assert found.belief.poses.std(axis=0) == pytest.approx(sd, rel=4 / np.sqrt(40_000) + 0.005)
+
+
+def test_expansion_and_fresh_particles_together_are_both_told():
+    found = _renew(replace(RENEWAL, strategy=_asking(0.2, True)))
+    assert found.expanded
+    assert found.injected.sum() == 100
+
+
+def test_roughening_moves_copies_and_leaves_fresh_ones():
+    renewal = replace(RENEWAL, when=always, strategy=_asking(0.2))
+    plain, rough = _renew(renewal), _renew(replace(renewal, roughening=0.2))
+    assert np.array_equal(plain.parents, rough.parents)
+    moved = (plain.belief.poses != rough.belief.poses).any(axis=1)
+    assert moved[:400].all()
+    assert not moved[400:].any()
+
+
+def test_a_filter_that_is_wholly_drawn_anew_needs_no_copies():
+    found = _renew(replace(RENEWAL, strategy=_asking(1.0, True), roughening=0.2))
+    assert found.injected.all()
+
+
+def test_roughening_only_where_there_was_resampling():
+    belief = _belief()
+    assert _renew(replace(RENEWAL, roughening=0.2), belief).belief is belief
+
+
+def test_roughening_and_expansion_draw_numbers_of_their_own():
+    """The same normals twice would spread by the sum instead of the root of the sum of squares."""
+    n = 20_000
+    poses = np.zeros((n, 3), np.float32)
+    poses[0], poses[1] = [-1, -1, -0.2], [1, 1, 0.2]
+    belief = Belief(poses, normalize(np.zeros(n))[0], MIDDLE)
+    share = 20.0  # so that roughening's sd of 2 share N^(-1/3) is like the expansion's
+    rough = 2 * share * n ** (-1 / 3)
+    renewal = replace(RENEWAL, strategy=_asking(0.0, True), roughening=share)
+    sd = _renew(renewal, belief).belief.poses[:, 0].std()
+    assert sd == pytest.approx(np.hypot(rough, (1 + np.sqrt(2)) / 2), rel=0.03)
+
+
+@EACH
+@pytest.mark.parametrize("spread", [0.05, 2.0])
+def test_adaptive_size(resampler, spread):
+    belief = _belief(1000)
+    belief = Belief((belief.poses * np.float32(spread)).clip(-3, 3), belief.log_weights, MIDDLE)
+    kld = KldParameters(least=120, most=1500)
+    renewal = replace(RENEWAL, resampler=RESAMPLERS[resampler], kld=kld, strategy=_asking(0.1))
+    found = _renew(renewal, belief)
+    size = adapted_size(belief, kld)
+    assert size != 1000
+    assert found.belief.size == len(found.parents) == len(found.injected) == size
+    assert found.injected.sum() == round(0.1 * size)
+    assert found.belief.weights == pytest.approx(np.full(size, 1 / size))
+
+
+def test_purposes_have_streams_of_their_own():
+    asked = []
+
+    def rng(purpose):
+        asked.append(purpose)
+        return stream(9, 3, 2, purpose)
+
+    renewal = replace(RENEWAL, when=always, strategy=_asking(0.1), roughening=0.2)
+    renewal.renew(_belief(), _comparison(), -5.0, Memory(), 2, rng)
+    assert asked == [Purpose.RESAMPLE, Purpose.ROUGHEN, Purpose.INJECT]
+
+
+def test_without_dual_the_prediction_is_handed_on():
+    belief = _belief()
+    assert RENEWAL.mix_in(belief, _comparison(), stream(9, 1)) == (belief, None)
