@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from .tiers import Tier
 
 DIM_SHARE = 0.6  # of the light that `dim` leaves when it does not say
-DRIFT_SHARE = 0.2  # largest change of gain that `drift` makes when it does not say: issue's tier hard
+DRIFT_SHARE = 0.2  # largest change of gain that `drift` makes when it does not say, as in tier hard
 TINT_SHARE = 0.5  # white balance drifts by this share of what the gain does
 GAINS = ("fixed", "auto")
 EXAMPLE = "dim@40,off@60,daylight@20-100,on@80"

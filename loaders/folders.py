@@ -27,7 +27,7 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
     LogError when `target` exists already or has no name. With `force` an old folder is replaced, but only
     one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
     """
-    _refuse(target, force, ours)
+    check_target(target, force, ours)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         filling = _sibling(target, "part")
@@ -41,7 +41,22 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
         shutil.rmtree(filling, ignore_errors=True)
 
 
-def _refuse(target: Path, force: bool, ours: str) -> None:
+def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> None:
+    """Make an empty folder at once, for what grows in it and must be readable after a kill.
+
+    LogError as for `new_folder`; with `force` the old folder is gone from here on.
+    """
+    check_target(target, force, ours)
+    try:
+        if target.is_dir() and any(target.iterdir()):
+            discard(target)
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise LogError(target, f"cannot be written: {problem.strerror}; choose another place") from None
+
+
+def check_target(target: Path, force: bool, ours: str = "manifest.json") -> None:
+    """Refuse a folder that `new_folder` and `begin_folder` would not fill. LogError says why."""
     if not target.name:  # ".", which "" means as well, and "/" cannot be put in place whole
         raise LogError(target, "found no name for a new folder, expected one; name it")
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arena import open_arena
-from maurice_mcl.channels import CHANNELS, Channel
+from maurice_mcl.channels import CHANNELS, OUR_NAMES, Channel, describe
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.typing import F32, F64
+from maurice_mcl.typing import F32, F64, U8
 
 from .errors import LogError
 from .extent import check_span
@@ -33,10 +33,12 @@ def build_library(
     The noise floor is the mean of the covered-lens pictures (zeros, with a warning, when there are none),
     the relevance the maximum of each bin over the library (thesis 3.3). Without a map in the survey all is
     free. Pictures are held one at a time. LogError for a broken survey, one without any picture, or
-    poses too far apart (see `check_span`).
+    poses too far apart (see `check_span`). A third-party channel that fails is left out, with a warning.
     """
     log = SessionLog(survey, keep_going=keep_going)
     used = chosen_channels(channels)
+    sizes: dict[str, int] = {}
+    broken: list[str] = []
     poses: list[F64] = []
     pictures: list[Path | None] = []
     references: dict[str, list[F32]] = {name: [] for name in used}
@@ -44,8 +46,12 @@ def build_library(
     total = log.count_pictures() if progress else 0
     for done, picture in enumerate(log.survey_pictures(), start=1):
         rows = covered if picture.pose is None else references
-        for name, channel in used.items():
-            rows[name].append(channel.describe(picture.image))
+        measured, failed = _measured(used, picture.image, sizes)
+        broken += failed
+        used = {name: used[name] for name in measured}
+        for name, row in measured.items():
+            rows[name].append(row)
+            sizes[name] = len(row)
         if picture.pose is not None:
             poses.append(picture.pose)
             pictures.append(None if picture.path is None else picture.path.resolve())
@@ -54,11 +60,30 @@ def build_library(
     if not poses:
         raise LogError(survey, "found no picture with a pose, expected at least one; is this the survey?")
     check_span(survey, np.array(poses), log.info.arena)
+    for text in broken:
+        (warn or silent)(text)
     index = {name: _index(references[name], covered[name]) for name in used}
     library = _library(log, np.array(poses), tuple(pictures), index)
     for text in _warnings(log, library, any(covered.values())):
         (warn or silent)(text)
     return library
+
+
+def _measured(
+    used: Mapping[str, Channel], image: U8, sizes: Mapping[str, int]
+) -> tuple[dict[str, F32], list[str]]:
+    """Measure a picture by every channel, and say which of somebody else's failed, and why."""
+    found: dict[str, F32] = {}
+    failed: list[str] = []
+    for name, channel in used.items():
+        if name in OUR_NAMES:
+            found[name] = channel.describe(image)
+            continue
+        try:
+            found[name] = describe(channel, image, sizes.get(name))
+        except ValueError as problem:
+            failed.append(f"{' '.join(str(problem).split())}; the library is built without it")
+    return found, failed
 
 
 def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:

@@ -38,8 +38,8 @@ def open_library(
         return load_library(path)
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
     cached = _from_cache(kept, warn)
-    if cached is not None:
-        return cached
+    if cached is not None and set(chosen_channels(channels)) <= set(cached.index):
+        return cached  # else a channel failed when it was built, and may have been mended since
     warnings: list[str] = []
     built = build_library(path, channels, keep_going=keep_going, progress=progress, warn=warnings.append)
     kept_now = _into_cache(built, kept, warnings)
@@ -76,11 +76,11 @@ def _into_cache(built: Library, kept: Path, warnings: list[str]) -> Library:
     """Keep a library; where that fails the built one serves as well, with its pictures at the survey."""
     there = kept.exists()  # asked before it is read: what comes into place afterwards is never thrown away
     quicker = _from_cache(kept, None)
-    if quicker is not None:
+    if quicker is not None and set(built.index) <= set(quicker.index):
         return quicker
     try:
         if there:
-            discard(kept)  # it is damaged
+            discard(kept)  # it is damaged, or lacks a channel
         save_library(built, kept, warnings=warnings)
         not_kept = "it was removed meanwhile"
     except (LogError, OSError) as problem:

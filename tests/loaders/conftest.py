@@ -2,19 +2,33 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from maurice_loaders.config_file import to_toml
+from maurice_loaders.library_build import build_library
+from maurice_loaders.run_store_manifest import RunManifest, library_hash, source_of, versions_now
+from maurice_loaders.run_store_write import RunWriter
+from maurice_loaders.session_log import SessionLog
 from maurice_loaders.session_writer import SessionWriter
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.configuration import Layer, configure
+from maurice_mcl.library import Library
+from maurice_mcl.localizer import run
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment, SessionInfo
 from maurice_mcl.typing import U8
 
 HEADER = {"format": "maurice-session-log", "version": 1, "kind": "session", "name": "test"}
 PIXEL = "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAIAAAB7QOjdAAAADUlEQVQIHWPkEpEDAgAB2gCYpjaFTAAAAABJRU5ErkJggg=="
 WriteLog = Callable[..., Path]
+Played = list[tuple[Moment, StepRecord]]
+Save = Callable[..., tuple[Path, Played]]
 
 
 @pytest.fixture
@@ -59,3 +73,63 @@ def survey(tmp_path: Path) -> Path:
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def run_library(small_session: Path) -> Library:
+    return build_library(small_session.parent / "survey.log", ["color", "edges"])
+
+
+def manifest_for(session: Path, library: Library, folder: Path, toml: str) -> RunManifest:
+    survey = session.parent / "survey.log"
+    channels = ("color", "edges")
+    return RunManifest(
+        label="blended",
+        seed=5,
+        start=None,
+        channels=channels,
+        origin_m=tuple(library.origin.tolist()),
+        name="kleine Fahrt",
+        display_units="m",
+        pictures=14,
+        has_truth=True,
+        keep_going=False,
+        session=source_of(session, folder),
+        library=source_of(survey, folder),
+        library_content=library_hash(library, channels),
+        configuration_sha256=sha256(toml.encode()).hexdigest(),
+        versions=versions_now(),
+    )
+
+
+@pytest.fixture
+def save_run(small_session: Path, run_library: Library, tmp_path: Path) -> Save:
+    """Play the small session with some settings and save it; give the folder and what was saved."""
+
+    def saved(times: int = 1, close: str | None = "complete", **settings: Any) -> tuple[Path, Played]:
+        chosen = {"particles": 50, "sensor.weights": {"color": 1.0, "edges": 1.0}} | settings
+        configuration = configure([Layer("test", chosen)])
+        log, folder, toml = SessionLog(small_session), tmp_path / "run", to_toml(configuration)
+        localizer = make_localizer(run_library, log, configuration.parameters, seed=5)
+        played = numbered(list(run(localizer, log, None)) * times)
+        writer = RunWriter(
+            folder,
+            manifest_for(small_session, run_library, folder, toml),
+            toml,
+            run_library.arena,
+            force=True,
+        )
+        for moment, record in played:
+            writer.add(moment, record)
+        if close is not None:
+            writer.close(close)
+        return folder, played
+
+    return saved
+
+
+def numbered(played: Played) -> Played:
+    """Count the steps on, so that one short drive serves as a long one."""
+    frames = [replace(moment.frame, step=step) for step, (moment, _) in enumerate(played, 1)]
+    pairs = zip(played, frames, strict=True)
+    return [(replace(m, frame=f), replace(r, frame=f)) for (m, r), f in pairs]

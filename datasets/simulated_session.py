@@ -1,0 +1,43 @@
+"""A simulated session without files: pictures are rendered as they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from maurice_mcl.session import Frame, Moment, SessionInfo
+
+from .legs import Happened, Moved
+from .maurice import session_info
+from .simulation import Plan, Stage, stage
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedSession:
+    """The session of a plan: the same moments as its log would hold, but for JPEG and text rounding none."""
+
+    set_up: Stage
+    info: SessionInfo
+
+    def moments(self) -> Iterator[Moment]:
+        """Drive and look from the beginning, on every call."""
+        outing = self.set_up.outing
+        for number, leg in enumerate(self.set_up.course.legs(), start=1):
+            motions = [entry.motion for entry in leg.entries if isinstance(entry, Moved)]
+            told = tuple(entry.text for entry in leg.entries if isinstance(entry, Happened))
+            frame = Frame(
+                step=number,
+                time_s=leg.t_s,
+                motions=np.array(motions).reshape(-1, 3),
+                image=outing.take(number, leg.pose),
+                picture="",
+            )
+            yield Moment(frame, leg.pose, (*told, *outing.events(number)))
+
+
+def simulated_session(plan: Plan) -> SimulatedSession:
+    """Set a plan's session up. LogError for worlds and recordings that cannot be used."""
+    set_up = stage(plan)
+    return SimulatedSession(set_up, session_info(set_up))
