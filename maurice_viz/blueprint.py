@@ -11,6 +11,7 @@ from rerun.blueprint.api import VisualizerLike
 from rerun.encodings import EntityPathLike
 
 from maurice_mcl.arena import Arena
+from maurice_mcl.channels import CHANNELS
 
 from . import entities
 from .canvas import map_extent
@@ -22,8 +23,8 @@ from .look import GROUND, RUN_COLORS, TRUTH, Scale
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 FPS = 4.0
-LEGEND = " (256 x share): picture white, match orange"
-SHORT_LEGEND = " (256 x share), match orange"
+LEGEND = ": picture white, match orange"
+SHORT_LEGEND = ", match orange"
 SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
 COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
 
@@ -171,12 +172,12 @@ def histogram_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
 
 def difference_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
     """Show how far each bin is off, a tab a channel."""
-    return rrb.Tabs(*_differences(paths, channels, " difference per bin (its mean: D)"), active_tab=0)
+    return rrb.Tabs(*_differences(paths, channels, " difference by element"), active_tab=0)
 
 
 def _histograms(paths: RunPaths, channels: Sequence[str], rest: str, legend: str) -> list[rrb.BarChartView]:
     """The legend stands in the first tab's title: in the chart it would cover bars."""
-    titles = [f"{c}{rest}{'' if number else legend}" for number, c in enumerate(channels)]
+    titles = [f"{c}{rest}{'' if k else f' ({CHANNELS[c].unit}){legend}'}" for k, c in enumerate(channels)]
     kinds = ("bands", "reference", "sample")
     return [_chart(paths, c, title, kinds) for c, title in zip(channels, titles, strict=True)]
 

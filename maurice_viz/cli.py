@@ -8,8 +8,11 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from maurice_mcl.channels import BROKEN
+
 from .commands.calibrate import calibrate
 from .commands.compare import compare
+from .commands.config import config
 from .commands.demo import demo
 from .commands.imports import imports
 from .commands.inspecting import inspect
@@ -17,6 +20,8 @@ from .commands.library import library
 from .commands.replay import replay
 from .commands.simulate import simulate
 from .commands.survey import survey
+from .commands.verify import verify
+from .console import note
 
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
 
@@ -45,7 +50,9 @@ app.command()(demo)
 app.command()(inspect)
 app.command()(simulate)
 app.command()(survey)
+app.command()(verify)
 app.add_typer(library, name="library")
+app.add_typer(config, name="config")
 app.add_typer(imports, name="import")
 app.add_typer(calibrate, name="calibrate")
 
@@ -62,4 +69,5 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    pass
+    for text in BROKEN:
+        note(text)

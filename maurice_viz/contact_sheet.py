@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.library import Library
-from maurice_mcl.records import Sighting
+from maurice_mcl.records import Comparison
 from maurice_mcl.typing import U8
 
 from .look import GROUND, MISSING, PALE, RANK, Scale
@@ -38,10 +38,12 @@ class Match:
     quality: float
 
 
-def best_matches(sighting: Sighting) -> tuple[Match, ...]:
+def best_matches(comparison: Comparison) -> tuple[Match, ...]:
     """Give the best entries, best first; fewer than five where the library has fewer."""
-    ranking = sighting.best(BEST).tolist()
-    return tuple(Match(rank, entry, float(sighting.quality[entry])) for rank, entry in enumerate(ranking, 1))
+    ranking = comparison.best(BEST).tolist()
+    return tuple(
+        Match(rank, entry, float(comparison.quality[entry])) for rank, entry in enumerate(ranking, 1)
+    )
 
 
 @dataclass(slots=True)

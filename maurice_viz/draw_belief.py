@@ -17,6 +17,9 @@ from .look import ESTIMATE, RGB, TRUTH, Scale, copy_colors, heading_vector, weig
 PARTICLE = 1.75  # radius in points of the screen
 COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
 MOST_COPIED = 9.0
+FRESH: RGB = (255, 120, 220)  # drawn anew in this step
+SETTLED: RGB = (120, 124, 134)  # all others, while the fresh ones are shown
+FRESH_PARTICLE = 2.5
 TRAIL = 25  # poses of a trail that are kept: more would bury the cloud, and cost more the longer it runs
 ARROW = 0.055  # length of a heading arrow, as a share of the arena's long side
 
@@ -44,14 +47,29 @@ def draw_weighted(rec: rr.RecordingStream, path: str, belief: Belief) -> None:
 
 
 def draw_resampled(rec: rr.RecordingStream, path: str, record: StepRecord, scale: Scale) -> None:
-    """Log the survivors, sized and colored by how often each one's parent was copied."""
-    copies = copies_of(record.parents, record.belief.size)
+    """Log the survivors, sized and colored by how often each one's parent was copied; no fresh ones yet."""
+    kept = slice(None) if record.injected is None else ~record.injected
+    copies = copies_of(record.parents, record.belief.size)[kept]
     radii = np.minimum(COPIED * np.sqrt(copies), MOST_COPIED).astype(np.float32)
     rec.log(
         path,
         rr.Points2D.from_fields(
-            positions=positions(record.belief, scale),
+            positions=positions(record.belief, scale)[kept],
             colors=copy_colors(copies),
+            radii=rr.components.Radius.ui_points(radii),
+        ),
+    )
+
+
+def draw_reseeded(rec: rr.RecordingStream, path: str, record: StepRecord, scale: Scale) -> None:
+    """Log what the next step starts from: fresh particles stand out, all others are dim."""
+    fresh = np.zeros(record.belief.size, bool) if record.injected is None else record.injected
+    radii = np.where(fresh, FRESH_PARTICLE, PARTICLE).astype(np.float32)
+    rec.log(
+        path,
+        rr.Points2D.from_fields(
+            positions=positions(record.belief, scale),
+            colors=np.where(fresh[:, None], np.array(FRESH, np.uint8), np.array(SETTLED, np.uint8)),
             radii=rr.components.Radius.ui_points(radii),
         ),
     )

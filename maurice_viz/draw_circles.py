@@ -9,7 +9,7 @@ import rerun as rr
 from scipy.spatial import cKDTree
 
 from maurice_mcl.library import Library
-from maurice_mcl.records import Sighting
+from maurice_mcl.records import Comparison
 from maurice_mcl.typing import F32, F64
 
 from .contact_sheet import BEST
@@ -38,12 +38,12 @@ class Circles:
         best = rr.Points2D.from_fields(colors=[RANK], labels=ranks, show_labels=True, draw_order=30.0)
         rec.log(paths.best, best, static=True)
 
-    def draw(self, rec: rr.RecordingStream, paths: RunPaths, sighting: Sighting) -> None:
+    def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
         """Log the sizes, and where the five best are."""
-        share = np.sqrt(relative_likelihood(sighting.log_likelihood))  # so that the area is the likelihood
+        share = np.sqrt(relative_likelihood(comparison.log_likelihood))  # so that the area is the likelihood
         radii = np.maximum(share * np.float32(LARGEST), np.float32(SMALLEST))
         rec.log(paths.circles, rr.Points2D.from_fields(radii=radii * np.float32(self.spacing)))
-        best = sighting.best(BEST)
+        best = comparison.best(BEST)
         sizes = radii[best] * np.float32(self.spacing)
         rec.log(paths.best, rr.Points2D.from_fields(positions=self.centers[best], radii=sizes))
 

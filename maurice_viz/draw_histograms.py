@@ -7,13 +7,16 @@ also fix the height of the chart, so that steps can be compared.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import pairwise
+
 import numpy as np
 import rerun as rr
 
+from maurice_mcl.channels.histogram import BINS
+from maurice_mcl.distances import contributions
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.records import Sighting
-from maurice_mcl.sensor import contributions
-from maurice_mcl.typing import F32
+from maurice_mcl.records import Comparison
 
 from .entities import RunPaths
 from .look import PALE, RGB
@@ -24,19 +27,21 @@ BANDS: tuple[RGB, RGB, RGB] = ((64, 22, 20), (18, 50, 26), (22, 34, 76))
 SAMPLE: RGB = (255, 255, 255)
 REFERENCE: RGB = (230, 159, 0)
 USUAL = 99.5  # percentile of all library bins that the bands reach up to; a higher bar makes the chart grow
-USUAL_DIFFERENCE = 0.1
+PLAIN: RGB = (44, 46, 54)  # the band of a channel that has no red, green and blue
+SMALLEST = 1e-6  # a band of no height could not be seen
+MOST_COMPARED = 100  # references that say how high differences are
 KINDS = ("sample", "reference", "difference")
 
 
 def prepare_histograms(
-    rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...], library: Library
+    rec: rr.RecordingStream, paths: RunPaths, distances: Mapping[str, str], library: Library
 ) -> None:
-    """Log what does not change: bands, colors, and where the bars stand."""
-    for channel in channels:
+    """Log what does not change: bands, colors, and where the bars stand; `distances` by channel."""
+    for channel, distance in distances.items():
         index = library.index[channel]
         bins = len(index.relevance)
-        _bands(rec, paths, channel, "bands", usual_height(index))
-        _bands(rec, paths, channel, "difference_bands", USUAL_DIFFERENCE)
+        _bands(rec, paths, channel, "bands", bins, usual_height(index))
+        _bands(rec, paths, channel, "difference_bands", bins, usual_difference(index, distance))
         _bars(rec, paths.histogram(channel, "reference"), REFERENCE, bins, 0.0, 1.0)
         _bars(rec, paths.histogram(channel, "sample"), SAMPLE, bins, 0.3, 0.4)
         _bars(rec, paths.histogram(channel, "difference"), PALE, bins, 0.0, 1.0)
@@ -44,18 +49,32 @@ def prepare_histograms(
 
 def usual_height(index: ChannelIndex) -> float:
     """Give a height that nearly all bins of the library stay under."""
-    return max(float(np.percentile(index.references, USUAL)), 1.0)
+    return max(float(np.percentile(index.references, USUAL)), SMALLEST)
 
 
-def _bands(rec: rr.RecordingStream, paths: RunPaths, channel: str, kind: str, height: float) -> None:
-    for plane, color in enumerate(BANDS):
+def usual_difference(index: ChannelIndex, distance: str) -> float:
+    """Give a height that nearly all elements stay under, from one reference to the next."""
+    some = index.references[: MOST_COMPARED + 1]
+    parts = [contributions(distance, a, b, index) for a, b in pairwise(some)]
+    return max(float(np.percentile(parts, USUAL)), SMALLEST) if parts else 1.0
+
+
+def bands_of(bins: int) -> tuple[RGB, ...]:
+    """Give a band each for red, green and blue where there are 28 bins of each, else one for everything."""
+    return BANDS if bins == PLANES * BINS else (PLAIN,)
+
+
+def _bands(
+    rec: rr.RecordingStream, paths: RunPaths, channel: str, kind: str, bins: int, height: float
+) -> None:
+    for plane, color in enumerate(bands_of(bins)):
         band = rr.BarChart([height], abscissa=[float(plane)], widths=[1.0], color=color)
         rec.log(paths.histogram(channel, f"{kind}/{plane}"), band, static=True)
 
 
 def _bars(rec: rr.RecordingStream, path: str, color: RGB, bins: int, offset: float, width: float) -> None:
     """Place the bars; `offset` and `width` are shares of a bin."""
-    one = PLANES / bins
+    one = len(bands_of(bins)) / bins
     at = ((np.arange(bins) + offset) * one).astype(np.float32)
     wide = np.full(bins, width * one, np.float32)
     chart = rr.BarChart(np.zeros(bins, np.float32), color=color, abscissa=at, widths=wide)
@@ -68,16 +87,21 @@ def _bars(rec: rr.RecordingStream, path: str, color: RGB, bins: int, offset: flo
     rec.log(path, style, static=True)
 
 
-def draw_histograms(rec: rr.RecordingStream, paths: RunPaths, sighting: Sighting, library: Library) -> None:
-    """Log for each channel the picture's histogram, its best match's, and their difference bin by bin."""
-    best = int(sighting.quality.argmax())
-    for channel in sighting.channels:
-        sample, index = sighting.descriptors[channel], library.index[channel]
-        shown = (sample, index.references[best], bin_differences(sample, index.references[best], index))
+def draw_histograms(
+    rec: rr.RecordingStream,
+    paths: RunPaths,
+    comparison: Comparison,
+    library: Library,
+    distances: Mapping[str, str],
+) -> None:
+    """Log for each channel the picture's vector, its best match's, and what each element adds to D.
+
+    `distances` names the distance that each channel is compared by.
+    """
+    best = int(comparison.quality.argmax())
+    for channel in comparison.channels:
+        sample, index = comparison.descriptors[channel], library.index[channel]
+        reference = index.references[best]
+        shown = (sample, reference, contributions(distances[channel], sample, reference, index))
         for kind, values in zip(KINDS, shown, strict=True):
             rec.log(paths.histogram(channel, kind), rr.BarChart.from_fields(values=tensor_of(values)))
-
-
-def bin_differences(sample: F32, reference: F32, index: ChannelIndex) -> F32:
-    """Give the thesis's difference of every bin (D,), max(|s - r| - n, 0) / m; its mean is the distance."""
-    return contributions(sample, reference, index) * np.float32(len(sample))

@@ -10,12 +10,12 @@ from maurice_mcl.records import Estimate, StepRecord
 from maurice_mcl.session import Moment
 from maurice_mcl.typing import F64
 
-from .entities import Slot
+from .entities import SLOTS, Slot
 from .look import Scale
 
-NUMBER_OF = {Slot.PREDICT: 1, Slot.MEASURE: 2, Slot.WEIGHT: 3, Slot.RESAMPLE: 4, Slot.ESTIMATE: 5}
 STILL_RAD = np.radians(0.05)  # a turn that would be written "0.0 deg" is not mentioned
 STILL_M = 5e-4
+NOT_COMPARED = "What the picture was compared with is not at hand."  # of some saved runs
 ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is no longer about any one heading
 
 
@@ -59,7 +59,9 @@ def predicted(record: StepRecord, scale: Scale) -> str:
 
 def measured(record: StepRecord) -> str:
     """Say what the picture was compared with, and what matched best."""
-    sighting = record.sighting
+    sighting = record.sighting.comparison
+    if not len(sighting.quality):
+        return NOT_COMPARED
     first, *others = sighting.best(2).tolist()
     against = f"{len(sighting.quality)} references by {' and '.join(sighting.channels)}"
     runner_up = f", then entry {others[0]} ({sighting.quality[others[0]]:.3f})" if others else ""
@@ -93,10 +95,21 @@ def resampled(record: StepRecord) -> str:
     if record.parents is None:
         return "Not resampled: the particles and their weights stay as they are."
     copies = np.bincount(record.parents[record.parents >= 0], minlength=1)
-    fresh = "" if record.injected is None else f", {int(record.injected.sum())} were drawn afresh"
     return (
         f"Resampled: {np.count_nonzero(copies)} of {record.weighted.size} particles survive, "
-        f"the luckiest in {copies.max()} copies{fresh}. All weights are equal again."
+        f"the luckiest in {copies.max()} copies. All weights are equal again."
+    )
+
+
+def reseeded(record: StepRecord) -> str:
+    """Say how many particles were drawn anew, and why."""
+    if "expanded" in record.events:
+        return "Expanded: the picture was explained badly, so every particle was moved at random."
+    if record.injected is None:
+        return "Not reseeded."
+    return (
+        f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles were drawn afresh. "
+        f"The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
     )
 
 
@@ -117,16 +130,22 @@ def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
         Slot.MEASURE: lambda: measured(record),
         Slot.WEIGHT: lambda: weighted(record),
         Slot.RESAMPLE: lambda: resampled(record),
+        Slot.RESEED: lambda: reseeded(record),
     }
-    title = f"Phase {NUMBER_OF[slot]} of {len(NUMBER_OF)}: {slot.name.lower()}"
+    title = f"Phase {slot + 1} of {SLOTS}: {slot.name.lower()}"
     return f"**{_when(moment)} · {title}**\n\n{says[slot]()}"
 
 
 def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Say what a whole step did, for the last phase and for timelines without phases."""
-    first = int(record.sighting.quality.argmax())
-    match = f"Best match: entry {first}, quality {record.sighting.quality[first]:.3f}."
+    seen = record.sighting.comparison
+    first = int(seen.quality.argmax()) if len(seen.quality) else None
+    match = (
+        NOT_COMPARED if first is None else f"Best match: entry {first}, quality {seen.quality[first]:.3f}."
+    )
     kept = "Resampled." if record.parents is not None else "Not resampled."
+    if record.injected is not None:
+        kept = f"{kept} {int(record.injected.sum())} particles drawn afresh."
     events = [*moment.events, *(event for event in record.events if event != "resampled")]
     lines = [
         f"**{_when(moment)}**" + "".join(f" · {event}" for event in events),

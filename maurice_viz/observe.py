@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import rerun as rr
 
 from maurice_mcl.library import Library
+from maurice_mcl.localizer import EXPANDED
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
 
@@ -82,7 +84,7 @@ class RerunObserver:
 
     rec: rr.RecordingStream
     label: str
-    channels: tuple[str, ...]  # of the run's sensor model: which histograms there will be
+    distances: Mapping[str, str]  # of the run's sensor model, by channel: which histograms there will be
     scene: bool = True
     has_truth: bool = True  # whether the key mentions the truth
     _paths: RunPaths = field(init=False)
@@ -114,7 +116,7 @@ class RerunObserver:
         draw_belief.prepare_cloud(self.rec, self._paths.particles)
         tools.estimate.prepare(self.rec)
         tools.circles.prepare(self.rec, self._paths)
-        draw_histograms.prepare_histograms(self.rec, self._paths, self.channels, library)
+        draw_histograms.prepare_histograms(self.rec, self._paths, self.distances, library)
         draw_traces.prepare_traces(self.rec, self._paths)
 
     def see(self, moment: Moment, record: StepRecord) -> None:
@@ -152,9 +154,11 @@ class RerunObserver:
         set_phase(self.rec, moment, Slot.MEASURE)
         if self.scene:
             draw_pictures.draw_camera(self.rec, moment.frame.image)
-        tools.circles.draw(self.rec, self._paths, record.sighting)
-        draw_histograms.draw_histograms(self.rec, self._paths, record.sighting, tools.library)
-        sheet = tools.sheet.draw(best_matches(record.sighting))
+        seen = record.sighting.comparison
+        if len(seen.quality):  # a saved run may be shown without its library
+            tools.circles.draw(self.rec, self._paths, seen)
+            draw_histograms.draw_histograms(self.rec, self._paths, seen, tools.library, self.distances)
+        sheet = tools.sheet.draw(best_matches(seen))
         draw_pictures.draw_sheet(self.rec, self._paths.contact_sheet, sheet)
         self._say(narrate.phase(moment, record, Slot.MEASURE, tools.scale))
 
@@ -168,6 +172,10 @@ class RerunObserver:
         if record.parents is not None:
             draw_belief.draw_resampled(self.rec, self._paths.particles, record, tools.scale)
         self._say(narrate.phase(moment, record, Slot.RESAMPLE, tools.scale))
+        if record.injected is not None or EXPANDED in record.events:
+            set_phase_only(self.rec, moment, Slot.RESEED)
+            draw_belief.draw_reseeded(self.rec, self._paths.particles, record, tools.scale)
+            self._say(narrate.phase(moment, record, Slot.RESEED, tools.scale))
 
     def _estimate(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
         set_phase(self.rec, moment, Slot.ESTIMATE)

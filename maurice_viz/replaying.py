@@ -6,12 +6,13 @@ The command line, a notebook and the tests call the same functions.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from maurice_mcl.localizer import ALL_ZERO, Localizer
 from maurice_mcl.metrics import RunScore, Scorer
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, Session
+from maurice_mcl.success import SuccessJudge
 from maurice_mcl.typing import F64
 
 
@@ -22,6 +23,7 @@ class Run:
     label: str  # unique among the runs of a recording
     localizer: Localizer
     start: F64 | None  # (3,) in the map's frame; None: anywhere
+    configuration: str = ""  # what is in force, as TOML
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +51,10 @@ def run_together(runs: Sequence[Run], session: Session) -> Iterator[tuple[Moment
 class ResultCollector:
     """Scores runs while they go; can be asked at any time, also after an interruption."""
 
-    def __init__(self, labels: Sequence[str]) -> None:
+    def __init__(self, labels: Sequence[str], arena_m: tuple[float, float]) -> None:
+        """Score runs of these labels, in an arena of this width and depth."""
         self._scorers = {label: Scorer() for label in labels}
+        self._judges = {label: SuccessJudge(arena_m) for label in labels}
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # taken in so far
         self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, a run
@@ -61,6 +65,7 @@ class ResultCollector:
         for label, record in records.items():
             self.all_zero[label] += ALL_ZERO in record.events
             self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
+            self._judges[label].add(record, moment.truth)
             self._took_s[label] += sum(record.took_s.values())
 
     def results(self) -> list[RunResult]:
@@ -69,4 +74,5 @@ class ResultCollector:
 
     def _result(self, label: str, score: RunScore) -> RunResult:
         took_s = self._took_s[label]
+        score = replace(score, success=self._judges[label].result())
         return RunResult(label, score, score.updates / took_s if took_s > 0 else None)

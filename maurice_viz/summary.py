@@ -9,6 +9,8 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from maurice_mcl.success import LEFT, Success
+
 from .look import Units
 from .replaying import RunResult
 
@@ -37,7 +39,18 @@ def _run_json(result: RunResult) -> dict[str, Any]:
         "lost_at_update": score.lost_at_update,
         "reached": score.reached,
         "wrong_confident_share": score.wrong_confident_share,
+        "thesis_success": {one.preset: _success_json(one) for one in score.success},
         "steps_per_s": result.steps_per_s,
+    }
+
+
+def _success_json(success: Success) -> dict[str, Any]:
+    return {
+        "at_update": success.at_update,
+        "at_m": success.at_m,
+        "at_s": success.at_s,
+        "failed": success.failed,
+        "failed_at_update": success.failed_at_update,
     }
 
 
@@ -64,6 +77,8 @@ def _rows(units: Units) -> list[tuple[str, Cell]]:
         ("localized at update", lambda r, u: _or_never(r.score.localized_at_update, r.score.lost)),
         ("lost", lambda r, u: _lost(r)),
         ("wrong and confident", lambda r, u: _share(r.score.wrong_confident_share)),
+        ("localized (thesis, sd < 10 %)", lambda r, u: _success(r, "tenth", u)),
+        ("localized (thesis, one foot)", lambda r, u: _success(r, "circle", u)),
         ("filter steps a second", lambda r, u: "-" if r.steps_per_s is None else f"{r.steps_per_s:.0f}"),
     ]
 
@@ -93,3 +108,15 @@ def _lost(result: RunResult) -> str:
     if score.lost:
         return f"at update {score.lost_at_update}"
     return "no, goal reached" if score.reached else "no"
+
+
+def _success(result: RunResult, preset: str, units: Units) -> str:
+    """Say when, and how far driven by then; or how it failed."""
+    for one in result.score.success:
+        if one.preset == preset:
+            if one.failed == LEFT:
+                return f"left the truth at {one.failed_at_update}"
+            if one.at_update is not None and one.at_m is not None and one.at_s is not None:
+                return f"update {one.at_update}, {_length(one.at_m, units)} {units.name}, {one.at_s:.0f} s"
+            return "no, 5 min over" if one.failed else "no"
+    return "-"

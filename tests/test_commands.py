@@ -129,7 +129,7 @@ def test_library_build_show_and_use(small_session: Path, tmp_path: Path) -> None
     facts = json.loads(maurice("library", "show", "kept", "--json", cwd=tmp_path).stdout)
     assert facts["entries"] == 160
     assert facts["places"] == 20
-    assert set(facts["channels"]) == {"color", "edges"}
+    assert set(facts["channels"]) >= {"color", "edges", "chromaticity"}
     assert "160 pictures" in maurice("library", "show", "survey.log", cwd=tmp_path).stdout
     kept = maurice(small_session, "--json", "--no-recording", "--library", "kept", cwd=tmp_path)
     named = maurice(small_session, "--json", "--no-recording", cwd=tmp_path)

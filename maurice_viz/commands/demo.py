@@ -8,14 +8,10 @@ from typing import Annotated
 
 import typer
 
-from maurice_mcl.sensor import DEFAULT_SHARPNESS
-
 from ..console import note, progress, results
 from .compare import COLOR_AND_BLENDED
 from .failing import one_line_errors
 from .options import (
-    DEFAULT_PARTICLES,
-    DEFAULT_RESAMPLER,
     ForceOption,
     HeadlessOption,
     JsonOption,
@@ -43,7 +39,8 @@ def demo(
     """Compare color and blended features on a drive through a simulated two-room arena."""
     from maurice_datasets.maurice import demo_paths, write_demo
 
-    from .running import replay_features
+    from .opening import Wanted
+    from .running import replay_runs
 
     with one_line_errors():
         if session_only is not None:
@@ -59,6 +56,7 @@ def demo(
             return
         with progress("arena") as advance:
             paths = demo_paths(DEMO_SEED, progress=advance)
-    options = RunOptions(DEFAULT_PARTICLES, DEMO_SEED, None, DEFAULT_RESAMPLER, DEFAULT_SHARPNESS)
+    options = RunOptions(DEMO_SEED)
     output = OutputOptions("demo", save, headless, no_recording, force, json_output)
-    replay_features(paths.session, None, COLOR_AND_BLENDED, options, output, keep_going=False)
+    wanted = [Wanted(feature=feature) for feature in COLOR_AND_BLENDED]
+    replay_runs(paths.session, None, wanted, options, output, keep_going=False)

@@ -1,4 +1,4 @@
-"""`maurice-replay library build|show`: reference pictures with poses, made once, used by every run."""
+"""`maurice-replay library build|show|tune`: reference pictures with poses, made once, used by every run."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from maurice_mcl.library import ChannelIndex, Library
 from ..console import note, progress, results
 from ..look import units_named
 from .failing import one_line_errors
+from .library_tune import tune_library
 from .options import ForceOption, JsonOption, KeepGoingOption
 
 MOST_HEADINGS = 16  # more than this are counted, not listed
 
 library = typer.Typer(
-    help="Build a library of reference pictures from a survey, or show one.", no_args_is_help=True
+    help="Build a library of reference pictures from a survey, show one, or tune channels to one.",
+    no_args_is_help=True,
 )
+library.command(name="tune")(tune_library)
 
 
 @library.command()

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from maurice_loaders.config_file import configuration_of, to_toml
 from maurice_loaders.errors import LogError
 from maurice_loaders.library_store import open_library
 from maurice_loaders.motion_toml import read_motion
 from maurice_loaders.session_log import SessionLog
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.configuration import Configuration
+from maurice_mcl.features import FEATURES
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import make_localizer
 from maurice_mcl.selection import NearestReference, nearest_reference
-from maurice_mcl.sensor import FEATURES
 from maurice_mcl.typing import F64
 
 from ..console import note, progress
@@ -23,7 +27,7 @@ from ..entities import RESERVED
 from ..replaying import Run
 from .options import RunOptions, start_pose
 
-COMMANDS = ("calibrate", "replay", "compare", "demo", "library", "import", "inspect")
+COMMANDS = ("calibrate", "config", "replay", "compare", "demo", "library", "import", "inspect", "verify")
 
 
 def open_session(path: Path, *, keep_going: bool) -> SessionLog:
@@ -50,36 +54,52 @@ def open_library_for(session: SessionLog, library: Path | None, *, keep_going: b
         return open_library(path, keep_going=keep_going, progress=advance, warn=note)
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """One run as it was asked for."""
+
+    preset: str | None = None
+    feature: str | None = None
+
+    def label(self, config: Path | None) -> str:
+        """Name the run after what sets it apart."""
+        named = [part for part in (self.preset, self.feature) if part]
+        return "-".join(named) or (config.stem if config else "blended")
+
+
+def configured(wanted: Wanted, options: RunOptions) -> Configuration:
+    """Put the configuration of one run together: default, preset, file, environment, command line."""
+    typed = dict(options.typed)
+    if wanted.feature is not None:
+        typed["sensor.weights"] = dict(FEATURES.get(wanted.feature, {wanted.feature: 1.0}))
+    if options.motion is not None:
+        typed["motion"] = read_motion(options.motion)
+    return configuration_of(wanted.preset, options.config, os.environ, typed)
+
+
 def make_runs(
-    session: SessionLog, library: Library, features: Sequence[str], options: RunOptions
+    session: SessionLog, library: Library, wanted: Sequence[Wanted], options: RunOptions
 ) -> list[Run]:
-    """Put together one run a feature, on the same drive and with the same seed."""
-    _check_channels(session, library, features)
+    """Put the runs together, on the same drive and with the same seed."""
+    configurations = [configured(one, options) for one in wanted]
+    for one in configurations:
+        _check_channels(session, library, one)
     reference = nearest_reference(library.poses, library.arena)
     start = start_pose(options.start, session.info, session.path)
     if start is not None:
         _check_start(session, library, reference, start)
-    motion = None if options.motion is None else read_motion(options.motion)
     try:
         localizers = [
-            make_localizer(
-                library,
-                session,
-                reference=reference,
-                feature=feature,
-                particles=options.particles,
-                seed=options.seed,
-                resampler=options.resampler,
-                sharpness=options.sharpness,
-                motion=motion,
-            )
-            for feature in features
+            make_localizer(library, session, one.parameters, reference=reference, seed=options.seed)
+            for one in configurations
         ]
     except ValueError as problem:  # bad motion parameters, in the file given or in the header
         if options.motion is not None:
             raise LogError(options.motion, str(problem)) from None
         raise LogError(session.path, str(problem), 1) from None
-    return [Run(label, made, start) for label, made in zip(unique_labels(features), localizers, strict=True)]
+    labels = unique_labels([one.label(options.config) for one in wanted])
+    parts = zip(labels, localizers, configurations, strict=True)
+    return [Run(label, made, start, to_toml(one)) for label, made, one in parts]
 
 
 def _check_start(session: SessionLog, library: Library, reference: NearestReference, start: F64) -> None:
@@ -94,14 +114,11 @@ def _check_start(session: SessionLog, library: Library, reference: NearestRefere
         note(f"{at} is not in the map's free space: until particles reach it, all their weights are zero")
 
 
-def _check_channels(session: SessionLog, library: Library, features: Sequence[str]) -> None:
-    for feature in features:
-        missing = [channel for channel in FEATURES[feature] if channel not in library.index]
-        if missing:
+def _check_channels(session: SessionLog, library: Library, configuration: Configuration) -> None:
+    for channel in configuration.parameters.sensor.weights:
+        if channel not in library.index:
             found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
-            raise LogError(
-                session.path, f"{found}, and {feature} needs {missing[0]}; build the library again"
-            )
+            raise LogError(session.path, f"{found}, and {channel} is wanted; build the library again")
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from maurice_loaders.errors import LogError
+from maurice_mcl.channels import CHANNELS
+from maurice_mcl.features import FEATURES
+from maurice_mcl.presets import PRESETS
 from maurice_mcl.resampling import RESAMPLERS
-from maurice_mcl.sensor import FEATURES
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64
 
@@ -24,43 +26,77 @@ def _one_of(known: list[str], what: str, value: str) -> str:
     return value
 
 
-def check_feature(value: str) -> str:
-    """Give the feature's name back; usage error when there is none of that name."""
-    return _one_of(list(FEATURES), "feature", value)
+def _check_feature(value: str | None) -> str | None:
+    return None if value is None else _one_of([*FEATURES, *CHANNELS], "feature", value)
 
 
-def _check_features(values: list[str]) -> list[str]:
-    return [check_feature(value) for value in values]
+def _check_features(values: list[str] | None) -> list[str] | None:
+    for value in values or ():
+        _check_feature(value)
+    return values
 
 
-def _check_resampler(value: str) -> str:
-    return _one_of(list(RESAMPLERS), "resampler", value)
+def _check_preset(value: str | None) -> str | None:
+    return None if value is None else _one_of(list(PRESETS), "preset", value)
 
 
-def _check_sharpness(value: float) -> float:
-    if not 0 <= value <= SHARPEST:
+def _check_presets(values: list[str] | None) -> list[str] | None:
+    for value in values or ():
+        _check_preset(value)
+    return values
+
+
+def _check_resampler(value: str | None) -> str | None:
+    return None if value is None else _one_of(list(RESAMPLERS), "resampler", value)
+
+
+def _check_sharpness(value: float | None) -> float | None:
+    if value is not None and not 0 <= value <= SHARPEST:
         raise typer.BadParameter(f"a sharpness is a number from 0 to {SHARPEST:g}, found {value}")
     return value
 
 
-_FEATURES = " | ".join(FEATURES)
+_FEATURES = f"{' | '.join(FEATURES)}, or any one channel"
+_PRESETS = " | ".join(PRESETS)
 
 SessionArgument = Annotated[
     Path, typer.Argument(help="A session log.", show_default=False, metavar="SESSION")
 ]
 FeatureOption = Annotated[
-    str, typer.Option("--feature", help=f"What is compared: {_FEATURES}.", callback=check_feature)
+    str | None,
+    typer.Option(
+        "--feature", help=f"What is compared: {_FEATURES}. [default: blended]", callback=_check_feature
+    ),
 ]
 FeaturesOption = Annotated[
-    list[str],
-    typer.Option("--feature", help=f"Once for each run: {_FEATURES}.", callback=_check_features),
+    list[str] | None,
+    typer.Option(
+        "--feature",
+        help=f"Once for each run: {_FEATURES}. [default: color and blended]",
+        callback=_check_features,
+    ),
+]
+PresetOption = Annotated[
+    str | None,
+    typer.Option("--preset", help=f"A whole filter by name: {_PRESETS}.", callback=_check_preset),
+]
+PresetsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--preset", help=f"Once for all runs or once for each: {_PRESETS}.", callback=_check_presets
+    ),
+]
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option("--config", metavar="FILE.toml", help="A configuration file, over the preset."),
 ]
 LibraryOption = Annotated[
     Path | None,
     typer.Option("--library", help="A library folder or a survey log. [default: what the header names]"),
 ]
 ParticlesOption = Annotated[
-    int, typer.Option("--particles", min=1, max=10_000_000, help="How many particles.")
+    int | None,
+    typer.Option("--particles", min=1, max=10_000_000, help="How many particles. [default: 2000]"),
 ]
 SeedOption = Annotated[
     int, typer.Option("--seed", min=0, max=2**32 - 1, help="The same seed gives the same run.")
@@ -74,14 +110,16 @@ StartOption = Annotated[
     ),
 ]
 ResamplerOption = Annotated[
-    str,
-    typer.Option("--resampler", help=f"{' | '.join(RESAMPLERS)}.", callback=_check_resampler),
+    str | None,
+    typer.Option(
+        "--resampler", help=f"{' | '.join(RESAMPLERS)}. [default: systematic]", callback=_check_resampler
+    ),
 ]
 SharpnessOption = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--sharpness",
-        help="Likelihood is match quality to this power; 1 is the thesis's own.",
+        help="Multiplies the log-likelihood; 0 makes the sensor blind. [default: 1]",
         callback=_check_sharpness,
     ),
 ]
@@ -104,28 +142,41 @@ HeadlessOption = Annotated[
 NoRecordingOption = Annotated[
     bool, typer.Option("--no-recording", help="Neither viewer nor recording: only the figures.")
 ]
+RunOption = Annotated[
+    Path | None,
+    typer.Option("--run", metavar="DIR", help="Save every step to this new folder, for replay and `verify`."),
+]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what is there.")]
 KeepGoingOption = Annotated[
     bool, typer.Option("--keep-going", help="Skip broken lines and pictures, and say how many at the end.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
-DEFAULT_PARTICLES = 2000
 SHARPEST = 10_000.0  # beyond it only the best entry has any likelihood
 FARTHEST_M = 1e9  # no map reaches further
-DEFAULT_RESAMPLER = "systematic"
 
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
     """What was asked of every run, still as typed."""
 
-    particles: int
-    seed: int
-    start: str | None
-    resampler: str
-    sharpness: float
+    seed: int = 0
+    start: str | None = None
+    particles: int | None = None
+    resampler: str | None = None
+    sharpness: float | None = None
     motion: Path | None = None  # in place of the header's parameters
+    config: Path | None = None
+
+    @property
+    def typed(self) -> dict[str, Any]:
+        """What was given of the configuration on the command line, by key."""
+        given = {
+            "particles": self.particles,
+            "resampling.scheme": self.resampler,
+            "sensor.sharpness": self.sharpness,
+        }
+        return {key: value for key, value in given.items() if value is not None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +189,7 @@ class OutputOptions:
     no_recording: bool
     force: bool
     json: bool
+    run: Path | None = None  # folder of the saved run
 
     def __post_init__(self) -> None:
         if self.no_recording and self.save is not None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from maurice_mcl.sensor import DEFAULT_SHARPNESS
+import typer
 
 from .options import (
-    DEFAULT_PARTICLES,
-    DEFAULT_RESAMPLER,
+    ConfigOption,
     FeatureOption,
     ForceOption,
     HeadlessOption,
@@ -17,7 +16,9 @@ from .options import (
     NoRecordingOption,
     OutputOptions,
     ParticlesOption,
+    PresetOption,
     ResamplerOption,
+    RunOption,
     RunOptions,
     SaveOption,
     SeedOption,
@@ -30,23 +31,37 @@ from .options import (
 def replay(
     session: SessionArgument,
     library: LibraryOption = None,
-    feature: FeatureOption = "blended",
-    particles: ParticlesOption = DEFAULT_PARTICLES,
+    feature: FeatureOption = None,
+    preset: PresetOption = None,
+    config: ConfigOption = None,
+    particles: ParticlesOption = None,
     seed: SeedOption = 0,
     start: StartOption = None,
-    resampler: ResamplerOption = DEFAULT_RESAMPLER,
-    sharpness: SharpnessOption = DEFAULT_SHARPNESS,
+    resampler: ResamplerOption = None,
+    sharpness: SharpnessOption = None,
     motion: MotionOption = None,
     save: SaveOption = None,
+    run: RunOption = None,
     headless: HeadlessOption = False,
     no_recording: NoRecordingOption = False,
     force: ForceOption = False,
     keep_going: KeepGoingOption = False,
     json_output: JsonOption = False,
 ) -> None:
-    """Replay a session log in the Rerun viewer, or into a recording where there is no display."""
-    from .running import replay_features
+    """Replay a session log or a saved run in the Rerun viewer, or into a recording without a display."""
+    from maurice_loaders.run_store import is_saved
 
-    options = RunOptions(particles, seed, start, resampler, sharpness, motion)
-    output = OutputOptions(session.stem, save, headless, no_recording, force, json_output)
-    replay_features(session, library, [feature], options, output, keep_going=keep_going)
+    from .opening import Wanted
+    from .running import replay_runs
+    from .saved import replay_saved
+
+    options = RunOptions(seed, start, particles, resampler, sharpness, motion, config)
+    output = OutputOptions(session.absolute().stem, save, headless, no_recording, force, json_output, run)
+    if is_saved(session):
+        if options != RunOptions() or preset or feature or library or run or keep_going:
+            raise typer.BadParameter(
+                "a saved run is replayed as it was: only options of the output apply to it"
+            )
+        replay_saved(session, output)
+        return
+    replay_runs(session, library, [Wanted(preset, feature)], options, output, keep_going=keep_going)

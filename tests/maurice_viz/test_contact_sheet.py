@@ -89,7 +89,8 @@ def test_memory_is_bounded() -> None:
 
 def test_matches_are_the_best_in_order() -> None:
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 5)
-    matches = best_matches(record.sighting)
+    quality = record.sighting.comparison.quality
+    matches = best_matches(record.sighting.comparison)
     assert [m.rank for m in matches] == [1, 2, 3, 4, 5]
-    assert [m.quality for m in matches] == sorted(record.sighting.quality.tolist(), reverse=True)[:5]
-    assert all(record.sighting.quality[m.entry] == np.float32(m.quality) for m in matches)
+    assert [m.quality for m in matches] == sorted(quality.tolist(), reverse=True)[:5]
+    assert all(quality[m.entry] == np.float32(m.quality) for m in matches)

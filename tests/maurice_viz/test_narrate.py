@@ -53,10 +53,10 @@ def test_summary_says_numbers_in_the_sessions_units() -> None:
     moment = fakes.changed(moment, truth=truth, events=("kidnapped",))
     record = fakes.changed(record, estimate=estimate(13, 24, 10), effective_sample_size=25.0)
     said = narrate.summary(moment, record, INCHES)
-    best = int(record.sighting.quality.argmax())
+    best = int(record.sighting.comparison.quality.argmax())
     assert said.startswith("**Step 1 · 2.5 s** · kidnapped\n\n")
     assert "Estimate (13.0, 24.0) in, 10 deg; confidence 25%; **error 5.0 in, 10 deg**." in said
-    assert f"Best match: entry {best}, quality {record.sighting.quality[best]:.3f}." in said
+    assert f"Best match: entry {best}, quality {record.sighting.comparison.quality[best]:.3f}." in said
     assert "Effective sample size 25 of 50 (50%). Resampled." in said
     assert len(said) < 320
 
@@ -81,7 +81,7 @@ def test_all_weights_zero_is_said() -> None:
 
 def test_each_phase_says_which_it_is() -> None:
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
-    for slot, title in ((Slot.PREDICT, "Phase 1 of 5: predict"), (Slot.RESAMPLE, "Phase 4 of 5: resample")):
+    for slot, title in ((Slot.PREDICT, "Phase 1 of 6: predict"), (Slot.RESAMPLE, "Phase 4 of 6: resample")):
         assert title in narrate.phase(moment, record, slot, INCHES).splitlines()[0]
 
 

@@ -10,9 +10,9 @@ import viz_fakes as fakes
 import viz_recordings as recordings
 from rerun.chunk import RrdReader
 
+from maurice_mcl.distances import contributions
 from maurice_mcl.library import Library
 from maurice_viz import entities, narrate
-from maurice_viz.draw_histograms import bin_differences
 from maurice_viz.entities import RunPaths, Slot
 from maurice_viz.look import scale_for, weight_colors
 from maurice_viz.observe import RerunObserver
@@ -136,13 +136,12 @@ def test_histograms_are_those_of_the_picture_and_its_best_match(
             k: recordings.rows(path, RUN.histogram(channel, k)) for k in ("sample", "reference", "difference")
         }
         for k, (_, record) in enumerate(played):
-            best = int(record.sighting.ranking()[0])
-            sample, index = record.sighting.descriptors[channel], library.index[channel]
-            difference = bin_differences(sample, index.references[best], index)
-            row_of_channel = record.sighting.channels.index(channel)
-            assert difference.mean() == pytest.approx(
-                record.sighting.distances[row_of_channel, best], rel=1e-4
-            )
+            seen = record.sighting.comparison
+            best = int(seen.ranking()[0])
+            sample, index = seen.descriptors[channel], library.index[channel]
+            difference = contributions("hellinger", sample, index.references[best], index)
+            found = seen.distances[seen.channels.index(channel), best]
+            assert np.sqrt(difference.mean()) == pytest.approx(found, rel=1e-4)
             for kind, values in (
                 ("sample", sample),
                 ("reference", index.references[best]),
@@ -156,9 +155,9 @@ def test_circles_grow_with_likelihood(drawn: tuple[Path, recordings.Played]) -> 
     path, played = drawn
     for row, (_, record) in zip(recordings.rows(path, RUN.circles), played, strict=True):
         radii = np.array(row.values["Points2D:radii"])
-        assert len(radii) == len(record.sighting.quality)
-        assert radii.argmax() == record.sighting.ranking()[0]
-        order = record.sighting.log_likelihood.argsort(kind="stable")
+        assert len(radii) == len(record.sighting.comparison.quality)
+        assert radii.argmax() == record.sighting.comparison.ranking()[0]
+        order = record.sighting.comparison.log_likelihood.argsort(kind="stable")
         assert (np.diff(radii[order]) >= 0).all()
 
 
@@ -219,7 +218,7 @@ def test_a_step_that_was_not_resampled_leaves_the_cloud(library: Library, tmp_pa
     kept = fakes.changed(record, parents=None, belief=record.weighted, events=())
     rec = recording("kept")
     rec.save(tmp_path / "kept.rrd")
-    observer = RerunObserver(rec, "color", ("color",))
+    observer = RerunObserver(rec, "color", {"color": "hellinger"})
     observer.begin(session.info, library)
     observer.see(moment, kept)
     observer.end()
@@ -233,4 +232,4 @@ def test_a_step_that_was_not_resampled_leaves_the_cloud(library: Library, tmp_pa
 def test_seeing_before_beginning_is_refused(library: Library) -> None:
     ((moment, record),) = fakes.play(fakes.make_session(library, 1), "color", 5)
     with pytest.raises(RuntimeError, match="begin"):
-        RerunObserver(recording("x"), "color", ("color",)).see(moment, record)
+        RerunObserver(recording("x"), "color", {"color": "hellinger"}).see(moment, record)

@@ -11,10 +11,12 @@ import cv2
 import numpy as np
 
 from maurice_mcl.arena import Arena, Region
+from maurice_mcl.assembly import make_localizer
 from maurice_mcl.channels import CHANNELS
 from maurice_mcl.geometry import INCH_M, compose
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.localizer import make_localizer, run
+from maurice_mcl.localizer import run
+from maurice_mcl.parameters import of_feature
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Frame, Moment, SessionInfo
 from maurice_mcl.typing import F64, U8
@@ -105,7 +107,12 @@ def make_session(library: Library, steps: int = 6, has_truth: bool = True, name:
 def play(
     session: FakeSession, feature: str = "blended", particles: int = 200, seed: int = 0
 ) -> list[tuple[Moment, StepRecord]]:
-    localizer = make_localizer(session.library, session, feature=feature, particles=particles, seed=seed)
+    localizer = make_localizer(
+        session.library,
+        session,
+        of_feature(feature, particles),
+        seed=seed,
+    )
     return list(run(localizer, session, None))
 
 

@@ -12,8 +12,9 @@ import pyarrow as pa
 import viz_fakes as fakes
 from rerun.chunk import RrdReader
 
+from maurice_mcl.channels import CHANNELS
+from maurice_mcl.features import FEATURES
 from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor import FEATURES
 from maurice_mcl.session import Moment
 from maurice_viz import blueprint, sinks
 from maurice_viz.look import scale_for
@@ -34,12 +35,18 @@ def draw(
     played = [fakes.play(session, feature, particles) for feature in features]
     with sinks.to_file(path, session.info.name, blueprint.for_runs(runs, shown)) as rec:
         for number, (run, records) in enumerate(zip(runs, played, strict=True)):
-            observer = RerunObserver(rec, run.label, run.channels, number == 0, session.has_truth)
+            observer = RerunObserver(
+                rec, run.label, distances_of(run.channels), number == 0, session.has_truth
+            )
             observer.begin(session.info, library)
             for moment, record in records:
                 observer.see(moment, record)
             observer.end()
     return played
+
+
+def distances_of(channels: Sequence[str]) -> dict[str, str]:
+    return {channel: CHANNELS[channel].distance for channel in channels}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,150 @@
+"""Opening saved runs with what they were made from, and replaying them without filtering again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.library_store import open_library
+from maurice_loaders.run_store import SavedRun, open_runs
+from maurice_loaders.run_store_manifest import Source, library_hash, source_hash
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.library import Library
+from maurice_mcl.localizer import Localizer
+from maurice_mcl.sensor import SensorModel
+from maurice_mcl.session import SessionInfo
+
+from ..console import note, progress
+from ..replaying import ResultCollector
+from ..restoring import Pictures, Restored, restored_together
+from .failing import one_line_errors
+from .options import OutputOptions
+from .running import Playing, play, remark_zeros
+from .showing import Drawn, Scene
+
+
+def unchanged(source: Source, folder: Path, what: str) -> Path:
+    """Find what a run was made from. LogError when it is gone or was changed since."""
+    path = source.find(folder)
+    if path is None:
+        raise LogError(Path(source.path), f"the {what} that the run was made from is gone; put it back")
+    if source_hash(path) != source.sha256:
+        raise LogError(path, f"the {what} was changed after the run was made; restore it, or replay it anew")
+    return path
+
+
+def session_of(run: SavedRun) -> SessionLog:
+    """Open the session of a run. LogError when it is gone or was changed."""
+    path = unchanged(run.manifest.session, run.folder, "session")
+    return SessionLog(path, keep_going=run.manifest.keep_going)
+
+
+def library_of(run: SavedRun) -> Library:
+    """Open the library of a run. LogError when it is gone, was changed, or is measured otherwise today."""
+    path = unchanged(run.manifest.library, run.folder, "library")
+    with progress("library") as advance:
+        library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
+    missing = [name for name in run.manifest.channels if name not in library.index]
+    if missing or library_hash(library, run.manifest.channels) != run.manifest.library_content:
+        what = f"has no channel {missing[0]}" if missing else "holds other measurements or poses"
+        raise LogError(path, f"the library {what} than when the run was made; restore its pictures")
+    return library
+
+
+def localizer_of(run: SavedRun, session: SessionLog, library: Library) -> Localizer:
+    """Put the filter of a run together again. LogError when its parameters are refused today."""
+    parameters = run.configuration.parameters
+    try:
+        return make_localizer(library, session, parameters, seed=run.manifest.seed)
+    except (ValueError, KeyError) as problem:
+        raise LogError(run.folder, f"its filter cannot be put together here: {problem}") from None
+
+
+Opened = TypeVar("Opened")
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What is still there of what a run was made from."""
+
+    session: SessionLog | None
+    library: Library | None
+
+
+def replay_saved(folder: Path, output: OutputOptions) -> None:
+    """Replay a saved run, or those of a comparison; what is wrong ends in one line and status 1."""
+    with one_line_errors():
+        runs = open_runs(folder)
+        _check_one_session(runs)
+        found = _find(runs[0])
+        restored = [Restored(run, _sensor(run, found)) for run in runs]
+        pictures = Pictures(found.session, note)
+        first = runs[0].manifest
+        whole = found.session is not None and found.library is not None
+        library = found.library if whole and found.library is not None else _map_alone(runs[0])
+        info = found.session.info if found.session else SessionInfo(first.name, first.display_units)
+        playing = Playing(
+            restored_together(restored, pictures),
+            first.pictures,
+            [_drawn(one) for one in restored],
+            Scene(info, library, first.has_truth),
+            lambda collector: _remark(collector, runs),
+        )
+        play(playing, output)
+
+
+def _check_one_session(runs: list[SavedRun]) -> None:
+    for run in runs[1:]:
+        if run.manifest.session.sha256 != runs[0].manifest.session.sha256:
+            raise LogError(run.folder, f"is a run of another session than {runs[0].folder}; replay it alone")
+
+
+def _find(run: SavedRun) -> _Found:
+    """Open what is still there, and say in a line what is not."""
+    problems: list[str] = []
+    found = _Found(_tried(lambda: session_of(run), problems), _tried(lambda: library_of(run), problems))
+    if problems:
+        empty = "pictures and comparisons" if found.session is None else "comparisons"
+        note(f"{'; '.join(problems)}: the panels of {empty} stay empty")
+    return found
+
+
+def _tried(opened: Callable[[], Opened], problems: list[str]) -> Opened | None:
+    try:
+        return opened()
+    except LogError as problem:
+        problems.append(str(problem).split(";")[0])
+        return None
+
+
+def _sensor(run: SavedRun, found: _Found) -> SensorModel | None:
+    if found.session is None or found.library is None:
+        return None
+    return localizer_of(run, found.session, found.library).sensor
+
+
+def _drawn(one: Restored) -> Drawn:
+    manifest = one.saved.manifest
+    return Drawn(manifest.label, manifest.channels, one.sensor.distances if one.sensor else {})
+
+
+def _map_alone(run: SavedRun) -> Library:
+    """Make a library without entries, of which only the map can be drawn."""
+    manifest = run.manifest
+    return Library(manifest.name, np.zeros((0, 3)), (), {}, run.arena(), manifest.display_units)
+
+
+def _remark(collector: ResultCollector, runs: list[SavedRun]) -> None:
+    remark_zeros(collector)
+    for run in runs:
+        manifest = run.manifest
+        if manifest.state == "writing" or (manifest.steps or 0) < manifest.pictures:
+            how = {"writing": "was cut off", "complete": "skipped pictures"}
+            got = f"it holds {collector.updates} of {manifest.pictures} steps"
+            note(f"{run.folder}: the run {how.get(manifest.state, manifest.state)}; {got}")

@@ -1,0 +1,107 @@
+"""Where the drawing of runs goes: a viewer where there is a display, else a file."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from maurice_mcl.library import Library
+from maurice_mcl.session import SessionInfo
+
+from ..console import note
+from ..errors import SinkError
+from ..look import scale_for
+from .options import OutputOptions
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+    from ..observe import Observer
+
+KEYS = (
+    "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data; "
+    "choose the timeline `phase` to walk through one update."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What is known of a drawing before its first step."""
+
+    info: SessionInfo
+    library: Library
+    has_truth: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """One run as it is drawn."""
+
+    label: str
+    channels: Sequence[str]  # one histogram panel each
+    distances: Mapping[str, str]  # by channel, as the sensor model compares them; none: the panels stay empty
+
+    @classmethod
+    def live(cls, label: str, distances: Mapping[str, str]) -> Drawn:
+        """Give a run all of whose panels will be filled."""
+        return cls(label, tuple(distances), distances)
+
+
+@contextmanager
+def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[dict[str, Observer]]:
+    """Open where the drawing goes, and one observer a run; none when no recording is wanted."""
+    if output.no_recording:
+        yield {}
+        return
+    from ..observe import RerunObserver
+
+    with _sink(runs, scene, output) as rec:
+        observers: dict[str, Observer] = {}
+        for run in runs:
+            shared, truth = not observers, scene.has_truth
+            observers[run.label] = RerunObserver(rec, run.label, run.distances, scene=shared, has_truth=truth)
+        for observer in observers.values():
+            observer.begin(scene.info, scene.library)
+        try:
+            yield observers
+        finally:
+            for observer in observers.values():
+                observer.end()
+
+
+@contextmanager
+def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
+    from .. import blueprint, sinks
+
+    info, arena = scene.info, scene.library.arena
+    shown = blueprint.Shown(arena, scale_for(info.display_units, arena), scene.has_truth)
+    layout = blueprint.for_runs([blueprint.Run(run.label, tuple(run.channels)) for run in runs], shown)
+    if output.save is None and not output.headless and sinks.has_display():
+        try:
+            port = sinks.bring_up_viewer()
+        except SinkError as problem:
+            note(f"{problem}; writing a file instead")
+        else:
+            with sinks.to_viewer(port, info.name, layout) as rec:
+                yield rec
+            note(KEYS)
+            return
+    path = output.save or Path(f"{output.stem}.rrd")
+    with sinks.to_file(path, info.name, layout, force=output.force) as rec:
+        yield rec
+    note(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
+    note(KEYS)
+
+
+def _viewer_command() -> str:
+    """Name the viewer as this shell can find it: by its word, or beside our own Python."""
+    if shutil.which("rerun"):
+        return "rerun"
+    beside = Path(sys.executable).parent / "rerun"
+    return str(beside.relative_to(Path.cwd())) if beside.is_relative_to(Path.cwd()) else str(beside)

@@ -1,0 +1,185 @@
+"""The configuration as commands show and check it, and as docs/configuration.md lists it."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from maurice_loaders.config_file import configuration_of, read_config, to_toml, toml_value
+from maurice_loaders.errors import LogError
+from maurice_mcl.configuration import Layer, configure, defaults
+from maurice_mcl.presets import PRESETS
+from maurice_mcl.rules import RULES
+from maurice_viz.commands.config import config
+
+DOCS = Path(__file__).parents[2] / "docs" / "configuration.md"
+RUNNER = CliRunner()
+
+
+def _run(*args, expect=0, **environment):
+    done = RUNNER.invoke(config, [str(arg) for arg in args], env=environment)
+    assert done.exit_code == expect, (done.stdout, done.stderr)
+    return done
+
+
+def _rows():
+    rows = [line.strip("|").split("|") for line in DOCS.read_text().splitlines() if line.startswith("| `")]
+    return {row[0].strip().strip("`"): [cell.strip() for cell in row[1:]] for row in rows if len(row) == 5}
+
+
+@pytest.mark.parametrize("preset", [None, *PRESETS])
+def test_what_is_shown_reads_back_to_the_same(tmp_path, preset):
+    args = [] if preset is None else ["--preset", preset]
+    shown = _run("show", "--origin", *args).stdout
+    file = tmp_path / "shown.toml"
+    file.write_text(shown)
+    expected = configuration_of(preset, None, {}, {})
+    assert configuration_of(None, file, {}, {}).values() == expected.values()
+    assert _run("check", file).stdout.startswith(f"{file}: valid, ")
+
+
+def test_every_layer_is_named_where_it_wins(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("particles = 700\n[sensor]\nsharpness = 2\nblend = 'product'\n")
+    shown = _run(
+        "show", "--origin", "--preset", "thesis", "--config", file, MAURICE_FILTER_SENSOR__SHARPNESS="3"
+    ).stdout
+    for line in (
+        f"particles = 700  # from {file}",
+        "sharpness = 3.0  # from MAURICE_FILTER_SENSOR__SHARPNESS",
+        f'blend = "product"  # from {file}',
+        'method = "nearest"  # from preset thesis',
+        "below = 0.5  # from default",
+    ):
+        assert line in shown.splitlines()
+    assert "#" not in _run("show", "--preset", "thesis", "--config", file).stdout
+
+
+def test_json_has_every_key_with_its_origin():
+    plain = json.loads(_run("show", "--json").stdout)
+    assert plain == json.loads(json.dumps(defaults()))
+    named = json.loads(_run("show", "--json", "--origin", MAURICE_FILTER_PARTICLES="9").stdout)
+    assert named["particles"] == {"value": 9, "origin": "MAURICE_FILTER_PARTICLES"}
+
+
+WRONG = {
+    "[sensor]\nsharpnes = 1": ": sensor.sharpnes is not known; did you mean sensor.sharpness?",
+    "[sensor]\nsharpness = -3": ": sensor.sharpness: found -3, expected a number from 0 to 10000",
+    "[sensor.weights]\ncolour = 1": ": sensor.weights: no channel called 'colour'; there are color, ",
+    "[resampling]\nadaptive = 1": ": resampling.adaptive: found 1, expected true or false",
+    "[resampling.kld]\nleast = 30000": ": resampling.kld.least: found 30000, expected at most ",
+    "[motion]\nmodel = 'boat'": ": motion.model: found 'boat', expected one of maurice, odometry",
+    "[motion]\nmodel = 'odometry'\nturn_from_tern = 1": ": robot.motion.turn_from_tern is not known",
+    "particles = ": ": is no TOML: ",
+    "sensor = 3": ": sensor is not known",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_check_names_file_key_value_and_range_in_one_line(tmp_path, text):
+    file = tmp_path / "wrong.toml"
+    file.write_text(text)
+    done = _run("check", file, expect=1)
+    assert done.stderr.startswith(f"maurice-replay: {file}{WRONG[text]}")
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stdout == ""
+
+
+def test_check_leaves_the_environment_out_and_show_does_not(tmp_path):
+    file = tmp_path / "good.toml"
+    file.write_text("particles = 5\n")
+    assert _run("check", file, MAURICE_FILTER_PARTICLES="x").stdout == f"{file}: valid, 1 value set\n"
+    wrong = _run("show", expect=1, MAURICE_FILTER_PARTICLES="x").stderr
+    assert wrong.startswith(
+        "maurice-replay: MAURICE_FILTER_PARTICLES: particles: found 'x', expected a whole"
+    )
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    assert "cannot be read" in _run("check", tmp_path / "none.toml", expect=1).stderr
+
+
+def test_the_command_is_known_to_the_app():
+    done = subprocess.run(
+        [sys.executable, "-c", "from maurice_viz.entry import main; main()", "config", "show"],
+        env=os.environ,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert tomllib.loads(done.stdout)["particles"] == 2000
+
+
+values = st.recursive(
+    st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(st.dictionaries(st.text(), values, max_size=4))
+def test_any_motion_table_reads_back(table):
+    assert tomllib.loads(f"motion = {toml_value(table)}")["motion"] == table
+
+
+def test_a_strange_origin_stays_in_its_line(tmp_path):
+    found = configure([Layer("two\nlines", {"particles": 7})])
+    file = tmp_path / "shown.toml"
+    file.write_text(to_toml(found, origins=True))
+    assert read_config(file).values["particles"] == 7
+
+
+def test_the_documentation_has_every_key_in_order_with_its_default():
+    rows = _rows()
+    assert list(rows) == list(RULES)
+    for key, default in defaults().items():
+        shown = "none" if default is None else f"`{toml_value(default)}`"
+        assert rows[key][3] == shown, key
+        assert rows[key][0], f"{key} has no meaning"
+
+
+@pytest.mark.parametrize("key", [key for key, row in _rows().items() if re.match(r"[-\d]", row[2])])
+def test_the_documented_range_is_the_one_that_is_checked(key):
+    low, high = (float(part) for part in _rows()[key][2].split(" to "))
+    whole = isinstance(defaults()[key], int)
+    for bound in (low, high):
+        assert RULES[key](key, int(bound) if whole else bound) == bound
+    step = 1 if whole else 1e-10
+    for beyond in (low - step, high + max(step, abs(high) * 1e-9) if not whole else high + 1):
+        with pytest.raises(ValueError, match=key):
+            RULES[key](key, int(beyond) if whole else beyond)
+
+
+@pytest.mark.parametrize("key", [key for key, row in _rows().items() if row[2].startswith("`")])
+def test_the_documented_words_are_those_that_are_checked(key):
+    words = re.findall(r"`(\w+)`", _rows()[key][2])
+    with pytest.raises(ValueError, match="expected one of") as caught:
+        RULES[key](key, "no such word")
+    assert set(str(caught.value).split("expected one of ")[1].split(", ")) == set(words)
+
+
+def test_the_documented_example_and_presets_are_real(tmp_path):
+    text = DOCS.read_text()
+    file = tmp_path / "example.toml"
+    file.write_text(re.findall(r"```toml\n(.*?)```", text, re.S)[0])
+    assert configuration_of(None, file, {}, {}).parameters.particles == 1000
+    named = re.findall(r"^\| `(\w+)` \| [^|]* \|$", text, re.M)
+    assert named == list(PRESETS)
+    assert "maurice-replay: my.toml: sensor.sharpness: found -3, expected a number from 0 to 10000" in text
+
+
+def test_errors_of_every_layer_begin_with_their_origin(tmp_path):
+    for preset, environment, typed, origin in (
+        (None, {"MAURICE_FILTER_PARTICLE": "1"}, {}, "MAURICE_FILTER_PARTICLE"),
+        (None, {}, {"particles": 0}, "command line"),
+    ):
+        with pytest.raises(LogError, match=f"^{origin}: "):
+            configuration_of(preset, None, environment, typed)

@@ -1,0 +1,132 @@
+"""A user's own channel: the example of docs/channels.md, installed and used by name."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from maurice_mcl.channels import CHANNELS
+from maurice_mcl.distances import DISTANCES
+from maurice_mcl.features import SCALES
+
+DOCS = (Path(__file__).parents[2] / "docs" / "channels.md").read_text()
+SOURCE = re.findall(r"```python\n(.*?)```", DOCS, re.S)[0]
+PROJECT = tomllib.loads(re.findall(r"```toml\n(.*?)```", DOCS, re.S)[0])
+COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+RUN = ["--no-recording", "--json", "--particles", "200"]
+
+
+def _install(folder, source=SOURCE):
+    """Lay the package out as an installer does, its entry point as pyproject.toml has it."""
+    (group, points), *_ = PROJECT["project"]["entry-points"].items()
+    (module,) = PROJECT["tool"]["setuptools"]["py-modules"]
+    folder.mkdir(exist_ok=True)
+    (folder / f"{module}.py").write_text(source)
+    info = folder / f"{module}-1.0.dist-info"
+    info.mkdir(exist_ok=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+    lines = [f"[{group}]", *(f"{name} = {value}" for name, value in points.items())]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def _maurice(*args, path, expect=0):
+    keep = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    env = {**keep, "PYTHONPATH": str(path), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [*COMMAND, *map(str, args)], env=env, capture_output=True, text=True, check=False, cwd=path.parent
+    )
+    assert done.returncode == expect, (done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def _labels(done):
+    return [run["label"] for run in json.loads(done.stdout)["runs"]]
+
+
+def test_it_is_tuned_and_used_by_name(small_session, tmp_path):
+    path = _install(tmp_path / "site")
+    survey, tuned = small_session.parent / "survey.log", tmp_path / "mine.toml"
+    _maurice(
+        "library",
+        "tune",
+        survey,
+        "--session",
+        small_session,
+        "--channels",
+        "mychannel",
+        "-o",
+        tuned,
+        path=path,
+    )
+    assert "scales = { mychannel = " in tuned.read_text()
+    done = _maurice(small_session, "--feature", "mychannel", "--config", tuned, *RUN, path=path)
+    assert _labels(done) == ["mychannel"]
+    assert done.stderr == ""
+    facts = json.loads(_maurice("library", "show", survey, "--json", path=path).stdout)
+    assert facts["channels"]["mychannel"]["length"] == 16
+
+
+def test_a_broken_one_costs_one_line_and_nothing_else(small_session, tmp_path):
+    path = _install(tmp_path / "site", SOURCE.replace('name = "mychannel"', 'name = "color"'))
+    done = _maurice(small_session, "--feature", "color", *RUN, path=path)
+    assert _labels(done) == ["color"]
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("channel of entry point mychannel:MyChannel left out: ")
+    wanted = _maurice(small_session, "--feature", "mychannel", *RUN, path=path, expect=2)
+    assert "no feature called 'mychannel'" in " ".join(wanted.stderr.replace("│", " ").split())
+
+
+def test_one_that_fails_on_pictures_is_left_out_of_the_library(small_session, tmp_path):
+    source = SOURCE.replace("gray = cv2.cvtColor", "return np.ones(3)\n        gray = cv2.cvtColor")
+    path = _install(tmp_path / "site", source.replace('"version": 1', '"version": 3'))
+    done = _maurice(small_session, "--feature", "color", *RUN, path=path)
+    (line,) = done.stderr.splitlines()
+    gave = "float64 (3,), expected float32 of one dimension"
+    assert line == f"channel 'mychannel' gave {gave}; the library is built without it"
+    wanted = _maurice(small_session, "--feature", "mychannel", *RUN, path=path, expect=1)
+    assert "mychannel is wanted; build the library again" in wanted.stderr
+    _install(tmp_path / "site", SOURCE.replace('"version": 1', '"version": 3'))
+    mended = _maurice(small_session, "--feature", "mychannel", *RUN, path=path)
+    assert _labels(mended) == ["mychannel"], "the cache is no reason to stay broken"
+
+
+def test_a_library_folder_outlives_the_channel_and_its_parameters(small_session, tmp_path):
+    path, kept = _install(tmp_path / "site"), tmp_path / "kept"
+    _maurice("library", "build", small_session.parent / "survey.log", "-o", kept, path=path)
+    args = [small_session, "--library", kept, *RUN]
+    for source in (SOURCE.replace('"version": 1', '"version": 2'), "import nothing_of_that_name"):
+        _install(path, source)
+        assert _labels(_maurice(*args, "--feature", "color", path=path)) == ["color"]
+
+
+def _rows():
+    rows = [line.strip("|").split("|") for line in DOCS.splitlines() if line.startswith("| `")]
+    return {row[0].strip().strip("`"): [c.strip() for c in row[1:]] for row in rows if len(row) == 9}
+
+
+def test_the_documentation_lists_every_channel_as_it_is():
+    rows = _rows()
+    assert set(rows) == set(CHANNELS)
+    for name, (_, size, _, _, distance, scale, score, source) in rows.items():
+        channel = CHANNELS[name]
+        assert distance == f"`{channel.distance}`"
+        assert float(scale) == SCALES[name, channel.distance]
+        assert -6.44 < float(score) < 0
+        assert source
+        assert len(channel.describe(_gray())) == int(size)
+
+
+def _gray():
+    import numpy as np
+
+    return np.full((24, 32, 3), 90, np.uint8)
+
+
+def test_the_documentation_lists_every_distance():
+    section = DOCS.split("## Distances")[1].split("## ")[0]
+    assert set(re.findall(r"`(\w+)`", section)) == set(DISTANCES)

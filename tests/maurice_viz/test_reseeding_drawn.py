@@ -1,0 +1,55 @@
+"""What a step that draws particles anew looks like in a recording."""
+
+from pathlib import Path
+
+import numpy as np
+import viz_fakes as fakes
+import viz_recordings as recordings
+
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.configuration import Layer, configure
+from maurice_mcl.localizer import run
+from maurice_mcl.records import StepRecord
+from maurice_viz import blueprint, draw_belief, entities, narrate, sinks
+from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.look import scale_for
+from maurice_viz.observe import RerunObserver
+
+SHARE = 0.25
+
+
+def _records(session: fakes.FakeSession) -> list[tuple[object, StepRecord]]:
+    always = {
+        "particles": 40,
+        "sensor.weights": {"color": 1.0},
+        "reseeding.strategy": "always",
+        "reseeding.share": SHARE,
+    }
+    parameters = configure([Layer("test", always)]).parameters
+    return list(run(make_localizer(session.library, session, parameters), session, None))
+
+
+def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
+    session = fakes.make_session(fakes.make_library(), 3)
+    library, played = session.library, _records(session)
+    path = tmp_path / "reseeded.rrd"
+    shown = blueprint.Shown(library.arena, scale_for("in", library.arena), True)
+    layout = blueprint.for_runs([blueprint.Run("color", ("color",))], shown)
+    with sinks.to_file(path, "x", layout) as rec:
+        observer = RerunObserver(rec, "color", {"color": "hellinger"})
+        observer.begin(session.info, library)
+        for moment, record in played:
+            observer.see(moment, record)
+        observer.end()
+    rows = recordings.rows(path, RunPaths("color").particles)
+    for step, (_, record) in enumerate(played, start=1):
+        at = {slot: entities.phase_number(step, slot) for slot in Slot}
+        survivors = next(row for row in rows if row.phase == at[Slot.RESAMPLE])
+        everyone = next(row for row in rows if row.phase == at[Slot.RESEED])
+        assert len(survivors.values["Points2D:positions"]) == 40 * (1 - SHARE)
+        assert len(everyone.values["Points2D:positions"]) == 40
+        assert record.injected is not None
+        radii = np.array(everyone.values["Points2D:radii"])
+        assert (np.abs(radii) > draw_belief.PARTICLE).sum() == record.injected.sum() == 40 * SHARE
+        said = narrate.phase(played[step - 1][0], record, Slot.RESEED, scale_for("in", library.arena))
+        assert "10 of 40 particles were drawn afresh" in said
