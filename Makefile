@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check bench difficulty clean
+.PHONY: demo test check bench difficulty results clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -23,6 +23,10 @@ bench: .venv/installed-dev
 # How hard the simulated arena is: a quarter of an hour, and it goes on where it stopped.
 difficulty: .venv/installed-dev
 	$(BIN)/python benchmarks/difficulty.py
+
+# The results table on unseen arenas: hours, and it goes on where it stopped.
+results: .venv/installed-dev
+	$(BIN)/python benchmarks/results.py
 
 # An editable install, so that what is edited is what runs; a stale build/ would bring deleted files back.
 .venv/installed: pyproject.toml constraints.txt

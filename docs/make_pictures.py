@@ -42,11 +42,11 @@ def main() -> None:
         both = record(Path(folder), "demo")
         one = record(Path(folder), "replay", str(session), "--feature", "blended")
         with headless_viewer(both) as viewer:
-            keep("compare.png", viewer.picture("step", 60))
+            keep("compare.png", viewer.picture("step", 41))
         with headless_viewer(one) as viewer:
-            keep("single.png", viewer.picture("step", 64))
+            keep("single.png", viewer.picture("step", 61))
             for name, slot in (("predict", 0), ("weight", 2), ("resample", 3)):
-                keep(f"phase-{name}.png", viewer.picture("phase", 6 * 64 + slot))
+                keep(f"phase-{name}.png", viewer.picture("phase", 6 * 61 + slot))
 
 
 if __name__ == "__main__":
