@@ -14,8 +14,9 @@ import numpy as np
 from maurice_mcl.calibrate import Straights, Trials, Turns
 from maurice_mcl.geometry import INCH_M
 
+from .cells import number_in
 from .errors import LogError
-from .fields import MOST, show, up_to
+from .fields import show
 from .regular import expect_regular
 from .whole_files import write_whole
 
@@ -82,11 +83,11 @@ def _rows(file: Path, table: csv.DictReader[str], metres: float) -> Iterator[_Ro
             raise LogError(file, f"found kind {show(row['kind'])}, expected turn or straight", line)
         straight = kind == "straight"
         unit = metres if straight else math.pi / 180
-        measured, actual = (_number(file, line, name, row[name]) * unit for name in ("measured", "actual"))
+        measured, actual = (number_in(file, line, name, row[name]) * unit for name in ("measured", "actual"))
         if measured == 0:
             raise LogError(file, "found measured 0, expected a movement", line)
         given = (row.get("heading_error_deg") or "").strip()
-        drift = math.radians(_number(file, line, "heading_error_deg", given)) if given else math.nan
+        drift = math.radians(number_in(file, line, "heading_error_deg", given)) if given else math.nan
         yield _Row(straight, measured, actual, drift, (row.get("floor") or "").strip())
 
 
@@ -97,18 +98,6 @@ def _check_columns(file: Path, found: Sequence[str]) -> None:
         names = ", ".join(found) or "none"
         wanted = f"{', '.join(NEEDED)}, and perhaps {', '.join(COLUMNS[len(NEEDED) :])}"
         raise LogError(file, f"found columns {names}; expected {wanted}, each once", 1)
-
-
-def _number(file: Path, line: int, column: str, value: str | None) -> float:
-    try:
-        number = float(value or "")
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise LogError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
-    if abs(number) > MOST:
-        raise LogError(file, f"found {show(value)} in column {column!r}, expected {up_to()}", line)
-    return number
 
 
 def _trials(rows: list[_Row]) -> Trials:

@@ -12,8 +12,8 @@ import numpy as np
 
 from maurice_mcl.typing import F64
 
+from .cells import number_in
 from .errors import LogError
-from .fields import MOST, show, up_to
 from .regular import expect_regular
 
 UNITS = ("deg", "rad")
@@ -92,7 +92,7 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
         image = row[columns.image]
         if not image:
             raise LogError(file, f"found no file name in column {columns.image!r}, expected a picture", line)
-        x, y, heading = (_number(file, line, name, row[name]) for name in wanted[1:])
+        x, y, heading = (number_in(file, line, name, row[name]) for name in wanted[1:])
         yield PoseRow(number, line, image, np.array([x, y, heading * to_rad]))
 
 
@@ -102,15 +102,3 @@ def _expect_commas(file: Path, found: Sequence[str]) -> None:
         if len(found) == 1 and separator in found[0]:
             advice = "save the table with commas between columns"
             raise LogError(file, f"found columns separated by {name}, expected commas; {advice}", 1)
-
-
-def _number(file: Path, line: int, column: str, value: str | None) -> float:
-    try:
-        number = float(value or "")
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise LogError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
-    if abs(number) > MOST:
-        raise LogError(file, f"found {show(value)} in column {column!r}, expected {up_to()}", line)
-    return number
