@@ -61,7 +61,7 @@ def survey_info(world: World, outing: Outing) -> SessionInfo:
         motion=Chassis().motion_header(),
         cameras=(camera_of(outing.lens),),
         arena=world.arena,
-        notes=(f"simulated: {world.name}, generator {GENERATOR}",),
+        notes=(f"simulated: {world.name}, generator {GENERATOR}", *outing.notes),
     )
 
 
@@ -108,11 +108,12 @@ def write_survey(path: Path, world: World, outing: Outing, surveyor: Surveyor, r
 
 def survey_folder(plan: Plan, world: World, report: Progress) -> Path:
     """Give the folder of a world's survey from the cache: it depends on world, tier and arena seed alone."""
-    key = f"{GENERATOR}-{fingerprint(world)[:24]}-{plan.arena_seed}"
+    camera = "-half" if plan.half_resolution else ""
+    key = f"{GENERATOR}-{fingerprint(world)[:24]}-{plan.arena_seed}{camera}"
 
     def make(folder: Path) -> None:
         with new_folder(folder) as filling:
-            outing = survey_outing(world, plan.arena_seed)
+            outing = survey_outing(world, plan.arena_seed, half_resolution=plan.half_resolution)
             write_survey(filling / SURVEY.name, world, outing, surveyor_of(world), report)
             seal(filling, key)
 
@@ -144,7 +145,7 @@ def write_simulation(
             kept = survey_folder(plan, set_up.surveyed, report)
             copy_whole(kept, filling / SURVEY.parent)
         else:
-            outing = survey_outing(set_up.surveyed, plan.arena_seed)
+            outing = survey_outing(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
             write_survey(filling / SURVEY, set_up.surveyed, outing, surveyor, report)
         with SessionWriter(filling / "session.log", session_info(set_up)) as log:
             play(set_up, log, report)

@@ -101,12 +101,17 @@ def lit_once(world: World) -> Scene:
 
 
 def survey_outing(
-    world: World, seed: int, *, gain: str = "fixed", lens: Lens | None = None, sensor: Sensor | None = None
+    world: World,
+    seed: int,
+    *,
+    gain: str = "fixed",
+    half_resolution: bool = False,
+    lens: Lens | None = None,
+    sensor: Sensor | None = None,
 ) -> Outing:
     """Make the survey's camera: its own light and white balance, and nothing that changes."""
-    return outing(
-        world, seed, Conditions(gain=gain), (Purpose.SURVEY_LIGHT, Purpose.SURVEY_NOISE), lens, sensor
-    )
+    conditions = Conditions(gain=gain, half_resolution=half_resolution)
+    return outing(world, seed, conditions, (Purpose.SURVEY_LIGHT, Purpose.SURVEY_NOISE), lens, sensor)
 
 
 def session_outing(

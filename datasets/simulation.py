@@ -46,6 +46,7 @@ class Plan:
     gain: str = "fixed"
     recording: Path | None = None  # a recorded path to drive along
     slip_chance: float = SLIP_CHANCE
+    half_resolution: bool = False  # of survey and session alike: it is one camera
 
     def __post_init__(self) -> None:
         if self.tier not in TIERS:
@@ -64,7 +65,9 @@ class Plan:
     @property
     def conditions(self) -> Conditions:
         """What changes during the session."""
-        return conditions_for(TIERS[self.tier], self.lights, gain=self.gain)
+        return conditions_for(
+            TIERS[self.tier], self.lights, gain=self.gain, half_resolution=self.half_resolution
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -39,12 +39,19 @@ def surveyed_world(
 
 
 def write_survey_folder(
-    folder: Path, world: World, seed: int, *, force: bool = False, progress: Progress | None = None
+    folder: Path,
+    world: World,
+    seed: int,
+    *,
+    half_resolution: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
 ) -> Path:
     """Write a survey log with its pictures into a new folder, all of it or nothing; gives the log's path."""
     report = progress or (lambda done, total, what: None)
     with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
-        write_survey(filling / SURVEY.name, world, survey_outing(world, seed), surveyor_of(world), report)
+        outing = survey_outing(world, seed, half_resolution=half_resolution)
+        write_survey(filling / SURVEY.name, world, outing, surveyor_of(world), report)
         seal(filling, f"survey-{GENERATOR}-{seed}")
     return folder / SURVEY.name
 

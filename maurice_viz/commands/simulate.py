@@ -61,6 +61,12 @@ MotionOption = Annotated[
         "odom_pose.txt and odom_quaternion.txt.",
     ),
 ]
+HalfOption = Annotated[
+    bool,
+    typer.Option(
+        "--half-resolution", help="Survey and session read every other column only, as the CMUcam2."
+    ),
+]
 ServeOption = Annotated[
     str | None,
     typer.Option(
@@ -97,6 +103,7 @@ def simulate(
     lights: LightsOption = "",
     moved: MovedOption = 0,
     gain: GainOption = "fixed",
+    half_resolution: HalfOption = False,
     motion_from: MotionOption = None,
     serve: ServeOption = None,
     rate: RateOption = None,
@@ -116,7 +123,18 @@ def simulate(
     try:
         changes = parse_lights(lights)
         plan = Plan(
-            TASKS[task], world, tier, arena_seed, seed, updates, kidnap_at, changes, moved, gain, motion_from
+            task=TASKS[task],
+            world=world,
+            tier=tier,
+            arena_seed=arena_seed,
+            seed=seed,
+            updates=updates,
+            kidnap_at=kidnap_at,
+            lights=changes,
+            moved=moved,
+            gain=gain,
+            half_resolution=half_resolution,
+            recording=motion_from,
         )
         live = _live(serve, rate, no_truth)
     except ValueError as problem:

@@ -40,6 +40,10 @@ HeadingsOption = Annotated[
     int | None,
     typer.Option("--headings", min=1, max=360, help="References a node. [default: what the world says]"),
 ]
+HalfOption = Annotated[
+    bool,
+    typer.Option("--half-resolution", help="Read every other column only, as the CMUcam2 does."),
+]
 SheetOption = Annotated[
     Path | None,
     typer.Option("--contact-sheet", metavar="OUT.png", help="Draw 24 views of the world (.png or .jpg)."),
@@ -63,6 +67,7 @@ def survey(
     spacing: SpacingOption = None,
     headings: HeadingsOption = None,
     contact_sheet: SheetOption = None,
+    half_resolution: HalfOption = False,
     force: ForceOption = False,
     json_output: JsonOption = False,
 ) -> None:
@@ -81,10 +86,12 @@ def survey(
     with one_line_errors(), progress("arena") as advance:
         drawn = surveyed_world(world, arena_seed, tier, spacing_m, headings)
         if contact_sheet is not None:
-            _write_sheet(contact_sheet, drawn, arena_seed, force, advance)
+            _write_sheet(contact_sheet, drawn, arena_seed, half_resolution, force, advance)
             made["contact_sheet"] = str(contact_sheet)
         if output is not None:
-            log = write_survey_folder(output, drawn, arena_seed, force=force, progress=advance)
+            log = write_survey_folder(
+                output, drawn, arena_seed, half_resolution=half_resolution, force=force, progress=advance
+            )
             made |= {"survey": str(log), "references": len(drawn.nodes) * drawn.headings}
     if json_output:
         results.print_json(json.dumps(made))
@@ -94,7 +101,9 @@ def survey(
         note(f"now try: maurice-replay library build {made['survey']} -o LIBRARY")
 
 
-def _write_sheet(path: Path, world: World, seed: int, force: bool, advance: Advance) -> None:
+def _write_sheet(
+    path: Path, world: World, seed: int, half_resolution: bool, force: bool, advance: Advance
+) -> None:
     from maurice_datasets.maurice import one_thread
     from maurice_datasets.outing import survey_outing
     from maurice_datasets.survey_folder import views
@@ -106,7 +115,7 @@ def _write_sheet(path: Path, world: World, seed: int, force: bool, advance: Adva
     expect_absent(path, force=force)
     poses, pictures = views(world, seed, VIEWS), []
     with one_thread():
-        outing = survey_outing(world, seed)
+        outing = survey_outing(world, seed, half_resolution=half_resolution)
         for number, pose in enumerate(poses, start=1):
             pictures.append(outing.take(number, pose))
             advance(number, len(poses), "views")

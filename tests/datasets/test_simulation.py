@@ -112,6 +112,18 @@ def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
     assert max(ratio[2:]) < 0.95
 
 
+def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_path: Path) -> None:
+    plan = replace(SHORT, half_resolution=True)
+    paths, plain = write_simulation(tmp_path / "a", plan), write_simulation(tmp_path / "b", SHORT)
+    for log in (paths.session, paths.survey):
+        assert any("half resolution" in note for note in SessionLog(log).info.notes)
+    survey = next(p.image for p in SessionLog(paths.survey).survey_pictures() if p.pose is not None)
+    session = next(SessionLog(paths.session).moments()).frame.image
+    full = next(SessionLog(plain.session).moments()).frame.image
+    apart = [np.abs(np.diff(image.astype(float), axis=1)[:, ::2]).mean() for image in (survey, session, full)]
+    assert max(apart[:2]) < 0.7 * apart[2]  # JPEG keeps twins from being quite equal
+
+
 def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world: World) -> None:
     first = write_simulation(tmp_path / "a", replace(SHORT, updates=6))
     plan = replace(SHORT, task=TASKS["global"], seed=9, recording=first.session)
