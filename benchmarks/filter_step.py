@@ -45,14 +45,16 @@ def a_library(rng: np.random.Generator) -> tuple[Library, NearestReference]:
     poses = np.column_stack([np.repeat(places, 8, axis=0), np.tile(headings, 78)])
     walls = np.array([[102, 0, 102, 60], [102, 96, 102, 156]]) * INCH_M
     arena = Arena((0.0, 0.0, 204 * INCH_M, 156 * INCH_M), walls)
-    index = {name: _random_index(rng, len(poses)) for name in CHANNELS}
+    gray = np.full((144, 176, 3), 128, np.uint8)
+    bins = {name: len(channel.describe(gray)) for name, channel in CHANNELS.items()}
+    index = {name: _random_index(rng, len(poses), bins[name]) for name in CHANNELS}
     library = Library("benchmark", poses, (None,) * len(poses), index, arena)
     return library, nearest_reference(poses, arena)
 
 
-def _random_index(rng: np.random.Generator, entries: int) -> ChannelIndex:
-    references = rng.gamma(0.6, 6.0, (entries, 84)).astype(np.float32)
-    return ChannelIndex(references, np.full(84, 0.5, np.float32), references.max(axis=0))
+def _random_index(rng: np.random.Generator, entries: int, bins: int = 84) -> ChannelIndex:
+    references = rng.gamma(0.6, 6.0, (entries, bins)).astype(np.float32)
+    return ChannelIndex(references, np.full(bins, 0.5, np.float32), references.max(axis=0))
 
 
 class Naive:
@@ -164,12 +166,12 @@ class _NoSession:
         return iter(())
 
 
-def whole_step(particles: int) -> None:
-    """Print how long `Localizer.step` takes by stage, with 624 entries, color and edges, and 176 x 144."""
+def whole_step(feature: str, particles: int) -> None:
+    """Print how long `Localizer.step` takes by stage, with 624 entries and pictures of 176 x 144."""
     rng = np.random.default_rng([2007, 2])
     library, reference = a_library(rng)
     session = _NoSession(SessionInfo("benchmark", motion={"model": "maurice"}))
-    localizer = make_localizer(library, session, of_feature("blended", particles), reference=reference)
+    localizer = make_localizer(library, session, of_feature(feature, particles), reference=reference)
     state = localizer.start(None)
     rows = []
     for step in range(1, 201):
@@ -179,7 +181,7 @@ def whole_step(particles: int) -> None:
         rows.append(record.took_s)
     stages = {name: float(np.median([row[name] for row in rows])) * 1e6 for name in rows[0]}
     inside = ", ".join(f"{name} {us:.0f}" for name, us in stages.items())
-    print(f"Localizer.step at {particles} particles, us: {sum(stages.values()):.0f} ({inside})")
+    print(f"Localizer.step, {feature}, {particles} particles, us: {sum(stages.values()):.0f} ({inside})")
 
 
 def one_picture() -> None:
@@ -205,8 +207,8 @@ def main() -> None:
     """Run everything on one thread."""
     cv2.setNumThreads(1)
     filter_step()
-    for particles in (2000, PARTICLES):
-        whole_step(particles)
+    for feature, particles in (("blended", 2000), ("blended", PARTICLES), ("best", 1000)):
+        whole_step(feature, particles)
     one_picture()
 
 

@@ -8,13 +8,12 @@ also fix the height of the chart, so that steps can be compared.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 
 import numpy as np
 import rerun as rr
 
 from maurice_mcl.channels.histogram import BINS
-from maurice_mcl.distances import contributions
+from maurice_mcl.distances import DISTANCES, contributions
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.records import Comparison
 
@@ -53,10 +52,20 @@ def usual_height(index: ChannelIndex) -> float:
 
 
 def usual_difference(index: ChannelIndex, distance: str) -> float:
-    """Give a height that nearly all elements stay under, from one reference to the next."""
-    some = index.references[: MOST_COMPARED + 1]
-    parts = [contributions(distance, a, b, index) for a, b in pairwise(some)]
-    return max(float(np.percentile(parts, USUAL)), SMALLEST) if parts else 1.0
+    """Give a height that nearly all elements stay under, from a reference to the other most like it.
+
+    A picture is drawn against its best match; two references of any kind would be many times as far apart.
+    """
+    count = len(index.references)
+    if count < 2:
+        return 1.0
+    parts = []
+    for k in np.linspace(0, count - 1, min(count, MOST_COMPARED)).astype(int):
+        apart = DISTANCES[distance](index.references[k], index)
+        apart[k] = np.inf
+        best = index.references[apart.argmin()]
+        parts.append(contributions(distance, index.references[k], best, index))
+    return max(float(np.percentile(parts, USUAL)), SMALLEST)
 
 
 def bands_of(bins: int) -> tuple[RGB, ...]:

@@ -78,8 +78,8 @@ def weighted(record: StepRecord) -> str:
     log_weights = record.weighted.log_weights
     heaviest = np.exp(log_weights.max()) * len(log_weights)
     return (
-        f"Each particle was weighed by the reference nearest to it; the heaviest has {heaviest:.1f} times "
-        f"the average weight. {effective(record)}"
+        f"Each particle was weighed by how well the references about it match; the heaviest has "
+        f"{heaviest:.1f} times the average weight. {effective(record)}"
     )
 
 
@@ -107,10 +107,10 @@ def reseeded(record: StepRecord) -> str:
         return "Expanded: the picture was explained badly, so every particle was moved at random."
     if record.injected is None:
         return "Not reseeded."
-    return (
-        f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles were drawn afresh. "
-        f"The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
-    )
+    drawn = f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles were drawn afresh."
+    if not np.isfinite(record.calibrated_evidence):
+        return f"{drawn} No particle was in free space, so that none explained this picture."
+    return f"{drawn} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
 
 
 def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:

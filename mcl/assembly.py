@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from .between import between
 from .draws import regions
 from .interpolation import interpolated
 from .library import Library
 from .localizer import Localizer
 from .motion import motion_model
-from .parameters import FilterParameters, ResamplingParameters, ReseedingParameters, SelectionParameters
+from .parameters import FilterParameters, ResamplingParameters, ReseedingParameters
 from .policies import ResamplePolicy, always, below_effective, every
 from .renewal import Renewal
 from .resampling import RESAMPLERS
 from .reseeding import Strategy, none
 from .reseeding import always as always_some
-from .selection import NearestReference, Selection, nearest_reference
+from .selection import NearestReference, nearest_reference
 from .sensor import SensorModel
 from .session import Session
 
@@ -38,7 +41,7 @@ def make_localizer(
         library=library,
         reference=nearest,
         motion=motion_model(session.info.motion if p.motion is None else p.motion, nearest.grid),
-        sensor=SensorModel(library, _selection(library, nearest, p.selection), p.sensor),
+        sensor=_sensor(library, nearest, p),
         renewal=_renewal(library, nearest, p),
         tail=p.tail,
         particles=p.particles,
@@ -46,10 +49,23 @@ def make_localizer(
     )
 
 
-def _selection(library: Library, nearest: NearestReference, p: SelectionParameters) -> Selection:
-    if p.method == "interpolated":
-        return interpolated(nearest, library.poses, library.arena, p.interpolation)
-    return {"nearest": nearest}[p.method]
+def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
+    sensors = {"nearest": _by_nearest, "interpolated": _by_interpolation}
+    return sensors[p.selection.method](library, nearest, p)
+
+
+def _by_nearest(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
+    return SensorModel(library, nearest, p.sensor)
+
+
+def _by_interpolation(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
+    how = p.selection.interpolation
+    if not how.between:
+        return SensorModel(library, interpolated(nearest, library.poses, library.arena, how), p.sensor)
+    more = between(library.poses, library.arena)
+    references = np.concatenate([library.poses, more.poses])
+    index = more.extend({name: library.index[name] for name in p.sensor.weights})
+    return SensorModel(library, interpolated(nearest, references, library.arena, how), p.sensor, index)
 
 
 def _renewal(library: Library, nearest: NearestReference, p: FilterParameters) -> Renewal:

@@ -16,6 +16,8 @@ from .typing import F32
 
 Distance = Callable[[F32, ChannelIndex], F32]
 
+BLOCK = 1 << 15  # numbers, 128 kB: what a core's own cache holds beside other things
+
 
 def thesis(sample: F32, index: ChannelIndex) -> F32:
     """Mean over all bins of max(|s - r| - n, 0) / m, noise floor n and relevance m (thesis 3.3).
@@ -46,12 +48,12 @@ def floor_only(sample: F32, index: ChannelIndex) -> F32:
 
 def l1(sample: F32, index: ChannelIndex) -> F32:
     """Mean of |s - r| (Swain and Ballard's intersection, 1991, is one minus half of it for shares)."""
-    return np.asarray(np.abs(index.references - sample).mean(axis=1), np.float32)
+    return _by_blocks(_mean_magnitude, sample, index.references)
 
 
 def l2(sample: F32, index: ChannelIndex) -> F32:
     """Root of the mean of (s - r) squared."""
-    return np.asarray(np.sqrt(np.square(index.references - sample).mean(axis=1)), np.float32)
+    return np.sqrt(_by_blocks(_mean_square, sample, index.references))
 
 
 def chi2(sample: F32, index: ChannelIndex) -> F32:
@@ -64,8 +66,30 @@ def chi2(sample: F32, index: ChannelIndex) -> F32:
 
 def hellinger(sample: F32, index: ChannelIndex) -> F32:
     """Root of the mean of (root s - root r) squared: L2 of square roots (Hellinger 1909; Bhattacharyya)."""
-    apart = np.sqrt(index.references) - np.sqrt(sample)
-    return np.asarray(np.sqrt(np.square(apart).mean(axis=1)), np.float32)
+    return np.sqrt(_by_blocks(_mean_square, np.sqrt(sample), index.roots))
+
+
+def _by_blocks(mean: Callable[[F32], F32], sample: F32, references: F32) -> F32:
+    """Give a mean (L,) over each row's differences from the sample, with a few rows in the cache at a time.
+
+    All at once, the differences of some thousands of references are written out to memory and read again.
+    """
+    count, size = references.shape
+    rows = max(BLOCK // max(size, 1), 1)
+    result, apart = np.empty(count, np.float32), np.empty((min(rows, count), size), np.float32)
+    for first in range(0, count, rows):
+        block = references[first : first + rows]
+        some = np.subtract(block, sample, out=apart[: len(block)])
+        result[first : first + rows] = mean(some)
+    return result
+
+
+def _mean_magnitude(apart: F32) -> F32:
+    return np.asarray(np.abs(apart, out=apart).mean(axis=1), np.float32)
+
+
+def _mean_square(apart: F32) -> F32:
+    return np.asarray(np.square(apart, out=apart).mean(axis=1), np.float32)
 
 
 DISTANCES: Mapping[str, Distance] = {

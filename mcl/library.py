@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,18 @@ from .arena import Arena
 from .typing import F32, F64
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ChannelIndex:
     """One channel over the whole library, in that channel's own unit."""
 
     references: F32  # (L, D)
     noise_floor: F32  # (D,) what the channel measures with the lens covered; zeros when never surveyed
     relevance: F32  # (D,) per-bin maximum over the library (thesis fig. 15)
+
+    @cached_property
+    def roots(self) -> F32:
+        """Square roots of the references (L, D), taken once."""
+        return np.asarray(np.sqrt(self.references), np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

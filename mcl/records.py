@@ -6,12 +6,18 @@ Nothing here is computed; these are the values that the stages hand on.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from .belief import Belief
 from .memory import NOTHING, Memory
 from .session import Frame
 from .typing import F32, F64, I32, Bool
+
+
+def _none() -> F32:
+    return np.zeros(0, np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +36,9 @@ class Comparison:
     channel_cost: F32  # (C, L) distances over their calibrated scales: nats
     cost: F32  # (L,) weighted sum of them, >= 0: what reseeding and people compare between pictures
     log_likelihood: F32  # (L,) of every entry; finite
+    between: F32 = field(
+        default_factory=_none
+    )  # (V,) the same of the references between, where the selection has some
 
     def best(self, count: int) -> I32:
         """Entry numbers of the best few (count,), best first; all L of them when there are fewer."""

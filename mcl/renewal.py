@@ -11,7 +11,6 @@ from .belief import Belief, uniform_log_weights
 from .draws import Regions, evenly, from_likelihood
 from .dual import DualParameters, mix
 from .geometry import wrap
-from .interpolation import spacing
 from .kld import KldParameters, adapted_size
 from .memory import Memory
 from .policies import ResamplePolicy
@@ -20,7 +19,7 @@ from .records import Comparison
 from .resampling import Resampler
 from .reseeding import Strategy
 from .roughening import roughen
-from .selection import NearestReference
+from .selection import NearestReference, spacing
 from .typing import F32, F64, I32, Bool
 
 Generators = Callable[[int], np.random.Generator]  # by purpose

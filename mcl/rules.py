@@ -120,6 +120,7 @@ RULES: Mapping[str, Rule] = {
     "sensor.distances": channels(choice(*DISTANCES)),
     "sensor.scales": channels(number(1e-9, 1e9)),
     "selection.method": choice("nearest", "interpolated"),
+    "selection.interpolation.between": truth,
     "selection.interpolation.places": whole(1, 64),
     "selection.interpolation.width": number(0.01, 100),
     "resampling.scheme": choice(*RESAMPLERS),

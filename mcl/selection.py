@@ -34,7 +34,10 @@ class Selection(Protocol):
         ...
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
-        """Give the log-likelihood (N,) at each pose from that of each entry (L,); -inf outside."""
+        """Give the log-likelihood (N,) at each pose from that of each reference; -inf outside.
+
+        References are the library's L entries, and after them those between, where the selection has some.
+        """
         ...
 
 
@@ -70,7 +73,7 @@ def of_entries(log_likelihood: F32, entries: I32) -> F32:
 
 def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
     """Build the tables for library poses (L, 3) in an arena."""
-    places, place_of_entry = _distinct(poses[:, :2])
+    places, place_of_entry = distinct_places(poses[:, :2])
     grid = make_grid(arena, places)
     entry_of = np.full((len(places) + 1, HEADING_BINS), -1, np.int32)
     for place in range(len(places)):
@@ -79,10 +82,18 @@ def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
     return NearestReference(grid, places, place_of_cell, entry_of)
 
 
-def _distinct(xy: F64) -> tuple[F64, I32]:
+def distinct_places(xy: F64) -> tuple[F64, I32]:
+    """Give the distinct positions (P, 2) among those of entries (L, 2), and which one each entry (L,) is at."""
     rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
     _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     return xy[first], inverse.astype(np.int32).ravel()
+
+
+def spacing(places: F64) -> float:
+    """Give the median distance from a place (P, 2) to its nearest neighbor; 1 m where there is but one."""
+    if len(places) < 2:
+        return 1.0
+    return float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
 
 
 def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:

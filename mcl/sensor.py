@@ -16,7 +16,7 @@ from .blending import BLENDS, QUALITIES
 from .channels import CHANNELS
 from .distances import DISTANCES
 from .features import SCALES
-from .library import Library
+from .library import ChannelIndex, Library
 from .likelihoods import LIKELIHOODS
 from .records import Comparison, Sighting
 from .selection import Selection
@@ -55,6 +55,8 @@ class SensorModel:
     library: Library
     selection: Selection
     parameters: SensorParameters
+    # the library's index of each channel in use, with references between appended where the selection has some
+    index: Mapping[str, ChannelIndex] = field(default_factory=dict)  # empty: the library's own
 
     @property
     def distances(self) -> dict[str, str]:
@@ -66,33 +68,38 @@ class SensorModel:
         return {name: CHANNELS[name].describe(image) for name in self.parameters.weights}
 
     def compare(self, descriptors: Mapping[str, F32]) -> Comparison:
-        """Compare with all L entries; nothing here depends on any particle."""
-        p, names = self.parameters, tuple(self.parameters.weights)
+        """Compare with all L entries and those between; nothing here depends on any particle."""
+        p, names, entries = self.parameters, tuple(self.parameters.weights), self.library.size
         distances = np.stack([self._distance(name, descriptors[name]) for name in names])
         weights = np.array([p.weights[name] for name in names])
         scales = np.array([p.scale_of(name) for name in names])
         quality = QUALITIES[p.quality]
         blended = BLENDS[p.blend](distances, weights, scales, quality)
+        log_likelihood = LIKELIHOODS[p.likelihood](blended, p.sharpness)
+        distances = distances[:, :entries]
         channel_cost = np.asarray(distances / scales[:, None], np.float32)
         return Comparison(
             channels=names,
             descriptors=descriptors,
             distances=distances,
             channel_quality=quality(distances),
-            quality=blended.quality,
+            quality=blended.quality[:entries],
             channel_cost=channel_cost,
             cost=np.asarray(weights @ channel_cost, np.float32),
-            log_likelihood=LIKELIHOODS[p.likelihood](blended, p.sharpness),
+            log_likelihood=log_likelihood[:entries],
+            between=log_likelihood[entries:],
         )
 
     def at(self, comparison: Comparison, poses: F32) -> Sighting:
         """Say what a comparison means for each of the poses (N, 3)."""
         origin = self.library.origin
+        log_likelihood = np.append(comparison.log_likelihood, comparison.between)
         return Sighting(
             comparison=comparison,
             entries=self.selection.entries(poses, origin),
-            particles=self.selection.at(comparison.log_likelihood, poses, origin),
+            particles=self.selection.at(log_likelihood, poses, origin),
         )
 
     def _distance(self, channel: str, sample: F32) -> F32:
-        return DISTANCES[self.parameters.distance_of(channel)](sample, self.library.index[channel])
+        index = self.index or self.library.index
+        return DISTANCES[self.parameters.distance_of(channel)](sample, index[channel])

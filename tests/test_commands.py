@@ -232,6 +232,18 @@ def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(
     assert "all weights were zero" in on_a_wall.stderr
 
 
+@pytest.mark.parametrize("strategy", ["none", "always", "dual"])
+def test_a_map_without_free_space_is_refused(small_session: Path, tmp_path: Path, strategy: str) -> None:
+    header, *rest = (tmp_path / "survey.log").read_text().splitlines()
+    info = json.loads(header)
+    everywhere = [[-9.0, -9.0], [99.0, -9.0], [99.0, 99.0], [-9.0, 99.0]]
+    info["map"]["obstacles"] = [{"name": "flood", "polygon_m": everywhere}]
+    (tmp_path / "survey.log").write_text("\n".join([json.dumps(info), *rest]) + "\n")
+    (tmp_path / "c.toml").write_text(f'reseeding.strategy = "{strategy}"\n')
+    args = [small_session, "--no-recording", "--config", "c.toml"]
+    assert "has no free space" in one_line(maurice(*args, cwd=tmp_path, expect=1))
+
+
 def test_a_survey_is_no_session(small_session: Path, tmp_path: Path) -> None:
     assert "found a survey log" in one_line(maurice("survey.log", cwd=tmp_path, expect=1))
 

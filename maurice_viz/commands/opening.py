@@ -85,6 +85,9 @@ def make_runs(
     for one in configurations:
         _check_channels(session, library, one)
     reference = nearest_reference(library.poses, library.arena)
+    if not reference.grid.free.any():
+        found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
+        raise LogError(session.path, f"{found}; mend the map in the survey's header")
     start = start_pose(options.start, session.info, session.path)
     if start is not None:
         _check_start(session, library, reference, start)

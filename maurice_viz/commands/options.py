@@ -27,7 +27,7 @@ def _one_of(known: list[str], what: str, value: str) -> str:
 
 
 def _check_feature(value: str | None) -> str | None:
-    return None if value is None else _one_of([*FEATURES, *CHANNELS], "feature", value)
+    return None if value is None else _one_of(list({**FEATURES, **CHANNELS}), "feature", value)
 
 
 def _check_features(values: list[str] | None) -> list[str] | None:

@@ -89,3 +89,12 @@ def test_a_single_reference_has_no_runner_up() -> None:
     library = fakes.make_library(columns=1, rows=1, headings=1)
     ((_, record),) = fakes.play(fakes.make_session(library, 1), "color", 6)
     assert "then entry" not in narrate.measured(record)
+
+
+def test_reseeding_of_a_cloud_outside_free_space_names_no_infinite_evidence() -> None:
+    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
+    fresh = np.array([0, 0, 0, 0, 1, 1], bool)
+    said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
+    assert said.startswith("Reseeded: 2 of 6 particles were drawn afresh.")
+    assert "free space" in said
+    assert "inf " not in said

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from maurice_mcl.arena import Arena, Region
-from maurice_mcl.interpolation import InterpolationParameters, interpolated, spacing
-from maurice_mcl.selection import crosses, nearest_reference
+from maurice_mcl.interpolation import InterpolationParameters, interpolated
+from maurice_mcl.selection import crosses, nearest_reference, spacing
 
 HERE = np.zeros(2)
 WALL = np.array([[2.0, 0.0, 2.0, 2.0]])
