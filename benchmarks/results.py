@@ -13,7 +13,9 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,6 +32,7 @@ from maurice_datasets.world_file import load_world
 from maurice_loaders.folders import cache_root
 from maurice_loaders.library_store import open_library
 from maurice_mcl.assembly import make_localizer
+from maurice_mcl.channels import CHANNELS
 from maurice_mcl.configuration import Layer, configure
 from maurice_mcl.features import FEATURES
 from maurice_mcl.library import Library
@@ -37,7 +40,9 @@ from maurice_mcl.localizer import run
 from maurice_mcl.metrics import Scorer, score_step
 from maurice_mcl.presets import PRESETS
 from maurice_mcl.selection import nearest_reference
+from maurice_mcl.sensor import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.typing import F32, U8
 
 INCH_M = 0.0254
 ARENAS = 10
@@ -62,6 +67,7 @@ class Case:
 COLOR = {"sensor.weights": dict(FEATURES["color"])}
 EDGES = {"sensor.weights": dict(FEATURES["edges"])}
 BLENDED = {"sensor.weights": dict(FEATURES["blended"])}
+MISJUDGED = "best, 1,000, motion constants +30 %"
 ROBUST = dict(PRESETS["robust"])
 FILTERS: Mapping[str, Mapping[str, Any]] = {
     "thesis": PRESETS["thesis"],
@@ -69,9 +75,17 @@ FILTERS: Mapping[str, Mapping[str, Any]] = {
     "thesis, plain L1": {**PRESETS["thesis"], "sensor.distances": {"color": "l1"}},
     "refined": PRESETS["refined"],
     "color": COLOR,
+    "color, surveyed references only": {**COLOR, "selection.interpolation.between": False},
     "edges": EDGES,
     "blended": BLENDED,
+    "best, 1,000, surveyed references only": {
+        **ROBUST,
+        "particles": 1000,
+        "reseeding.strategy": "none",
+        "selection.interpolation.between": False,
+    },
     "best, 1,000": {**ROBUST, "particles": 1000, "reseeding.strategy": "none"},
+    MISJUDGED: {**ROBUST, "particles": 1000, "reseeding.strategy": "none"},
     "robust, 1,000": {**ROBUST, "particles": 1000},
     "robust, 100": {**ROBUST, "particles": 100},
     "robust, 5,000": {**ROBUST, "particles": 5000},
@@ -111,6 +125,32 @@ class Kept:
         return iter(self.all_moments)
 
 
+def misjudged(motion: Mapping[str, Any]) -> dict[str, Any]:
+    """Give motion constants that are all 30 percent too large, as of a robot that was badly calibrated."""
+    return {
+        key: misjudged(value) if isinstance(value, Mapping) else value * 1.3 if key != "model" else value
+        for key, value in motion.items()
+    }
+
+
+class MeasuredOnce:
+    """A sensor model that measures a picture only once for all the filters that look at it."""
+
+    def __init__(self, sensor: SensorModel, measured: dict[tuple[str, int], F32]) -> None:
+        self.sensor, self.measured = sensor, measured
+        self.compare, self.at = sensor.compare, sensor.at
+
+    def measure(self, image: U8) -> dict[str, F32]:
+        """Pictures are told apart by where they are in memory: the session holds them all."""
+        found = {}
+        for name in self.sensor.parameters.weights:
+            key = (name, id(image))
+            if key not in self.measured:
+                self.measured[key] = CHANNELS[name].describe(image)
+            found[name] = self.measured[key]
+        return found
+
+
 def library_of(plan: Plan) -> Library:
     world = load_world(plan.world, plan.arena_seed, plan.tier)
     return open_library(survey_folder(plan, world, lambda done, total, what: None) / "survey.log")
@@ -123,12 +163,16 @@ def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str,
     session = Kept(simulated.info, list(simulated.moments()))
     nearest = nearest_reference(library.poses, library.arena)
     order = np.random.default_rng(drive).permutation(library.size)
+    measured: dict[tuple[str, int], F32] = {}
     for case in cases:
         parameters = configure([Layer(case.name, FILTERS[case.name])]).parameters
+        if case.name == MISJUDGED:
+            parameters = replace(parameters, motion=misjudged(session.info.motion))
         used = replace(library, poses=library.poses[order]) if case.name == "shuffled" else library
         shared = None if case.name == "shuffled" else nearest
         localizer = make_localizer(used, session, parameters, reference=shared)
-        yield case, scored(localizer, session, library, case)
+        sensor = MeasuredOnce(localizer.sensor, measured)
+        yield case, scored(replace(localizer, sensor=sensor), session, library, case)
 
 
 def scored(localizer: Any, session: Kept, library: Library, case: Case) -> dict[str, Any]:
@@ -215,7 +259,10 @@ PAIRS = (
     ("thesis, plain L1", "thesis"),
     ("refined", "thesis"),
     ("color", "thesis"),
+    ("color", "color, surveyed references only"),
     ("best, 1,000", "blended"),
+    ("best, 1,000", "best, 1,000, surveyed references only"),
+    (MISJUDGED, "best, 1,000"),
     ("robust, 1,000", "best, 1,000"),
 )
 
@@ -231,12 +278,17 @@ def paired(known: Mapping[tuple[str, int], dict[str, Any]], first: str, second: 
     return f"{mean:+.1f} [{low:+.1f}, {high:+.1f}]"
 
 
+def measured_on(asked: tuple[Sequence[Case], int]) -> tuple[int, list[tuple[Case, dict[str, Any]]]]:
+    """Run some cases on one drive, in a process of its own."""
+    return asked[1], list(measure(*asked))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=300)
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes at once")
     parser.add_argument("--show", action="store_true", help="only print what there is")
     arguments = parser.parse_args()
-    cv2.setNumThreads(1)
     kept = cache_root() / "results" / f"{GENERATOR}-{frozen()}.jsonl"
     kept.parent.mkdir(parents=True, exist_ok=True)
     lines = kept.read_text(encoding="utf-8").splitlines() if kept.exists() else []
@@ -244,12 +296,17 @@ def main() -> None:
     together: dict[tuple[str, str, float], list[Case]] = {}
     for case in CASES:
         together.setdefault((case.task, case.tier, case.light), []).append(case)
+    wanted = []
     for drive in range(0 if arguments.show else arguments.drives):
         for cases in together.values():
             missing = [case for case in cases if (case.key, drive) not in known]
-            for case, result in measure(missing, drive) if missing else ():
-                known[(case.key, drive)] = result
-                with kept.open("a", encoding="utf-8") as file:
+            if missing:
+                wanted.append((missing, drive))
+    with ProcessPoolExecutor(arguments.workers, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
+        for drive, found in pool.map(measured_on, wanted):
+            known |= {(case.key, drive): result for case, result in found}
+            with kept.open("a", encoding="utf-8") as file:
+                for case, result in found:
                     file.write(json.dumps({"case": case.key, "drive": drive, "result": result}) + "\n")
     print(f"configurations {frozen()}, generator {GENERATOR}")
     titles = "filter, particles", "task", "tier", "drives", "error (in)", "of the oracle's", "heading (deg)"

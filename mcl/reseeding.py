@@ -47,8 +47,8 @@ class DynamicThreshold:
     of the evidence less a few of its running standard deviations.
     """
 
-    share: float = 0.1  # drawn anew when under the threshold
-    deviations: float = 3.0  # of the evidence under its running mean
+    share: float = 0.05  # drawn anew when under the threshold
+    deviations: float = 2.0  # of the evidence under its running mean
     rate: float = 0.1  # of the running mean
     settle: int = 5  # updates before the first verdict
     least_sd: float = 1.0  # nats: chance alone moves the evidence by this much

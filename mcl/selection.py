@@ -83,7 +83,7 @@ def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
 
 
 def distinct_places(xy: F64) -> tuple[F64, I32]:
-    """Give the distinct positions (P, 2) among those of entries (L, 2), and which one each entry (L,) is at."""
+    """Give the distinct positions (P, 2) of entries (L, 2), and which of them each entry (L,) is at."""
     rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
     _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     return xy[first], inverse.astype(np.int32).ravel()

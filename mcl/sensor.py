@@ -55,8 +55,8 @@ class SensorModel:
     library: Library
     selection: Selection
     parameters: SensorParameters
-    # the library's index of each channel in use, with references between appended where the selection has some
-    index: Mapping[str, ChannelIndex] = field(default_factory=dict)  # empty: the library's own
+    # each channel in use, with the references between that the selection has; empty: the library's own
+    index: Mapping[str, ChannelIndex] = field(default_factory=dict)
 
     @property
     def distances(self) -> dict[str, str]:
