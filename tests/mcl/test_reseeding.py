@@ -10,7 +10,7 @@ from maurice_mcl.reseeding import Augmented, DynamicThreshold, Expansion, Sensor
 STRATEGIES = {
     "none": none,
     "always": always(0.05),
-    "threshold": DynamicThreshold(),
+    "threshold": DynamicThreshold(0.1, 3.0),
     "sensor": SensorResetting(),
     "augmented": Augmented(),
     "expansion": Expansion(),
@@ -69,27 +69,27 @@ def test_threshold_by_hand():
 
 
 def test_the_threshold_waits_until_it_has_settled():
-    verdicts = _run(DynamicThreshold(settle=5), [-5.0] * 4 + [-500.0])
+    verdicts = _run(DynamicThreshold(settle=5, share=0.1), [-5.0] * 4 + [-500.0])
     assert [v.share for v in verdicts] == [0] * 5
-    verdicts = _run(DynamicThreshold(settle=5), [-5.0] * 5 + [-500.0])
+    verdicts = _run(DynamicThreshold(settle=5, share=0.1), [-5.0] * 5 + [-500.0])
     assert verdicts[-1].share == 0.1
 
 
 def test_bad_pictures_do_not_lower_the_thresholds_bar():
-    verdicts = _run(DynamicThreshold(), [-5.0] * 10 + [-30.0] * 50)
+    verdicts = _run(DynamicThreshold(0.1, 3.0), [-5.0] * 10 + [-30.0] * 50)
     assert all(v.share == 0.1 for v in verdicts[10:])
     assert {v.memory for v in verdicts[10:]} == {verdicts[9].memory}
 
 
 def test_chance_alone_stays_over_the_threshold():
-    """Three standard deviations of the least spread: 3 nats under the mean is nothing, 3.1 is."""
+    """Three standard deviations of the least spread, as asked for: 3 nats under the mean is nothing, 3.1 is."""
     for nats, share in ((-7.99, 0), (-8.01, 0.1)):
-        assert _run(DynamicThreshold(), [-5.0] * 10 + [nats])[-1].share == share
+        assert _run(DynamicThreshold(0.1, 3.0), [-5.0] * 10 + [nats])[-1].share == share
 
 
 def test_when_nobody_is_in_free_space_the_threshold_is_passed():
     memory = Memory(-5.0, 0.0, 0.1, 2)
-    verdict = DynamicThreshold()(-math.inf, memory)
+    verdict = DynamicThreshold(0.1, 3.0)(-math.inf, memory)
     assert (verdict.share, verdict.memory) == (0.1, memory)
 
 
