@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -17,8 +17,9 @@ from maurice_loaders.session_log import SessionLog
 from maurice_mcl.assembly import make_localizer
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import Localizer
+from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor import SensorModel
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.session import Moment, SessionInfo
 
 from ..console import note, progress
 from ..replaying import ResultCollector
@@ -70,33 +71,52 @@ Opened = TypeVar("Opened")
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
-    """What is still there of what a run was made from."""
+class Opened:
+    """A saved run, or those of a comparison, with what is still there of what they were made from."""
 
+    runs: list[SavedRun]
+    restored: list[Restored]
     session: SessionLog | None
-    library: Library | None
+    scene: Scene  # its library has no entries where pictures or comparisons cannot be made again
+
+    def updates(self) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
+        """Go through the updates from the first, every time it is called; records by the run's label."""
+        return restored_together(self.restored, Pictures(self.session, note))
+
+
+def open_saved(folder: Path) -> Opened:
+    """Open a saved run's folder, or a comparison's. LogError for anything else; notes say what is gone."""
+    runs = open_runs(folder)
+    _check_one_session(runs)
+    found = _find(runs[0])
+    first = runs[0].manifest
+    whole = found.session is not None and found.library is not None
+    library = found.library if whole and found.library is not None else _map_alone(runs[0])
+    info = found.session.info if found.session else SessionInfo(first.name, first.display_units)
+    restored = [Restored(run, _sensor(run, found)) for run in runs]
+    return Opened(runs, restored, found.session, Scene(info, library, first.has_truth))
 
 
 def replay_saved(folder: Path, output: OutputOptions) -> None:
     """Replay a saved run, or those of a comparison; what is wrong ends in one line and status 1."""
     with one_line_errors():
-        runs = open_runs(folder)
-        _check_one_session(runs)
-        found = _find(runs[0])
-        restored = [Restored(run, _sensor(run, found)) for run in runs]
-        pictures = Pictures(found.session, note)
-        first = runs[0].manifest
-        whole = found.session is not None and found.library is not None
-        library = found.library if whole and found.library is not None else _map_alone(runs[0])
-        info = found.session.info if found.session else SessionInfo(first.name, first.display_units)
+        opened = open_saved(folder)
         playing = Playing(
-            restored_together(restored, pictures),
-            first.pictures,
-            [_drawn(one) for one in restored],
-            Scene(info, library, first.has_truth),
-            lambda collector: _remark(collector, runs),
+            opened.updates(),
+            opened.runs[0].manifest.pictures,
+            [_drawn(one) for one in opened.restored],
+            opened.scene,
+            lambda collector: _remark(collector, opened.runs),
         )
         play(playing, output)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What is still there of what a run was made from."""
+
+    session: SessionLog | None
+    library: Library | None
 
 
 def _check_one_session(runs: list[SavedRun]) -> None:
