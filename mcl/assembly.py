@@ -50,6 +50,7 @@ def make_localizer(
 
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
+    p.sensor.check_names()
     sensors = {"nearest": _by_nearest, "interpolated": _by_interpolation}
     return sensors[p.selection.method](library, nearest, p)
 

@@ -47,6 +47,12 @@ class SensorParameters:
             return self.scales[channel]
         return SCALES.get((channel, self.distance_of(channel)), 1.0)
 
+    def check_names(self) -> None:
+        """Look every name up; raise KeyError for one that is unknown, instead of at the first picture."""
+        for channel in self.weights:
+            DISTANCES[self.distance_of(channel)]
+        BLENDS[self.blend], QUALITIES[self.quality], LIKELIHOODS[self.likelihood]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorModel:

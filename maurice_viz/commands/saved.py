@@ -67,7 +67,7 @@ def localizer_of(run: SavedRun, session: SessionLog, library: Library) -> Locali
         raise LogError(run.folder, f"its filter cannot be put together here: {problem}") from None
 
 
-Opened = TypeVar("Opened")
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,9 +135,9 @@ def _find(run: SavedRun) -> _Found:
     return found
 
 
-def _tried(opened: Callable[[], Opened], problems: list[str]) -> Opened | None:
+def _tried(opening: Callable[[], Part], problems: list[str]) -> Part | None:
     try:
-        return opened()
+        return opening()
     except LogError as problem:
         problems.append(str(problem).split(";")[0])
         return None

@@ -45,10 +45,12 @@ def test_unknown_names_are_refused(world, choice):
         {"distances": {"color": "far"}},
     ],
 )
-def test_unknown_names_of_the_sensor_are_refused_at_the_first_picture(world, choice):
-    parameters = FilterParameters(sensor=SensorParameters(**{"weights": {"color": 1.0}} | choice))
+@pytest.mark.parametrize("method", ["nearest", "interpolated"])
+def test_unknown_names_of_the_sensor_are_refused_before_any_picture(world, choice, method):
+    sensor = SensorParameters(**{"weights": {"color": 1.0}} | choice)
+    parameters = FilterParameters(sensor=sensor, selection=SelectionParameters(method))
     with pytest.raises(KeyError):
-        next(run(make_localizer(world.library, world.drive, parameters), world.drive, None))
+        make_localizer(world.library, world.drive, parameters)
 
 
 RESEEDINGS = ["none", "always", "threshold", "sensor", "augmented", "expansion", "dual"]
