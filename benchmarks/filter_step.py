@@ -7,6 +7,7 @@ trust the ratios more than the nanoseconds.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -20,10 +21,11 @@ from maurice_mcl.channels import CHANNELS
 from maurice_mcl.distances import thesis
 from maurice_mcl.estimate import weighted_mean
 from maurice_mcl.geometry import INCH_M
+from maurice_mcl.interpolation import InterpolationParameters
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.localizer import weigh
 from maurice_mcl.motion import Drift, MauriceMotion, MauriceParameters
-from maurice_mcl.parameters import of_feature
+from maurice_mcl.parameters import SelectionParameters, of_feature
 from maurice_mcl.randomness import normals
 from maurice_mcl.resampling import systematic
 from maurice_mcl.selection import NearestReference, nearest_reference
@@ -166,12 +168,17 @@ class _NoSession:
         return iter(())
 
 
-def whole_step(feature: str, particles: int) -> None:
-    """Print how long `Localizer.step` takes by stage, with 624 entries and pictures of 176 x 144."""
+def whole_step(feature: str, particles: int, between: bool) -> None:
+    """Print how long `Localizer.step` takes by stage, with 624 entries and pictures of 176 x 144.
+
+    With `between` there are 3,648 references more, midway between these entries, as by default.
+    """
     rng = np.random.default_rng([2007, 2])
     library, reference = a_library(rng)
     session = _NoSession(SessionInfo("benchmark", motion={"model": "maurice"}))
-    localizer = make_localizer(library, session, of_feature(feature, particles), reference=reference)
+    selection = SelectionParameters(interpolation=InterpolationParameters(between=between))
+    parameters = replace(of_feature(feature, particles), selection=selection)
+    localizer = make_localizer(library, session, parameters, reference=reference)
     state = localizer.start(None)
     rows = []
     for step in range(1, 201):
@@ -181,7 +188,8 @@ def whole_step(feature: str, particles: int) -> None:
         rows.append(record.took_s)
     stages = {name: float(np.median([row[name] for row in rows])) * 1e6 for name in rows[0]}
     inside = ", ".join(f"{name} {us:.0f}" for name, us in stages.items())
-    print(f"Localizer.step, {feature}, {particles} particles, us: {sum(stages.values()):.0f} ({inside})")
+    name = f"{feature}, {particles} particles, {'with' if between else 'without'} references between"
+    print(f"Localizer.step, {name}, us: {sum(stages.values()):.0f} ({inside})")
 
 
 def one_picture() -> None:
@@ -208,7 +216,8 @@ def main() -> None:
     cv2.setNumThreads(1)
     filter_step()
     for feature, particles in (("blended", 2000), ("blended", PARTICLES), ("best", 1000)):
-        whole_step(feature, particles)
+        whole_step(feature, particles, between=True)
+        whole_step(feature, particles, between=False)
     one_picture()
 
 

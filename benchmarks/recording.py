@@ -23,7 +23,9 @@ from maurice_mcl.assembly import make_localizer
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import run
 from maurice_mcl.parameters import of_feature
-from maurice_viz import blueprint, sinks
+from maurice_viz import sinks
+from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.shown import Run, Shown
 from maurice_viz.look import scale_for
 from maurice_viz.observe import RerunObserver
 
@@ -35,8 +37,8 @@ def measure(library: Library, session: SessionLog, feature: str, particles: int,
     localizer = make_localizer(library, session, of_feature(feature, particles))
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
-    shown = blueprint.Shown(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = blueprint.for_runs([blueprint.Run(feature, tuple(distances))], shown)
+    shown = Shown(library.arena, scale_for(library.display_units, library.arena), True)
+    layout = for_runs([Run(feature, tuple(distances))], shown)
     with sinks.to_file(path, feature, layout, force=True) as rec:
         observer = RerunObserver(rec, feature, distances)
         observer.begin(session.info, library)

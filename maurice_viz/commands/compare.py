@@ -11,6 +11,7 @@ from .options import (
     HeadlessOption,
     JsonOption,
     KeepGoingOption,
+    LayoutOption,
     LibraryOption,
     MotionOption,
     NoRecordingOption,
@@ -45,6 +46,7 @@ def compare(
     motion: MotionOption = None,
     save: SaveOption = None,
     run: RunOption = None,
+    layout: LayoutOption = None,
     headless: HeadlessOption = False,
     no_recording: NoRecordingOption = False,
     force: ForceOption = False,
@@ -59,7 +61,7 @@ def compare(
     if not 2 <= len(pairs) <= MOST_RUNS:
         raise typer.BadParameter(f"2 to {MOST_RUNS} runs can be compared, found {len(pairs)}")
     options = RunOptions(seed, start, particles, resampler, sharpness, motion, config)
-    output = OutputOptions(session.stem, save, headless, no_recording, force, json_output, run)
+    output = OutputOptions(session.stem, save, headless, no_recording, force, json_output, run, layout)
     wanted = [Wanted(preset, feature) for preset, feature in pairs]
     replay_runs(session, library, wanted, options, output, keep_going=keep_going)
 

@@ -17,6 +17,7 @@ from maurice_mcl.resampling import RESAMPLERS
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64
 
+from ..layouts.names import LAYOUT_NAMES
 from ..look import Units, units_named
 
 
@@ -48,6 +49,10 @@ def _check_presets(values: list[str] | None) -> list[str] | None:
 
 def _check_resampler(value: str | None) -> str | None:
     return None if value is None else _one_of(list(RESAMPLERS), "resampler", value)
+
+
+def _check_layout(value: str | None) -> str | None:
+    return None if value is None else _one_of(list(LAYOUT_NAMES), "layout", value)
 
 
 def _check_sharpness(value: float | None) -> float | None:
@@ -150,6 +155,15 @@ ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what is th
 KeepGoingOption = Annotated[
     bool, typer.Option("--keep-going", help="Skip broken lines and pictures, and say how many at the end.")
 ]
+LayoutOption = Annotated[
+    str | None,
+    typer.Option(
+        "--layout",
+        help=f"The layout to begin with; all are tabs in the viewer: {' | '.join(LAYOUT_NAMES)}. "
+        "[default: overview, or compare for several runs]",
+        callback=_check_layout,
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 SHARPEST = 10_000.0  # beyond it only the best entry has any likelihood
@@ -190,6 +204,7 @@ class OutputOptions:
     force: bool
     json: bool
     run: Path | None = None  # folder of the saved run
+    layout: str | None = None  # the one that is open at first, by name
 
     def __post_init__(self) -> None:
         if self.no_recording and self.save is not None:

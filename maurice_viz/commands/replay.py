@@ -11,6 +11,7 @@ from .options import (
     HeadlessOption,
     JsonOption,
     KeepGoingOption,
+    LayoutOption,
     LibraryOption,
     MotionOption,
     NoRecordingOption,
@@ -42,6 +43,7 @@ def replay(
     motion: MotionOption = None,
     save: SaveOption = None,
     run: RunOption = None,
+    layout: LayoutOption = None,
     headless: HeadlessOption = False,
     no_recording: NoRecordingOption = False,
     force: ForceOption = False,
@@ -56,7 +58,9 @@ def replay(
     from .saved import replay_saved
 
     options = RunOptions(seed, start, particles, resampler, sharpness, motion, config)
-    output = OutputOptions(session.absolute().stem, save, headless, no_recording, force, json_output, run)
+    output = OutputOptions(
+        session.absolute().stem, save, headless, no_recording, force, json_output, run, layout
+    )
     if is_saved(session):
         if options != RunOptions() or preset or feature or library or run or keep_going:
             raise typer.BadParameter(

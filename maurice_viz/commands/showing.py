@@ -77,11 +77,14 @@ def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Ite
 
 @contextmanager
 def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
-    from .. import blueprint, sinks
+    from .. import sinks
+    from ..layouts.registry import for_runs
+    from ..layouts.shown import Run, Shown
 
     info, arena = scene.info, scene.library.arena
-    shown = blueprint.Shown(arena, scale_for(info.display_units, arena), scene.has_truth)
-    layout = blueprint.for_runs([blueprint.Run(run.label, tuple(run.channels)) for run in runs], shown)
+    shown = Shown(arena, scale_for(info.display_units, arena), scene.has_truth)
+    drawn = [Run(run.label, tuple(run.channels)) for run in runs]
+    layout = for_runs(drawn, shown, output.layout)
     if output.save is None and not output.headless and sinks.has_display():
         try:
             port = sinks.bring_up_viewer()

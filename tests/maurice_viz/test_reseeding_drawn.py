@@ -10,8 +10,10 @@ from maurice_mcl.assembly import make_localizer
 from maurice_mcl.configuration import Layer, configure
 from maurice_mcl.localizer import run
 from maurice_mcl.records import StepRecord
-from maurice_viz import blueprint, draw_belief, entities, narrate, sinks
+from maurice_viz import draw_belief, entities, narrate, sinks
 from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.shown import Run, Shown
 from maurice_viz.look import scale_for
 from maurice_viz.observe import RerunObserver
 
@@ -33,8 +35,8 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
     session = fakes.make_session(fakes.make_library(), 3)
     library, played = session.library, _records(session)
     path = tmp_path / "reseeded.rrd"
-    shown = blueprint.Shown(library.arena, scale_for("in", library.arena), True)
-    layout = blueprint.for_runs([blueprint.Run("color", ("color",))], shown)
+    shown = Shown(library.arena, scale_for("in", library.arena), True)
+    layout = for_runs([Run("color", ("color",))], shown)
     with sinks.to_file(path, "x", layout) as rec:
         observer = RerunObserver(rec, "color", {"color": "hellinger"})
         observer.begin(session.info, library)

@@ -16,7 +16,9 @@ from maurice_mcl.channels import CHANNELS
 from maurice_mcl.features import FEATURES
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
-from maurice_viz import blueprint, sinks
+from maurice_viz import sinks
+from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.shown import Run, Shown
 from maurice_viz.look import scale_for
 from maurice_viz.observe import RerunObserver
 
@@ -28,12 +30,10 @@ def draw(
 ) -> list[Played]:
     """Draw one run a feature into one recording; gives what was drawn."""
     library = session.library
-    runs = [blueprint.Run(feature, tuple(FEATURES[feature])) for feature in features]
-    shown = blueprint.Shown(
-        library.arena, scale_for(session.info.display_units, library.arena), session.has_truth
-    )
+    runs = [Run(feature, tuple(FEATURES[feature])) for feature in features]
+    shown = Shown(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
     played = [fakes.play(session, feature, particles) for feature in features]
-    with sinks.to_file(path, session.info.name, blueprint.for_runs(runs, shown)) as rec:
+    with sinks.to_file(path, session.info.name, for_runs(runs, shown)) as rec:
         for number, (run, records) in enumerate(zip(runs, played, strict=True)):
             observer = RerunObserver(
                 rec, run.label, distances_of(run.channels), number == 0, session.has_truth

@@ -82,7 +82,7 @@ def test_bad_pictures_do_not_lower_the_thresholds_bar():
 
 
 def test_chance_alone_stays_over_the_threshold():
-    """Three standard deviations of the least spread, as asked for: 3 nats under the mean is nothing, 3.1 is."""
+    """Three standard deviations of the least spread: 3 nats under the mean is nothing, 3.1 is."""
     for nats, share in ((-7.99, 0), (-8.01, 0.1)):
         assert _run(DynamicThreshold(0.1, 3.0), [-5.0] * 10 + [nats])[-1].share == share
 

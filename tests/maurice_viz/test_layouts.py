@@ -6,16 +6,19 @@ import pytest
 import rerun.blueprint as rrb
 import viz_fakes as fakes
 
-from maurice_viz import blueprint, entities
-from maurice_viz.canvas import arena_extent
+from maurice_viz import entities
+from maurice_viz.canvas import arena_extent, map_extent
+from maurice_viz.layouts import compare, overview
+from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.shown import Run, Shown
 from maurice_viz.look import scale_for
 
 ARENA = fakes.arena(5, 4)
-COLOR, BLENDED = blueprint.Run("color", ("color",)), blueprint.Run("blended", ("color", "edges"))
+COLOR, BLENDED = Run("color", ("color",)), Run("blended", ("color", "edges"))
 
 
-def shown(has_truth: bool = True) -> blueprint.Shown:
-    return blueprint.Shown(ARENA, scale_for("in", ARENA), has_truth)
+def shown(has_truth: bool = True) -> Shown:
+    return Shown(ARENA, scale_for("in", ARENA), has_truth)
 
 
 def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
@@ -26,27 +29,29 @@ def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
             yield from views(inner)
 
 
+def one_run(run: Run, shown: Shown) -> rrb.Blueprint:
+    return rrb.Blueprint(overview.layout(run, shown))
+
+
 def titles(layout: rrb.Blueprint) -> list[str]:
     return [str(view.name) for view in views(layout.root_container)]
 
 
 @pytest.mark.parametrize("has_truth", [True, False])
-@pytest.mark.parametrize(
-    "runs", [[BLENDED], [COLOR, BLENDED], [COLOR, BLENDED, blueprint.Run("edges", ("edges",))]]
-)
-def test_every_view_has_a_title_of_its_own(runs: list[blueprint.Run], has_truth: bool) -> None:
-    found = titles(blueprint.for_runs(runs, shown(has_truth)))
+@pytest.mark.parametrize("runs", [[BLENDED], [COLOR, BLENDED], [COLOR, BLENDED, Run("edges", ("edges",))]])
+def test_every_view_has_a_title_of_its_own(runs: list[Run], has_truth: bool) -> None:
+    found = titles(for_runs(runs, shown(has_truth)))
     assert all(found)
     assert any("error" in title for title in found) == has_truth
 
 
 def test_no_two_views_of_one_run_have_the_same_title() -> None:
-    found = titles(blueprint.single(BLENDED, shown()))
+    found = titles(one_run(BLENDED, shown()))
     assert len(found) == len(set(found))
 
 
 def test_lengths_and_angles_have_units_in_their_titles() -> None:
-    for title in titles(blueprint.for_runs([COLOR, BLENDED], shown())):
+    for title in titles(for_runs([COLOR, BLENDED], shown())):
         if "Position" in title or "Belief" in title or "Spread" in title:
             assert "(in)" in title
         if "Heading" in title:
@@ -54,26 +59,26 @@ def test_lengths_and_angles_have_units_in_their_titles() -> None:
 
 
 def test_a_run_shows_its_own_channels_only() -> None:
-    assert not any("Edges" in t and "px" not in t for t in titles(blueprint.single(COLOR, shown())))
-    assert any("Edges" in t and "px" not in t for t in titles(blueprint.single(BLENDED, shown())))
+    assert not any("Edges" in t and "px" not in t for t in titles(one_run(COLOR, shown())))
+    assert any("Edges" in t and "px" not in t for t in titles(one_run(BLENDED, shown())))
 
 
 def test_two_runs_share_the_camera_and_the_error_plot() -> None:
-    found = titles(blueprint.for_runs([COLOR, BLENDED], shown()))
+    found = titles(rrb.Blueprint(compare.layout([COLOR, BLENDED], shown())))
     assert found.count("Camera (px)") == 1
     assert "Position error (in): color orange, blended sky blue" in found
 
 
 def test_map_views_hold_the_whole_arena_with_a_margin() -> None:
     limits = arena_extent(ARENA, scale_for("in", ARENA))
-    extent = blueprint.map_extent(ARENA, scale_for("in", ARENA))
+    extent = map_extent(ARENA, scale_for("in", ARENA))
     assert extent.left < limits.left < limits.right < extent.right
     assert extent.top < limits.top < limits.bottom < extent.bottom
     assert extent.width < 1.2 * limits.width
 
 
 def test_key_and_cloud_of_the_other_view_are_left_out() -> None:
-    for view in views(blueprint.single(BLENDED, shown()).root_container):
+    for view in views(one_run(BLENDED, shown()).root_container):
         if "Belief" in str(view.name):
             assert f"- {entities.MATCH_KEY}" in list(view.contents)
         if "circles" in str(view.name):

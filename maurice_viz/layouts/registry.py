@@ -1,0 +1,58 @@
+"""All layouts by name: tabs of one blueprint, so that the viewer can change from one to another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import rerun.blueprint as rrb
+
+from .. import entities
+from . import compare, overview
+from .shown import Run, Shown
+
+Layout = Callable[[Sequence[Run], Shown], rrb.Container]
+
+FPS = 4.0
+
+
+def _a_tab_a_run(one: Callable[[Run, Shown], rrb.Container]) -> Layout:
+    """Make a layout of many runs from one of a single run."""
+
+    def layout(runs: Sequence[Run], shown: Shown) -> rrb.Container:
+        if len(runs) == 1:
+            return one(runs[0], shown)
+        tabs = [_named(one(run, shown), run.label) for run in runs]
+        return rrb.Tabs(*tabs, active_tab=0)
+
+    return layout
+
+
+def _named(container: rrb.Container, name: str) -> rrb.Container:
+    container.name = name
+    return container
+
+
+LAYOUTS: Mapping[str, Layout] = {
+    "overview": _a_tab_a_run(overview.layout),
+    "compare": compare.layout,
+}
+
+
+def usual(runs: Sequence[Run]) -> str:
+    """Name the layout that is shown first: one run by itself, more side by side."""
+    return "overview" if len(runs) == 1 else "compare"
+
+
+def for_runs(runs: Sequence[Run], shown: Shown, first: str | None = None) -> rrb.Blueprint:
+    """Give a blueprint with a tab a layout; `first` names the one that is open. KeyError for others."""
+    names = [name for name in LAYOUTS if name != "compare" or len(runs) > 1]
+    chosen = first or usual(runs)
+    tabs = [_named(LAYOUTS[name](runs, shown), name) for name in names]
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=names.index(chosen)),
+        rrb.TimePanel(state="collapsed", timeline=entities.STEP, fps=FPS, play_state="paused"),
+        rrb.TopPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+    )

@@ -1,0 +1,26 @@
+"""What a layout has to know of what will be drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from maurice_mcl.arena import Arena
+
+from ..look import Scale
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """What a layout has to know of what will be drawn."""
+
+    arena: Arena
+    scale: Scale
+    has_truth: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run: its label, and the channels whose histograms there are."""
+
+    label: str
+    channels: tuple[str, ...]

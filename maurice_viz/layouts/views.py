@@ -1,0 +1,115 @@
+"""Views that layouts are made of: maps, pictures, histograms, words. Every one has a title with a unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.api import VisualizerLike
+from rerun.encodings import EntityPathLike
+
+from maurice_mcl.channels import CHANNELS
+
+from .. import entities
+from ..canvas import map_extent
+from ..draw_pictures import EDGE_GAIN
+from ..entities import RunPaths
+from ..look import GROUND, TRUTH
+from .shown import Shown
+
+Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
+
+LEGEND = ": picture white, match orange"
+SHORT_LEGEND = ", match orange"
+SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
+
+
+def map_view(
+    name: str, contents: list[str], shown: Shown, white_cloud: str | None = None
+) -> rrb.Spatial2DView:
+    """Show some entities on the map, the whole of which is seen; a cloud can be drawn small and white."""
+    extent = map_extent(shown.arena, shown.scale)
+    overrides: Overrides = {white_cloud: SMALL_AND_WHITE} if white_cloud else {}
+    return rrb.Spatial2DView(
+        name=name,
+        origin="/",
+        contents=contents,
+        background=GROUND,
+        overrides=overrides,
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=(extent.left, extent.right), y_range=(extent.top, extent.bottom)
+        ),
+    )
+
+
+def arena_view(paths: RunPaths, shown: Shown, title: str = "") -> rrb.Spatial2DView:
+    """Show the map with the weighted cloud, the estimate and the truth."""
+    contents = [f"{entities.WORLD}/**", f"- {entities.MATCH_KEY}", f"{paths.at('belief')}/**"]
+    if shown.has_truth:
+        contents.append(f"{entities.TRUTH}/**")
+    return map_view(f"{title}Belief: particles by weight ({shown.scale.units.name})", contents, shown)
+
+
+def circles_view(paths: RunPaths, shown: Shown, title: str = "") -> rrb.Spatial2DView:
+    """Show the match circles with the cloud in white over them."""
+    contents = [f"{entities.WORLD}/**", f"- {entities.WEIGHT_KEY}", f"- {entities.NODES}"]
+    contents += [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
+    return map_view(f"{title}Match circles ({shown.scale.units.name})", contents, shown, paths.particles)
+
+
+def camera_view() -> rrb.Spatial2DView:
+    """Show what the robot saw."""
+    return rrb.Spatial2DView(name="Camera (px)", origin=entities.CAMERA, background=GROUND)
+
+
+def edges_view() -> rrb.Spatial2DView:
+    """Show the edge image of what the robot saw."""
+    return rrb.Spatial2DView(name=f"Edges x {EDGE_GAIN} (px)", origin=entities.EDGES, background=GROUND)
+
+
+def sheet_view(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
+    """Show the five best references."""
+    return rrb.Spatial2DView(
+        name=f"{title}Five best references (q = match quality, 0 to 1)",
+        origin=paths.contact_sheet,
+        background=GROUND,
+    )
+
+
+def text_view(paths: RunPaths, title: str = "") -> rrb.TextDocumentView:
+    """Show in words what happened."""
+    return rrb.TextDocumentView(name=f"{title}What this step did", origin=paths.text)
+
+
+def histogram_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
+    """Show the picture's histogram over its best match's, a tab a channel."""
+    return rrb.Tabs(*histograms(paths, channels, "", LEGEND), active_tab=0)
+
+
+def difference_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
+    """Show how far each bin is off, a tab a channel."""
+    return rrb.Tabs(*differences(paths, channels, " difference by element"), active_tab=0)
+
+
+def histograms(paths: RunPaths, channels: Sequence[str], rest: str, legend: str) -> list[rrb.BarChartView]:
+    """The legend stands in the first tab's title: in the chart it would cover bars."""
+    titles = [f"{c}{rest}{'' if k else f' ({CHANNELS[c].unit}){legend}'}" for k, c in enumerate(channels)]
+    kinds = ("bands", "reference", "sample")
+    return [chart(paths, c, title, kinds) for c, title in zip(channels, titles, strict=True)]
+
+
+def differences(paths: RunPaths, channels: Sequence[str], rest: str) -> list[rrb.BarChartView]:
+    """Show what each element adds to the distance from the best match, a view a channel."""
+    return [chart(paths, c, f"{c}{rest}", ("difference_bands", "difference")) for c in channels]
+
+
+def chart(paths: RunPaths, channel: str, name: str, kinds: Sequence[str]) -> rrb.BarChartView:
+    """Show bars of some kinds in one chart."""
+    contents = [f"{paths.histogram(channel, kind)}/**" for kind in kinds]
+    return rrb.BarChartView(
+        name=name[0].upper() + name[1:],
+        origin="/",
+        contents=contents,
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
