@@ -10,13 +10,12 @@ import numpy as np
 from maurice_mcl.arena import Arena, Region
 from maurice_mcl.typing import F64, U8
 
-from .look import GROUND, OBSTACLE, PALE, RGB, Scale
+from .look import EMPTY, GROUND, OBSTACLE, PALE, RGB, Scale
 from .raster import put_text, text_size
 
 LONG_SIDE_PX = 1280  # of the drawing: twice what a map view has on a screen of 1600 x 1000
 MARGIN = {"left": 0.075, "right": 0.045, "top": 0.075, "bottom": 0.05}  # shares of the arena's long side
 TEXT = 0.02  # height of capitals, as a share of the arena's long side
-EMPTY: RGB = (30, 32, 37)
 FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (34, 44, 66)}
 OTHER_FLOORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
 MOST_TICKS = 9  # labels along one side of the ruler

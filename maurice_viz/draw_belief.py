@@ -20,6 +20,7 @@ MOST_COPIED = 9.0
 FRESH: RGB = (255, 120, 220)  # drawn anew in this step
 SETTLED: RGB = (120, 124, 134)  # all others, while the fresh ones are shown
 FRESH_PARTICLE = 2.5
+FEW = 300  # particles where little detail is asked for
 TRAIL = 25  # poses of a trail that are kept: more would bury the cloud, and cost more the longer it runs
 ARROW = 0.055  # length of a heading arrow, as a share of the arena's long side
 
@@ -73,6 +74,13 @@ def draw_reseeded(rec: rr.RecordingStream, path: str, record: StepRecord, scale:
             radii=rr.components.Radius.ui_points(radii),
         ),
     )
+
+
+def thinned(belief: Belief) -> Belief:
+    """Give a few hundred particles, spread evenly over the numbering, with their weights."""
+    size = belief.size
+    some = np.linspace(0, size - 1, min(size, FEW)).round().astype(np.int64)
+    return Belief(belief.poses[some], belief.log_weights[some] + np.log(size / len(some)), belief.origin)
 
 
 def positions(belief: Belief, scale: Scale) -> F32:

@@ -1,6 +1,8 @@
-"""Traces: errors, spread, effective sample size and confidence over the session."""
+"""Traces: one number an update, over the session."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import rerun as rr
@@ -11,12 +13,18 @@ from maurice_mcl.typing import F64
 from .entities import RunPaths
 from .look import RGB, RUN_COLORS, Scale
 from .narrate import errors
+from .places import Places
 
 POSITION_ERROR = "position_error"
 HEADING_ERROR = "heading_error"
 SPREAD = "spread"
 CONFIDENCE = "confidence"
 EFFECTIVE = "effective_sample"
+SURVIVORS = "survivors"
+ANCESTORS = "ancestors"
+TRUTH_RATIO = "truth_over_estimate"
+TRUTH_RANK = "truth_rank"
+EVIDENCE = "evidence"  # of all channels together; each channel's stands under it
 LINE = 1.75
 
 COLORS: dict[str, RGB] = {
@@ -25,15 +33,29 @@ COLORS: dict[str, RGB] = {
     HEADING_ERROR: RUN_COLORS[0],
     CONFIDENCE: RUN_COLORS[0],
     EFFECTIVE: RUN_COLORS[1],
+    SURVIVORS: RUN_COLORS[2],
+    ANCESTORS: RUN_COLORS[3],
+    TRUTH_RATIO: RUN_COLORS[0],
+    TRUTH_RANK: RUN_COLORS[0],
 }
+EVIDENCE_COLORS: tuple[RGB, ...] = ((255, 255, 255), *RUN_COLORS)
 
 
-def prepare_traces(rec: rr.RecordingStream, paths: RunPaths) -> None:
+def evidence_of(paths: RunPaths, channel: str) -> str:
+    """Give the entity of a channel's evidence, or of "all" together."""
+    return paths.trace(f"{EVIDENCE}/{channel}")
+
+
+def prepare_traces(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...] = ()) -> None:
     """Log names and colors of the lines, static."""
     for quantity, color in COLORS.items():
         name = f"{paths.label}: {quantity.replace('_', ' ')}"
         style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
         rec.log(paths.trace(quantity), style, static=True)
+    for number, channel in enumerate(("all", *channels)):
+        color = EVIDENCE_COLORS[number % len(EVIDENCE_COLORS)]
+        style = rr.SeriesLines(names=[channel], colors=[color], widths=[LINE])
+        rec.log(evidence_of(paths, channel), style, static=True)
 
 
 def draw_traces(
@@ -48,3 +70,37 @@ def draw_traces(
     share = record.effective_sample_size / record.weighted.size
     rec.log(paths.trace(EFFECTIVE), rr.Scalars(share))
     rec.log(paths.trace(CONFIDENCE), rr.Scalars(record.estimate.confidence))
+
+
+def draw_inside(rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, ancestors: int) -> None:
+    """Log shares of survivors and of ancestors, and the evidence of each channel."""
+    rec.log(paths.trace(SURVIVORS), rr.Scalars(survivors(record)))
+    rec.log(paths.trace(ANCESTORS), rr.Scalars(ancestors / record.belief.size))
+    evidences = {"all": record.calibrated_evidence}
+    seen = record.sighting.comparison
+    evidences |= dict(zip(seen.channels, record.channel_evidence.tolist(), strict=False))
+    for channel, nats in evidences.items():
+        if math.isfinite(nats):
+            rec.log(evidence_of(paths, channel), rr.Scalars(nats))
+
+
+def draw_truth_seen(
+    rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, truth: F64, places: Places
+) -> None:
+    """Log how well the picture fits where the robot is: against the estimate, and among all references."""
+    seen = record.sighting.comparison
+    at_truth, at_estimate = places.entry_at(truth), places.entry_at(record.estimate.pose)
+    if at_truth < 0:
+        return
+    logs = seen.log_likelihood
+    rec.log(paths.trace(TRUTH_RANK), rr.Scalars(float((logs > logs[at_truth]).sum() + 1)))
+    if at_estimate >= 0:
+        rec.log(paths.trace(TRUTH_RATIO), rr.Scalars(float(logs[at_truth] - logs[at_estimate])))
+
+
+def survivors(record: StepRecord) -> float:
+    """Give the share of the weighted particles that left a copy; 1 where there was no resampling."""
+    if record.parents is None:
+        return 1.0
+    kept = np.unique(record.parents[record.parents >= 0])
+    return len(kept) / record.weighted.size

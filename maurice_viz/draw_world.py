@@ -60,6 +60,7 @@ def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth
     for path, strip in (
         (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
         (entities.MATCH_KEY, keys.circle_key()),
+        (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
     ):
         _log_image(
             rec,

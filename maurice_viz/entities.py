@@ -22,6 +22,7 @@ WALLS = "/world/walls"
 NODES = "/world/nodes"
 WEIGHT_KEY = "/world/key/weights"
 MATCH_KEY = "/world/key/circles"
+LIKELIHOOD_KEY = "/world/key/likelihood"
 
 CAMERA = "/session/camera"
 EDGES = "/session/edges"
@@ -71,6 +72,31 @@ class RunPaths:
         return self.at("belief", "estimate")
 
     @property
+    def moves(self) -> str:
+        """How particles moved in this update: LineStrips2D, on the phase timeline alone."""
+        return self.at("belief", "moves")
+
+    @property
+    def families(self) -> str:
+        """The ways of a few survivors' ancestors: LineStrips2D, on the phase timeline alone."""
+        return self.at("belief", "families")
+
+    @property
+    def dead(self) -> str:
+        """Particles that left no copy: Points2D, on the phase timeline alone."""
+        return self.at("belief", "dead")
+
+    @property
+    def rose(self) -> str:
+        """Headings of the cloud: LineStrips2D of the petals, Arrows2D of truth and estimate."""
+        return self.at("rose")
+
+    @property
+    def river(self) -> str:
+        """Masses of the modes over the last updates: LineStrips2D."""
+        return self.at("river")
+
+    @property
     def circles(self) -> str:
         """Match circles (thesis fig. 34): Points2D, one a library entry."""
         return self.at("match", "circles")
@@ -79,6 +105,14 @@ class RunPaths:
     def best(self) -> str:
         """The best five entries on the map: Points2D with their ranks."""
         return self.at("match", "best")
+
+    def likelihood(self, channel: str) -> str:
+        """A map of one channel's likelihood, or of "all" together: one EncodedImage."""
+        return self.at("likelihood", channel)
+
+    def film(self, column: int) -> str:
+        """One column of the filmstrip: one EncodedImage, moved by a Transform3D."""
+        return self.at("film", str(column))
 
     @property
     def contact_sheet(self) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from maurice_mcl.typing import U8
 
+from .draw_likelihood import DEEPEST
 from .look import CIRCLE, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, TRUTH
 from .raster import put_text, text_size
 
@@ -33,7 +34,7 @@ def _disk(color: RGB, radius: int) -> U8:
     return strip
 
 
-def _weights() -> U8:
+def _ramp() -> U8:
     ramp = np.stack([LUT >> 24, LUT >> 16 & 255, LUT >> 8 & 255], axis=1).astype(np.uint8)
     strip = _strip(len(ramp) + GAP_PX)
     strip[18:-18, : len(ramp)] = ramp
@@ -48,9 +49,17 @@ def weight_key(has_truth: bool) -> U8:
         _disk(ESTIMATE, 13),
         _text("estimate  "),
         _text("weight: 1/8"),
-        _weights(),
+        _ramp(),
         _text("8 times the average"),
     ]
+    return np.concatenate(parts, axis=1)
+
+
+def likelihood_key(has_truth: bool) -> U8:
+    """Draw the likelihood maps' key: the color scale, the cloud, estimate and truth."""
+    parts = [_strip(INSET_PX), _text(f"{DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
+    parts += [_disk(TRUTH, 6), _text("particles  "), _disk(ESTIMATE, 13), _text("estimate")]
+    parts += [_disk(TRUTH, 13), _text("truth")] if has_truth else []
     return np.concatenate(parts, axis=1)
 
 

@@ -30,7 +30,13 @@ WALL: RGB = (196, 198, 204)
 OBSTACLE: RGB = (92, 94, 102)
 NODE: RGB = (128, 132, 142)
 MISSING: RGB = (48, 50, 56)
+EMPTY: RGB = (30, 32, 37)  # of the map, and of a drawing where there is nothing
 PALE: RGB = (170, 174, 184)
+RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
+MOVED: RGB = (86, 180, 233)  # ways of particles in one update
+FAMILY: RGB = (240, 228, 66)  # ways of a few survivors' ancestors
+DEAD: RGB = (150, 72, 72)  # particles that left no copy
+ROSE: RGB = (86, 180, 233)
 CHANNEL_RGB: tuple[RGB, RGB, RGB] = ((236, 84, 72), (64, 176, 92), (84, 140, 255))
 RUN_COLORS: tuple[RGB, ...] = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (0, 158, 115))
 
@@ -114,6 +120,16 @@ def _viridis() -> U32:
     bgr = cv2.applyColorMap(index[:, None], cv2.COLORMAP_VIRIDIS)[:, 0].astype(np.uint32)
     return np.asarray(bgr[:, 2] << 24 | bgr[:, 1] << 16 | bgr[:, 0] << 8 | 255, np.uint32)
 
+
+# of modes, by identity: Okabe and Ito's without the estimate's orange and without black
+MODE_COLORS: tuple[RGB, ...] = (
+    (230, 159, 0),
+    (86, 180, 233),
+    (240, 228, 66),
+    (0, 158, 115),
+    (204, 121, 167),
+    (0, 114, 178),
+)
 
 LUT = _viridis()  # (256,) packed colors, dark to bright
 

@@ -8,25 +8,20 @@ from typing import Protocol
 
 import rerun as rr
 
+from maurice_mcl.events import EventDetector
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import EXPANDED
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
 
-from . import (
-    draw_belief,
-    draw_circles,
-    draw_histograms,
-    draw_pictures,
-    draw_traces,
-    draw_world,
-    entities,
-    narrate,
-)
+from . import draw_belief, draw_pictures, draw_rose, draw_traces, draw_world, entities, narrate
 from .canvas import long_side
-from .contact_sheet import ContactSheet, best_matches
+from .draw_lineage import Lineage
+from .draw_matching import Matching, matching_of
+from .draw_river import River
 from .entities import RunPaths, Slot
 from .look import Scale, scale_for
+from .thinning import Detail, Thinning, Update
 
 MARKDOWN = "text/markdown"
 
@@ -65,14 +60,14 @@ def set_phase_only(rec: rr.RecordingStream, moment: Moment, slot: Slot) -> None:
 class _Tools:
     """What is made once when a run begins."""
 
-    library: Library
     scale: Scale
     arrow: float  # length of heading arrows, in display units
-    circles: draw_circles.Circles
-    sheet: ContactSheet
+    matching: Matching
+    lineage: Lineage
+    river: River
+    detector: EventDetector
     estimate: draw_belief.PoseMarker
     truth: draw_belief.PoseMarker
-    seen: list[int] = field(default_factory=list)  # the first step, once it has been seen
 
 
 @dataclass(slots=True)
@@ -87,23 +82,28 @@ class RerunObserver:
     distances: Mapping[str, str]  # of the run's sensor model, by channel: which histograms there will be
     scene: bool = True
     has_truth: bool = True  # whether the key mentions the truth
+    detail: Detail = Detail.FULL
     _paths: RunPaths = field(init=False)
     _tools: _Tools | None = field(init=False, default=None)
+    _thinning: Thinning = field(init=False)
+    _last_whole: bool | None = field(init=False, default=None)  # of the update drawn last; None: none yet
 
     def __post_init__(self) -> None:
         self._paths = RunPaths(self.label)
+        self._thinning = Thinning(self.detail)
 
     def begin(self, info: SessionInfo, library: Library) -> None:
         """Log all that does not change."""
         scale = scale_for(info.display_units, library.arena)
         self._tools = tools = _Tools(
-            library,
-            scale,
-            draw_belief.ARROW * long_side(library.arena, scale),
-            draw_circles.circles_for(library, scale),
-            ContactSheet(library, scale),
-            draw_belief.estimate_marker(self._paths.estimate),
-            draw_belief.truth_marker(entities.TRUTH),
+            scale=scale,
+            arrow=draw_belief.ARROW * long_side(library.arena, scale),
+            matching=matching_of(self._paths, library, self.distances, scale, self.has_truth),
+            lineage=Lineage(self._paths),
+            river=River(self._paths.river),
+            detector=EventDetector(scale.say),
+            estimate=draw_belief.estimate_marker(self._paths.estimate),
+            truth=draw_belief.truth_marker(entities.TRUTH),
         )
         if self.scene:
             draw_world.draw_world(self.rec, library, scale)
@@ -111,77 +111,110 @@ class RerunObserver:
             tools.truth.prepare(self.rec)
             for path in (entities.CAMERA, entities.EDGES):
                 draw_pictures.prepare_jpeg(self.rec, path)
-        draw_pictures.prepare_jpeg(self.rec, self._paths.contact_sheet)
         self.rec.log(self._paths.text, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         draw_belief.prepare_cloud(self.rec, self._paths.particles)
-        tools.estimate.prepare(self.rec)
-        tools.circles.prepare(self.rec, self._paths)
-        draw_histograms.prepare_histograms(self.rec, self._paths, self.distances, library)
-        draw_traces.prepare_traces(self.rec, self._paths)
+        draw_traces.prepare_traces(self.rec, self._paths, tuple(self.distances))
+        draw_rose.prepare_rose(self.rec, self._paths)
+        for part in (tools.estimate, tools.matching, tools.lineage, tools.river):
+            part.prepare(self.rec)
 
     def see(self, moment: Moment, record: StepRecord) -> None:
-        """Log one update, phase by phase."""
-        tools = self._tools
-        if tools is None:
+        """Log one update, phase by phase; with the detail "events" two updates later."""
+        if self._tools is None:
             raise RuntimeError("begin() comes before see()")
-        self._predict(moment, record, tools)
-        self._measure(moment, record, tools)
-        self._weight(moment, record, tools)
-        self._resample(moment, record, tools)
-        self._estimate(moment, record, tools)
+        events = self._tools.detector.see(moment, record)
+        for update in self._thinning.see(moment, record, events):
+            self._draw(update, self._tools)
 
     def end(self) -> None:
-        """Nothing is kept back here: whoever opened the recording writes it out and says if that fails."""
+        """Log what was waited with. Whoever opened the recording writes it out and says if that fails."""
+        if self._tools is not None:
+            for update in self._thinning.rest():
+                self._draw(update, self._tools)
 
-    def _predict(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+    def _draw(self, update: Update, tools: _Tools) -> None:
+        if not update.whole and self._last_whole:
+            self._leave_empty(update.moment, tools)
+        self._predict(update, tools)
+        self._measure(update, tools)
+        self._weight(update, tools)
+        tools.lineage.remember(update.record)
+        if update.whole:
+            self._resample(update, tools)
+        self._estimate(update, tools)
+        self._last_whole = update.whole
+
+    def _predict(self, update: Update, tools: _Tools) -> None:
+        moment, record = update.moment, update.record
         set_phase(self.rec, moment, Slot.PREDICT)
-        draw_belief.draw_predicted(self.rec, self._paths.particles, record.predicted, tools.scale)
+        cloud = record.predicted if update.whole else draw_belief.thinned(record.weighted)
+        draw_belief.draw_predicted(self.rec, self._paths.particles, cloud, tools.scale)
         if self.scene and moment.truth is not None:
             tools.truth.draw(self.rec, moment.truth, tools.scale, tools.arrow)
+        if not update.whole:
+            return
         self._say(narrate.phase(moment, record, Slot.PREDICT, tools.scale))
-        if not tools.seen:
+        set_phase_only(self.rec, moment, Slot.PREDICT)
+        tools.lineage.draw_moves(self.rec, record.predicted, tools.scale)
+        if self._last_whole is None:
             self._measure_nothing_yet(moment, tools)
 
     def _measure_nothing_yet(self, moment: Moment, tools: _Tools) -> None:
         """Fill the panels of the very first phase, in which no picture has been taken."""
-        tools.seen.append(moment.frame.step)
-        set_phase_only(self.rec, moment, Slot.PREDICT)
         if self.scene:
             draw_pictures.draw_no_camera(self.rec, moment.frame.image.shape)
-        draw_pictures.draw_sheet(self.rec, self._paths.contact_sheet, tools.sheet.draw(()))
+        tools.matching.draw_nothing(self.rec)
 
-    def _measure(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+    def _measure(self, update: Update, tools: _Tools) -> None:
+        moment, record = update.moment, update.record
         set_phase(self.rec, moment, Slot.MEASURE)
         if self.scene:
             draw_pictures.draw_camera(self.rec, moment.frame.image)
-        seen = record.sighting.comparison
-        if len(seen.quality):  # a saved run may be shown without its library
-            tools.circles.draw(self.rec, self._paths, seen)
-            draw_histograms.draw_histograms(self.rec, self._paths, seen, tools.library, self.distances)
-        sheet = tools.sheet.draw(best_matches(seen))
-        draw_pictures.draw_sheet(self.rec, self._paths.contact_sheet, sheet)
+        if not update.whole:
+            return
+        tools.matching.draw(self.rec, record.sighting.comparison)
         self._say(narrate.phase(moment, record, Slot.MEASURE, tools.scale))
+        set_phase_only(self.rec, moment, Slot.MEASURE)
+        tools.lineage.clear_moves(self.rec)
 
-    def _weight(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+    def _weight(self, update: Update, tools: _Tools) -> None:
+        moment, record = update.moment, update.record
         set_phase(self.rec, moment, Slot.WEIGHT)
-        draw_belief.draw_weighted(self.rec, self._paths.particles, record.weighted)
-        self._say(narrate.phase(moment, record, Slot.WEIGHT, tools.scale))
+        if update.whole:
+            draw_belief.draw_weighted(self.rec, self._paths.particles, record.weighted)
+            self._say(narrate.phase(moment, record, Slot.WEIGHT, tools.scale))
+        draw_rose.draw_rose(self.rec, self._paths, record.weighted)
 
-    def _resample(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+    def _resample(self, update: Update, tools: _Tools) -> None:
+        moment, record = update.moment, update.record
         set_phase_only(self.rec, moment, Slot.RESAMPLE)
         if record.parents is not None:
             draw_belief.draw_resampled(self.rec, self._paths.particles, record, tools.scale)
+            tools.lineage.draw_families(self.rec, record, tools.scale)
         self._say(narrate.phase(moment, record, Slot.RESAMPLE, tools.scale))
         if record.injected is not None or EXPANDED in record.events:
             set_phase_only(self.rec, moment, Slot.RESEED)
             draw_belief.draw_reseeded(self.rec, self._paths.particles, record, tools.scale)
             self._say(narrate.phase(moment, record, Slot.RESEED, tools.scale))
 
-    def _estimate(self, moment: Moment, record: StepRecord, tools: _Tools) -> None:
+    def _estimate(self, update: Update, tools: _Tools) -> None:
+        moment, record = update.moment, update.record
         set_phase(self.rec, moment, Slot.ESTIMATE)
         tools.estimate.draw(self.rec, record.estimate.pose, tools.scale, tools.arrow)
+        draw_rose.draw_heading(self.rec, self._paths, "estimate", float(record.estimate.pose[2]))
+        if moment.truth is not None:
+            draw_rose.draw_heading(self.rec, self._paths, "truth", float(moment.truth[2]))
         draw_traces.draw_traces(self.rec, self._paths, record, moment.truth, tools.scale)
+        draw_traces.draw_inside(self.rec, self._paths, record, tools.lineage.ancestry.distinct())
+        tools.river.draw(self.rec, tools.detector.modes)
+        tools.matching.draw_where(self.rec, moment, record, whole=update.whole)
         self._say(narrate.summary(moment, record, tools.scale))
+
+    def _leave_empty(self, moment: Moment, tools: _Tools) -> None:
+        """Empty the panels that are not drawn from here on, or they would show an earlier update."""
+        set_phase(self.rec, moment, Slot.PREDICT)
+        for path in (*tools.matching.emptied, self._paths.moves, self._paths.families, self._paths.dead):
+            self.rec.log(path, rr.Clear(recursive=True))
 
     def _say(self, text: str) -> None:
         self.rec.log(self._paths.text, rr.TextDocument.from_fields(text=text))

@@ -46,6 +46,7 @@ class Drawn:
     label: str
     channels: Sequence[str]  # one histogram panel each
     distances: Mapping[str, str]  # by channel, as the sensor model compares them; none: the panels stay empty
+    own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
 
     @classmethod
     def live(cls, label: str, distances: Mapping[str, str]) -> Drawn:
@@ -78,12 +79,14 @@ def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Ite
 @contextmanager
 def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
     from .. import sinks
+    from ..contact_sheet import cell_height
     from ..layouts.registry import for_runs
     from ..layouts.shown import Run, Shown
 
     info, arena = scene.info, scene.library.arena
-    shown = Shown(arena, scale_for(info.display_units, arena), scene.has_truth)
-    drawn = [Run(run.label, tuple(run.channels)) for run in runs]
+    scale, height = scale_for(info.display_units, arena), cell_height(scene.library.pictures)
+    shown = Shown(arena, scale, scene.has_truth, height)
+    drawn = [Run(run.label, tuple(run.channels), run.own_drive) for run in runs]
     layout = for_runs(drawn, shown, output.layout)
     if output.save is None and not output.headless and sinks.has_display():
         try:

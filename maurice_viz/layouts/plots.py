@@ -7,7 +7,16 @@ from collections.abc import Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ..draw_traces import CONFIDENCE, EFFECTIVE, HEADING_ERROR, POSITION_ERROR, SPREAD
+from ..draw_traces import (
+    ANCESTORS,
+    CONFIDENCE,
+    EFFECTIVE,
+    HEADING_ERROR,
+    POSITION_ERROR,
+    SPREAD,
+    SURVIVORS,
+    evidence_of,
+)
 from ..entities import RunPaths
 from ..look import RUN_COLORS
 from .shown import Shown
@@ -58,6 +67,23 @@ def compared(quantity: str, name: str, labels: Sequence[str], top: float | None 
         for path, color in zip(paths, RUN_COLORS, strict=False)
     }
     return plot(name, paths, top, colors)
+
+
+def lineage_plot(paths: RunPaths) -> rrb.TimeSeriesView:
+    """Plot how many particles survive, and from how many the cloud descends."""
+    lines = [paths.trace(SURVIVORS), paths.trace(ANCESTORS)]
+    return plot("Survivors pink, ancestors 10 steps back green (share)", lines, top=1.1)
+
+
+def evidence_plot(paths: RunPaths, channels: Sequence[str], title: str = "") -> rrb.TimeSeriesView:
+    """Plot how well the cloud explained each picture: all channels together, and each alone."""
+    lines = [evidence_of(paths, name) for name in ("all", *channels)]
+    return rrb.TimeSeriesView(
+        name=f"{title}Evidence of each picture (nats)",
+        origin="/",
+        contents=lines,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftBottom, visible=True),
+    )
 
 
 def plot(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import rerun.blueprint as rrb
 
 from .. import entities
-from . import compare, overview
+from . import compare, inside_a_step, overview, traces
 from .shown import Run, Shown
 
 Layout = Callable[[Sequence[Run], Shown], rrb.Container]
@@ -34,7 +34,9 @@ def _named(container: rrb.Container, name: str) -> rrb.Container:
 
 LAYOUTS: Mapping[str, Layout] = {
     "overview": _a_tab_a_run(overview.layout),
+    "inside-a-step": _a_tab_a_run(inside_a_step.layout),
     "compare": compare.layout,
+    "traces": traces.layout,
 }
 
 

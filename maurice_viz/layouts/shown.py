@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from maurice_mcl.arena import Arena
 
+from ..contact_sheet import CELL_PX
 from ..look import Scale
 
 
@@ -16,6 +17,7 @@ class Shown:
     arena: Arena
     scale: Scale
     has_truth: bool
+    picture_height: int = CELL_PX * 3 // 4  # of a reference on the contact sheet, in pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,3 +26,4 @@ class Run:
 
     label: str
     channels: tuple[str, ...]
+    own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own

@@ -13,7 +13,11 @@ from maurice_mcl.channels import CHANNELS
 
 from .. import entities
 from ..canvas import map_extent
+from ..draw_film import COLUMNS, size_px
+from ..draw_likelihood import names
 from ..draw_pictures import EDGE_GAIN
+from ..draw_river import HEIGHT, LENGTH, MARGIN
+from ..draw_rose import REACH
 from ..entities import RunPaths
 from ..look import GROUND, TRUTH
 from .shown import Shown
@@ -43,19 +47,70 @@ def map_view(
     )
 
 
-def arena_view(paths: RunPaths, shown: Shown, title: str = "") -> rrb.Spatial2DView:
+def arena_view(
+    paths: RunPaths, shown: Shown, title: str = "", name: str = "Belief: particles by weight"
+) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
-    contents = [f"{entities.WORLD}/**", f"- {entities.MATCH_KEY}", f"{paths.at('belief')}/**"]
+    contents = [f"{entities.WORLD}/**", f"- {entities.MATCH_KEY}", f"- {entities.LIKELIHOOD_KEY}"]
+    contents.append(f"{paths.at('belief')}/**")
     if shown.has_truth:
         contents.append(f"{entities.TRUTH}/**")
-    return map_view(f"{title}Belief: particles by weight ({shown.scale.units.name})", contents, shown)
+    return map_view(f"{title}{name} ({shown.scale.units.name})", contents, shown)
 
 
 def circles_view(paths: RunPaths, shown: Shown, title: str = "") -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
-    contents = [f"{entities.WORLD}/**", f"- {entities.WEIGHT_KEY}", f"- {entities.NODES}"]
+    contents = [f"{entities.WORLD}/**", f"- {entities.WEIGHT_KEY}", f"- {entities.LIKELIHOOD_KEY}"]
+    contents.append(f"- {entities.NODES}")
     contents += [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
     return map_view(f"{title}Match circles ({shown.scale.units.name})", contents, shown, paths.particles)
+
+
+def likelihood_tabs(paths: RunPaths, channels: Sequence[str], shown: Shown) -> list[rrb.Spatial2DView]:
+    """Show the likelihood over the whole map, all channels together and each alone, under the cloud."""
+    views: list[rrb.Spatial2DView] = []
+    for channel in names(tuple(channels)):
+        contents = [paths.likelihood(channel), entities.WALLS, entities.LIKELIHOOD_KEY, paths.particles]
+        contents += [entities.FLOORS, f"{paths.at('belief', 'estimate')}/**"]
+        contents += [f"{entities.TRUTH}/**"] if shown.has_truth else []
+        title = f"Likelihood, best heading: {channel} ({shown.scale.units.name})"
+        views.append(map_view(title if not views else channel, contents, shown, paths.particles))
+    return views
+
+
+def rose_view(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show which way the cloud looks."""
+    return rrb.Spatial2DView(
+        name="Headings (deg)",
+        origin="/",
+        contents=f"{paths.rose}/**",
+        background=GROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=(-REACH, REACH), y_range=(-REACH, REACH)),
+    )
+
+
+def river_view(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show how the weight was shared among the modes of the last updates."""
+    left, right, top, bottom = MARGIN
+    return rrb.Spatial2DView(
+        name="Modes: share of the weight, one color a mode",
+        origin="/",
+        contents=f"{paths.river}/**",
+        background=GROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=(-left, LENGTH + right), y_range=(-top, HEIGHT + bottom)),
+    )
+
+
+def film_view(paths: RunPaths, shown: Shown) -> rrb.Spatial2DView:
+    """Show what was seen in the last updates, over the references at the truth and at the estimate."""
+    width, height = size_px(shown.picture_height, shown.has_truth)
+    return rrb.Spatial2DView(
+        name=f"Last {COLUMNS} updates: seen, and the references there",
+        origin="/",
+        contents=f"{paths.at('film')}/**",
+        background=GROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height)),
+    )
 
 
 def camera_view() -> rrb.Spatial2DView:

@@ -1,0 +1,42 @@
+"""One update from the inside: walk through it on the timeline `phase`."""
+
+from __future__ import annotations
+
+import rerun.blueprint as rrb
+
+from ..entities import RunPaths
+from .plots import evidence_plot, lineage_plot
+from .shown import Run, Shown
+from .views import (
+    arena_view,
+    camera_view,
+    circles_view,
+    film_view,
+    likelihood_tabs,
+    river_view,
+    rose_view,
+    text_view,
+)
+
+
+def layout(run: Run, shown: Shown) -> rrb.Container:
+    """The cloud large; what it was weighed by, which way it looks and whom it comes from beside it."""
+    paths = RunPaths(run.label)
+    cloud = rrb.Vertical(
+        arena_view(paths, shown, title="", name="Cloud: moves blue, ancestors yellow, died red"),
+        text_view(paths),
+        row_shares=[3.3, 1],
+    )
+    middle = rrb.Vertical(
+        rrb.Tabs(*likelihood_tabs(paths, run.channels, shown), circles_view(paths, shown), active_tab=0),
+        rrb.Horizontal(rose_view(paths), camera_view()),
+        lineage_plot(paths),
+        row_shares=[2, 1.25, 1],
+    )
+    right = rrb.Vertical(
+        film_view(paths, shown),
+        river_view(paths),
+        evidence_plot(paths, run.channels),
+        row_shares=[1.05, 0.85, 1.2],
+    )
+    return rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
