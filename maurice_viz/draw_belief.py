@@ -7,16 +7,28 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from maurice_mcl.belief import Belief
 from maurice_mcl.records import StepRecord
 from maurice_mcl.typing import F32, F64, I32
 
-from .look import ESTIMATE, RGB, TRUTH, Scale, copy_colors, heading_vector, weight_colors
+from .look import (
+    DEAD,
+    ESTIMATE,
+    RGB,
+    TRUTH,
+    Scale,
+    copy_colors,
+    heading_vector,
+    packed,
+    weight_colors,
+)
 
 PARTICLE = 1.75  # radius in points of the screen
 COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
 MOST_COPIED = 9.0
+DEAD_PARTICLE = 0.9
 FRESH: RGB = (255, 120, 220)  # drawn anew in this step
 SETTLED: RGB = (120, 124, 134)  # all others, while the fresh ones are shown
 FRESH_PARTICLE = 2.5
@@ -31,12 +43,13 @@ def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
 
 
 def draw_predicted(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale) -> None:
-    """Log the moved cloud, colored by the weights it carries over."""
+    """Log the moved cloud, colored by the weights it carries over: one color where all are equal."""
+    equal = bool(np.ptp(belief.log_weights) == 0)
     rec.log(
         path,
         rr.Points2D.from_fields(
             positions=positions(belief, scale),
-            colors=weight_colors(belief.log_weights),
+            colors=weight_colors(belief.log_weights[:1] if equal else belief.log_weights, belief.size),
             radii=rr.components.Radius.ui_points(PARTICLE),
         ),
     )
@@ -47,17 +60,19 @@ def draw_weighted(rec: rr.RecordingStream, path: str, belief: Belief) -> None:
     rec.log(path, rr.Points2D.from_fields(colors=weight_colors(belief.log_weights)))
 
 
-def draw_resampled(rec: rr.RecordingStream, path: str, record: StepRecord, scale: Scale) -> None:
-    """Log the survivors, sized and colored by how often each one's parent was copied; no fresh ones yet."""
-    kept = slice(None) if record.injected is None else ~record.injected
-    copies = copies_of(record.parents, record.belief.size)[kept]
-    radii = np.minimum(COPIED * np.sqrt(copies), MOST_COPIED).astype(np.float32)
+def draw_resampled(rec: rr.RecordingStream, path: str, record: StepRecord) -> None:
+    """Log new looks of the weighted particles: sized and colored by their copies, the dead small and red.
+
+    Copies stand where their parent stood, so nothing has moved; fresh particles come in the next phase.
+    """
+    copies = copies_of(record.parents, record.weighted.size)
+    gone = copies == 0
+    radii = np.where(gone, DEAD_PARTICLE, np.minimum(COPIED * np.sqrt(copies), MOST_COPIED))
+    colors = np.where(gone, np.uint32(packed(DEAD)), copy_colors(copies))
     rec.log(
         path,
         rr.Points2D.from_fields(
-            positions=positions(record.belief, scale)[kept],
-            colors=copy_colors(copies),
-            radii=rr.components.Radius.ui_points(radii),
+            colors=colors, radii=rr.components.Radius.ui_points(radii.astype(np.float32))
         ),
     )
 
@@ -88,12 +103,11 @@ def positions(belief: Belief, scale: Scale) -> F32:
     return scale.screen(belief.poses[:, :2] + belief.origin)
 
 
-def copies_of(parents: I32 | None, size: int) -> F64:
-    """Give for each new particle (N',) how many copies its parent left; 1 where it has none."""
+def copies_of(parents: I32 | None, size: int) -> NDArray[np.int64]:
+    """Give how many copies each of the weighted particles (N,) left; 1 where there was no resampling."""
     if parents is None:
-        return np.ones(size)
-    counts = np.bincount(parents[parents >= 0], minlength=1)
-    return np.where(parents >= 0, counts[np.maximum(parents, 0)], 1).astype(np.float64)
+        return np.ones(size, np.int64)
+    return np.bincount(parents[parents >= 0], minlength=size)
 
 
 @dataclass(slots=True)

@@ -1,12 +1,11 @@
 """The filmstrip: of the last updates, what was seen, and the references at the truth and at the estimate.
 
-A strip has a column an update, the latest one at the right. Only the new column is logged at each update; the
-older ones are moved to the left.
+A strip has a column an update, the latest one at the right. Columns stand in a row that only grows; at each
+update the new one takes the place of the oldest, and the row as a whole is moved to the left.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field
 
 import cv2
@@ -36,7 +35,7 @@ class Film:
     paths: RunPaths
     library: Library
     has_truth: bool
-    _slots: deque[int] = field(default_factory=deque)  # columns in use, oldest first
+    _drawn: int = 0  # columns so far
     _height: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -49,22 +48,20 @@ class Film:
         for slot in range(COLUMNS):
             kind = rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=0.0)
             rec.log(self.paths.film(slot), kind, static=True)
-            rec.log(f"{self.paths.film(COLUMNS)}/{slot}", *_placed(slot, gray), static=True)
+            rec.log(f"{self.paths.at('film', 'empty')}/{slot}", *_placed(slot, gray), static=True)
 
     def draw(
         self, rec: rr.RecordingStream, record: StepRecord, at_truth: int | None, at_estimate: int
     ) -> None:
         """Log the column of an update, and move the others; entries are library numbers, -1 for none."""
-        if len(self._slots) < COLUMNS:
-            self._slots.append(len(self._slots))
-        else:
-            self._slots.rotate(-1)
-        newest = self._slots[-1]
+        slot = self._drawn % COLUMNS
         column = self._column(record, at_truth, at_estimate)
-        rec.log(self.paths.film(newest), rr.EncodedImage.from_fields(blob=jpeg(column, QUALITY)))
-        for place, slot in enumerate(reversed(self._slots)):
-            x = (COLUMNS - 1 - place) * (CELL_PX + GAP_PX)
-            rec.log(self.paths.film(slot), rr.Transform3D.from_fields(translation=[x, 0, 0]))
+        at = self._drawn * (CELL_PX + GAP_PX)
+        moved = rr.Transform3D.from_fields(translation=[at, 0, 0])
+        rec.log(self.paths.film(slot), rr.EncodedImage.from_fields(blob=jpeg(column, QUALITY)), moved)
+        shift = (COLUMNS - 1) * (CELL_PX + GAP_PX) - at
+        rec.log(self.paths.columns, rr.Transform3D.from_fields(translation=[shift, 0, 0]))
+        self._drawn += 1
 
     def _column(self, record: StepRecord, at_truth: int | None, at_estimate: int) -> U8:
         frame = record.frame

@@ -1,4 +1,4 @@
-"""Inside an update: how particles moved, who died, and whom the survivors come from.
+"""Inside an update: how particles moved, and whom the survivors come from.
 
 A copy stands where its parent stood, so lines from parents to children are drawn where they can be seen: in
 the phase `predict` from where each copy was made to where it has moved, and in the phase `resample` along
@@ -19,16 +19,14 @@ from maurice_mcl.typing import F64
 
 from .draw_belief import positions
 from .entities import RunPaths
-from .look import DEAD, FAMILY, MOVED, Scale
+from .look import FAMILY, MOVED, Scale
+from .strips import strips_of
 
 MOST_MOVES = 150  # lines of moved particles: more cannot be told apart
 MOST_FAMILIES = 40
-MOST_DEAD = 1000
 LINE = 0.6  # radius in points of the screen
-DEAD_PARTICLE = 1.0
 
 _NO_LINES = rr.LineStrips2D.from_fields(strips=[])
-_NO_POINTS = rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32))
 
 
 @dataclass(slots=True)
@@ -44,47 +42,34 @@ class Lineage:
         radius = rr.components.Radius.ui_points
         moved = rr.LineStrips2D.from_fields(colors=[MOVED], radii=radius(LINE), draw_order=15.0)
         family = rr.LineStrips2D.from_fields(colors=[FAMILY], radii=radius(LINE), draw_order=16.0)
-        dead = rr.Points2D.from_fields(colors=[DEAD], radii=radius(DEAD_PARTICLE), draw_order=17.0)
         rec.log(self.paths.moves, moved, static=True)
         rec.log(self.paths.families, family, static=True)
-        rec.log(self.paths.dead, dead, static=True)
 
     def draw_moves(self, rec: rr.RecordingStream, predicted: Belief, scale: Scale) -> None:
         """Log lines from where some particles were to where the motion model put them; clear the others."""
         rec.log(self.paths.families, _NO_LINES)
-        rec.log(self.paths.dead, _NO_POINTS)
         before = self._before
         if before is None or before.size != predicted.size:  # dual draws and other sizes have no one parent
             return
         some = spread_over(predicted.size, MOST_MOVES)
         ends = np.stack([positions(before, scale)[some], positions(predicted, scale)[some]], axis=1)
-        rec.log(self.paths.moves, rr.LineStrips2D.from_fields(strips=ends))
+        rec.log(self.paths.moves, rr.LineStrips2D.from_fields(strips=strips_of(ends)))
 
     def clear_moves(self, rec: rr.RecordingStream) -> None:
         """Take the lines away: the next phase has other things to show."""
         rec.log(self.paths.moves, _NO_LINES)
 
     def draw_families(self, rec: rr.RecordingStream, record: StepRecord, scale: Scale) -> None:
-        """Log who died in the resampling, and the ways by which ancestors of some survivors came here."""
+        """Log the ways by which the ancestors of some survivors came here."""
         if record.parents is None:
             return
-        gone = positions(record.weighted, scale)[dead(record)]
-        rec.log(self.paths.dead, rr.Points2D.from_fields(positions=gone[spread_over(len(gone), MOST_DEAD)]))
         ways = [scale.screen(way) for way in self.ancestry.lines(MOST_FAMILIES) if len(way) > 1]
-        rec.log(self.paths.families, rr.LineStrips2D.from_fields(strips=ways))
+        rec.log(self.paths.families, rr.LineStrips2D.from_fields(strips=strips_of(ways)))
 
     def remember(self, record: StepRecord) -> None:
         """Take in an update: before its families are drawn, after its moves are."""
         self.ancestry.see(record)
         self._before = record.belief
-
-
-def dead(record: StepRecord) -> F64:
-    """Give which of the weighted particles (N,) left no copy, as indices."""
-    assert record.parents is not None
-    copied = np.zeros(record.weighted.size, bool)
-    copied[record.parents[record.parents >= 0]] = True
-    return np.asarray(np.flatnonzero(~copied))
 
 
 def spread_over(count: int, most: int) -> F64:

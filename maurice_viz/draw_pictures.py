@@ -13,7 +13,7 @@ from . import entities
 from .look import MISSING, PALE
 from .raster import jpeg, put_text
 
-SHEET_QUALITY = 85
+SHEET_QUALITY = 75
 EDGE_GAIN = 3
 
 

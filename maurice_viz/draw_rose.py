@@ -10,6 +10,7 @@ from maurice_mcl.typing import F32, F64
 
 from .entities import RunPaths
 from .look import ESTIMATE, PALE, ROSE, RULER, TRUTH, heading_vector
+from .strips import strips_of
 
 PETALS = 36  # of ten degrees
 RIM = 1.0  # radius of the rim; a petal's length is the root of its share, so that its area is
@@ -44,7 +45,7 @@ def prepare_rose(rec: rr.RecordingStream, paths: RunPaths) -> None:
 
 def draw_rose(rec: rr.RecordingStream, paths: RunPaths, belief: Belief) -> None:
     """Log the cloud's headings by weight."""
-    rec.log(f"{paths.rose}/petals", rr.LineStrips2D.from_fields(strips=[petals(belief)]))
+    rec.log(f"{paths.rose}/petals", rr.LineStrips2D.from_fields(strips=strips_of([petals(belief)])))
 
 
 def draw_heading(rec: rr.RecordingStream, paths: RunPaths, name: str, heading_rad: float) -> None:

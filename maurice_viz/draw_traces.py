@@ -102,5 +102,6 @@ def survivors(record: StepRecord) -> float:
     """Give the share of the weighted particles that left a copy; 1 where there was no resampling."""
     if record.parents is None:
         return 1.0
-    kept = np.unique(record.parents[record.parents >= 0])
-    return len(kept) / record.weighted.size
+    kept = np.zeros(record.weighted.size, bool)
+    kept[record.parents[record.parents >= 0]] = True
+    return float(kept.mean())

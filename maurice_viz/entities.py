@@ -6,6 +6,7 @@ changes) and `/session` (what was seen and, if known, what was true).
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -28,7 +29,7 @@ CAMERA = "/session/camera"
 EDGES = "/session/edges"
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 
-RESERVED = ("world", "session")
+RESERVED = ("world", "session", "compare")
 
 
 class Slot(IntEnum):
@@ -47,6 +48,11 @@ def phase_number(step: int, slot: Slot) -> int:
     return SLOTS * step + slot
 
 
+def escaped(label: str) -> str:
+    """Write a label as one part of an entity path: Rerun wants a backslash before spaces and signs."""
+    return re.sub(r"([^\w.-])", r"\\\1", label)
+
+
 @dataclass(frozen=True, slots=True)
 class RunPaths:
     """Where one run is drawn. The label is unique in a recording and not one of `RESERVED`."""
@@ -59,7 +65,7 @@ class RunPaths:
 
     def at(self, *parts: str) -> str:
         """Give the path of something of this run: `at("belief", "particles")`."""
-        return "/".join(("", self.label, *parts))
+        return "/".join(("", escaped(self.label), *parts))
 
     @property
     def particles(self) -> str:
@@ -80,11 +86,6 @@ class RunPaths:
     def families(self) -> str:
         """The ways of a few survivors' ancestors: LineStrips2D, on the phase timeline alone."""
         return self.at("belief", "families")
-
-    @property
-    def dead(self) -> str:
-        """Particles that left no copy: Points2D, on the phase timeline alone."""
-        return self.at("belief", "dead")
 
     @property
     def rose(self) -> str:
@@ -111,8 +112,13 @@ class RunPaths:
         return self.at("likelihood", channel)
 
     def film(self, column: int) -> str:
-        """One column of the filmstrip: one EncodedImage, moved by a Transform3D."""
-        return self.at("film", str(column))
+        """One column of the filmstrip: one EncodedImage with a Transform3D."""
+        return self.at("film", "columns", str(column))
+
+    @property
+    def columns(self) -> str:
+        """All columns of the filmstrip together: one Transform3D."""
+        return self.at("film", "columns")
 
     @property
     def contact_sheet(self) -> str:

@@ -139,12 +139,14 @@ def shade(share: NDArray[Any]) -> U32:
     return np.asarray(LUT[np.clip(np.asarray(share) * 255, 0, 255).astype(np.uint8)], np.uint32)
 
 
-def weight_colors(log_weights: F64) -> U32:
-    """Give each particle (N,) a color by its weight against the average 1/N, on a log scale.
+def weight_colors(log_weights: F64, of: int | None = None) -> U32:
+    """Give each particle (N,) a color by its weight against the average, on a log scale.
+
+    The average is 1/N, or one over the number of particles they are `of`.
 
     The middle of the scale is the average, the ends are 1/8 and 8 times it, in every step alike.
     """
-    octaves = (log_weights + np.log(len(log_weights))) / np.log(2)
+    octaves = (log_weights + np.log(of or len(log_weights))) / np.log(2)
     return shade(0.5 + octaves / (2 * WEIGHT_OCTAVES))
 
 

@@ -189,7 +189,7 @@ class RerunObserver:
         moment, record = update.moment, update.record
         set_phase_only(self.rec, moment, Slot.RESAMPLE)
         if record.parents is not None:
-            draw_belief.draw_resampled(self.rec, self._paths.particles, record, tools.scale)
+            draw_belief.draw_resampled(self.rec, self._paths.particles, record)
             tools.lineage.draw_families(self.rec, record, tools.scale)
         self._say(narrate.phase(moment, record, Slot.RESAMPLE, tools.scale))
         if record.injected is not None or EXPANDED in record.events:
@@ -213,7 +213,7 @@ class RerunObserver:
     def _leave_empty(self, moment: Moment, tools: _Tools) -> None:
         """Empty the panels that are not drawn from here on, or they would show an earlier update."""
         set_phase(self.rec, moment, Slot.PREDICT)
-        for path in (*tools.matching.emptied, self._paths.moves, self._paths.families, self._paths.dead):
+        for path in (*tools.matching.emptied, self._paths.moves, self._paths.families):
             self.rec.log(path, rr.Clear(recursive=True))
 
     def _say(self, text: str) -> None:

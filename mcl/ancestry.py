@@ -47,13 +47,16 @@ class Ancestry:
         """
         if not self._past:
             return 0
-        current = np.arange(self._size(), dtype=np.int32)
+        alive = np.ones(self._size(), bool)  # which particles of a generation have descendants today
         fresh = 0
         for generation in reversed(self._past):
-            current = _parents_of(current, generation)
-            fresh += int((current < 0).sum())
-            current = np.unique(current[current >= 0])
-        return fresh + len(current)
+            if generation.parents is None:
+                continue
+            parents = generation.parents[alive]
+            fresh += int((parents < 0).sum())
+            alive = np.zeros(len(generation.poses), bool)
+            alive[parents[parents >= 0]] = True
+        return fresh + int(alive.sum())
 
     def lines(self, count: int) -> list[F64]:
         """Give the ways (K, 2) in the map's frame of some particles' ancestors, latest first.
@@ -65,14 +68,13 @@ class Ancestry:
             return []
         size = self._size()
         current = np.linspace(0, size - 1, min(count, size)).round().astype(np.int32)
-        alive = np.ones(len(current), bool)
-        ways: list[list[F64]] = [[] for _ in current]
+        points, lengths = [], np.zeros(len(current), np.int64)
         for generation in reversed(self._past):
             current = _parents_of(current, generation)
-            alive &= current >= 0
-            for k in np.flatnonzero(alive):
-                ways[k].append(generation.poses[current[k], :2] + generation.origin)
-        return [np.array(way) for way in ways if way]
+            points.append(generation.poses[np.maximum(current, 0), :2] + generation.origin)
+            lengths += current >= 0
+        along = np.stack(points, axis=1)
+        return [way[:length] for way, length in zip(along, lengths, strict=True) if length]
 
     def _size(self) -> int:
         last = self._past[-1]

@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 
 from maurice_mcl.distances import contributions
 from maurice_mcl.library import Library
-from maurice_viz import entities, narrate
+from maurice_viz import draw_belief, entities, narrate
 from maurice_viz.entities import RunPaths, Slot
 from maurice_viz.look import scale_for, weight_colors
 from maurice_viz.observe import RerunObserver
@@ -63,11 +63,16 @@ def test_particles_walk_through_the_phases(drawn: tuple[Path, recordings.Played]
     scale = scale_for("in", library.arena)
     for k, (moment, record) in enumerate(played):
         predict, weight, resample = found[3 * k : 3 * k + 3]
-        for row, belief in ((predict, record.predicted), (resample, record.belief)):
-            expected = (belief.world_poses[:, :2] / 0.0254) * (1, -1)
-            np.testing.assert_allclose(recordings.positions(row), expected, atol=scale.units.fine)
-        for row, belief in ((predict, record.predicted), (weight, record.weighted)):
-            assert row.values["Points2D:colors"] == weight_colors(belief.log_weights).tolist()
+        expected = (record.predicted.world_poses[:, :2] / 0.0254) * (1, -1)
+        np.testing.assert_allclose(recordings.positions(predict), expected, atol=scale.units.fine)
+        assert weight.values["Points2D:colors"] == weight_colors(record.weighted.log_weights).tolist()
+        carried = weight_colors(record.predicted.log_weights).tolist()
+        assert predict.values["Points2D:colors"] in (carried, carried[:1])
+        copies = np.bincount(record.parents, minlength=record.weighted.size)
+        radii = np.abs(resample.values["Points2D:radii"])
+        assert ((radii == np.float32(draw_belief.DEAD_PARTICLE)) >= (copies == 0)).all()
+        assert np.diff(radii[np.argsort(copies)])[(copies == 0).sum() :].min(initial=0) >= 0
+        for row in (predict, weight):
             assert row.step == moment.frame.step
             assert row.session_s == pytest.approx(moment.frame.time_s)
 

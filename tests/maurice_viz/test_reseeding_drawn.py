@@ -48,7 +48,8 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
         at = {slot: entities.phase_number(step, slot) for slot in Slot}
         survivors = next(row for row in rows if row.phase == at[Slot.RESAMPLE])
         everyone = next(row for row in rows if row.phase == at[Slot.RESEED])
-        assert len(survivors.values["Points2D:positions"]) == 40 * (1 - SHARE)
+        assert len(survivors.values["Points2D:radii"]) == 40
+        assert "Points2D:positions" not in survivors.values
         assert len(everyone.values["Points2D:positions"]) == 40
         assert record.injected is not None
         radii = np.array(everyone.values["Points2D:radii"])

@@ -1,0 +1,183 @@
+"""What is drawn of the inside of an update, read back from recordings."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import viz_fakes as fakes
+import viz_recordings as recordings
+from PIL import Image
+
+from maurice_mcl.ancestry import Ancestry
+from maurice_mcl.belief import Belief, uniform_log_weights
+from maurice_mcl.estimate import weighted_mean
+from maurice_mcl.events import Event
+from maurice_mcl.mode_tracks import TrackedMode
+from maurice_viz import draw_rose, draw_traces, entities
+from maurice_viz.draw_film import COLUMNS
+from maurice_viz.draw_likelihood import names
+from maurice_viz.draw_river import HEIGHT, LENGTH, bands
+from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.look import EMPTY, MODE_COLORS
+from maurice_viz.places import places_of
+from maurice_viz.thinning import AROUND, Detail, Thinning, expected_bytes
+
+RUN = RunPaths("blended")
+STEPS = COLUMNS + 3
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, recordings.Played, Any]:
+    folder = tmp_path_factory.mktemp("inside")
+    session = fakes.make_session(fakes.make_library(folder), STEPS)
+    (played,) = recordings.draw(folder / "run.rrd", session, ["blended"])
+    return folder / "run.rrd", played, session.library
+
+
+def test_moves_go_from_where_particles_were_to_where_they_are(drawn: Any) -> None:
+    path, played, _ = drawn
+    found = recordings.rows(path, RUN.moves)
+    assert {row.step for row in found} == {None}, "on the phase timeline alone"
+    for step in range(2, STEPS + 1):
+        (row,) = (r for r in found if r.phase == entities.phase_number(step, Slot.PREDICT))
+        lines = np.array(row.values["LineStrips2D:strips"])
+        before, now = played[step - 2][1].belief, played[step - 1][1].predicted
+        for end, belief in ((0, before), (1, now)):
+            expected = belief.world_poses[:, :2] / 0.0254 * (1, -1)
+            np.testing.assert_allclose(lines[:, end], expected, atol=0.05)
+        cleared = next(r for r in found if r.phase == entities.phase_number(step, Slot.MEASURE))
+        assert cleared.values["LineStrips2D:strips"] == []
+
+
+def test_families_are_the_ancestors_ways(drawn: Any) -> None:
+    path, played, _ = drawn
+    tree = Ancestry()
+    for step, (_, record) in enumerate(played, start=1):
+        tree.see(record)
+        at = entities.phase_number(step, Slot.RESAMPLE)
+        ways = [way for way in tree.lines(40) if len(way) > 1]
+        found = [r for r in recordings.rows(path, RUN.families) if r.phase == at]
+        assert [len(strip) for strip in found[0].values["LineStrips2D:strips"]] == [len(w) for w in ways]
+
+
+def test_a_rose_has_the_weights_of_the_headings() -> None:
+    headings = np.radians([5.0, 5.0, 95.0, -5.0])
+    poses = np.column_stack([np.zeros(4), np.zeros(4), headings]).astype(np.float32)
+    belief = Belief(poses, np.log([0.1, 0.2, 0.3, 0.4]), np.zeros(2))
+    shares = draw_rose.shares(belief)
+    assert shares[[0, 9, 35]] == pytest.approx([0.3, 0.3, 0.4])
+    assert shares.sum() == pytest.approx(1)
+    outline = draw_rose.petals(belief)
+    assert np.hypot(*outline.T).max() == pytest.approx(1)
+    # the heaviest petal, from -10 to 0 degrees, is drawn below the axis: y points down
+    assert outline[np.hypot(*outline.T).argmax(), 1] >= 0
+
+
+def test_a_rose_of_one_particle_is_one_petal() -> None:
+    belief = Belief(np.array([[0, 0, np.pi]], np.float32), uniform_log_weights(1), np.zeros(2))
+    assert draw_rose.shares(belief).max() == pytest.approx(1)
+
+
+def test_likelihood_maps_are_brightest_at_the_likeliest_reference(drawn: Any) -> None:
+    path, played, library = drawn
+    for name in names(("color", "edges")):
+        (row, *_) = recordings.rows(path, RUN.likelihood(name))
+        image = np.array(Image.open(io.BytesIO(bytes(row.values["EncodedImage:blob"][0]))).convert("RGB"))
+        assert image.shape[0] < image.shape[1] <= 120
+        seen = played[0][1].sighting.comparison
+        logs = {"all": seen.log_likelihood, "color": -seen.channel_cost[0], "edges": -seen.channel_cost[1]}
+        x, y = library.poses[logs[name].argmax(), :2]
+        x_min, y_min, x_max, y_max = library.arena.bounds
+        column = int((x - x_min) / (x_max - x_min) * image.shape[1])
+        line = int((y_max - y) / (y_max - y_min) * image.shape[0])
+        assert image[line, column].astype(int).sum() == image.reshape(-1, 3).astype(int).sum(axis=1).max()
+
+
+def test_one_channel_has_one_map() -> None:
+    assert names(("color",)) == ("all",)
+
+
+def _mode(identity: int, mass: float) -> TrackedMode:
+    cloud = Belief(np.zeros((1, 3), np.float32), uniform_log_weights(1), np.zeros(2))
+    return TrackedMode(identity, fakes.changed(weighted_mean(cloud), mass=mass))
+
+
+def test_a_river_stacks_modes_by_age_and_keeps_their_colors() -> None:
+    image = bands([(_mode(1, 1.0),), (_mode(2, 0.5), _mode(1, 0.25))])
+    assert image.shape == (HEIGHT, LENGTH, 3)
+    assert (image[:, LENGTH - 2] == MODE_COLORS[1]).all()
+    assert (image[-HEIGHT // 4 :, LENGTH - 1] == MODE_COLORS[1]).all()
+    assert (image[HEIGHT // 4 : -HEIGHT // 4, LENGTH - 1] == MODE_COLORS[2]).all()
+    assert (image[: HEIGHT // 4, LENGTH - 1] == EMPTY).all()
+    assert (image[:, 0] == EMPTY).all()
+
+
+def test_the_films_newest_column_stands_at_the_right(drawn: Any) -> None:
+    path, _, _ = drawn
+    shift = [r.values["Transform3D:translation"][0][0] for r in recordings.rows(path, RUN.columns)]
+    for step in range(1, STEPS + 1):
+        rows = recordings.rows(path, RUN.film((step - 1) % COLUMNS))
+        (row,) = (r for r in rows if r.step == step)
+        at = row.values["Transform3D:translation"][0][0] + shift[step - 1]
+        assert at == pytest.approx((COLUMNS - 1) * 150)
+
+
+def test_the_truths_rank_and_ratio(drawn: Any) -> None:
+    path, played, library = drawn
+    places = places_of(library)
+    ranks = recordings.rows(path, RUN.trace(draw_traces.TRUTH_RANK))
+    ratios = recordings.rows(path, RUN.trace(draw_traces.TRUTH_RATIO))
+    assert len(ranks) == len(ratios) == STEPS
+    for row, ratio, (moment, record) in zip(ranks, ratios, played, strict=True):
+        logs = record.sighting.comparison.log_likelihood
+        entry = places.entry_at(moment.truth)
+        assert row.values["Scalars:scalars"] == [1 + (logs > logs[entry]).sum()]
+        assert (ratio.values["Scalars:scalars"][0] > 0) == (
+            logs[entry] > logs[places.entry_at(record.estimate.pose)]
+        )
+
+
+def test_ancestors_and_evidence_are_those_of_the_records(drawn: Any) -> None:
+    path, played, _ = drawn
+    tree = Ancestry()
+    found = recordings.rows(path, RUN.trace(draw_traces.ANCESTORS))
+    for row, (_, record) in zip(found, played, strict=True):
+        tree.see(record)
+        assert row.values["Scalars:scalars"] == [pytest.approx(tree.distinct() / record.belief.size)]
+    for number, channel in enumerate(("color", "edges")):
+        rows = recordings.rows(path, draw_traces.evidence_of(RUN, channel))
+        expected = [record.channel_evidence[number] for _, record in played]
+        assert [row.values["Scalars:scalars"][0] for row in rows] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("at", [1, 5, 9])
+def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None:
+    thinning, given = Thinning(Detail.EVENTS), []
+    session = fakes.make_session(fakes.make_library(), 9)
+    for moment, record in fakes.play(session, "color", 5):
+        step = moment.frame.step
+        events = [Event(step, 0.0, "resampled", "")] + [Event(step, 0.0, "lost", "")] * (step == at)
+        given += thinning.see(moment, record, tuple(events))
+    given += thinning.rest()
+    assert [update.moment.frame.step for update in given] == list(range(1, 10))
+    assert [u.moment.frame.step for u in given if u.whole] == [
+        step for step in range(1, 10) if abs(step - at) <= AROUND
+    ]
+
+
+@pytest.mark.parametrize(("detail", "whole"), [(Detail.FULL, True), (Detail.LIGHT, False)])
+def test_full_and_light_do_not_wait(detail: Detail, whole: bool) -> None:
+    session = fakes.make_session(fakes.make_library(), 1)
+    ((moment, record),) = fakes.play(session, "color", 5)
+    (update,) = Thinning(detail).see(moment, record, ())
+    assert update.whole is whole
+
+
+def test_more_detail_is_expected_to_need_more_room() -> None:
+    light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
+    assert light < some < full
+    assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
