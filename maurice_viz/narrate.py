@@ -8,7 +8,7 @@ from maurice_mcl.belief import Belief
 from maurice_mcl.geometry import angle_between, circular_mean
 from maurice_mcl.records import Estimate, StepRecord
 from maurice_mcl.session import Moment
-from maurice_mcl.typing import F64
+from maurice_mcl.typing import F64, Bool
 
 from .entities import SLOTS, Slot
 from .look import Scale
@@ -16,6 +16,7 @@ from .look import Scale
 STILL_RAD = np.radians(0.05)  # a turn that would be written "0.0 deg" is not mentioned
 STILL_M = 5e-4
 NOT_COMPARED = "What the picture was compared with is not at hand."  # of some saved runs
+LEAST_TOLD = 0.01  # a group of fewer particles is not told of
 ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is no longer about any one heading
 
 
@@ -71,16 +72,48 @@ def measured(record: StepRecord) -> str:
     )
 
 
-def weighted(record: StepRecord) -> str:
-    """Say how the picture's weights fell."""
+def weighted(record: StepRecord, scale: Scale) -> str:
+    """Say how the picture's weights fell: who gained, who lost, and what they were compared with."""
     if "all weights zero" in record.events:
         return "No particle is where the picture could be from: all weights zero, so the old ones stay."
     log_weights = record.weighted.log_weights
     heaviest = np.exp(log_weights.max()) * len(log_weights)
     return (
         f"Each particle was weighed by how well the references about it match; the heaviest has "
-        f"{heaviest:.1f} times the average weight. {effective(record)}"
+        f"{heaviest:.1f} times the average weight. {gains(record, scale)}{effective(record)}"
     )
+
+
+def gains(record: StepRecord, scale: Scale) -> str:
+    """Say where those stand whose weight more than doubled, and those whose weight fell under a half."""
+    gain = record.weighted.log_weights - record.predicted.log_weights
+    winners = _group(record, gain > np.log(2), scale)
+    losers = _group(record, gain < -np.log(2), scale)
+    told = [f"{winners} more than doubled their weight"] if winners else []
+    told += [f"{losers} lost more than half of theirs"] if losers else []
+    return f"{_capital('; '.join(told))}. " if told else ""
+
+
+def _group(record: StepRecord, members: Bool, scale: Scale) -> str:
+    """Say how many particles (N,) these are, where they are and which entry most were compared with."""
+    count = int(members.sum())
+    if count < LEAST_TOLD * record.weighted.size:
+        return ""
+    cloud, sighting = record.weighted, record.sighting
+    center = cloud.poses[members, :2].mean(axis=0, dtype=np.float64) + cloud.origin
+    entries = sighting.entries[members]
+    known = np.bincount(entries[entries >= 0], minlength=1)
+    x, y = (f"{scale.length(float(v)):.{scale.units.digits}f}" for v in center)
+    some = f"{count} particle{'s' if count > 1 else ''}"
+    text = f"{some} about ({x}, {y}) {scale.units.name}"
+    if not len(sighting.comparison.quality) or not known.any():
+        return text
+    entry = int(known.argmax())
+    return f"{text}, most of them compared with entry {entry} ({sighting.comparison.quality[entry]:.3f}),"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def effective(record: StepRecord) -> str:
@@ -128,7 +161,7 @@ def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
     says = {
         Slot.PREDICT: lambda: predicted(record, scale),
         Slot.MEASURE: lambda: measured(record),
-        Slot.WEIGHT: lambda: weighted(record),
+        Slot.WEIGHT: lambda: weighted(record, scale),
         Slot.RESAMPLE: lambda: resampled(record),
         Slot.RESEED: lambda: reseeded(record),
     }

@@ -76,7 +76,7 @@ def test_survivors_are_counted() -> None:
 
 def test_all_weights_zero_is_said() -> None:
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
-    assert "all weights zero" in narrate.weighted(fakes.changed(record, events=("all weights zero",)))
+    assert "all weights zero" in narrate.weighted(fakes.changed(record, events=("all weights zero",)), INCHES)
 
 
 def test_each_phase_says_which_it_is() -> None:
@@ -98,3 +98,24 @@ def test_reseeding_of_a_cloud_outside_free_space_names_no_infinite_evidence() ->
     assert said.startswith("Reseeded: 2 of 6 particles were drawn afresh.")
     assert "free space" in said
     assert "inf " not in said
+
+
+def test_who_gained_and_who_lost_is_told_with_places() -> None:
+    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 4)
+    poses = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 0], [-1, 0, 0]], np.float32) * np.float32(INCH)
+    before = Belief(poses, uniform_log_weights(4), np.zeros(2))
+    after = Belief(poses, np.log([0.6, 0.25, 0.1, 0.05]), np.zeros(2))
+    sighting = fakes.changed(record.sighting, entries=np.array([7, 7, 3, 3], np.int32))
+    said = narrate.gains(fakes.changed(record, predicted=before, weighted=after, sighting=sighting), INCHES)
+    quality = record.sighting.comparison.quality
+    assert said == (
+        f"1 particle about (1.0, 1.0) in, most of them compared with entry 7 ({quality[7]:.3f}), more than "
+        f"doubled their weight; 2 particles about (-0.5, 0.0) in, most of them compared with entry 3 "
+        f"({quality[3]:.3f}), lost more than half of theirs. "
+    )
+
+
+def test_a_picture_that_says_nothing_moves_nobody() -> None:
+    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 4)
+    same = fakes.changed(record, weighted=record.predicted)
+    assert narrate.gains(same, INCHES) == ""
