@@ -22,7 +22,7 @@ from .raster import png
 LENGTH = 60  # updates that are seen at once, a column each
 HEIGHT = 24  # rows for the whole weight
 LABELS = ((0.0, f"{LENGTH} steps ago"), (LENGTH / 2, f"{LENGTH // 2}"), (LENGTH - 0.5, "now"))
-MARGIN = (7.0, 3.0, 2.0, 5.0)  # left, right, top, bottom of the drawing, in columns
+MARGIN = (7.0, 4.0, 2.0, 7.0)  # left, right, top, bottom of the drawing, in columns
 
 
 @dataclass(slots=True)

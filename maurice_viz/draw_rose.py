@@ -36,22 +36,24 @@ def prepare_rose(rec: rr.RecordingStream, paths: RunPaths) -> None:
         ),
         static=True,
     )
-    petals = rr.LineStrips2D.from_fields(colors=[ROSE], radii=radius(1.25), draw_order=1.0)
-    rec.log(f"{paths.rose}/petals", petals, static=True)
-    for name, color, width in (("truth", TRUTH, 2.5), ("estimate", ESTIMATE, 1.75)):
-        arrow = rr.Arrows2D.from_fields(colors=[color], radii=radius(width), draw_order=2.0)
-        rec.log(f"{paths.rose}/{name}", arrow, static=True)
+    shape = rr.LineStrips2D.from_fields(colors=[ROSE], radii=radius(1.25), draw_order=1.0)
+    arrows = rr.Arrows2D.from_fields(draw_order=2.0, radii=radius([1.75, 2.5]))
+    rec.log(paths.rose, shape, arrows, static=True)
 
 
-def draw_rose(rec: rr.RecordingStream, paths: RunPaths, belief: Belief) -> None:
-    """Log the cloud's headings by weight."""
-    rec.log(f"{paths.rose}/petals", rr.LineStrips2D.from_fields(strips=strips_of([petals(belief)])))
-
-
-def draw_heading(rec: rr.RecordingStream, paths: RunPaths, name: str, heading_rad: float) -> None:
-    """Log the arrow of the "truth" or of the "estimate"."""
-    arrow = rr.Arrows2D.from_fields(origins=[[0, 0]], vectors=heading_vector(heading_rad, RIM))
-    rec.log(f"{paths.rose}/{name}", arrow)
+def draw_rose(
+    rec: rr.RecordingStream, paths: RunPaths, belief: Belief, estimate: F64, truth: F64 | None
+) -> None:
+    """Log the cloud's headings by weight, and the arrows of estimate and truth, if that is known."""
+    poses, colors = [estimate], [ESTIMATE]
+    if truth is not None:
+        poses, colors = [estimate, truth], [ESTIMATE, TRUTH]
+    vectors = np.concatenate([heading_vector(float(pose[2]), RIM) for pose in poses])
+    rec.log(
+        paths.rose,
+        rr.LineStrips2D.from_fields(strips=strips_of([petals(belief)])),
+        rr.Arrows2D.from_fields(origins=np.zeros_like(vectors), vectors=vectors, colors=colors),
+    )
 
 
 def shares(belief: Belief) -> F64:

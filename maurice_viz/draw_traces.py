@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import rerun as rr
 
@@ -24,7 +22,7 @@ SURVIVORS = "survivors"
 ANCESTORS = "ancestors"
 TRUTH_RATIO = "truth_over_estimate"
 TRUTH_RANK = "truth_rank"
-EVIDENCE = "evidence"  # of all channels together; each channel's stands under it
+EVIDENCE = "evidence"  # several lines in one entity: of all channels together, and of each alone
 LINE = 1.75
 
 COLORS: dict[str, RGB] = {
@@ -41,21 +39,16 @@ COLORS: dict[str, RGB] = {
 EVIDENCE_COLORS: tuple[RGB, ...] = ((255, 255, 255), *RUN_COLORS)
 
 
-def evidence_of(paths: RunPaths, channel: str) -> str:
-    """Give the entity of a channel's evidence, or of "all" together."""
-    return paths.trace(f"{EVIDENCE}/{channel}")
-
-
 def prepare_traces(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...] = ()) -> None:
     """Log names and colors of the lines, static."""
     for quantity, color in COLORS.items():
         name = f"{paths.label}: {quantity.replace('_', ' ')}"
         style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
         rec.log(paths.trace(quantity), style, static=True)
-    for number, channel in enumerate(("all", *channels)):
-        color = EVIDENCE_COLORS[number % len(EVIDENCE_COLORS)]
-        style = rr.SeriesLines(names=[channel], colors=[color], widths=[LINE])
-        rec.log(evidence_of(paths, channel), style, static=True)
+    names = ["all", *channels]
+    colors = [EVIDENCE_COLORS[k % len(EVIDENCE_COLORS)] for k in range(len(names))]
+    style = rr.SeriesLines(names=names, colors=colors, widths=[LINE] * len(names))
+    rec.log(paths.trace(EVIDENCE), style, static=True)
 
 
 def draw_traces(
@@ -76,12 +69,9 @@ def draw_inside(rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, an
     """Log shares of survivors and of ancestors, and the evidence of each channel."""
     rec.log(paths.trace(SURVIVORS), rr.Scalars(survivors(record)))
     rec.log(paths.trace(ANCESTORS), rr.Scalars(ancestors / record.belief.size))
-    evidences = {"all": record.calibrated_evidence}
-    seen = record.sighting.comparison
-    evidences |= dict(zip(seen.channels, record.channel_evidence.tolist(), strict=False))
-    for channel, nats in evidences.items():
-        if math.isfinite(nats):
-            rec.log(evidence_of(paths, channel), rr.Scalars(nats))
+    nats = np.append(record.calibrated_evidence, record.channel_evidence)
+    if np.isfinite(nats).all():  # -inf when no particle was in free space
+        rec.log(paths.trace(EVIDENCE), rr.Scalars(nats))
 
 
 def draw_truth_seen(

@@ -183,7 +183,6 @@ class RerunObserver:
         if update.whole:
             draw_belief.draw_weighted(self.rec, self._paths.particles, record.weighted)
             self._say(narrate.phase(moment, record, Slot.WEIGHT, tools.scale))
-        draw_rose.draw_rose(self.rec, self._paths, record.weighted)
 
     def _resample(self, update: Update, tools: _Tools) -> None:
         moment, record = update.moment, update.record
@@ -201,9 +200,7 @@ class RerunObserver:
         moment, record = update.moment, update.record
         set_phase(self.rec, moment, Slot.ESTIMATE)
         tools.estimate.draw(self.rec, record.estimate.pose, tools.scale, tools.arrow)
-        draw_rose.draw_heading(self.rec, self._paths, "estimate", float(record.estimate.pose[2]))
-        if moment.truth is not None:
-            draw_rose.draw_heading(self.rec, self._paths, "truth", float(moment.truth[2]))
+        draw_rose.draw_rose(self.rec, self._paths, record.weighted, record.estimate.pose, moment.truth)
         draw_traces.draw_traces(self.rec, self._paths, record, moment.truth, tools.scale)
         draw_traces.draw_inside(self.rec, self._paths, record, tools.lineage.ancestry.distinct())
         tools.river.draw(self.rec, tools.detector.modes)

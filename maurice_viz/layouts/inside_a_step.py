@@ -36,7 +36,7 @@ def layout(run: Run, shown: Shown) -> rrb.Container:
     right = rrb.Vertical(
         film_view(paths, shown),
         river_view(paths),
-        evidence_plot(paths, run.channels),
+        evidence_plot(paths),
         row_shares=[1.05, 0.85, 1.2],
     )
     return rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])

@@ -11,11 +11,11 @@ from ..draw_traces import (
     ANCESTORS,
     CONFIDENCE,
     EFFECTIVE,
+    EVIDENCE,
     HEADING_ERROR,
     POSITION_ERROR,
     SPREAD,
     SURVIVORS,
-    evidence_of,
 )
 from ..entities import RunPaths
 from ..look import RUN_COLORS
@@ -75,13 +75,12 @@ def lineage_plot(paths: RunPaths) -> rrb.TimeSeriesView:
     return plot("Survivors pink, ancestors 10 steps back green (share)", lines, top=1.1)
 
 
-def evidence_plot(paths: RunPaths, channels: Sequence[str], title: str = "") -> rrb.TimeSeriesView:
+def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
     """Plot how well the cloud explained each picture: all channels together, and each alone."""
-    lines = [evidence_of(paths, name) for name in ("all", *channels)]
     return rrb.TimeSeriesView(
         name=f"{title}Evidence of each picture (nats)",
         origin="/",
-        contents=lines,
+        contents=[paths.trace(EVIDENCE)],
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftBottom, visible=True),
     )
 

@@ -48,4 +48,4 @@ def layout(runs: Sequence[Run], shown: Shown) -> rrb.Container:
 
 def evidence_plot_of(run: Run, several: bool) -> rrb.TimeSeriesView:
     """Plot a run's evidence; with its label where there are several."""
-    return evidence_plot(RunPaths(run.label), run.channels, f"{run.label}: " if several else "")
+    return evidence_plot(RunPaths(run.label), f"{run.label}: " if several else "")

@@ -148,10 +148,10 @@ def test_ancestors_and_evidence_are_those_of_the_records(drawn: Any) -> None:
     for row, (_, record) in zip(found, played, strict=True):
         tree.see(record)
         assert row.values["Scalars:scalars"] == [pytest.approx(tree.distinct() / record.belief.size)]
-    for number, channel in enumerate(("color", "edges")):
-        rows = recordings.rows(path, draw_traces.evidence_of(RUN, channel))
-        expected = [record.channel_evidence[number] for _, record in played]
-        assert [row.values["Scalars:scalars"][0] for row in rows] == pytest.approx(expected)
+    rows = recordings.rows(path, RUN.trace(draw_traces.EVIDENCE))
+    for row, (_, record) in zip(rows, played, strict=True):
+        expected = [record.calibrated_evidence, *record.channel_evidence]
+        assert row.values["Scalars:scalars"] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("at", [1, 5, 9])
