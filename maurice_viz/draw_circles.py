@@ -47,6 +47,11 @@ class Circles:
         sizes = radii[best] * np.float32(self.spacing)
         rec.log(paths.best, rr.Points2D.from_fields(positions=self.centers[best], radii=sizes))
 
+    def draw_none(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
+        """Leave all circles out, for updates that are not drawn whole."""
+        rec.log(paths.circles, rr.Points2D.from_fields(radii=[0.0]))
+        rec.log(paths.best, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32), labels=[]))
+
 
 def circles_for(library: Library, scale: Scale) -> Circles:
     """Place one circle an entry, off its node along its heading."""

@@ -79,10 +79,12 @@ class Matching:
             at_truth = None if moment.truth is None else places.entry_at(moment.truth)
             self.known.film.draw(rec, record, at_truth, places.entry_at(record.estimate.pose))
 
-    @property
-    def emptied(self) -> tuple[str, ...]:
-        """The entities that are emptied where updates are not drawn whole."""
-        return (self.paths.at("match"), self.paths.at("histogram"), self.paths.at("likelihood"))
+    def draw_left_out(self, rec: rr.RecordingStream) -> None:
+        """Empty what is not drawn from here on, or it would show an earlier update."""
+        self.circles.draw_none(rec, self.paths)
+        self.draw_nothing(rec)
+        for path in (self.paths.at("histogram"), self.paths.at("likelihood")):
+            rec.log(path, rr.Clear(recursive=True))
 
 
 def matching_of(

@@ -24,6 +24,7 @@ from .look import Scale, scale_for
 from .thinning import Detail, Thinning, Update
 
 MARKDOWN = "text/markdown"
+LEFT_OUT = " · little of it was drawn, see `--detail`"
 
 
 class Observer(Protocol):
@@ -133,7 +134,7 @@ class RerunObserver:
                 self._draw(update, self._tools)
 
     def _draw(self, update: Update, tools: _Tools) -> None:
-        if not update.whole and self._last_whole:
+        if not update.whole and self._last_whole is not False:
             self._leave_empty(update.moment, tools)
         self._predict(update, tools)
         self._measure(update, tools)
@@ -205,12 +206,14 @@ class RerunObserver:
         draw_traces.draw_inside(self.rec, self._paths, record, tools.lineage.ancestry.distinct())
         tools.river.draw(self.rec, tools.detector.modes)
         tools.matching.draw_where(self.rec, moment, record, whole=update.whole)
-        self._say(narrate.summary(moment, record, tools.scale))
+        title, rest = narrate.summary(moment, record, tools.scale).split("\n\n", 1)
+        self._say(f"{title}{'' if update.whole else LEFT_OUT}\n\n{rest}")
 
     def _leave_empty(self, moment: Moment, tools: _Tools) -> None:
         """Empty the panels that are not drawn from here on, or they would show an earlier update."""
         set_phase(self.rec, moment, Slot.PREDICT)
-        for path in (*tools.matching.emptied, self._paths.moves, self._paths.families):
+        tools.matching.draw_left_out(self.rec)
+        for path in (self._paths.moves, self._paths.families):
             self.rec.log(path, rr.Clear(recursive=True))
 
     def _say(self, text: str) -> None:

@@ -17,7 +17,7 @@ from maurice_mcl.resampling import RESAMPLERS
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64
 
-from ..layouts.names import LAYOUT_NAMES
+from ..layouts.names import DETAILS, LAYOUT_NAMES
 from ..look import Units, units_named
 
 
@@ -49,6 +49,16 @@ def _check_presets(values: list[str] | None) -> list[str] | None:
 
 def _check_resampler(value: str | None) -> str | None:
     return None if value is None else _one_of(list(RESAMPLERS), "resampler", value)
+
+
+def _check_resamplers(values: list[str] | None) -> list[str] | None:
+    for value in values or ():
+        _check_resampler(value)
+    return values
+
+
+def _check_detail(value: str) -> str:
+    return _one_of(list(DETAILS), "detail", value)
 
 
 def _check_layout(value: str | None) -> str | None:
@@ -95,6 +105,14 @@ ConfigOption = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE.toml", help="A configuration file, over the preset."),
 ]
+ConfigsOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--config",
+        metavar="FILE.toml",
+        help="A configuration file, over the preset: once for all runs or once for each.",
+    ),
+]
 LibraryOption = Annotated[
     Path | None,
     typer.Option("--library", help="A library folder or a survey log. [default: what the header names]"),
@@ -105,6 +123,15 @@ ParticlesOption = Annotated[
 ]
 SeedOption = Annotated[
     int, typer.Option("--seed", min=0, max=2**32 - 1, help="The same seed gives the same run.")
+]
+SeedsOption = Annotated[
+    list[int] | None,
+    typer.Option(
+        "--seed",
+        min=0,
+        max=2**32 - 1,
+        help="Once for all runs, which then have the same noise, or once for each. [default: 0]",
+    ),
 ]
 StartOption = Annotated[
     str | None,
@@ -118,6 +145,14 @@ ResamplerOption = Annotated[
     str | None,
     typer.Option(
         "--resampler", help=f"{' | '.join(RESAMPLERS)}. [default: systematic]", callback=_check_resampler
+    ),
+]
+ResamplersOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--resampler",
+        help=f"Once for all runs or once for each: {' | '.join(RESAMPLERS)}. [default: systematic]",
+        callback=_check_resamplers,
     ),
 ]
 SharpnessOption = Annotated[
@@ -164,6 +199,14 @@ LayoutOption = Annotated[
         callback=_check_layout,
     ),
 ]
+DetailOption = Annotated[
+    str,
+    typer.Option(
+        "--detail",
+        help=f"{' | '.join(DETAILS)}: every panel at every step, only around events, or little everywhere.",
+        callback=_check_detail,
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 SHARPEST = 10_000.0  # beyond it only the best entry has any likelihood
@@ -205,6 +248,7 @@ class OutputOptions:
     json: bool
     run: Path | None = None  # folder of the saved run
     layout: str | None = None  # the one that is open at first, by name
+    detail: str = DETAILS[0]  # how much of each step is drawn
 
     def __post_init__(self) -> None:
         if self.no_recording and self.save is not None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import typer
 
+from ..layouts.names import DETAILS
 from .options import (
     ConfigOption,
+    DetailOption,
     FeatureOption,
     ForceOption,
     HeadlessOption,
@@ -44,6 +46,7 @@ def replay(
     save: SaveOption = None,
     run: RunOption = None,
     layout: LayoutOption = None,
+    detail: DetailOption = DETAILS[0],
     headless: HeadlessOption = False,
     no_recording: NoRecordingOption = False,
     force: ForceOption = False,
@@ -59,7 +62,7 @@ def replay(
 
     options = RunOptions(seed, start, particles, resampler, sharpness, motion, config)
     output = OutputOptions(
-        session.absolute().stem, save, headless, no_recording, force, json_output, run, layout
+        session.absolute().stem, save, headless, no_recording, force, json_output, run, layout, detail
     )
     if is_saved(session):
         if options != RunOptions() or preset or feature or library or run or keep_going:

@@ -29,6 +29,8 @@ KEYS = (
     "choose the timeline `phase` to walk through one update."
 )
 
+LARGE = 50_000_000  # bytes of a recording that one is told about beforehand
+
 
 @dataclass(frozen=True, slots=True)
 class Scene:
@@ -37,6 +39,7 @@ class Scene:
     info: SessionInfo
     library: Library
     has_truth: bool
+    updates: int = 0  # how many there will be; 0 when that is not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +49,13 @@ class Drawn:
     label: str
     channels: Sequence[str]  # one histogram panel each
     distances: Mapping[str, str]  # by channel, as the sensor model compares them; none: the panels stay empty
+    particles: int = 0
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
 
     @classmethod
-    def live(cls, label: str, distances: Mapping[str, str]) -> Drawn:
+    def live(cls, label: str, distances: Mapping[str, str], particles: int = 0) -> Drawn:
         """Give a run all of whose panels will be filled."""
-        return cls(label, tuple(distances), distances)
+        return cls(label, tuple(distances), distances, particles)
 
 
 @contextmanager
@@ -61,12 +65,14 @@ def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Ite
         yield {}
         return
     from ..observe import RerunObserver
+    from ..thinning import Detail
 
     with _sink(runs, scene, output) as rec:
         observers: dict[str, Observer] = {}
         for run in runs:
             shared, truth = not observers, scene.has_truth
-            observers[run.label] = RerunObserver(rec, run.label, run.distances, scene=shared, has_truth=truth)
+            detail = Detail(output.detail)
+            observers[run.label] = RerunObserver(rec, run.label, run.distances, shared, truth, detail)
         for observer in observers.values():
             observer.begin(scene.info, scene.library)
         try:
@@ -99,10 +105,22 @@ def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterato
             note(KEYS)
             return
     path = output.save or Path(f"{output.stem}.rrd")
+    _say_size(runs, scene, output, path)
     with sinks.to_file(path, info.name, layout, force=output.force) as rec:
         yield rec
     note(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
     note(KEYS)
+
+
+def _say_size(runs: Sequence[Drawn], scene: Scene, output: OutputOptions, path: Path) -> None:
+    """Say about how large the file will be, where that is known and it is large."""
+    from ..thinning import Detail, expected_bytes
+
+    detail = Detail(output.detail)
+    parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
+    if (total := sum(parts)) >= LARGE:
+        smaller = "" if detail is Detail.LIGHT else "; --detail events or light makes it smaller"
+        note(f"{path} will be about {total / 1e6:.0f} MB{smaller}")
 
 
 def _viewer_command() -> str:

@@ -1,3 +1,4 @@
-"""The names of layouts, apart from what they are made of: the command line needs no Rerun to list them."""
+"""Names of layouts and details, apart from what they mean: the command line lists them without Rerun."""
 
 LAYOUT_NAMES = ("overview", "inside-a-step", "explain", "compare", "traces")
+DETAILS = ("full", "events", "light")
