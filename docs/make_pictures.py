@@ -18,7 +18,7 @@ from maurice_viz.snapshot import headless_viewer
 
 HERE = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
-WIDTH_PX = 1600
+ASTRAY, BACK = 38, 56  # steps of the demo that docs/tutorial.md tells of
 
 
 def record(folder: Path, *args: str) -> Path:
@@ -42,11 +42,11 @@ def main() -> None:
         both = record(Path(folder), "demo")
         one = record(Path(folder), "replay", str(session), "--feature", "blended")
         with headless_viewer(both) as viewer:
-            keep("compare.png", viewer.picture("step", 41))
+            keep("compare.png", viewer.picture("step", ASTRAY))
         with headless_viewer(one) as viewer:
-            keep("single.png", viewer.picture("step", 61))
+            keep("single.png", viewer.picture("step", BACK))
             for name, slot in (("predict", 0), ("weight", 2), ("resample", 3)):
-                keep(f"phase-{name}.png", viewer.picture("phase", 6 * 61 + slot))
+                keep(f"phase-{name}.png", viewer.picture("phase", 6 * BACK + slot))
 
 
 if __name__ == "__main__":

@@ -186,7 +186,7 @@ def _source(value: Any, what: str) -> Source:
 
 def _label(value: Any) -> str:
     label = text(value, "label")
-    if "/" in label or label in ("world", "session"):  # these stand for what runs share in a recording
+    if "/" in label or label in ("world", "session", "compare"):  # these stand for what runs share in a recording
         raise FieldError(f"found label {show(label)}, expected a word without '/'")
     return label
 

@@ -14,8 +14,10 @@ from .commands.calibrate import calibrate
 from .commands.compare import compare
 from .commands.config import config
 from .commands.demo import demo
+from .commands.events import events
 from .commands.imports import imports
 from .commands.inspecting import inspect
+from .commands.jump import jump
 from .commands.library import library
 from .commands.replay import replay
 from .commands.simulate import simulate
@@ -47,6 +49,8 @@ app = typer.Typer(
 app.command()(replay)
 app.command()(compare)
 app.command()(demo)
+app.command()(events)
+app.command()(jump)
 app.command()(inspect)
 app.command()(simulate)
 app.command()(survey)

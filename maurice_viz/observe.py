@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -16,6 +16,7 @@ from maurice_mcl.session import Moment, SessionInfo
 
 from . import draw_belief, draw_pictures, draw_rose, draw_traces, draw_world, entities, narrate
 from .canvas import long_side
+from .draw_events import EventLane, hold_for
 from .draw_lineage import Lineage
 from .draw_matching import Matching, matching_of
 from .draw_river import River
@@ -24,6 +25,7 @@ from .look import Scale, scale_for
 from .thinning import Detail, Thinning, Update
 
 MARKDOWN = "text/markdown"
+USUAL_UPDATES = 120  # where nobody knows how many there will be
 LEFT_OUT = " · little of it was drawn, see `--detail`"
 
 
@@ -67,6 +69,7 @@ class _Tools:
     lineage: Lineage
     river: River
     detector: EventDetector
+    lane: EventLane
     estimate: draw_belief.PoseMarker
     truth: draw_belief.PoseMarker
 
@@ -84,6 +87,8 @@ class RerunObserver:
     scene: bool = True
     has_truth: bool = True  # whether the key mentions the truth
     detail: Detail = Detail.FULL
+    updates: int = 0  # how many there will be; 0 when that is not known
+    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
     _paths: RunPaths = field(init=False)
     _tools: _Tools | None = field(init=False, default=None)
     _thinning: Thinning = field(init=False)
@@ -102,7 +107,8 @@ class RerunObserver:
             matching=matching_of(self._paths, library, self.distances, scale, self.has_truth),
             lineage=Lineage(self._paths),
             river=River(self._paths.river),
-            detector=EventDetector(scale.say),
+            detector=EventDetector(scale.say, bookmarks=self.bookmarks),
+            lane=EventLane(self._paths, self.scene, hold_for(self.updates or USUAL_UPDATES)),
             estimate=draw_belief.estimate_marker(self._paths.estimate),
             truth=draw_belief.truth_marker(entities.TRUTH),
         )
@@ -116,15 +122,18 @@ class RerunObserver:
         draw_belief.prepare_cloud(self.rec, self._paths.particles)
         draw_traces.prepare_traces(self.rec, self._paths, tuple(self.distances))
         draw_rose.prepare_rose(self.rec, self._paths)
-        for part in (tools.estimate, tools.matching, tools.lineage, tools.river):
+        for part in (tools.estimate, tools.matching, tools.lineage, tools.river, tools.lane):
             part.prepare(self.rec)
 
     def see(self, moment: Moment, record: StepRecord) -> None:
         """Log one update, phase by phase; with the detail "events" two updates later."""
         if self._tools is None:
             raise RuntimeError("begin() comes before see()")
-        events = self._tools.detector.see(moment, record)
-        for update in self._thinning.see(moment, record, events):
+        detector = self._tools.detector
+        events = detector.see(moment, record)
+        set_phase(self.rec, moment, Slot.ESTIMATE)
+        self._tools.lane.draw(self.rec, moment.frame.step, detector.state, events)
+        for update in self._thinning.see(Update(moment, record, events, detector.modes)):
             self._draw(update, self._tools)
 
     def end(self) -> None:
@@ -204,7 +213,7 @@ class RerunObserver:
         draw_rose.draw_rose(self.rec, self._paths, record.weighted, record.estimate.pose, moment.truth)
         draw_traces.draw_traces(self.rec, self._paths, record, moment.truth, tools.scale)
         draw_traces.draw_inside(self.rec, self._paths, record, tools.lineage.ancestry.distinct())
-        tools.river.draw(self.rec, tools.detector.modes)
+        tools.river.draw(self.rec, update.modes)
         tools.matching.draw_where(self.rec, moment, record, whole=update.whole)
         title, rest = narrate.summary(moment, record, tools.scale).split("\n\n", 1)
         self._say(f"{title}{'' if update.whole else LEFT_OUT}\n\n{rest}")

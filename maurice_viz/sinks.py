@@ -19,6 +19,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from .errors import SinkError
+from .open_viewers import remember, remember_recording
 from .viewer import address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
 
 APPLICATION = "maurice-replay"
@@ -83,6 +84,7 @@ def bring_up_viewer() -> int:
         raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
     if not wait_until_listening(viewer, port, PATIENCE_S) or ends_within(viewer, SETTLE_S):
         raise SinkError(viewer_binary(), "opened no window on this display")
+    remember(viewer.pid, port)
     return port
 
 
@@ -94,6 +96,7 @@ def to_viewer(port: int, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
     """
     rec = recording(name)
     rec.connect_grpc(address(port), default_blueprint=blueprint)
+    remember_recording(port, name, rec.get_recording_id() or "")
     try:
         yield rec
     finally:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from maurice_mcl.events import Event
+from maurice_mcl.mode_tracks import TrackedMode
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
@@ -28,12 +29,13 @@ class Detail(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
-    """One update of a run that is ready to be drawn."""
+    """One update of a run, with what is known of it but for what comes next."""
 
     moment: Moment
     record: StepRecord
-    events: tuple[Event, ...]
-    whole: bool
+    events: tuple[Event, ...] = ()
+    modes: tuple[TrackedMode, ...] = ()  # heaviest first
+    whole: bool = True  # is to be drawn whole
 
 
 @dataclass(slots=True)
@@ -41,19 +43,19 @@ class Thinning:
     """Decides which updates are drawn whole. Around events it needs to know what comes next, so it waits."""
 
     detail: Detail = Detail.FULL
-    _held: deque[tuple[Moment, StepRecord, tuple[Event, ...]]] = field(default_factory=deque)
+    _held: deque[Update] = field(default_factory=deque)
     _last_event: int = -AROUND - 1  # number of the update, counted from 0
     _seen: int = 0
 
-    def see(self, moment: Moment, record: StepRecord, events: tuple[Event, ...]) -> Iterator[Update]:
+    def see(self, update: Update) -> Iterator[Update]:
         """Take in the next update; give those that can be drawn now, in order."""
         if self.detail is not Detail.EVENTS:
-            yield Update(moment, record, events, self.detail is Detail.FULL)
+            yield replace(update, whole=self.detail is Detail.FULL)
             return
-        if any(not event.is_routine for event in events):
+        if any(not event.is_routine for event in update.events):
             self._last_event = self._seen
         self._seen += 1
-        self._held.append((moment, record, events))
+        self._held.append(update)
         if len(self._held) > AROUND:
             yield self._first()
 
@@ -64,7 +66,8 @@ class Thinning:
 
     def _first(self) -> Update:
         number = self._seen - len(self._held)
-        return Update(*self._held.popleft(), abs(number - self._last_event) <= AROUND)
+        near = abs(number - self._last_event) <= AROUND
+        return replace(self._held.popleft(), whole=near)
 
 
 def expected_bytes(detail: Detail, steps: int, particles: int, channels: int) -> int:

@@ -29,9 +29,7 @@ class EventThresholds:
     dip_over: float = 0.3  # share above which a dip has ended: one dip is one event
     beyond_sd: float = 3.0  # standard deviations; of a right cloud 1.1 % of updates lie beyond (two axes)
     within_sd: float = 2.0  # under which an excursion has ended
-    claims_over: float = (
-        0.5  # share of the weight in the cluster; with less the filter claims no place
-    )
+    claims_over: float = 0.5  # share of the weight in the cluster; with less the filter claims no place
     beyond_for: int = 2  # updates running; single ones are chance, or a mode switch says so already
     least_sd_m: float = 0.0254  # a cloud narrower than 1 in claims no more than that, as truth is measured so
     leads_with: float = 0.3  # share of the weight that a mode needs to take over

@@ -17,6 +17,7 @@ class Domain(IntEnum):
     SIMULATOR = 2
     IMPORT = 3
     CALIBRATE = 4
+    COMPARE = 5
 
 
 class Purpose(IntEnum):

@@ -27,7 +27,24 @@ from ..entities import RESERVED
 from ..replaying import Run
 from .options import RunOptions, start_pose
 
-COMMANDS = ("calibrate", "config", "replay", "compare", "demo", "library", "import", "inspect", "verify")
+COMMANDS = (
+    "calibrate",
+    "compare",
+    "config",
+    "demo",
+    "events",
+    "explain",
+    "import",
+    "inspect",
+    "jump",
+    "library",
+    "replay",
+    "report",
+    "simulate",
+    "snapshot",
+    "survey",
+    "verify",
+)
 
 
 def open_session(path: Path, *, keep_going: bool) -> SessionLog:
@@ -56,15 +73,19 @@ def open_library_for(session: SessionLog, library: Path | None, *, keep_going: b
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """One run as it was asked for."""
+    """One run as it was asked for; what is given here goes over what was asked of every run."""
 
     preset: str | None = None
     feature: str | None = None
+    resampler: str | None = None
+    seed: int | None = None
+    config: Path | None = None
+    name: str = ""  # what the run is called; empty: after preset and feature, or its configuration file
 
     def label(self, config: Path | None) -> str:
         """Name the run after what sets it apart."""
         named = [part for part in (self.preset, self.feature) if part]
-        return "-".join(named) or (config.stem if config else "blended")
+        return self.name or "-".join(named) or (config.stem if config else "blended")
 
 
 def configured(wanted: Wanted, options: RunOptions) -> Configuration:
@@ -72,15 +93,17 @@ def configured(wanted: Wanted, options: RunOptions) -> Configuration:
     typed = dict(options.typed)
     if wanted.feature is not None:
         typed["sensor.weights"] = dict(FEATURES.get(wanted.feature, {wanted.feature: 1.0}))
+    if wanted.resampler is not None:
+        typed["resampling.scheme"] = wanted.resampler
     if options.motion is not None:
         typed["motion"] = read_motion(options.motion)
-    return configuration_of(wanted.preset, options.config, os.environ, typed)
+    return configuration_of(wanted.preset, wanted.config or options.config, os.environ, typed)
 
 
 def make_runs(
     session: SessionLog, library: Library, wanted: Sequence[Wanted], options: RunOptions
 ) -> list[Run]:
-    """Put the runs together, on the same drive and with the same seed."""
+    """Put the runs together, on the same drive and, unless asked otherwise, with the same seed."""
     configurations = [configured(one, options) for one in wanted]
     for one in configurations:
         _check_channels(session, library, one)
@@ -91,10 +114,11 @@ def make_runs(
     start = start_pose(options.start, session.info, session.path)
     if start is not None:
         _check_start(session, library, reference, start)
+    seeds = [options.seed if one.seed is None else one.seed for one in wanted]
     try:
         localizers = [
-            make_localizer(library, session, one.parameters, reference=reference, seed=options.seed)
-            for one in configurations
+            make_localizer(library, session, one.parameters, reference=reference, seed=seed)
+            for one, seed in zip(configurations, seeds, strict=True)
         ]
     except ValueError as problem:  # bad motion parameters, in the file given or in the header
         if options.motion is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
+from ..draw_events import events_view
 from ..entities import RunPaths
 from .plots import evidence_plot, lineage_plot
 from .shown import Run, Shown
@@ -25,7 +26,8 @@ def layout(run: Run, shown: Shown) -> rrb.Container:
     cloud = rrb.Vertical(
         arena_view(paths, shown, title="", name="Cloud: moves blue, ancestors yellow, died red"),
         text_view(paths),
-        row_shares=[3.3, 1],
+        events_view([run.label]),
+        row_shares=[2.65, 0.9, 1.05],
     )
     middle = rrb.Vertical(
         rrb.Tabs(*likelihood_tabs(paths, run.channels, shown), circles_view(paths, shown), active_tab=0),

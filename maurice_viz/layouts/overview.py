@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
+from ..draw_events import events_view
 from ..entities import RunPaths
 from .plots import single_traces
 from .shown import Run, Shown
@@ -23,7 +24,13 @@ def layout(run: Run, shown: Shown) -> rrb.Horizontal:
     """Lay out one run: the arena and the words left, matching in the middle, pictures and traces right."""
     paths = RunPaths(run.label)
     distances, *others = single_traces(paths, shown)
-    left = rrb.Vertical(arena_view(paths, shown), text_view(paths), distances, row_shares=[2.6, 0.85, 1.2])
+    left = rrb.Vertical(
+        arena_view(paths, shown),
+        text_view(paths),
+        events_view([run.label]),
+        distances,
+        row_shares=[2.3, 0.75, 1.05, 0.9],
+    )
     middle = rrb.Vertical(
         circles_view(paths, shown),
         histogram_tabs(paths, run.channels),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
+from ..draw_events import events_view
 from ..draw_traces import (
     ANCESTORS,
     CONFIDENCE,
@@ -42,8 +43,9 @@ def layout(runs: Sequence[Run], shown: Shown) -> rrb.Container:
     ]
     evidence = [evidence_plot_of(run, len(runs) > 1) for run in runs]
     left = [*of_truth] if shown.has_truth else []
-    columns = [rrb.Vertical(*column) for column in (left, of_cloud, evidence) if column]
-    return rrb.Horizontal(*columns)
+    last = rrb.Vertical(*evidence, events_view(labels), row_shares=[*(2.0 for _ in evidence), 1.2])
+    columns = [rrb.Vertical(*column) for column in (left, of_cloud) if column]
+    return rrb.Horizontal(*columns, last)
 
 
 def evidence_plot_of(run: Run, several: bool) -> rrb.TimeSeriesView:

@@ -24,7 +24,7 @@ from maurice_viz.draw_river import HEIGHT, LENGTH, bands
 from maurice_viz.entities import RunPaths, Slot
 from maurice_viz.look import EMPTY, MODE_COLORS
 from maurice_viz.places import places_of
-from maurice_viz.thinning import AROUND, Detail, Thinning, expected_bytes
+from maurice_viz.thinning import AROUND, Detail, Thinning, Update, expected_bytes
 
 RUN = RunPaths("blended")
 STEPS = COLUMNS + 3
@@ -161,7 +161,7 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None
     for moment, record in fakes.play(session, "color", 5):
         step = moment.frame.step
         events = [Event(step, 0.0, "resampled", "")] + [Event(step, 0.0, "lost", "")] * (step == at)
-        given += thinning.see(moment, record, tuple(events))
+        given += thinning.see(Update(moment, record, tuple(events)))
     given += thinning.rest()
     assert [update.moment.frame.step for update in given] == list(range(1, 10))
     assert [u.moment.frame.step for u in given if u.whole] == [
@@ -173,7 +173,7 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None
 def test_full_and_light_do_not_wait(detail: Detail, whole: bool) -> None:
     session = fakes.make_session(fakes.make_library(), 1)
     ((moment, record),) = fakes.play(session, "color", 5)
-    (update,) = Thinning(detail).see(moment, record, ())
+    (update,) = Thinning(detail).see(Update(moment, record))
     assert update.whole is whole
 
 

@@ -113,9 +113,10 @@ def test_a_viewer_that_dies_at_once_is_said_in_one_line(monkeypatch: pytest.Monk
 
 @pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
 def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The real viewer, without its window: everything else is as where there is a display."""
+    monkeypatch.setenv("MAURICE_STATE", str(tmp_path))
     started = []
 
     def headless(port: int, options: list[str]) -> subprocess.Popen[bytes]:

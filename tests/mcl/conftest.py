@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -13,6 +17,20 @@ from maurice_mcl.channels import CHANNELS
 from maurice_mcl.geometry import compose
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.session import Frame, Moment, SessionInfo
+
+
+def _load(name: str) -> ModuleType:
+    """Load a helper beside the tests: with --import-mode=importlib they cannot import it themselves."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+_load("made_records")
 
 WIDTH_M, DEPTH_M, PITCH_M, DOOR_M = 4.0, 3.0, 0.5, 2.0
 MAURICE = {"model": "maurice", "drift": {"": {"sd_rad_per_m": 0.02}, "carpet": {"bias_rad_per_m": -0.05}}}

@@ -1,0 +1,113 @@
+"""The lanes of events in a recording: read back, they say what the detector said."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import rerun.blueprint as rrb
+import viz_recordings as recordings
+
+from maurice_mcl.events import KINDS, PARTED, Event
+from maurice_mcl.localizer import RESAMPLED
+from maurice_mcl.whereabouts import STATES
+from maurice_viz import draw_events, entities, sinks
+from maurice_viz.draw_events import EventLane
+from maurice_viz.entities import RunPaths
+
+PATHS = RunPaths("blended")
+STATE = "StateChange:state"
+Step = tuple[str, list[tuple[str, str]]]  # state, kinds and texts
+
+
+def drawn(path: Path, steps: Sequence[Step], *, scene: bool = True, hold: int = 3) -> Path:
+    """Draw steps 1, 2, ... into a recording."""
+    lane = EventLane(PATHS, scene, hold)
+    with sinks.to_file(path, "x", rrb.Blueprint()) as rec:
+        lane.prepare(rec)
+        for step, (state, events) in enumerate(steps, start=1):
+            rec.set_time(entities.STEP, sequence=step)
+            rec.set_time(entities.PHASE, sequence=6 * step + 5)
+            lane.draw(rec, step, state, [Event(step, 0.0, kind, text) for kind, text in events])
+    return path
+
+
+def lane_of(path: Path, entity: str) -> list[tuple[int | None, str | None]]:
+    found = recordings.rows(path, entity)
+    return [(row.step, (row.values.get(STATE) or [None])[0]) for row in found]
+
+
+def test_the_state_is_logged_where_it_changes(tmp_path: Path) -> None:
+    states = ["searching", "searching", "localized", "localized", "lost"]
+    path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
+    assert lane_of(path, draw_events.belief_path(PATHS)) == [
+        (1, "searching"),
+        (3, "localized"),
+        (5, "lost"),
+    ]
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == []
+
+
+def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path: Path) -> None:
+    steps: list[Step] = [("localized", []) for _ in range(12)]
+    steps[1] = ("localized", [("ess-dip", "a")])
+    steps[6] = ("localized", [("reseeded", "a")])
+    steps[7] = ("localized", [("recovered", "a")])
+    path = drawn(tmp_path / "a.rrd", steps)
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == [
+        (2, "ess-dip"),
+        (5, None),
+        (7, "reseeded"),
+        (8, "recovered"),
+        (11, None),
+    ]
+
+
+def test_of_several_at_one_step_the_gravest_is_shown(tmp_path: Path) -> None:
+    several = [("bookmark", "a"), ("reseeded", "a"), ("lost", "a"), ("ess-dip", "a")]
+    path = drawn(tmp_path / "a.rrd", [("lost", several)])
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == [(1, "lost")]
+
+
+def test_the_log_has_a_lane_that_one_run_draws(tmp_path: Path) -> None:
+    said = [("kidnapped", "the robot was carried away"), ("session", "slip +18.3 deg")]
+    steps: list[Step] = [
+        ("localized", said),
+        ("localized", [("session", "door 雨")]),
+        ("localized", [("session", "floor wood")]),
+    ]
+    path = drawn(tmp_path / "a.rrd", steps)
+    assert lane_of(path, draw_events.LOG_LANE) == [(1, "kidnapped"), (2, "session")]
+    other = drawn(tmp_path / "b.rrd", steps, scene=False)
+    assert draw_events.LOG_LANE not in recordings.entities_of(other)
+
+
+def test_what_happens_all_the_time_is_not_shown(tmp_path: Path) -> None:
+    path = drawn(tmp_path / "a.rrd", [("localized", [(RESAMPLED, "a"), ("session", "floor wood")])] * 3)
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == []
+    assert lane_of(path, draw_events.LOG_LANE) == []
+
+
+def test_every_state_and_kind_has_a_color_and_a_name(tmp_path: Path) -> None:
+    assert set(draw_events.STATE_COLORS) == set(STATES)
+    shown = set(draw_events.NOTICED_COLORS) | set(draw_events.LOG_COLORS)
+    assert set(KINDS) - shown == {RESAMPLED}
+    assert PARTED in draw_events.NOTICED_COLORS
+    path = drawn(tmp_path / "a.rrd", [("localized", [])])
+    for lane in (draw_events.belief_path(PATHS), draw_events.noticed_path(PATHS), draw_events.LOG_LANE):
+        style = recordings.static(path, lane)
+        values = style["StateConfiguration:values"]
+        assert (
+            len(values) == len(style["StateConfiguration:colors"]) == len(style["StateConfiguration:labels"])
+        )
+        assert len(values) == len(set(values)) > 0
+
+
+def test_marks_have_room_for_a_word_however_long_the_run() -> None:
+    assert draw_events.hold_for(1) == draw_events.hold_for(30) == 2
+    assert draw_events.hold_for(120) == 8
+    assert 12_000 / draw_events.hold_for(12_000) == 15
+
+
+def test_the_view_says_what_the_colors_mean() -> None:
+    view = draw_events.events_view(["color", "best"], "Events")
+    assert "red lost" in str(view.name)
+    assert list(view.contents) == ["/color/events/**", "/best/events/**", draw_events.LOG_LANE]

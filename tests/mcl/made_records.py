@@ -1,0 +1,65 @@
+"""Step records made by hand: clouds of a few points, at places that one can work out on paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from maurice_mcl.belief import Belief, effective_sample_size
+from maurice_mcl.estimate import heaviest_cluster, weighted_mean
+from maurice_mcl.records import Comparison, Sighting, StepRecord
+from maurice_mcl.session import Frame, Moment
+
+Cloud = Sequence[tuple[float, float, float]]  # x_m, y_m and share of the weight, one a particle
+NO_IMAGE = np.zeros((2, 2, 3), np.uint8)
+
+
+def made(
+    cloud: Cloud,
+    *,
+    step: int = 1,
+    parents: Sequence[int] | None = None,
+    injected: Sequence[bool] | None = None,
+    fresh: Sequence[bool] | None = None,
+    events: tuple[str, ...] = (),
+    evidence: float = -5.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+    heading: float = 0.0,
+) -> StepRecord:
+    """Make a record whose weighted cloud this is; `fresh` are the particles injected the step before."""
+    table = np.array(cloud, float)
+    poses = np.column_stack([table[:, :2] - origin, np.full(len(table), heading)]).astype(np.float32)
+    with np.errstate(divide="ignore"):
+        weighted = Belief(poses, np.log(table[:, 2] / table[:, 2].sum()), np.array(origin))
+    nothing, square = np.zeros(0, np.float32), np.zeros((0, 0), np.float32)
+    comparison = Comparison((), {}, square, square, nothing, square, nothing, nothing)
+    left_out = None if fresh is None else np.array(fresh)
+    return StepRecord(
+        frame=Frame(step, 2.5 * step, np.zeros((1, 3)), NO_IMAGE, ""),
+        predicted=weighted,
+        sighting=Sighting(comparison, np.zeros(len(table), np.int32), nothing),
+        weighted=weighted,
+        estimate=heaviest_cluster(weighted, left_out),
+        mean=weighted_mean(weighted, left_out),
+        effective_sample_size=effective_sample_size(weighted.log_weights),
+        log_evidence=evidence,
+        calibrated_evidence=evidence,
+        channel_evidence=np.zeros(0),
+        parents=None if parents is None else np.array(parents, np.int32),
+        injected=None if injected is None else np.array(injected),
+        belief=weighted,
+        events=events,
+        took_s={},
+    )
+
+
+def moment(record: StepRecord, truth: tuple[float, float, float] | None = None, *told: str) -> Moment:
+    """Put the truth and what the log says beside a record."""
+    return Moment(record.frame, None if truth is None else np.array(truth), told)
+
+
+def at(x: float, y: float, share: float, count: int = 4) -> list[tuple[float, float, float]]:
+    """Give a tight cluster: particles within 2 cm of a place, sharing a share of the weight."""
+    turn = np.arange(count) * 2 * np.pi / count
+    return [(x + 0.02 * np.cos(t), y + 0.02 * np.sin(t), share / count) for t in turn]

@@ -1,0 +1,320 @@
+"""Each kind of event happens exactly where its definition says, once."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_records import Cloud, at, made, moment
+
+from maurice_mcl.event_watchers import BeyondSigma, Burst, Dip, EventThresholds, deviations
+from maurice_mcl.events import KINDS, Event, EventDetector
+from maurice_mcl.metrics import Scorer
+from maurice_mcl.whereabouts import STATES
+
+HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off
+SPREAD = [*at(0, 0, 0.4), *at(3, 0, 0.35), *at(6, 0, 0.25)]
+TRUTH = (0.0, 0.0, 0.0)
+
+
+def kinds(events: Sequence[Event]) -> list[tuple[int, str]]:
+    return [(event.step, event.kind) for event in events if event.kind not in ("mode-switch", "ess-dip")]
+
+
+def watch(
+    clouds: Sequence[Cloud],
+    truth: tuple[float, float, float] | None = TRUTH,
+    told: dict[int, str] | None = None,
+    detector: EventDetector | None = None,
+) -> list[Event]:
+    """See clouds from step 1 on, against one truth."""
+    found, detector = list[Event](), detector or EventDetector()
+    for step, cloud in enumerate(clouds, start=1):
+        said = (told or {}).get(step)
+        found += detector.see(moment(made(cloud, step=step), truth, *([said] if said else [])), made(cloud))
+    return found
+
+
+def test_localized_is_said_when_four_of_five_are_known() -> None:
+    assert kinds(watch([HERE] * 4)) == []
+    assert kinds(watch([HERE] * 9)) == [(5, "localized")]
+    assert "since step 1" in watch([HERE] * 9)[0].text
+    assert kinds(watch([FAR, HERE, FAR, HERE, HERE, HERE, HERE])) == [(6, "localized")]
+    assert "since step 2" in watch([FAR, HERE, FAR, HERE, HERE, HERE])[-1].text
+    assert kinds(watch([HERE, FAR, HERE, FAR, HERE])) == [], "three of five are too few"
+
+
+def test_lost_is_four_running_and_said_once() -> None:
+    assert (8, "lost") not in kinds(watch([HERE] * 5 + [FAR] * 3))
+    found = watch([HERE] * 5 + [FAR] * 10)
+    assert [one for one in kinds(found) if one[1] == "lost"] == [(9, "lost")]
+    assert found[-1].text == "since step 6; 3.00 m, 0 deg off, and sure of it"
+
+
+def test_a_heading_alone_can_lose_a_run() -> None:
+    turned = [made(HERE, step=step, heading=1.0) for step in range(1, 6)]
+    detector = EventDetector()
+    found = [event for one in turned for event in detector.see(moment(one, TRUTH), one)]
+    assert kinds(found) == [(4, "lost")]
+    assert "57 deg off" in found[0].text
+
+
+def test_recovered_comes_after_lost_with_how_long_it_took() -> None:
+    found = watch([HERE] * 5 + [FAR] * 6 + [HERE] * 6)
+    assert [kind for _, kind in kinds(found) if kind != "beyond-three-sigma"] == [
+        "localized",
+        "lost",
+        "recovered",
+    ]
+    last = found[-1]
+    assert (last.step, last.text) == (16, "since step 12, 6 steps after it was lost")
+
+
+def test_lost_and_found_again_and_again() -> None:
+    found = watch(([HERE] * 5 + [FAR] * 5) * 3 + [HERE] * 5)
+    said = [kind for _, kind in kinds(found) if kind != "beyond-three-sigma"]
+    assert said == ["localized"] + ["lost", "recovered"] * 3
+
+
+def test_a_kidnapped_run_recovers_even_when_it_was_never_lost() -> None:
+    found = watch([HERE] * 6 + [FAR] * 2 + [HERE] * 7, told={7: "kidnapped"})
+    said = [one for one in kinds(found) if one[1] in ("kidnapped", "lost", "localized", "recovered")]
+    assert said == [(5, "localized"), (7, "kidnapped"), (13, "recovered")]
+    assert found[-1].text == "since step 9, 2 steps after it was carried away"
+
+
+def test_a_run_that_is_still_searching_is_first_localized_not_recovered() -> None:
+    found = watch([SPREAD] * 6 + [HERE] * 5, (0, 5, 0))
+    assert kinds(found)[0] == (4, "lost")
+    assert "not been localized yet" in found[0].text
+    searching = watch([SPREAD] * 2 + [FAR] * 4 + [HERE] * 5)
+    assert [kind for _, kind in kinds(searching)][-1] == "localized"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from([0, 1, 2, 3]), min_size=1, max_size=24))
+def test_events_agree_with_the_table_of_figures(letters: list[int]) -> None:
+    """Whatever happens: first localized and lost at the updates that the scores name; 3: no truth."""
+    clouds, scorer, detector = (HERE, FAR, SPREAD, HERE), Scorer(), EventDetector()
+    found = list[Event]()
+    for step, letter in enumerate(letters, start=1):
+        record = made(clouds[letter], step=step)
+        here = moment(record, None if letter == 3 else TRUTH)
+        found += detector.see(here, record)
+        scorer.add(record.estimate, here.truth, record.frame.motions)
+        assert detector.state in STATES
+    score = scorer.result()
+    firsts = {kind: next((e for e in found if e.kind == kind), None) for kind in ("localized", "lost")}
+    localized, lost = firsts["localized"], firsts["lost"]
+    assert (None if lost is None else lost.step) == score.lost_at_update
+    if score.lost_at_update is None:
+        assert (localized is None) == (score.localized_at_update is None)
+    if localized is not None and score.localized_at_update is not None:
+        assert localized.step == score.localized_at_update + 4
+        assert localized.text == f"since step {score.localized_at_update}"
+
+
+def test_without_truth_what_needs_it_never_happens() -> None:
+    found = watch([HERE] * 6 + [FAR] * 8 + [SPREAD] * 3, None, {3: "kidnapped"})
+    assert kinds(found) == [(3, "kidnapped")]
+
+
+def test_states() -> None:
+    def states(clouds: Sequence[Cloud], truth: tuple[float, float, float] | None = TRUTH) -> list[str]:
+        detector, said = EventDetector(), list[str]()
+        for step, cloud in enumerate(clouds, start=1):
+            detector.see(moment(made(cloud, step=step), truth), made(cloud))
+            said.append(detector.state)
+        return said
+
+    assert states([SPREAD, HERE]) == ["searching", "localized"]
+    assert states([HERE] + [FAR] * 5) == ["localized"] + ["wrong and confident"] * 3 + ["lost"] * 2
+    assert states([SPREAD] * 6, (0, 5, 0)) == ["searching"] * 6, "a cloud that was never anywhere is not lost"
+    assert states([SPREAD, HERE], None) == ["spread", "converged"]
+
+
+def test_what_the_log_says_is_sorted_by_its_first_word() -> None:
+    said = {
+        1: "kidnapped",
+        2: "lights off west room lamp",
+        3: "slip +18.3 deg",
+        4: "floor  wood",
+        5: "\u96e8",
+    }
+    found = watch([HERE] * 5, None, said)
+    assert [(event.kind, event.text) for event in found] == [
+        ("kidnapped", "the robot was carried away"),
+        ("lights-changed", "lights off west room lamp"),
+        ("session", "slip +18.3 deg"),
+        ("session", "floor wood"),
+        ("session", "\u96e8"),
+    ]
+    assert [event.is_routine for event in found] == [False, False, False, True, False]
+
+
+def test_an_empty_text_in_a_log_is_no_reason_to_fail() -> None:
+    detector = EventDetector()
+    (found,) = detector.see(moment(made(HERE), None, " "), made(HERE))
+    assert (found.kind, found.text, found.is_routine) == ("session", "", False)
+
+
+def test_an_excursion_is_one_event() -> None:
+    limits = EventThresholds()
+
+    def steps(distances: Sequence[float]) -> list[int]:
+        watcher, record = BeyondSigma(), made(at(0, 0, 1))
+        sd = float(np.sqrt(0.02**2 / 2 + limits.least_sd_m**2))
+        said = [watcher.see(record, np.array([d * sd, 0, 0]), limits, "{:.2f}".format) for d in distances]
+        return [number for number, text in enumerate(said) if text is not None]
+
+    assert steps([1, 3.1, 3.1, 3.1, 2.5, 3.1, 3.1]) == [2], "it ends under two, not under three"
+    assert steps([1, 3.1, 1, 3.1, 1]) == [], "one update alone is chance"
+    assert steps([4, 4, 1.9, 4, 4]) == [1, 4]
+
+
+def test_a_cloud_that_claims_no_place_is_beyond_nothing() -> None:
+    assert kinds(watch([SPREAD] * 3, (0, 5, 0))) == []
+    most = [*at(0, 0, 0.6), *at(3, 0, 0.4)]
+    assert kinds(watch([most] * 3, (0, 5, 0))) == [(2, "beyond-three-sigma")]
+
+
+def test_deviations_are_mahalanobis_distances_of_the_cluster() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.multivariate_normal([2, 1], [[0.01, 0.006], [0.006, 0.01]], 400)
+    weights = rng.uniform(0.5, 1.5, 400)
+    far = [(*p, w) for p, w in zip(points, weights, strict=True)] + [(9.0, 9.0, 5.0)]
+    record = made(far, origin=(100.0, -50.0))
+    truth = np.array([2.3, 0.8, 0.0])
+    inside = np.hypot(*(points - record.estimate.pose[:2]).T) <= 24 * 0.0254
+    off = points[inside] - record.estimate.pose[:2]
+    covariance = (off.T * weights[inside]) @ off / weights[inside].sum() + np.eye(2) * 0.0254**2
+    apart = truth[:2] - record.estimate.pose[:2]
+    expected = float(np.sqrt(apart @ np.linalg.inv(covariance) @ apart))
+    assert deviations(record, truth, 0.0254) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_cloud_of_one_point_claims_an_inch() -> None:
+    assert deviations(made([(1, 1, 1)]), np.array([1.0508, 1, 0]), 0.0254) == pytest.approx(2, rel=1e-3)
+
+
+def test_one_dip_is_one_event() -> None:
+    watcher, limits = Dip(), EventThresholds()
+    shares = [0.5, 0.09, 0.05, 0.2, 0.09, 0.31, 0.099, 0.1]
+    assert [watcher.see(share, limits) for share in shares] == [
+        None, 0.09, None, None, None, None, 0.099, None
+    ]  # fmt: skip
+
+
+def test_a_dip_says_how_few_particles_count() -> None:
+    heavy = [(0, 0, 0.98), *[(0, 0, 0.02 / 39)] * 39]
+    (found,) = watch([heavy, heavy], None)
+    assert (found.step, found.kind) == (1, "ess-dip")
+    assert found.text == "effective sample size 1 of 40 (2.6%)"
+
+
+def test_a_burst_begins_after_a_while_without() -> None:
+    watcher, limits = Burst(), EventThresholds()
+    steps = [1, 2, 4, 9, 15, 16]
+    assert [step for step in range(1, 20) if watcher.begins(step, step in steps, limits)] == [1, 15]
+
+
+@pytest.mark.parametrize(
+    ("said", "kind", "text"),
+    [
+        (
+            "all weights zero",
+            "all-weights-zero",
+            "no particle was in free space, so that the old weights stay",
+        ),
+        ("reseeded", "reseeded", "2 of 4 particles drawn afresh (evidence -13.2 nats)"),
+        ("expanded", "expanded", "the whole cloud was spread (evidence -13.2 nats)"),
+    ],
+)
+def test_what_the_filter_noticed(said: str, kind: str, text: str) -> None:
+    injected = [False, False, True, True]
+    record = made(HERE, injected=injected, events=("resampled", said), evidence=-13.21)
+    found = EventDetector().see(moment(record), record)
+    assert [(event.kind, event.text) for event in found] == [
+        (kind, text),
+        ("resampled", "effective sample size 4 of 4"),
+    ]
+    assert [event.is_routine for event in found] == [False, True]
+
+
+Switch = Callable[[Sequence[Cloud]], list[tuple[int, str]]]
+
+
+@pytest.fixture
+def switches() -> Switch:
+    def seen(clouds: Sequence[Cloud]) -> list[tuple[int, str]]:
+        return [(e.step, e.text) for e in watch(clouds, None) if e.kind == "mode-switch"]
+
+    return seen
+
+
+def two(left: float, right: float) -> Cloud:
+    return [*at(0, 0, left), *at(4, 0, right)]
+
+
+def test_a_mode_switch_needs_a_lead(switches: Switch) -> None:
+    assert switches([two(0.6, 0.4), two(0.3, 0.7)]) == [(2, "mode 2 (70%) leads, 4.00 m from mode 1 (30%)")]
+    assert switches([two(0.6, 0.4), two(0.46, 0.54), two(0.6, 0.4)]) == [], "by 8 % only"
+    assert len(switches([two(0.6, 0.4), two(0.3, 0.7), two(0.7, 0.3)])) == 2
+
+
+def test_the_first_to_lead_is_no_switch_and_small_modes_never_lead(switches: Switch) -> None:
+    many = [particle for k in range(5) for particle in at(4.0 * k, 0, 0.2)]
+    turned = [(x, y, w * (1.2 if k >= 16 else 0.95)) for k, (x, y, w) in enumerate(many)]
+    assert switches([many, turned, many]) == []
+
+
+def test_a_leader_that_is_gone_is_named(switches: Switch) -> None:
+    ((step, text),) = switches([two(0.9, 0.1), two(1e-9, 1)])
+    assert (step, text) == (2, "mode 2 (100%) leads, 4.00 m from mode 1 (gone)")
+
+
+def test_the_next_room_counts_the_next_tile_does_not(switches: Switch) -> None:
+    def pair(left: float, right: float) -> Cloud:
+        return [*at(0, 0, left), *at(0.59, 0, 0.001, 1), *at(1.2, 0, right)]
+
+    assert len(switches([pair(0.7, 0.3), pair(0.2, 0.8)])) == 1
+    near = EventDetector(thresholds=EventThresholds(jump_m=1.5))
+    assert not [
+        e for e in watch([pair(0.7, 0.3), pair(0.2, 0.8)], None, None, near) if e.kind == "mode-switch"
+    ]
+
+
+def test_events_of_one_step_come_in_the_order_of_the_kinds() -> None:
+    record = made(HERE, events=("resampled", "reseeded", "all weights zero"))
+    found = EventDetector(bookmarks={1: ["a", "b"]}).see(moment(record, None, "bump", "kidnapped"), record)
+    order = list(KINDS)
+    assert [order.index(event.kind) for event in found] == sorted(order.index(e.kind) for e in found)
+    assert [event.text for event in found if event.kind == "bookmark"] == ["a", "b"]
+    assert {event.kind for event in found} <= set(KINDS)
+    assert {(event.step, event.time_s) for event in found} == {(1, 2.5)}
+
+
+def test_every_kind_and_state_is_documented() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
+    for name in KINDS:
+        assert f"| `{name}` |" in text
+    for name in STATES:
+        assert name in text
+
+
+def test_lengths_are_written_as_asked() -> None:
+    inches = EventDetector(say=lambda length_m: f"{length_m / 0.0254:.0f} in")
+    found = watch([HERE] * 5 + [FAR] * 4, detector=inches)
+    assert "118 in" in next(event.text for event in found if event.kind == "lost")
+
+
+def test_the_same_run_gives_the_same_events_and_records_stay_as_they_are() -> None:
+    clouds = [HERE, FAR, SPREAD, NEAR] * 6
+    assert watch(clouds) == watch(clouds)
+    record = made(SPREAD)
+    before = record.weighted.poses.copy(), record.weighted.log_weights.copy()
+    EventDetector().see(moment(record, TRUTH), record)
+    assert (record.weighted.poses == before[0]).all()
+    assert (record.weighted.log_weights == before[1]).all()

@@ -1,0 +1,137 @@
+"""Runs against the first one: differences, where they part, and what is said over the whole drive."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from maurice_mcl.events import PARTED
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.metrics import FIRST_SCORED
+from maurice_mcl.pairing import Paired, PairedStep, Pairing, Step
+from maurice_mcl.records import Estimate
+from maurice_mcl.session import Frame, Moment
+
+TRUTH = np.array([3.0, -2.0, 0.5])  # far from the origin, which is nobody's truth
+
+
+class Record:
+    """All that a pairing looks at."""
+
+    def __init__(self, estimate: Estimate) -> None:
+        self.estimate = estimate
+
+
+def step(number: int, x_m: float, turned: float = 0.0, truth: Any = TRUTH) -> Step:
+    """A step whose estimate is so far from TRUTH along x, and turned."""
+    pose = TRUTH + np.array([x_m, 0.0, turned])
+    frame = Frame(number, 2.0 * number, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "")
+    record: Any = Record(Estimate(pose, (0.1, 0.1), 0.1, 1.0, 1.0, 1.0))
+    return Moment(frame, truth), record
+
+
+def inches(length_m: float) -> str:
+    return f"{length_m / INCH_M:.1f} in"
+
+
+def paired(first: list[float], other: list[float], **options: Any) -> tuple[list[PairedStep], Paired]:
+    pairing = Pairing("color", "edges", inches, **options)
+    seen = [
+        pairing.see(step(number, a), step(number, b))
+        for number, (a, b) in enumerate(zip(first, other, strict=True), start=1)
+    ]
+    return seen, pairing.result()
+
+
+def test_below_zero_is_closer_to_the_truth() -> None:
+    (seen, *_), _ = paired([0.30], [-0.10])
+    assert seen.position_m == pytest.approx(-0.20)
+    assert seen.apart_m == pytest.approx(0.40)
+    assert seen.heading_rad == 0.0
+
+
+def test_heading_errors_count_the_short_way_round() -> None:
+    pairing = Pairing("a", "b", inches)
+    seen = pairing.see(step(1, 0, np.pi - 0.1), step(1, 0, -np.pi + 0.1))
+    assert seen.heading_rad == pytest.approx(0.0)
+    assert pairing.see(step(2, 0, 2 * np.pi + 0.1), step(2, 0, -0.4)).heading_rad == pytest.approx(0.3)
+
+
+def test_runs_part_where_they_are_apart_for_two_steps_running() -> None:
+    near, far = 11.9 * INCH_M, 12.1 * INCH_M
+    seen, result = paired([0.0] * 8, [near, far, near, near, far, far, near, far])
+    assert result.parted_at == 5
+    events = [one.event for one in seen if one.event is not None]
+    assert [(e.step, e.time_s, e.kind) for e in events] == [(6, 12.0, PARTED)]
+    assert events[0].text == "edges and color are 12.1 in apart, since step 5"
+
+
+def test_runs_part_once_only_and_the_same_run_never() -> None:
+    seen, result = paired([0.0] * 6, [1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
+    assert result.parted_at == 1
+    assert sum(one.event is not None for one in seen) == 1
+    same, result = paired([0.1, 2.0, 0.3], [0.1, 2.0, 0.3])
+    assert result.parted_at is None
+    assert {one.position_m for one in same} == {0.0}
+
+
+def noisy(mean: float, seed: int, count: int = 120) -> list[float]:
+    """Errors above zero that wander."""
+    noise = np.random.default_rng(seed).standard_normal(count)
+    walk = [0.0]
+    for value in noise:
+        walk.append(0.7 * walk[-1] + 0.02 * value)
+    return list(mean + np.abs(walk[1:]))
+
+
+def test_an_effect_is_found_and_none_where_there_is_none() -> None:
+    """The interval of a run against its own copy with other noise holds zero; of a worse one it does not."""
+    first = noisy(0.1, 0)
+    _, worse = paired(first, noisy(0.2, 1))
+    _, alike = paired(first, noisy(0.1, 1))
+    assert worse.position is not None
+    assert alike.position is not None
+    assert worse.position.interval is not None
+    assert alike.position.interval is not None
+    assert 0.05 < worse.position.interval[0] < worse.position.mean < worse.position.interval[1] < 0.15
+    assert alike.position.interval[0] < 0 < alike.position.interval[1]
+    assert worse.position.worse > worse.position.better
+
+
+def test_the_first_updates_are_left_to_settle_as_in_every_figure() -> None:
+    _, result = paired([0.0] * 5, [9.0, 9.0, 9.0, 1.0, 2.0])
+    assert result.position is not None
+    assert result.position.updates == 5 - FIRST_SCORED + 1
+    assert result.position.mean == pytest.approx(1.5)
+    assert result.position.interval is None
+    assert (result.position.better, result.position.worse) == (0, 2)
+    assert result.apart_most_m == pytest.approx(9.0)
+    assert result.apart_mean_m == pytest.approx(30 / 5)
+
+
+def test_without_truth_only_places_are_compared() -> None:
+    pairing = Pairing("a", "b", inches)
+    for number in range(1, 9):
+        seen = pairing.see(step(number, 0.0, truth=None), step(number, 1.0, truth=None))
+        assert (seen.position_m, seen.heading_rad) == (None, None)
+    result = pairing.result()
+    assert (result.position, result.heading) == (None, None)
+    assert result.parted_at == 1
+
+
+def test_runs_of_different_drives_are_compared_by_error_alone() -> None:
+    """Robots at different places are no news."""
+    elsewhere = TRUTH + np.array([50.0, 0.0, 0.0])
+    pairing = Pairing("a", "b", inches, same_drive=False)
+    for number in range(1, 9):
+        moment, record = step(number, 50.2, truth=elsewhere)
+        seen = pairing.see(step(number, 0.1), (moment, record))
+        assert seen.position_m == pytest.approx(0.1)
+        assert (seen.apart_m, seen.event) == (None, None)
+    assert pairing.result().apart_mean_m is None
+
+
+def test_no_update_gives_no_figure() -> None:
+    assert Pairing("a", "b", inches).result() == Paired(None, None, None, None, None)
