@@ -9,6 +9,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from maurice_mcl.pairing import Difference, Paired
 from maurice_mcl.success import LEFT, Success
 
 from .look import Units
@@ -18,8 +19,40 @@ Cell = Callable[[RunResult, Units], str]
 
 
 def to_json(results: Sequence[RunResult]) -> dict[str, Any]:
-    """Give `{"runs": [...]}` in metres and radians; null where a figure does not apply."""
-    return {"runs": [_run_json(result) for result in results]}
+    """Give `{"runs": [...]}` in metres and radians; null where a figure does not apply.
+
+    Where several runs are compared each has "against_first", which is null for the first one.
+    """
+    if len(results) == 1:
+        return {"runs": [_run_json(results[0])]}
+    return {"runs": [_run_json(one) | {"against_first": _paired_json(one)} for one in results]}
+
+
+def _paired_json(result: RunResult) -> dict[str, Any] | None:
+    paired = result.paired
+    if paired is None:
+        return None
+    return {
+        "label": result.against,
+        "position_error": _difference_json(paired.position, "m"),
+        "heading_error": _difference_json(paired.heading, "rad"),
+        "apart_mean_m": paired.apart_mean_m,
+        "apart_most_m": paired.apart_most_m,
+        "parted_at_update": paired.parted_at,
+    }
+
+
+def _difference_json(difference: Difference | None, unit: str) -> dict[str, Any] | None:
+    if difference is None:
+        return None
+    return {
+        f"difference_mean_{unit}": difference.mean,
+        f"interval_95_{unit}": None if difference.interval is None else list(difference.interval),
+        "block_updates": difference.block,
+        "updates": difference.updates,
+        "better": difference.better,
+        "worse": difference.worse,
+    }
 
 
 def _run_json(result: RunResult) -> dict[str, Any]:
@@ -62,7 +95,52 @@ def to_table(results: Sequence[RunResult], units: Units, title: str) -> Table:
         table.add_column(result.label, justify="right")
     for name, cell in _rows(units):
         table.add_row(name, *(cell(result, units) for result in results))
+    if len(results) > 1:
+        table.add_section()
+        for name, cells in paired_rows(results, units):
+            table.add_row(name, *cells)
     return table
+
+
+def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
+    """Give rows that compare every run with the first: a name, and a cell a run."""
+    first, many = results[0].label, 1 / units.per_m
+    degrees = float(np.deg2rad(1))
+    rows: list[tuple[str, Callable[[Paired], str]]] = [
+        (
+            f"error against {first}, 95 % ({units.name})",
+            lambda p: _against(p.position, many, units.digits),
+        ),
+        (f"heading against {first}, 95 % (deg)", lambda p: _against(p.heading, degrees, 1)),
+        (f"closer to the truth than {first}", lambda p: _closer(p.position)),
+        (f"apart from {first}, mean ({units.name})", lambda p: _length(p.apart_mean_m, units)),
+        (f"parts from {first}", _parts),
+    ]
+    return [
+        (name, ["" if one.paired is None else cell(one.paired) for one in results]) for name, cell in rows
+    ]
+
+
+def _against(difference: Difference | None, unit: float, digits: int) -> str:
+    """Write a mean difference and its interval."""
+    return "-" if difference is None else say_difference(difference, unit, digits)
+
+
+def say_difference(difference: Difference, unit: float, digits: int) -> str:
+    """Write a mean difference and its 95 % interval, in so many metres or radians: "-0.4 [-0.9, 0.1]"."""
+    ends = () if difference.interval is None else difference.interval
+    mean, *interval = (f"{value / unit:z.{digits}f}" for value in (difference.mean, *ends))
+    return f"{mean} [{', '.join(interval)}]" if interval else mean
+
+
+def _closer(difference: Difference | None) -> str:
+    return "-" if difference is None else f"at {difference.better} of {difference.updates}"
+
+
+def _parts(paired: Paired) -> str:
+    if paired.apart_mean_m is None:  # runs of different drives are apart anyway
+        return "-"
+    return "never" if paired.parted_at is None else f"at step {paired.parted_at}"
 
 
 def _rows(units: Units) -> list[tuple[str, Cell]]:

@@ -1,11 +1,15 @@
-"""`maurice-replay compare SESSION --feature color --feature blended`: runs on one drive, side by side."""
+"""`maurice-replay compare`: two to four runs side by side, of one drive or of several, new or saved."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
 from .options import (
-    ConfigOption,
+    ConfigsOption,
     FeaturesOption,
     ForceOption,
     HeadlessOption,
@@ -18,30 +22,39 @@ from .options import (
     OutputOptions,
     ParticlesOption,
     PresetsOption,
-    ResamplerOption,
+    ResamplersOption,
     RunOption,
     RunOptions,
     SaveOption,
-    SeedOption,
-    SessionArgument,
+    SeedsOption,
     SharpnessOption,
     StartOption,
 )
 
-COLOR_AND_BLENDED = ["color", "blended"]
+COLOR_AND_BLENDED = ("color", "blended")
 MOST_RUNS = 4
+SEVERAL = "comparison"  # stem of the recording where no single session gives it a name
+
+PathsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        help="A session log; or two to four of them, or of saved runs; or a comparison's folder.",
+        show_default=False,
+        metavar="SESSION|RUN...",
+    ),
+]
 
 
 def compare(
-    session: SessionArgument,
+    paths: PathsArgument,
     features: FeaturesOption = None,
     presets: PresetsOption = None,
-    config: ConfigOption = None,
+    config: ConfigsOption = None,
     library: LibraryOption = None,
     particles: ParticlesOption = None,
-    seed: SeedOption = 0,
+    seed: SeedsOption = None,
     start: StartOption = None,
-    resampler: ResamplerOption = None,
+    resampler: ResamplersOption = None,
     sharpness: SharpnessOption = None,
     motion: MotionOption = None,
     save: SaveOption = None,
@@ -53,26 +66,55 @@ def compare(
     keep_going: KeepGoingOption = False,
     json_output: JsonOption = False,
 ) -> None:
-    """Replay a session once for each --feature or --preset, side by side in one recording."""
-    from .opening import Wanted
-    from .running import replay_runs
+    """Replay two to four runs side by side in one recording, and say how they differ.
 
-    pairs = wanted_runs(features or [], presets or [])
-    if not 2 <= len(pairs) <= MOST_RUNS:
-        raise typer.BadParameter(f"2 to {MOST_RUNS} runs can be compared, found {len(pairs)}")
-    options = RunOptions(seed, start, particles, resampler, sharpness, motion, config)
-    output = OutputOptions(session.stem, save, headless, no_recording, force, json_output, run, layout)
-    wanted = [Wanted(preset, feature) for preset, feature in pairs]
-    replay_runs(session, library, wanted, options, output, keep_going=keep_going)
-
-
-def wanted_runs(features: list[str], presets: list[str]) -> list[tuple[str | None, str | None]]:
-    """Pair presets with features: several of the one with none or one of the other.
-
-    A usage error where both are given several times.
+    Of one session: give exactly one of --feature, --preset, --resampler, --seed and --config several times.
     """
-    if len(presets) > 1 and len(features) > 1:
-        raise typer.BadParameter("give several --feature or several --preset, not both")
-    if len(presets) > 1:
-        return [(preset, features[0] if features else None) for preset in presets]
-    return [(presets[0] if presets else None, feature) for feature in features or COLOR_AND_BLENDED]
+    from maurice_loaders.run_store import is_saved
+
+    from .running import replay_runs
+    from .side_by_side import compare_saved, compare_sessions
+
+    given: dict[str, Sequence[Any]] = {
+        "feature": features or (),
+        "preset": presets or (),
+        "resampler": resampler or (),
+        "seed": seed or (),
+        "config": config or (),
+    }
+    options = RunOptions(0, start, particles, None, sharpness, motion, None)
+    stem = paths[0].absolute().stem if len(paths) == 1 else SEVERAL
+    output = OutputOptions(stem, save, headless, no_recording, force, json_output, run, layout)
+    saved = [is_saved(path) for path in paths]
+    if any(saved):
+        _check_saved(saved, options != RunOptions() or any(given.values()) or library or run or keep_going)
+        _check_count(len(paths), fewest=1)
+        compare_saved(paths, output)
+        return
+    from .variations import one_filter, wanted_runs
+
+    if len(paths) > 1:
+        _check_count(len(paths))
+        if run is not None:
+            raise typer.BadParameter("--run saves runs of one session; replay each with --run, then compare")
+        compare_sessions(paths, library, one_filter(given), options, output, keep_going=keep_going)
+        return
+    wanted = wanted_runs(given)
+    _check_count(len(wanted))
+    replay_runs(paths[0], library, wanted, options, output, keep_going=keep_going)
+
+
+def _check_saved(saved: list[bool], options: object) -> None:
+    if not all(saved):
+        raise typer.BadParameter(
+            "session logs and saved runs do not mix; save the other runs first with --run"
+        )
+    if options:
+        raise typer.BadParameter(
+            "saved runs are compared as they were: only options of the output apply to them"
+        )
+
+
+def _check_count(found: int, fewest: int = 2) -> None:
+    if not fewest <= found <= MOST_RUNS:
+        raise typer.BadParameter(f"2 to {MOST_RUNS} runs can be compared, found {found}")

@@ -13,13 +13,12 @@ import typer
 
 from maurice_loaders.run_store_write import RunWriter, check_run_target
 from maurice_loaders.session_log import SessionLog
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.pairing import Step
 
 from ..console import note, progress, results
 from ..errors import SinkError, Terminated
-from ..look import units_named
-from ..replaying import ResultCollector, run_together
+from ..look import scale_for, units_named
+from ..replaying import ResultCollector, run_together, shared
 from ..summary import to_json, to_table
 from .failing import INTERRUPTED, TERMINATED, one_line_errors
 from .opening import Wanted, make_runs, open_library_for, open_session
@@ -28,6 +27,7 @@ from .saving import Inputs, saving
 from .showing import Drawn, Scene, recording
 
 if TYPE_CHECKING:
+    from ..draw_comparison import ComparisonDrawing
     from ..observe import Observer
 
 
@@ -35,11 +35,21 @@ if TYPE_CHECKING:
 class Playing:
     """Runs that are about to go side by side, wherever their updates come from."""
 
-    updates: Iterable[tuple[Moment, Mapping[str, StepRecord]]]
+    updates: Iterable[Mapping[str, Step]]  # by the labels of `drawn`
     total: int  # updates to come, for the progress bar
     drawn: Sequence[Drawn]
     scene: Scene
     remarks: Callable[[ResultCollector], None]  # says at the end what the figures do not
+
+    @property
+    def labels(self) -> list[str]:
+        """The runs' labels, in order."""
+        return [run.label for run in self.drawn]
+
+    @property
+    def other_drives(self) -> set[str]:
+        """Labels of the runs that replay another drive than the first one."""
+        return {run.label for run in self.drawn if run.own_drive}
 
 
 def replay_runs(
@@ -61,7 +71,7 @@ def replay_runs(
         pictures, has_truth = session.overview()
         inputs = Inputs(session, library or session.info.survey or path, pictures, has_truth, keep_going)
         playing = Playing(
-            run_together(runs, session),
+            shared(run_together(runs, session)),
             pictures,
             [Drawn.live(run.label, run.localizer.sensor.distances) for run in runs],
             Scene(session.info, references, has_truth),
@@ -80,14 +90,13 @@ def play(
     After Ctrl-C or SIGTERM what was done so far is kept and printed; when the recording cannot be written
     or shown the figures are printed all the same, and SinkError goes on.
     """
-    arena = playing.scene.library.arena
-    collector = ResultCollector([run.label for run in playing.drawn], arena.size_m)
+    collector = collector_of(playing)
     stopped: KeyboardInterrupt | None = None
     try:
         with recording(playing.drawn, playing.scene, output) as observers:
             try:
                 with savers or nullcontext({}) as writers:
-                    _step_through(playing, observers, writers, collector)
+                    step_through(playing, observers, writers, collector)
             except KeyboardInterrupt as stop:
                 stopped = stop
     except SinkError:
@@ -100,20 +109,52 @@ def play(
         raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)
 
 
-def _step_through(
+def collector_of(playing: Playing) -> ResultCollector:
+    """Make what scores the runs, and compares those after the first with it."""
+    scene = playing.scene
+    arena = scene.library.arena
+    say = scale_for(scene.info.display_units, arena).say
+    return ResultCollector(playing.labels, arena.size_m, say, playing.other_drives)
+
+
+def step_through(
     playing: Playing,
     observers: Mapping[str, Observer],
     writers: Mapping[str, RunWriter],
     collector: ResultCollector,
 ) -> None:
-    with progress("replay") as advance:
-        for moment, records in playing.updates:
-            collector.add(moment, records)
-            for label, writer in writers.items():
-                writer.add(moment, records[label])
-            for label, observer in observers.items():
-                observer.see(moment, records[label])
-            advance(moment.frame.step, playing.total)
+    """Go through all updates once: score, save, draw."""
+    comparison = _comparison(playing, observers)
+    try:
+        with progress("replay") as advance:
+            for steps in playing.updates:
+                pairs = collector.add_steps(steps)
+                for label, writer in writers.items():
+                    writer.add(*steps[label])
+                for label, observer in observers.items():
+                    observer.see(*steps[label])
+                if comparison is not None:
+                    comparison.see(steps, pairs)
+                advance(collector.updates, playing.total)
+    finally:
+        if comparison is not None and collector.updates:
+            comparison.end(collector.results())
+
+
+def _comparison(playing: Playing, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:
+    """Draw into the observers' recording what several runs share; None where there is nothing to share."""
+    if len(observers) < 2:
+        return None
+    from ..draw_comparison import ComparisonDrawing
+    from ..observe import RerunObserver
+
+    first, scene = next(iter(observers.values())), playing.scene
+    if not isinstance(first, RerunObserver):
+        return None
+    scale = scale_for(scene.info.display_units, scene.library.arena)
+    drawing = ComparisonDrawing(first.rec, playing.labels, scale, playing.other_drives)
+    drawing.begin(scene.library.arena, scene.has_truth)
+    return drawing
 
 
 def report(collector: ResultCollector, playing: Playing, output: OutputOptions) -> None:
@@ -128,15 +169,20 @@ def report(collector: ResultCollector, playing: Playing, output: OutputOptions) 
 
 def remark(collector: ResultCollector, session: SessionLog) -> None:
     """Say what was skipped of a session and what went wrong in its runs."""
+    remark_skipped(session)
+    remark_zeros(collector)
+    if not collector.updates:
+        note(f"{session.path}: holds no picture, so nothing was localized")
+
+
+def remark_skipped(session: SessionLog) -> None:
+    """Say what was skipped of a session."""
     for warning in session.warnings:
         note(warning)
     if session.problem_count:
         note(
             f"{session.path}: skipped {session.problem_count} broken lines, the first: {session.problems[0]}"
         )
-    remark_zeros(collector)
-    if not collector.updates:
-        note(f"{session.path}: holds no picture, so nothing was localized")
 
 
 def remark_zeros(collector: ResultCollector) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -22,7 +22,7 @@ from maurice_mcl.sensor import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..console import note, progress
-from ..replaying import ResultCollector
+from ..replaying import ResultCollector, shared
 from ..restoring import Pictures, Restored, restored_together
 from .failing import one_line_errors
 from .options import OutputOptions
@@ -102,11 +102,11 @@ def replay_saved(folder: Path, output: OutputOptions) -> None:
     with one_line_errors():
         opened = open_saved(folder)
         playing = Playing(
-            opened.updates(),
+            shared(opened.updates()),
             opened.runs[0].manifest.pictures,
-            [_drawn(one) for one in opened.restored],
+            [drawn_of(one) for one in opened.restored],
             opened.scene,
-            lambda collector: _remark(collector, opened.runs),
+            lambda collector: remark_saved(collector, opened.runs),
         )
         play(playing, output)
 
@@ -149,7 +149,8 @@ def _sensor(run: SavedRun, found: _Found) -> SensorModel | None:
     return localizer_of(run, found.session, found.library).sensor
 
 
-def _drawn(one: Restored) -> Drawn:
+def drawn_of(one: Restored) -> Drawn:
+    """Say how one saved run is drawn."""
     manifest = one.saved.manifest
     return Drawn(manifest.label, manifest.channels, one.sensor.distances if one.sensor else {})
 
@@ -160,7 +161,8 @@ def _map_alone(run: SavedRun) -> Library:
     return Library(manifest.name, np.zeros((0, 3)), (), {}, run.arena(), manifest.display_units)
 
 
-def _remark(collector: ResultCollector, runs: list[SavedRun]) -> None:
+def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun]) -> None:
+    """Say which runs ended before their session, and what went wrong in them."""
     remark_zeros(collector)
     for run in runs:
         manifest = run.manifest
