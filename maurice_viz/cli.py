@@ -15,6 +15,7 @@ from .commands.compare import compare
 from .commands.config import config
 from .commands.demo import demo
 from .commands.events import events
+from .commands.explain import explain
 from .commands.imports import imports
 from .commands.inspecting import inspect
 from .commands.jump import jump
@@ -50,6 +51,7 @@ app.command()(replay)
 app.command()(compare)
 app.command()(demo)
 app.command()(events)
+app.command()(explain)
 app.command()(jump)
 app.command()(inspect)
 app.command()(simulate)

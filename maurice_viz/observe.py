@@ -12,11 +12,13 @@ from maurice_mcl.events import EventDetector
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import EXPANDED
 from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
 from . import draw_belief, draw_pictures, draw_rose, draw_traces, draw_world, entities, narrate
 from .canvas import long_side
 from .draw_events import EventLane, hold_for
+from .draw_explain import ExplainPanel
 from .draw_lineage import Lineage
 from .draw_matching import Matching, matching_of
 from .draw_river import River
@@ -70,6 +72,7 @@ class _Tools:
     river: River
     detector: EventDetector
     lane: EventLane
+    explain: ExplainPanel
     estimate: draw_belief.PoseMarker
     truth: draw_belief.PoseMarker
 
@@ -87,6 +90,7 @@ class RerunObserver:
     scene: bool = True
     has_truth: bool = True  # whether the key mentions the truth
     detail: Detail = Detail.FULL
+    sensor: SensorModel | None = None  # to explain with; None: that panel stays empty
     updates: int = 0  # how many there will be; 0 when that is not known
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
     _paths: RunPaths = field(init=False)
@@ -108,6 +112,7 @@ class RerunObserver:
             lineage=Lineage(self._paths),
             river=River(self._paths.river),
             detector=EventDetector(scale.say, bookmarks=self.bookmarks),
+            explain=ExplainPanel(self._paths, self.sensor, scale, self.has_truth),
             lane=EventLane(self._paths, self.scene, hold_for(self.updates or USUAL_UPDATES)),
             estimate=draw_belief.estimate_marker(self._paths.estimate),
             truth=draw_belief.truth_marker(entities.TRUTH),
@@ -122,7 +127,7 @@ class RerunObserver:
         draw_belief.prepare_cloud(self.rec, self._paths.particles)
         draw_traces.prepare_traces(self.rec, self._paths, tuple(self.distances))
         draw_rose.prepare_rose(self.rec, self._paths)
-        for part in (tools.estimate, tools.matching, tools.lineage, tools.river, tools.lane):
+        for part in (tools.estimate, tools.matching, tools.lineage, tools.river, tools.lane, tools.explain):
             part.prepare(self.rec)
 
     def see(self, moment: Moment, record: StepRecord) -> None:
@@ -215,6 +220,8 @@ class RerunObserver:
         draw_traces.draw_inside(self.rec, self._paths, record, tools.lineage.ancestry.distinct())
         tools.river.draw(self.rec, update.modes)
         tools.matching.draw_where(self.rec, moment, record, whole=update.whole)
+        if update.whole:
+            tools.explain.draw(self.rec, moment, record)
         title, rest = narrate.summary(moment, record, tools.scale).split("\n\n", 1)
         self._say(f"{title}{'' if update.whole else LEFT_OUT}\n\n{rest}")
 
@@ -222,6 +229,7 @@ class RerunObserver:
         """Empty the panels that are not drawn from here on, or they would show an earlier update."""
         set_phase(self.rec, moment, Slot.PREDICT)
         tools.matching.draw_left_out(self.rec)
+        tools.explain.draw_left_out(self.rec)
         for path in (self._paths.moves, self._paths.families):
             self.rec.log(path, rr.Clear(recursive=True))
 

@@ -54,6 +54,7 @@ class Restored:
 
     saved: SavedRun
     sensor: SensorModel | None
+    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
 
     def record(self, rows: StepRows, moment: Moment, image: U8 | None) -> StepRecord:
         """Give the record of one update, with the comparison made again where that can be."""

@@ -53,21 +53,16 @@ class Interpolated:
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Give the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
-        by_heading = self._by_heading(log_likelihood)
         cell = self.grid.cells_of(poses[:, :2], origin)
         inside = self.nearest.place_of_cell.take(cell) >= 0
         turn = (poses[:, 2] + np.float32(np.pi)) * HEADING_STEP
         heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
         total = np.zeros(len(poses), np.float32)
         for k in range(self.places.shape[1]):
-            place = self.places[:, k].take(cell)
-            total += self.weights[:, k].take(cell) * by_heading.take(place * np.int32(HEADING_BINS) + heading)
+            at = self.places[:, k].take(cell) * np.int32(HEADING_BINS) + heading
+            before, after = (log_likelihood.take(side.take(at)) for side in (self.before, self.after))
+            total += self.weights[:, k].take(cell) * (before + self.share.take(at) * (after - before))
         return np.asarray(np.where(inside, total, np.float32(-np.inf)), np.float32)
-
-    def _by_heading(self, log_likelihood: F32) -> F32:
-        """Give the log-likelihood (P, HEADING_BINS) at every place for every heading."""
-        before, after = log_likelihood.take(self.before), log_likelihood.take(self.after)
-        return np.asarray(before + self.share * (after - before), np.float32)
 
 
 def interpolated(

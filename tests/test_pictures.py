@@ -31,13 +31,27 @@ SINGLE = {
     "shares": (1125, 775, 1595, 950),
 }
 COMPARE = {
-    "left belief": (5, 70, 560, 450),
-    "right belief": (1040, 70, 1595, 450),
-    "camera": (570, 70, 800, 265),
-    "position error": (590, 300, 1030, 480),
-    "heading error": (590, 545, 1030, 720),
-    "left words": (5, 840, 560, 950),
-    "right words": (1040, 840, 1595, 950),
+    "left belief": (5, 95, 510, 465),
+    "right belief": (1090, 95, 1595, 465),
+    "all on one map": (650, 115, 960, 355),
+    "camera": (580, 392, 730, 515),
+    "position error": (535, 548, 1080, 645),
+    "error minus the first's": (535, 690, 1080, 790),
+    "left words": (5, 850, 510, 955),
+    "shared words": (525, 840, 880, 955),
+    "right words": (1090, 850, 1595, 955),
+}
+FOUR = {
+    "first belief": (5, 130, 310, 400),
+    "second belief": (320, 130, 620, 400),
+    "last belief": (1290, 130, 1590, 400),
+    "first circles": (5, 470, 310, 720),
+    "last circles": (1290, 470, 1590, 720),
+    "all on one map": (660, 100, 950, 300),
+    "position error": (640, 460, 970, 530),
+    "apart": (640, 670, 970, 740),
+    "shared words": (640, 790, 960, 955),
+    "last words": (1290, 760, 1590, 900),
 }
 
 
@@ -79,6 +93,16 @@ def test_every_panel_of_a_comparison_is_filled(small_session: Path, tmp_path: Pa
     assert result.exit_code == 0, result.output
     (image,) = pictures(out, ("step", 10))
     assert_filled(image, COMPARE)
+
+
+@needs_renderer
+def test_every_panel_of_four_runs_is_filled(small_session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "four.rrd"
+    seeds = [f"--seed={seed}" for seed in range(4)]
+    result = CliRunner().invoke(app, ["compare", str(small_session), *seeds, "--save", str(out)])
+    assert result.exit_code == 0, result.output
+    (image,) = pictures(out, ("step", 10))
+    assert_filled(image, FOUR)
 
 
 @needs_renderer

@@ -73,8 +73,8 @@ def replay_runs(
         playing = Playing(
             shared(run_together(runs, session)),
             pictures,
-            [Drawn.live(run.label, run.localizer.sensor.distances) for run in runs],
-            Scene(session.info, references, has_truth),
+            [Drawn.live(run.label, run.localizer) for run in runs],
+            Scene(session.info, references, has_truth, pictures),
             lambda collector: remark(collector, session),
         )
         play(playing, output, saving(runs, inputs, output))

@@ -24,6 +24,7 @@ from maurice_mcl.session import Moment, SessionInfo
 from ..console import note, progress
 from ..replaying import ResultCollector, shared
 from ..restoring import Pictures, Restored, restored_together
+from ..run_events import find_notes
 from .failing import one_line_errors
 from .options import OutputOptions
 from .running import Playing, play, remark_zeros
@@ -93,8 +94,11 @@ def open_saved(folder: Path) -> Opened:
     whole = found.session is not None and found.library is not None
     library = found.library if whole and found.library is not None else _map_alone(runs[0])
     info = found.session.info if found.session else SessionInfo(first.name, first.display_units)
-    restored = [Restored(run, _sensor(run, found)) for run in runs]
-    return Opened(runs, restored, found.session, Scene(info, library, first.has_truth))
+    notes = find_notes(folder, runs)
+    for problem in notes.problems:
+        note(problem)
+    restored = [Restored(run, _sensor(run, found), notes.by_label[run.manifest.label]) for run in runs]
+    return Opened(runs, restored, found.session, Scene(info, library, first.has_truth, first.pictures))
 
 
 def replay_saved(folder: Path, output: OutputOptions) -> None:
@@ -152,7 +156,8 @@ def _sensor(run: SavedRun, found: _Found) -> SensorModel | None:
 def drawn_of(one: Restored) -> Drawn:
     """Say how one saved run is drawn."""
     manifest = one.saved.manifest
-    return Drawn(manifest.label, manifest.channels, one.sensor.distances if one.sensor else {})
+    particles = one.saved.configuration.parameters.particles
+    return Drawn(manifest.label, manifest.channels, one.sensor, particles, one.bookmarks)
 
 
 def _map_alone(run: SavedRun) -> Library:

@@ -7,11 +7,13 @@ import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maurice_mcl.library import Library
+from maurice_mcl.localizer import Localizer
+from maurice_mcl.sensor import SensorModel
 from maurice_mcl.session import SessionInfo
 
 from ..console import note
@@ -48,14 +50,15 @@ class Drawn:
 
     label: str
     channels: Sequence[str]  # one histogram panel each
-    distances: Mapping[str, str]  # by channel, as the sensor model compares them; none: the panels stay empty
+    sensor: SensorModel | None  # None: comparisons are not at hand, and their panels stay empty
     particles: int = 0
+    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
 
     @classmethod
-    def live(cls, label: str, distances: Mapping[str, str], particles: int = 0) -> Drawn:
+    def live(cls, label: str, localizer: Localizer) -> Drawn:
         """Give a run all of whose panels will be filled."""
-        return cls(label, tuple(distances), distances, particles)
+        return cls(label, tuple(localizer.sensor.distances), localizer.sensor, localizer.particles)
 
 
 @contextmanager
@@ -71,8 +74,17 @@ def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Ite
         observers: dict[str, Observer] = {}
         for run in runs:
             shared, truth = not observers, scene.has_truth
-            detail = Detail(output.detail)
-            observers[run.label] = RerunObserver(rec, run.label, run.distances, shared, truth, detail)
+            observers[run.label] = RerunObserver(
+                rec,
+                run.label,
+                {} if run.sensor is None else run.sensor.distances,
+                scene=shared,
+                has_truth=truth,
+                detail=Detail(output.detail),
+                sensor=run.sensor,
+                updates=scene.updates,
+                bookmarks=run.bookmarks,
+            )
         for observer in observers.values():
             observer.begin(scene.info, scene.library)
         try:

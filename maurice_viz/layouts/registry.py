@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import rerun.blueprint as rrb
 
 from .. import entities
-from . import compare, inside_a_step, overview, traces
+from . import compare, explain, inside_a_step, overview, traces
 from .shown import Run, Shown
 
 Layout = Callable[[Sequence[Run], Shown], rrb.Container]
@@ -35,6 +35,7 @@ def _named(container: rrb.Container, name: str) -> rrb.Container:
 LAYOUTS: Mapping[str, Layout] = {
     "overview": _a_tab_a_run(overview.layout),
     "inside-a-step": _a_tab_a_run(inside_a_step.layout),
+    "explain": _a_tab_a_run(explain.layout),
     "compare": compare.layout,
     "traces": traces.layout,
 }

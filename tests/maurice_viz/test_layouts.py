@@ -66,7 +66,7 @@ def test_a_run_shows_its_own_channels_only() -> None:
 def test_two_runs_share_the_camera_and_the_error_plot() -> None:
     found = titles(rrb.Blueprint(compare.layout([COLOR, BLENDED], shown())))
     assert found.count("Camera (px)") == 1
-    assert "Position error (in): color orange, blended sky blue" in found
+    assert found.count("Position error (in)") == 1
 
 
 def test_map_views_hold_the_whole_arena_with_a_margin() -> None:

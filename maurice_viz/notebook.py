@@ -1,0 +1,170 @@
+"""For notebooks: a run in Rerun's own widget, and its figures and traces as polars frames.
+
+The widget needs the extra `notebook` (`pip install 'maurice-replay[notebook]'`). Its viewer is served from
+this machine; `RERUN_NOTEBOOK_ASSET`, set before anything of Rerun is imported, says otherwise.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+import polars as pl
+import typer
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.run_store import SavedRun, is_saved, open_runs
+
+from .look import scale_for
+from .restoring import Pictures, Restored, restored_together
+
+if TYPE_CHECKING:
+    from rerun.notebook import Viewer
+
+    from .report.tracks import Collected
+
+Place: TypeAlias = str | Path
+Side: TypeAlias = int | Literal["auto"]
+
+EXTRA = "pip install 'maurice-replay[notebook]'"
+ASSETS = "RERUN_NOTEBOOK_ASSET"
+SERVED_HERE = "serve-local"  # Rerun's default is a web site of its own
+WIDTH: Side = "auto"
+HEIGHT: Side = 760
+AXES = ("x_m", "y_m", "heading_rad")
+
+
+def show(
+    source: Place,
+    *,
+    layout: str | None = None,
+    width: Side = WIDTH,
+    height: Side = HEIGHT,
+    feature: str | None = None,
+    preset: str | None = None,
+    particles: int | None = None,
+    seed: int = 0,
+) -> Viewer:
+    """Show a saved run, a recording (.rrd) or a session log in a widget; return it at the end of a cell.
+
+    `layout` names the tab to begin with, for all but a recording, which has its own. The last four are for a
+    session log: it is replayed, and its table printed. ImportError without the extra `notebook`; LogError
+    for bad files.
+    """
+    expect_widget()
+    path = Path(source)
+    if path.suffix == ".rrd":
+        return _widget(path, width, height)
+    with tempfile.TemporaryDirectory(prefix="maurice-notebook-") as folder:
+        recording = Path(folder) / "shown.rrd"
+        if path.is_dir() or is_saved(path):
+            from .commands.snapshot import draw_saved
+
+            draw_saved(path, recording, layout)
+        else:
+            _replay(path, recording, layout, feature, preset, particles, seed)
+        return _widget(recording, width, height)
+
+
+def results(run: Place) -> pl.DataFrame:
+    """Give the figures of a saved run, or of all runs of a comparison: a row a run, as `--json` has them.
+
+    Metres, radians and seconds; null where a figure does not apply. LogError for what is no saved run.
+    """
+    from .summary import to_json
+
+    rows = [to_json(_collected(one).results)["runs"][0] for one in open_runs(Path(run))]
+    return pl.DataFrame([_flat(row) for row in rows], infer_schema_length=None)
+
+
+def traces(run: Place) -> pl.DataFrame:
+    """Give what the charts show, a row a step and run: errors, spread, confidence, evidence, poses.
+
+    Metres, radians and seconds, poses in the map's frame; null where something is not known. LogError for
+    what is no saved run.
+    """
+    return pl.concat([_traces(one) for one in open_runs(Path(run))])
+
+
+def expect_widget() -> None:
+    """Raise ImportError with the command that installs it where Rerun's widget is missing."""
+    if importlib.util.find_spec("rerun_notebook") is None:
+        raise ImportError(f"Rerun's notebook widget is not installed; {EXTRA}")
+    os.environ.setdefault(ASSETS, SERVED_HERE)
+
+
+def _widget(recording: Path, width: Side, height: Side) -> Viewer:
+    import rerun as rr
+    from rerun.chunk import RrdReader
+    from rerun.notebook import Viewer
+
+    if not recording.is_file():
+        raise LogError(recording, "found no such recording; replay a session with --save to make one")
+    (stored, *_) = RrdReader(recording).recordings()
+    # under the recording's own name, or the widget would have an empty one beside it
+    rec = rr.RecordingStream(stored.application_id, recording_id=stored.recording_id, send_properties=False)
+    viewer = Viewer(width=width, height=height, recording=rec)
+    rec.log_file_from_contents(recording, recording.read_bytes())
+    rec.flush()
+    return viewer
+
+
+def _replay(
+    session: Path,
+    recording: Path,
+    layout: str | None,
+    feature: str | None,
+    preset: str | None,
+    particles: int | None,
+    seed: int,
+) -> None:
+    from .commands.opening import Wanted
+    from .commands.options import OutputOptions, RunOptions
+    from .commands.running import replay_runs
+
+    output = OutputOptions(session.stem, recording, True, False, force=True, json=False, layout=layout)
+    options = RunOptions(seed=seed, particles=particles)
+    try:
+        replay_runs(session, None, [Wanted(preset, feature)], options, output, keep_going=False)
+    except typer.Exit:
+        raise LogError(session, "could not be replayed; the line above says why") from None
+
+
+def _collected(run: SavedRun) -> Collected:
+    """Go through a saved run without its pictures: all that is needed here was kept."""
+    from .report.tracks import collect
+
+    manifest, arena = run.manifest, run.arena()
+    start = None if manifest.start is None else np.array(manifest.start)
+    updates = restored_together([Restored(run, None)], Pictures(None, lambda text: None))
+    scale = scale_for(manifest.display_units, arena)
+    return collect(updates, {manifest.label: start}, scale, arena.size_m, _silently, manifest.pictures)
+
+
+def _silently(done: int, total: int, what: str = "", /) -> None:
+    """Show no progress."""
+
+
+def _flat(row: dict[str, Any], above: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in row.items():
+        if isinstance(value, dict):
+            found |= _flat(value, f"{above}{key}_")
+        else:
+            found[f"{above}{key}"] = value
+    return found
+
+
+def _traces(run: SavedRun) -> pl.DataFrame:
+    from .report.tracks import NUMBERS, POSES
+
+    (track,) = _collected(run).tracks
+    columns = {name: track.column(name) for name in NUMBERS}
+    for pose in POSES:
+        columns |= {f"{pose}_{axis}": track.path(pose)[:, k] for k, axis in enumerate(AXES)}
+    frame = pl.DataFrame(columns).fill_nan(None).with_columns(pl.col("step").cast(pl.Int32))
+    return frame.select(pl.lit(run.manifest.label).alias("label"), pl.all())

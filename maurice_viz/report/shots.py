@@ -1,0 +1,115 @@
+"""Pictures of a step: what the camera saw, and the map with cloud, truth and estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from maurice_mcl.arena import Arena
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment
+from maurice_mcl.typing import F64, U8
+
+from ..canvas import Canvas, draw_ground, long_side
+from ..draw_belief import ARROW
+from ..draw_world import clipped
+from ..look import ESTIMATE, GROUND, RGB, TRUTH, WALL, Scale, weight_colors
+from ..raster import jpeg
+
+MAP_PX = 720  # longer side of a map on the page
+CAMERA_PX = 320  # width of a camera's picture on the page, at most
+QUALITY = 82
+FULL = 4  # bits of a pixel that OpenCV draws between pixels
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """What stands on the page for one step: JPEGs; the camera's is None where the picture is not kept."""
+
+    camera: bytes | None
+    maps: Mapping[str, bytes]  # by the run's label
+
+
+@dataclass(slots=True)
+class Photographer:
+    """Draws shots; the ground of the map is drawn once."""
+
+    arena: Arena
+    scale: Scale
+    has_pictures: bool  # whether frames hold what the camera saw
+    _ground: Canvas | None = None
+
+    def shoot(self, moment: Moment, records: Mapping[str, StepRecord]) -> Shot:
+        """Draw one step."""
+        camera = jpeg(_narrowed(moment.frame.image), QUALITY) if self.has_pictures else None
+        return Shot(camera, {label: self._map(moment, record) for label, record in records.items()})
+
+    def _map(self, moment: Moment, record: StepRecord) -> bytes:
+        ground = self._ground or _with_walls(draw_ground(self.arena, self.scale), self.arena, self.scale)
+        self._ground = ground
+        image = ground.image.copy()
+        order = record.weighted.log_weights.argsort(kind="stable")  # heavy ones are drawn over light ones
+        places = _pixels(ground, record.weighted.world_poses[order], self.scale)
+        colors = weight_colors(record.weighted.log_weights[order])
+        for (x, y), color in zip(places.tolist(), colors.tolist(), strict=True):
+            cv2.circle(image, (x, y), 5 << FULL, (color >> 24, color >> 16 & 255, color >> 8 & 255), -1,
+                       cv2.LINE_AA, FULL)  # fmt: skip
+        arrow = ARROW * long_side(self.arena, self.scale) / ground.unit_per_px
+        if moment.truth is not None:
+            _pose(ground, image, moment.truth, self.scale, TRUTH, 15, arrow)
+        _pose(ground, image, record.estimate.pose, self.scale, ESTIMATE, 11, arrow)
+        rows, columns = image.shape[:2]
+        shrunk = min(1.0, MAP_PX / max(rows, columns))
+        size = (max(1, round(columns * shrunk)), max(1, round(rows * shrunk)))
+        return jpeg(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), QUALITY)
+
+
+def shots(
+    photographer: Photographer,
+    updates: Iterator[tuple[Moment, Mapping[str, StepRecord]]],
+    steps: Sequence[int],
+) -> dict[int, Shot]:
+    """Go through the updates up to the last step wanted, and draw those that are."""
+    wanted, found = set(steps), dict[int, Shot]()
+    for moment, records in updates:
+        if moment.frame.step in wanted:
+            found[moment.frame.step] = photographer.shoot(moment, records)
+        if len(found) == len(wanted):
+            break
+    return found
+
+
+def _narrowed(image: U8) -> U8:
+    rows, columns = image.shape[:2]
+    if columns <= CAMERA_PX:
+        return image
+    size = (CAMERA_PX, max(1, round(rows * CAMERA_PX / columns)))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _with_walls(ground: Canvas, arena: Arena, scale: Scale) -> Canvas:
+    for wall in clipped(arena.walls, arena.bounds):
+        start, end = _pixels(ground, wall.reshape(2, 2), scale).tolist()
+        cv2.line(ground.image, tuple(start), tuple(end), WALL, 4, cv2.LINE_AA, FULL)
+    return ground
+
+
+def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> NDArray[np.int64]:
+    """Give places (K, 2) in sixteenths of a pixel, as OpenCV takes them; far outside is cut."""
+    px = (scale.screen(xy_m) - (canvas.extent.left, canvas.extent.top)) / canvas.unit_per_px
+    return np.asarray(np.clip(px * (1 << FULL), -(2**20), 2**20).round(), np.int64)
+
+
+def _pose(
+    canvas: Canvas, image: U8, pose: F64, scale: Scale, color: RGB, radius: int, arrow_px: float
+) -> None:
+    (x, y), *_ = _pixels(canvas, pose[None, :2], scale).tolist()
+    way = np.array([np.cos(pose[2]), -np.sin(pose[2])]) * (arrow_px + radius) * (1 << FULL)
+    tip = (round(x + way[0]), round(y + way[1]))
+    for one, wider in ((GROUND, 3), (color, 0)):
+        cv2.line(image, (x, y), tip, one, 6 + 2 * wider, cv2.LINE_AA, FULL)
+        cv2.circle(image, (x, y), (radius + wider) << FULL, one, -1, cv2.LINE_AA, FULL)

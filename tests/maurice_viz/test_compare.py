@@ -1,0 +1,298 @@
+"""`maurice-replay compare`, as a person types it: what may differ, what is refused, what is said."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from maurice_loaders.session_log import SessionLog
+from maurice_viz.cli import app
+from maurice_viz.commands.opening import Wanted, make_runs, open_library_for
+from maurice_viz.commands.options import RunOptions
+from maurice_viz.commands.variations import names_of
+from maurice_viz.replaying import run_together
+
+Maurice = Callable[..., tuple[str, str]]
+FEW = ("--particles", "150", "--no-recording", "--json")
+AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_update"}
+DIFFERENCE = {"difference_mean_m", "interval_95_m", "block_updates", "updates", "better", "worse"}
+
+
+@pytest.fixture
+def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
+    """Run a command in the test's folder, where there is no display; give what it printed."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
+        done = CliRunner().invoke(app, [str(arg) for arg in args])
+        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
+        return done.stdout, done.stderr
+
+    return run
+
+
+def runs_of(out: str) -> list[dict[str, Any]]:
+    """Give the runs of printed JSON without the one figure that does not repeat."""
+    return [{k: v for k, v in run.items() if k != "steps_per_s"} for run in json.loads(out)["runs"]]
+
+
+def labels_of(out: str) -> list[str]:
+    return [run["label"] for run in runs_of(out)]
+
+
+def one_line(err: str) -> str:
+    (line,) = err.strip().splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    ("options", "labels"),
+    [
+        ([], ["color", "blended"]),
+        (["--seed", "7"], ["color", "blended"]),
+        (["--preset", "robust"], ["color", "blended"]),
+        (["--feature", "edges", "--feature", "color"], ["edges", "color"]),
+        (["--feature", "edges", "--feature", "edges"], ["edges", "edges-2"]),
+        (["--preset", "thesis", "--preset", "robust", "--feature", "color"], ["thesis", "robust"]),
+        (
+            ["--seed", "0", "--seed", "12", "--seed", "3", "--seed", "4"],
+            ["seed 0", "seed 12", "seed 3", "seed 4"],
+        ),
+        (["--resampler", "systematic", "--resampler", "multinomial"], ["systematic", "multinomial"]),
+        (["--config", "a.toml", "--config", "b/a.toml", "--seed", "2"], ["a", "b a"]),
+        (["--config", "a.toml", "--config", "tür.toml", "--feature", "color"], ["a", "tür"]),
+    ],
+    ids=str,
+)
+def test_exactly_one_kind_of_option_differs_and_names_the_runs(
+    small_session: Path, maurice: Maurice, tmp_path: Path, options: list[str], labels: list[str]
+) -> None:
+    (tmp_path / "b").mkdir()
+    for name, sharpness in (("a", 1), ("b/a", 2), ("tür", 3)):
+        (tmp_path / f"{name}.toml").write_text(f"sensor.sharpness = {sharpness}\n")
+    out, _ = maurice("compare", small_session, *options, *FEW)
+    assert labels_of(out) == labels
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--feature", "color", "--feature", "edges", "--seed", "1", "--seed", "2"], "--feature and --seed"),
+        (["--feature", "color"], "found 1"),
+        (["--feature", "color", *(["--seed", "1"] * 5)], "found 5"),
+        (["--resampler", "systematic", "--resampler", "fair"], "no resampler called 'fair'"),
+        (["session.log", "--seed", "1", "--seed", "2"], "give --seed once"),
+        (["session.log", "--run", "both"], "--run saves runs of one session"),
+        (["session.log"] * 4, "found 5"),
+    ],
+    ids=str,
+)
+def test_what_is_ambiguous_is_a_usage_error(
+    small_session: Path, maurice: Maurice, options: list[str], said: str
+) -> None:
+    _, err = maurice("compare", small_session, *options, *FEW, expect=2)
+    assert said in " ".join(err.split())
+
+
+def test_every_value_reaches_its_run(small_session: Path, maurice: Maurice) -> None:
+    """What a comparison gives for a run is what the run gives alone."""
+    for kind, values in {"seed": ("3", "4"), "resampler": ("residual", "multinomial")}.items():
+        together, _ = maurice("compare", small_session, *(f"--{kind}={value}" for value in values), *FEW)
+        alone = [runs_of(maurice(small_session, f"--{kind}", value, *FEW)[0])[0] for value in values]
+        for run, lone in zip(runs_of(together), alone, strict=True):
+            assert {k: run[k] for k in lone if k != "label"} == {k: lone[k] for k in lone if k != "label"}
+        assert alone[0] != alone[1]
+
+
+def test_runs_that_are_compared_have_the_same_noise(small_session: Path) -> None:
+    session = SessionLog(small_session)
+    library = open_library_for(session, None, keep_going=False)
+    wanted = [Wanted(feature="color"), Wanted(feature="blended"), Wanted(feature="color", seed=1)]
+    wanted.append(Wanted(feature="blended"))
+    runs = make_runs(session, library, wanted, RunOptions(particles=200, start="global"))
+    color, blended, other_seed, again = (run.label for run in runs)
+    for number, (_, records) in enumerate(run_together(runs, session)):
+        clouds = {label: record.predicted.poses for label, record in records.items()}
+        if number == 0:  # nothing has been weighed yet, so that motion noise is all there is
+            assert np.array_equal(clouds[color], clouds[blended])
+            assert not np.array_equal(clouds[color], clouds[other_seed])
+        assert np.array_equal(clouds[blended], clouds[again])
+        assert np.array_equal(records[blended].weighted.log_weights, records[again].weighted.log_weights)
+
+
+def test_json_says_how_each_run_compares_with_the_first(small_session: Path, maurice: Maurice) -> None:
+    first, other = runs_of(maurice("compare", small_session, *FEW)[0])
+    assert first["against_first"] is None
+    against = other["against_first"]
+    assert set(against) == AGAINST
+    assert set(against["position_error"]) == DIFFERENCE
+    assert against["label"] == "color"
+    difference = other["position_error_mean_m"] - first["position_error_mean_m"]
+    assert against["position_error"]["difference_mean_m"] == pytest.approx(difference)
+    difference = other["heading_error_mean_rad"] - first["heading_error_mean_rad"]
+    assert against["heading_error"]["difference_mean_rad"] == pytest.approx(difference)
+    assert against["position_error"]["updates"] == 11
+    assert against["position_error"]["interval_95_m"] is None  # of eleven updates there is none
+    assert "against_first" not in runs_of(maurice(small_session, *FEW)[0])[0]
+
+
+def test_a_run_against_itself_differs_in_nothing(small_session: Path, maurice: Maurice) -> None:
+    _, other = runs_of(maurice("compare", small_session, "--seed=5", "--seed=5", *FEW)[0])
+    against = other["against_first"]
+    assert against["position_error"]["difference_mean_m"] == 0
+    assert (against["position_error"]["better"], against["position_error"]["worse"]) == (0, 0)
+    assert (against["apart_most_m"], against["parted_at_update"]) == (0, None)
+
+
+def test_the_table_has_the_paired_rows(small_session: Path, maurice: Maurice) -> None:
+    out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "--no-recording")
+    for row in ("error against seed 1", "closer to the truth than seed 1", "parts from seed 1", "of 11"):
+        assert row in out
+    assert "against" not in maurice(small_session, "--no-recording")[0]
+
+
+def test_without_truth_only_places_are_compared(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    lines = small_session.read_text().splitlines(keepends=True)
+    small_session.write_text("".join(line for line in lines if '"truth"' not in line))
+    against = runs_of(maurice("compare", small_session, *FEW)[0])[1]["against_first"]
+    assert against["position_error"] is None
+    assert against["apart_mean_m"] > 0
+    maurice("compare", small_session, "--particles", "50", "--save", "no-truth.rrd")
+
+
+def test_saved_runs_are_compared_as_if_they_had_gone_together(
+    small_session: Path, maurice: Maurice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    together = runs_of(maurice("compare", small_session, *FEW)[0])
+    for label in ("color", "blended"):
+        maurice(small_session, "--feature", label, "--run", f"kept {label}", *FEW)
+
+    from maurice_mcl.localizer import Localizer
+
+    monkeypatch.delattr(Localizer, "step")  # nothing is filtered again
+    out, err = maurice("compare", "kept color", "kept blended", "--no-recording", "--json")
+    assert err == ""
+    assert labels_of(out) == ["kept color", "kept blended"]
+    for run, saved in zip(together, runs_of(out), strict=True):
+        saved["label"] = run["label"]
+        if saved["against_first"]:
+            saved["against_first"]["label"] = "color"
+        assert saved == run
+    maurice("compare", "kept color", "kept blended", "--save", "saved.rrd")
+
+
+def test_a_saved_comparison_is_shown_with_its_differences(small_session: Path, maurice: Maurice) -> None:
+    then, _ = maurice("compare", small_session, "--run", "both", *FEW)
+    assert maurice("compare", "both", "--no-recording", "--json")[0] == then
+    out, _ = maurice("compare", "both/blended", "both/color", "--no-recording", "--json")
+    assert labels_of(out) == ["blended", "color"]
+    forward, backward = runs_of(then)[1]["against_first"], runs_of(out)[1]["against_first"]
+    assert backward["position_error"]["difference_mean_m"] == -forward["position_error"]["difference_mean_m"]
+    _, err = maurice("compare", "both", "both/color", expect=1)
+    assert "holds 2 runs; name the ones to compare: both/color, both/blended" in one_line(err)
+    _, err = maurice("compare", "both/color", expect=1)
+    assert "single saved run" in one_line(err)
+    _, err = maurice("compare", "both/color", small_session, expect=2)
+    assert "do not mix" in " ".join(err.split())
+    maurice("compare", "both/color", "both/blended", "--seed", "1", expect=2)
+
+
+def test_saved_runs_with_another_library_or_map_are_refused_in_one_line(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    maurice(small_session, "--run", "one", *FEW)
+    header, *rest = (tmp_path / "survey.log").read_text().splitlines(keepends=True)
+    (tmp_path / "survey.log").write_text("".join([header, *rest[:-1]]))
+    maurice(small_session, "--run", "two", *FEW)
+    assert "another library than one" in one_line(maurice("compare", "one", "two", expect=1)[1])
+    info = json.loads(header)
+    info["map"]["bounds_m"] = [0, 0, 3, 3]
+    (tmp_path / "survey.log").write_text("".join([json.dumps(info) + "\n", *rest]))
+    maurice(small_session, "--run", "three", *FEW)
+    assert "another map than one" in one_line(maurice("compare", "one", "three", expect=1)[1])
+
+
+def second_session(small_session: Path, tmp_path: Path, updates: int = 10) -> Path:
+    """Another drive in the same arena: the first updates of the same one, a picture of it changed."""
+    other = tmp_path / "other.log"
+    pictures, lines = 0, []
+    for line in small_session.read_text().splitlines(keepends=True):
+        pictures += '"image"' in line
+        if pictures <= updates:
+            lines.append(line)
+    other.write_text("".join(lines))
+    return other
+
+
+def test_two_sessions_go_side_by_side_as_far_as_the_shorter(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    other = second_session(small_session, tmp_path)
+    out, err = maurice("compare", small_session, other, *FEW)
+    assert "compared over the first 10 updates" in one_line(err)
+    assert labels_of(out) == ["session.log", "other"]
+    session, shorter = runs_of(out)
+    assert session["updates"] == shorter["updates"] == 10
+    against = shorter.pop("against_first")
+    assert against["position_error"]["difference_mean_m"] == 0  # the same pictures and the same noise
+    assert (against["apart_mean_m"], against["parted_at_update"]) == (None, None)
+    alone = runs_of(maurice(other, *FEW)[0])[0]
+    assert {**alone, "label": "other"} == shorter
+
+
+def test_saved_runs_of_two_sessions_are_compared_too(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    other = second_session(small_session, tmp_path)
+    live = runs_of(maurice("compare", small_session, other, *FEW)[0])
+    maurice(small_session, "--run", "session-run", *FEW)
+    maurice(other, "--run", "other-run", *FEW)
+    out, err = maurice("compare", "session-run", "other-run", "--no-recording", "--json")
+    assert "other-run has no more" in one_line(err)
+    assert [run["position_error_mean_m"] for run in runs_of(out)] == [
+        run["position_error_mean_m"] for run in live
+    ]
+
+
+def test_sessions_of_different_libraries_are_refused_in_one_line(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    away = tmp_path / "away"
+    shutil.copytree(tmp_path / "pictures", away / "pictures")
+    shutil.copyfile(small_session, away / "session.log")
+    survey = (tmp_path / "survey.log").read_text().splitlines(keepends=True)
+    (away / "survey.log").write_text("".join(survey))
+    assert labels_of(maurice("compare", small_session, "away/session.log", *FEW)[0])[1] == "away"
+    (away / "survey.log").write_text("".join(survey[:-1]))
+    _, err = maurice("compare", small_session, "away/session.log", *FEW, expect=1)
+    assert "belongs to another library" in one_line(err)
+    maurice("compare", small_session, "away/session.log", "--library", "survey.log", *FEW)
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["a/session", "b/session"], ["a", "b"]),
+        (["kept", "other"], ["kept", "other"]),
+        (["/x/color", "/y/color", "/y/edges"], ["x color", "y color", "y edges"]),
+        (["/x/y/run", "/y/run"], ["x y", "y"]),
+        (["run", "run"], ["run", "run"]),
+        (["../kept/run", "run"], ["kept run", "run"]),
+        (["größe/я", "ひと/я"], ["größe", "ひと"]),
+    ],
+)
+def test_paths_are_named_by_what_tells_them_apart(
+    paths: list[str], names: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert names_of([Path(path) for path in paths]) == names

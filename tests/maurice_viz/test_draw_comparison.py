@@ -1,0 +1,213 @@
+"""What runs share in a recording, read back; and the layout that shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun.blueprint as rrb
+import viz_fakes as fakes
+import viz_recordings as read
+from rerun.chunk import RrdReader
+
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.pairing import PairedStep, Step
+from maurice_mcl.parameters import of_feature
+from maurice_viz import compare_paths as paths
+from maurice_viz import entities, sinks
+from maurice_viz.compare_keys import belief_key, circle_key, key_extent, runs_key
+from maurice_viz.draw_comparison import DOTS, ComparisonDrawing, thinned
+from maurice_viz.layouts import compare
+from maurice_viz.layouts.shown import Run, Shown
+from maurice_viz.look import scale_for
+from maurice_viz.replaying import ResultCollector, aligned, run_together, shared
+from maurice_viz.replaying import Run as LiveRun
+
+LABELS = ["seed 0", "größe", "c"]
+Seen = list[tuple[Mapping[str, Step], Mapping[str, PairedStep]]]
+
+
+def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, steps: int = 3) -> Seen:
+    """Draw three runs of one drive; of them some may be said to replay drives of their own."""
+    library = fakes.make_library()
+    session = fakes.make_session(library, steps, has_truth)
+    scale = scale_for("in", library.arena)
+    runs = []
+    for number, label in enumerate(LABELS):
+        localizer = make_localizer(library, session, of_feature("color", 300), seed=number)
+        runs.append(LiveRun(label, localizer, None))
+    collector = ResultCollector(LABELS, library.arena.size_m, scale.say, others or set())
+    seen = []
+    with sinks.to_file(path, "compared", rrb.Blueprint()) as rec:
+        drawing = ComparisonDrawing(rec, LABELS, scale, others or set())
+        drawing.begin(library.arena, has_truth)
+        for steps_of in aligned([shared(run_together([run], session)) for run in runs]):
+            pairs = collector.add_steps(steps_of)
+            drawing.see(steps_of, pairs)
+            seen.append((steps_of, pairs))
+        drawing.end(collector.results())
+    return seen
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Seen]:
+    """Draw the usual three runs once; nobody changes the file."""
+    path = tmp_path_factory.mktemp("compared") / "c.rrd"
+    return path, drawn(path, steps=12)
+
+
+def values(row: read.Row) -> list[float]:
+    return [float(value) for value in row.values["Scalars:scalars"]]
+
+
+def test_difference_traces_are_the_pairs_in_display_units(usual: tuple[Path, Seen]) -> None:
+    path, seen = usual
+    for entity, unit, field in (
+        (paths.POSITION_DIFFERENCE, 1 / INCH_M, "position_m"),
+        (paths.HEADING_DIFFERENCE, np.rad2deg(1), "heading_rad"),
+        (paths.APART, 1 / INCH_M, "apart_m"),
+    ):
+        rows = read.rows(path, entity)
+        assert [row.step for row in rows] == list(range(1, 13))
+        expected = [[getattr(pair, field) * unit for pair in pairs.values()] for _, pairs in seen]
+        assert [values(row) for row in rows] == [pytest.approx(one) for one in expected]
+
+
+def test_lines_are_named_and_colored_as_their_runs(usual: tuple[Path, Seen]) -> None:
+    path, _ = usual
+    style = read.static(path, paths.APART)
+    assert style["SeriesLines:names"] == [f"{label}: distance against seed 0" for label in LABELS[1:]]
+    clouds = [read.static(path, paths.cloud_of(label)) for label in LABELS]
+    assert [cloud["Points2D:colors"][0] for cloud in clouds[1:]] == style["SeriesLines:colors"]
+
+
+def test_clouds_are_few_dots_of_the_weighted_particles(usual: tuple[Path, Seen]) -> None:
+    path, seen = usual
+    scale = scale_for("in", fakes.arena(5, 4))
+    for label in LABELS:
+        rows = read.having(read.rows(path, paths.cloud_of(label)), "Points2D:positions")
+        assert len(rows) == len(seen)
+        for row, (steps, _) in zip(rows, seen, strict=True):
+            cloud = steps[label][1].weighted
+            whole = {tuple(xy) for xy in scale.screen(cloud.world_poses[:, :2]).tolist()}
+            dots = {tuple(xy) for xy in read.positions(row).astype(np.float32).tolist()}
+            assert len(dots) <= DOTS
+            assert len(dots - whole) <= 0.02 * DOTS  # rounding of float32 may fall to the other side
+
+
+def test_dots_lie_as_densely_as_the_weight() -> None:
+    weights = np.repeat([0.0, 1.0, 3.0, 0.0], 400)
+    chosen = thinned(weights / weights.sum(), 200)
+    assert np.bincount(chosen // 400, minlength=4).tolist() == [0, 50, 150, 0]
+    assert thinned(np.array([1.0]), 200).tolist() == [0]
+    assert np.array_equal(thinned(np.ones(7) / 7, 200), np.arange(7))
+
+
+def test_where_runs_part_is_marked_once_and_said(usual: tuple[Path, Seen]) -> None:
+    path, seen = usual
+    events = {label: pair.event for _, pairs in seen for label, pair in pairs.items() if pair.event}
+    assert events, "runs of different seeds that start anywhere part"
+    texts = read.rows(path, paths.TEXT)
+    for label, event in events.items():
+        (mark,) = read.having(read.rows(path, paths.parted_of(label)), "Scalars:scalars")
+        assert mark.step == event.step
+        said = [row.values["TextDocument:text"][0] for row in texts if row.step == event.step]
+        assert event.text.split(" apart")[0] in said[0].replace("\\", "")
+    for label in set(LABELS[1:]) - set(events):
+        assert not read.having(read.rows(path, paths.parted_of(label)), "Scalars:scalars")
+
+
+def test_words_have_a_row_a_run_and_the_end_says_how_they_compare(usual: tuple[Path, Seen]) -> None:
+    path, _ = usual
+    text = read.rows(path, paths.TEXT)[-1].values["TextDocument:text"][0]
+    for label, color in zip(LABELS, ("orange", "sky blue", "pink"), strict=True):
+        assert f"| {label} ({color}) |" in text
+    batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream().filter(content=paths.RESULT)]
+    columns = [one.column("TextDocument:text") for one in batches if "TextDocument:text" in one.schema.names]
+    said = [text[0] for column in columns for text in column.to_pylist() if text]
+    result = max(said, key=len)  # over what stood there before the end
+    assert "**größe** against seed 0: position error" in result
+    assert "one drive" in result
+
+
+def test_a_drive_of_its_own_has_its_own_truth_and_camera(tmp_path: Path) -> None:
+    drawn(tmp_path / "c.rrd", others={"c"})
+    there = read.entities_of(tmp_path / "c.rrd")
+    assert {paths.truth_of("c"), paths.camera_of("c")} <= there
+    assert not {paths.truth_of("größe"), paths.camera_of("größe")} & there
+    for row in read.rows(tmp_path / "c.rrd", paths.APART):
+        assert np.isnan(values(row)[1])
+
+
+def test_without_truth_nothing_is_said_of_errors(tmp_path: Path) -> None:
+    drawn(tmp_path / "c.rrd", has_truth=False)
+    assert not read.rows(tmp_path / "c.rrd", paths.POSITION_DIFFERENCE)
+    assert "error" not in read.rows(tmp_path / "c.rrd", paths.TEXT)[-1].values["TextDocument:text"][0]
+
+
+def views(part: Any) -> Iterator[rrb.View]:
+    if isinstance(part, rrb.View):
+        yield part
+    else:
+        for inner in part.contents:
+            yield from views(inner)
+
+
+def shown(has_truth: bool = True) -> Shown:
+    arena = fakes.arena(5, 4)
+    return Shown(arena, scale_for("in", arena), has_truth)
+
+
+@pytest.mark.parametrize("has_truth", [True, False])
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_truth: bool) -> None:
+    runs = [Run(f"seed {k}", ("color", "edges")) for k in range(count)]
+    body = compare.layout(runs, shown(has_truth))
+    assert len(body.contents) == count + 1
+    columns = [[str(view.name) for view in views(column)] for column in body.contents]
+    middle = columns.pop(count // 2)
+    assert middle[0] == "All on one map (in)"
+    assert any("Apart from seed 0" in title for title in middle)
+    assert any("minus" in title for title in middle) == has_truth
+    colors = ("orange", "sky blue", "pink", "green")
+    assert [column[0] for column in columns] == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
+
+
+def test_titles_are_short_where_columns_are_narrow() -> None:
+    """At 1600 pixels a column of four has room for 28 letters beside the view's buttons."""
+    runs = [Run(label, ("color",)) for label in ("color", "edges", "blended", "best")]
+    for column in compare.layout(runs, shown()).contents:
+        for part in column.contents:
+            assert len(str(next(views(part)).name)) <= 28
+
+
+def test_a_long_label_is_not_part_of_shared_titles() -> None:
+    runs = [Run("robust, tuned on the whole of olin", ("color",)), Run("b", ("color",))]
+    middle = compare.layout(runs, shown()).contents[1]
+    assert "Error minus the first's (in)" in [str(view.name) for view in views(middle)]
+
+
+def test_drives_of_their_own_show_their_own_camera_and_truth() -> None:
+    runs = [Run("a", ("color",)), Run("b", ("color",), own_drive=True)]
+    found = list(views(compare.layout(runs, shown())))
+    assert {"a: camera (px)", "b: camera (px)"} <= {str(view.name) for view in found}
+    assert not any("Apart" in str(view.name) for view in found)
+    belief = {str(view.name)[0]: list(view.contents) for view in found if "belief" in str(view.name)}
+    assert f"{entities.TRUTH}/**" in belief["a"]
+    assert f"{paths.truth_of('b')}/**" in belief["b"]
+    assert f"{entities.TRUTH}/**" not in belief["b"]
+
+
+@pytest.mark.parametrize("labels", [["a", "b"], ["a long label", "another one", "größe", "ひと"]])
+def test_keys_stand_above_the_map_and_hold_every_label(labels: list[str]) -> None:
+    where = shown()
+    for key in (runs_key(labels, True), belief_key(len(labels), True), circle_key(len(labels))):
+        extent = key_extent(key, where)
+        assert extent.bottom <= 0 - where.scale.length(where.arena.bounds[3]) + 1e-6  # y points down
+        assert (key.max(axis=2) > 100).any()
+    long = [f"{label}, with many words" for label in labels]
+    assert runs_key(long * 2, True).shape[0] > runs_key(["a"], True).shape[0]

@@ -1,0 +1,261 @@
+"""The panel of explanations, read back from recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import rerun.blueprint as rrb
+import viz_fakes as fakes
+import viz_recordings as recordings
+
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.channels import CHANNELS
+from maurice_mcl.explaining import Asked, explain_step
+from maurice_mcl.library import Library
+from maurice_mcl.localizer import run
+from maurice_mcl.parameters import FilterParameters, of_feature
+from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.session import Moment
+from maurice_viz import sinks
+from maurice_viz.draw_explain import ExplainPanel
+from maurice_viz.draw_explain_full import Update, bars_path, draw_full, picture_path, words_path
+from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.explanation_bars import MOST, bars_for
+from maurice_viz.explanation_blueprint import full
+from maurice_viz.explanation_cards import CARD_PX, blank_card
+from maurice_viz.explanation_paths import card_path, chart_path, marks_path, table_path
+from maurice_viz.layouts import explain
+from maurice_viz.layouts.shown import Run, Shown
+from maurice_viz.look import scale_for
+from maurice_viz.observe import set_phase
+
+Played = tuple[SensorModel, list[tuple[Moment, StepRecord]]]
+PATHS = RunPaths("Lauf ä")
+
+
+def play(library: Library, parameters: FilterParameters | None = None, *, has_truth: bool = True) -> Played:
+    session = fakes.make_session(library, 3, has_truth)
+    localizer = make_localizer(library, session, parameters or of_feature("blended", 80))
+    return localizer.sensor, list(run(localizer, session, None))
+
+
+def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | None = None) -> None:
+    sensor, updates = played
+    library = sensor.library
+    scale = scale_for("in", library.arena)
+    panel = ExplainPanel(PATHS, sensor, scale, has_truth)
+    layout = explain.layout(
+        Run(PATHS.label, tuple(sensor.parameters.weights)), Shown(library.arena, scale, has_truth)
+    )
+    with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
+        panel.prepare(rec)
+        for moment, record in updates:
+            set_phase(rec, moment, Slot.ESTIMATE)
+            if moment.frame.step == left_out:
+                panel.draw_left_out(rec)
+            else:
+                panel.draw(rec, moment, record)
+
+
+def heights(row: recordings.Row) -> np.ndarray:
+    return np.array(row.values["BarChart:values"][0]["buffer"])
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    return fakes.make_library(tmp_path_factory.mktemp("pictures"))
+
+
+@pytest.fixture(scope="module")
+def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Played]:
+    path, played = tmp_path_factory.mktemp("drawn") / "out.rrd", play(library)
+    draw(path, played)
+    return path, played
+
+
+def test_costs_add_up_to_minus_the_log_likelihood_of_each_column(drawn: tuple[Path, Played]) -> None:
+    path, (sensor, updates) = drawn
+    found = recordings.rows(path, chart_path(PATHS, "cost"))
+    assert len(found) == len(updates)
+    for row, (moment, record) in zip(found, updates, strict=True):
+        step = explain_step(record, sensor, moment.truth)
+        sums = heights(row).reshape(3, -1).sum(axis=1)
+        expected = [0.0 if e.entry is None else -e.entry.log_likelihood for e in step.shown]
+        assert sums == pytest.approx(expected, abs=1e-3)
+
+
+def test_the_picture_stands_over_every_reference(drawn: tuple[Path, Played]) -> None:
+    path, _ = drawn
+    for row in recordings.rows(path, chart_path(PATHS, "sample")):
+        blocks = heights(row).reshape(3, -1)
+        assert np.array_equal(blocks[0], blocks[1])
+        assert np.array_equal(blocks[0], blocks[2])
+
+
+def test_cards_show_the_references_pictures_and_are_logged_when_they_change(
+    drawn: tuple[Path, Played],
+) -> None:
+    path, (sensor, updates) = drawn
+    entries = [explain_step(r, sensor, m.truth).winner.entry for m, r in updates]
+    changes = [k for k, entry in enumerate(entries) if k == 0 or entry != entries[k - 1]]
+    rows = recordings.rows(path, card_path(PATHS, "winner"))
+    assert [row.step for row in rows] == [updates[k][0].frame.step for k in changes]
+    for row, k in zip(rows, changes, strict=True):
+        blob = np.array(row.values["EncodedImage:blob"][0], np.uint8)
+        card = cv2.cvtColor(cv2.imdecode(blob, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+        picture = fakes.picture_at(sensor.library.poses[entries[k]])
+        height = round(CARD_PX * picture.shape[0] / picture.shape[1])
+        small = cv2.resize(picture, (CARD_PX, height), interpolation=cv2.INTER_AREA)
+        assert np.abs(card[:height].astype(int) - small).mean() < 12
+    tables = recordings.rows(path, table_path(PATHS))
+    for row, entry in zip(tables, entries, strict=True):
+        assert f"winner: entry {entry} |" in row.values["TextDocument:text"][0]
+
+
+def test_table_and_arrows_are_there_at_every_update(drawn: tuple[Path, Played]) -> None:
+    path, (sensor, updates) = drawn
+    tables, marks = (recordings.rows(path, p) for p in (table_path(PATHS), marks_path(PATHS)))
+    assert len(tables) == len(marks) == len(updates)
+    for row, (moment, record) in zip(marks, updates, strict=True):
+        step = explain_step(record, sensor, moment.truth)
+        poses = np.array([np.zeros(3) if e.entry is None else e.entry.pose for e in step.shown])
+        expected = poses[:, :2] / 0.0254 * (1, -1)
+        np.testing.assert_allclose(row.values["Arrows2D:origins"], expected, atol=0.02)
+        ways = np.array(row.values["Arrows2D:vectors"])
+        turned = np.arctan2(-ways[:, 1], ways[:, 0])
+        known = [e.entry is not None for e in step.shown]
+        np.testing.assert_allclose(np.cos(turned - poses[:, 2])[known], 1, atol=1e-4)
+    assert f"Step {updates[0][0].frame.step}" in tables[0].values["TextDocument:text"][0]
+
+
+def test_without_truth_there_are_two_columns(library: Library, tmp_path: Path) -> None:
+    played = play(library, has_truth=False)
+    draw(tmp_path / "out.rrd", played, has_truth=False)
+    found = recordings.entities_of(tmp_path / "out.rrd")
+    assert card_path(PATHS, "truth") not in found
+    assert {card_path(PATHS, "estimate"), card_path(PATHS, "winner")} <= found
+
+
+def test_a_truth_that_is_missing_for_a_while_says_so_in_its_column(library: Library, tmp_path: Path) -> None:
+    sensor, updates = play(library)
+    some = [
+        (moment if k else replace(moment, truth=None), record) for k, (moment, record) in enumerate(updates)
+    ]
+    draw(tmp_path / "out.rrd", (sensor, some))
+    first, second = recordings.rows(tmp_path / "out.rrd", card_path(PATHS, "truth"))[:2]
+    assert bytes(first.values["EncodedImage:blob"][0]) == blank_card(98, "truth not known here")
+    assert len(bytes(second.values["EncodedImage:blob"][0])) > 0
+    first_table = recordings.rows(tmp_path / "out.rrd", table_path(PATHS))[0]
+    assert "truth" not in first_table.values["TextDocument:text"][0]
+
+
+def test_pictures_that_are_not_kept_are_gray(tmp_path: Path) -> None:
+    draw(tmp_path / "out.rrd", play(fakes.make_library()))
+    row = recordings.rows(tmp_path / "out.rrd", card_path(PATHS, "winner"))[0]
+    card = cv2.imdecode(np.array(row.values["EncodedImage:blob"][0], np.uint8), cv2.IMREAD_COLOR)
+    assert card.shape[1] == CARD_PX
+    assert np.ptp(card[:20].astype(int), axis=2).max() < 20
+
+
+def test_a_saved_run_without_its_library_says_so(library: Library, tmp_path: Path) -> None:
+    panel = ExplainPanel(PATHS, None, scale_for("in", library.arena), has_truth=True)
+    _, updates = play(library)
+    with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
+        panel.prepare(rec)
+        set_phase(rec, updates[0][0], Slot.ESTIMATE)
+        panel.draw(rec, *updates[0])
+    found = {name for name in recordings.entities_of(tmp_path / "out.rrd") if "explain" in name}
+    assert found == {table_path(PATHS)}
+
+
+def test_an_update_that_is_left_out_shows_nothing_and_the_next_one_everything(
+    library: Library, tmp_path: Path
+) -> None:
+    sensor, updates = play(library)
+    again = [updates[0], updates[1], (updates[2][0], replace(updates[0][1], frame=updates[2][1].frame))]
+    draw(tmp_path / "out.rrd", (sensor, again), left_out=2)
+    tables = [
+        row.values["TextDocument:text"][0] for row in recordings.rows(tmp_path / "out.rrd", table_path(PATHS))
+    ]
+    assert "--detail" in tables[1]
+    assert "--detail" not in tables[0] + tables[2]
+    cards = recordings.rows(tmp_path / "out.rrd", card_path(PATHS, "winner"))
+    assert [(row.step, "EncodedImage:blob" in row.values) for row in cards] == [
+        (1, True),
+        (2, False),
+        (3, True),
+    ]
+
+
+def test_one_entry_alone(tmp_path: Path) -> None:
+    draw(tmp_path / "out.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
+    for row in recordings.rows(tmp_path / "out.rrd", table_path(PATHS)):
+        assert "entry 0 matches best of 1" in row.values["TextDocument:text"][0]
+
+
+def with_all_channels(library: Library) -> tuple[Library, FilterParameters]:
+    weights: Mapping[str, float] = dict.fromkeys(list(CHANNELS)[:12], 0.1)
+    images = [fakes.picture_at(pose) for pose in library.poses[:40]]
+    index = {name: fakes.index_of(images, name) for name in weights}
+    many = Library("viele", library.poses[:40], library.pictures[:40], index, library.arena, "in")
+    return many, FilterParameters(sensor=SensorParameters(weights), particles=40)
+
+
+def test_twelve_channels_have_no_more_bars_than_one(library: Library, tmp_path: Path) -> None:
+    many, parameters = with_all_channels(library)
+    bars = bars_for(tuple(parameters.sensor.weights), many)
+    assert len(bars.starts) <= MOST
+    assert len(bars.counts) == 12
+    assert bars.counts.min() > 5
+    draw(tmp_path / "out.rrd", play(many, parameters))
+
+
+def test_bars_of_a_channel_fill_its_place_along_x(library: Library) -> None:
+    bars = bars_for(("color", "edges"), library)
+    for number, (first, count) in enumerate(zip(bars.firsts, bars.counts, strict=True)):
+        some = slice(first, first + count)
+        assert bars.lefts[some][0] == number
+        assert bars.widths[some].sum() == pytest.approx(1)
+        np.testing.assert_allclose(np.diff(bars.lefts[some]), bars.widths[some][:-1])
+
+
+def test_what_is_divided_among_bars_is_kept(library: Library) -> None:
+    bars = bars_for(("color", "edges"), library)
+    rng = np.random.default_rng(0)
+    parts = [rng.random(84).astype(np.float32), np.zeros(84, np.float32)]
+    shown = bars.divided([3.5, 2.0], parts)
+    assert shown[: bars.counts[0]].sum() == pytest.approx(3.5, rel=1e-5)
+    assert not shown[bars.counts[0] :].any()  # nothing to divide it by
+
+
+@pytest.mark.parametrize("asked", [None, Asked(entry=2), Asked(pose=np.array([-5.0, 0.0, 0.0]))])
+@pytest.mark.parametrize("has_truth", [True, False])
+def test_the_full_panel_has_every_chart(
+    library: Library, tmp_path: Path, asked: Asked | None, has_truth: bool
+) -> None:
+    sensor, updates = play(library, has_truth=has_truth)
+    moment, record = updates[-1]
+    step = explain_step(record, sensor, moment.truth, asked, weigh=True)
+    scale = scale_for("in", library.arena)
+    path = tmp_path / "Büro.rrd"
+    with sinks.to_file(path, "Büro", full(PATHS, step, Shown(library.arena, scale, has_truth))) as rec:
+        draw_full(rec, PATHS, Update(moment, record, step, library, scale))
+    found = recordings.entities_of(path)
+    for explained in step.shown:
+        assert picture_path(PATHS, explained.who) in found
+        if explained.entry is None:
+            continue
+        for channel in explained.entry.channels:
+            (row,) = recordings.rows(path, f"{bars_path(PATHS, explained.who, channel.channel, 'cost')}/nats")
+            np.testing.assert_allclose(heights(row), channel.nats, rtol=1e-6)
+            descriptor = bars_path(PATHS, explained.who, channel.channel, "descriptor")
+            (row,) = recordings.rows(path, f"{descriptor}/reference")
+            np.testing.assert_allclose(heights(row), channel.reference, rtol=1e-6)
+    (words,) = recordings.rows(path, words_path(PATHS))
+    assert f"**Step {moment.frame.step}**" in words.values["TextDocument:text"][0]

@@ -1,0 +1,151 @@
+"""`maurice-replay explain` as a person uses it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+from rerun.chunk import RrdReader
+from typer.testing import CliRunner
+
+from maurice_viz.cli import app
+from maurice_viz.commands.explain import explain
+from maurice_viz.snapshot import software_driver
+
+Explain = Callable[..., tuple[str, str]]
+
+
+@pytest.fixture
+def saved(small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Save a run to a folder with a name in another script."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    kept = tmp_path / "gefüllt 東"
+    options = ["--particles", "200", "--run", str(kept), "--no-recording", "--json"]
+    done = CliRunner().invoke(app, [str(small_session), *options])
+    assert done.exit_code == 0, done.stderr
+    return kept
+
+
+@pytest.fixture
+def ask() -> Explain:
+    alone = typer.Typer(pretty_exceptions_enable=False)
+    alone.command()(explain)
+
+    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
+        done = CliRunner().invoke(alone, [str(arg) for arg in args])
+        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
+        return done.stdout, done.stderr
+
+    return run
+
+
+def one_line(err: str) -> str:
+    (line,) = err.strip().splitlines()
+    return line
+
+
+def test_it_says_why_and_writes_a_recording_named_after_run_and_step(saved: Path, ask: Explain) -> None:
+    out, err = ask(saved, "--step", "4")
+    assert out.startswith("blended, step 4\n")
+    assert "matches the picture best" in out
+    assert "nearest to the truth" in out
+    file = Path("gefüllt 東-step-4.rrd")
+    assert f"{file} written" in err
+    steps = {
+        value
+        for chunk in RrdReader(file).stream()
+        for value in chunk.to_record_batch().to_pydict().get("step", [])
+    }
+    assert steps == {4}
+    assert "--force" in one_line(ask(saved, "--step", "4", "--json", expect=1)[1])
+    ask(saved, "--step", "4", "--force")
+
+
+def test_the_last_step_is_the_default(saved: Path, ask: Explain) -> None:
+    assert ask(saved, "--no-recording")[0].startswith("blended, step 14\n")
+    assert not list(Path().glob("*.rrd"))
+
+
+def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved: Path, ask: Explain) -> None:
+    def asked(*options: str) -> dict[str, object]:
+        found = json.loads(ask(saved, "--step", "3", "--no-recording", "--json", *options)[0])
+        first: dict[str, object] = found["runs"][0]["explained"][0]
+        assert first["who"] == "asked"
+        return first
+
+    assert asked("--entry", "5")["reference"]["entry"] == 5  # type: ignore[index]
+    pose = asked("--at", "1.5,0.5,90")["pose"]
+    assert pose == pytest.approx([1.5, 0.5, 1.5708], abs=1e-4)
+    assert asked("--at=-1.5,0.5,90")["reference"] is None
+    assert asked("--particle", "0")["particle_log_likelihood"] is not None
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "words"),
+    [
+        (("--step", "15"), 1, "has no step 15; it has 1 to 14"),
+        (("--entry", "160"), 2, "there is no entry 160; they are 0 to 159"),
+        (("--particle", "200"), 2, "there is no particle 200; they are 0 to 199"),
+        (("--at", "1,2"), 2, "--at is X,Y,HEADING in m and degrees"),
+        (("--at", "1,2,nan"), 2, "--at is X,Y,HEADING"),
+        (("--entry", "1", "--particle", "1"), 2, "exclude each other"),
+        (("--run-label", "color"), 1, "holds no run 'color'; it holds blended"),
+        (("-o", "out.jpg"), 1, "a picture's name ends in .png"),
+    ],
+)
+def test_what_cannot_be_is_said(
+    saved: Path, ask: Explain, options: tuple[str, ...], status: int, words: str
+) -> None:
+    _, err = ask(saved, *options, expect=status)
+    assert words in " ".join(err.replace("│", " ").split())
+
+
+def test_a_run_whose_library_is_gone_cannot_be_explained(saved: Path, ask: Explain, tmp_path: Path) -> None:
+    shutil.move(tmp_path / "survey.log", tmp_path / "elsewhere.log")
+    _, err = ask(saved, expect=1)
+    assert "cannot be explained without its session and library" in err.strip().splitlines()[-1]
+    assert "Traceback" not in err
+
+
+def test_no_saved_run_is_one_line(ask: Explain, tmp_path: Path) -> None:
+    assert "Traceback" not in one_line(ask(tmp_path, expect=1)[1])
+
+
+def test_of_a_comparison_one_run_is_chosen(
+    small_session: Path, ask: Explain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(
+        app, ["compare", str(small_session), "--particles", "50", "--run", "both", "--no-recording"]
+    )
+    assert done.exit_code == 0, done.stderr
+    words = one_line(ask("both", "--no-recording", expect=1)[1])
+    assert "holds the runs color, blended; choose one with --run-label" in words
+    assert ask("both", "--run-label", "color", "--no-recording")[0].startswith("color, step 14")
+
+
+@pytest.mark.skipif(software_driver() is None, reason="pictures need Mesa's software Vulkan driver")
+def test_a_picture_is_the_real_viewers(saved: Path, ask: Explain) -> None:
+    import cv2
+
+    _, err = ask(saved, "--step", "2", "-o", "warum.png")
+    assert one_line(err) == "warum.png written"
+    picture = cv2.imread("warum.png")
+    assert picture is not None
+    assert picture.shape == (1000, 1600, 3)
+    assert len(set(map(tuple, picture[::7, ::7].reshape(-1, 3)))) > 200
+    assert not list(Path().glob("*.rrd"))
+    assert "--force" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])
+
+
+def test_without_a_driver_a_line_names_the_package(
+    saved: Path, ask: Explain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("maurice_viz.snapshot.DRIVERS", ())
+    assert "mesa-vulkan-drivers" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])

@@ -1,0 +1,158 @@
+"""The sentences, the table and the names say what the explanation holds."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viz_fakes as fakes
+
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.channels import CHANNELS
+from maurice_mcl.explaining import Asked, ChannelExplanation, StepExplanation, explain_step
+from maurice_mcl.library import Library
+from maurice_mcl.localizer import run
+from maurice_mcl.parameters import of_feature
+from maurice_mcl.typing import F32
+from maurice_viz.explanation_json import to_json
+from maurice_viz.explanation_names import KNOWN, planes_of
+from maurice_viz.explanation_table import markdown_table
+from maurice_viz.explanation_words import ordinal, say_behind, say_step, where_lost
+from maurice_viz.look import scale_for
+
+
+def explained(
+    library: Library, *, asked: Asked | None = None, truth: bool = True, weigh: bool = True
+) -> StepExplanation:
+    session = fakes.make_session(library, 1)
+    localizer = make_localizer(library, session, of_feature("blended", 100))
+    ((moment, record),) = run(localizer, session, None)
+    return explain_step(record, localizer.sensor, moment.truth if truth else None, asked, weigh=weigh)
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    return fakes.make_library()
+
+
+def channel(name: str, nats: F32, sample: F32, reference: F32) -> ChannelExplanation:
+    return ChannelExplanation(
+        name, "l1", 1.0, 1.0, 0.5, 2, float(nats.sum()), sample, reference, contributions=nats
+    )
+
+
+def test_it_names_the_bins_in_which_most_is_lost_and_which_side_has_more() -> None:
+    nothing = np.zeros(84, np.float32)
+    nats, reference = nothing.copy(), nothing.copy()
+    nats[56 + 10 : 56 + 13] = 1.0
+    reference[56 + 10 : 56 + 13] = 8.0
+    mine, best = channel("color", nats, nothing, reference), channel("color", nothing, nothing, nothing)
+    where = where_lost(mine, best)
+    assert where is not None
+    assert where.name == "blue 96 to 119"  # 16 + 8 * 10 to 16 + 8 * 12 + 7
+    assert where.nats == pytest.approx(3.0)
+    assert (where.picture, where.reference) == (0, 8)
+
+
+def test_a_color_that_moved_is_not_told_as_one_run_that_cancels_out() -> None:
+    sample, reference, nats = (np.zeros(84, np.float32) for _ in range(3))
+    sample[5:8], reference[8:12] = 20.0, 15.0
+    nats[5:12] = (1, 1, 1, 2, 2, 2, 2)
+    mine, best = channel("color", nats, sample, reference), channel("color", 0 * nats, sample, sample)
+    where = where_lost(mine, best)
+    assert where is not None
+    assert (where.picture, where.reference) == (0, 15)
+
+
+def test_where_nothing_is_lost_no_place_is_named() -> None:
+    same = np.ones(84, np.float32)
+    assert where_lost(channel("color", same, same, same), channel("color", same, same, same)) is None
+
+
+@pytest.mark.parametrize("name", sorted(KNOWN))
+def test_every_element_of_a_known_channel_has_a_name(name: str) -> None:
+    size, planes = KNOWN[name]
+    assert size == len(CHANNELS[name].describe(np.zeros((30, 40, 3), np.uint8)))
+    length = size // planes.count
+    assert length * planes.count == size
+    names = {planes.name(k, 0, length - 1) for k in range(planes.count)}
+    assert len(names) == planes.count
+
+
+def test_a_channel_of_somebody_else_has_numbered_elements() -> None:
+    assert planes_of("theirs", 17).name(0, 2, 4) == "elements 3 to 5"
+    assert planes_of("color", 17).name(0, 2, 2) == "elements 3"
+
+
+def test_the_sentences_name_winner_truth_and_estimate(library: Library) -> None:
+    step = explained(library)
+    text = " ".join(say_step(step, scale_for("in", library.arena)))
+    assert f"entry {step.winner.entry}" in text
+    assert f"Of {library.size} references" in text
+    for who, words in (("truth", "nearest to the truth"), ("estimate", "nearest to the estimate")):
+        found = step.of(who)
+        assert words in text
+        assert found is not None
+        assert found.entry is None or str(found.entry.rank) in text
+    assert "Particles are weighed by the references around them" in text
+
+
+def test_nothing_is_said_of_a_truth_that_is_not_known(library: Library) -> None:
+    step = explained(library, truth=False, weigh=False)
+    scale = scale_for("in", library.arena)
+    assert "truth" not in " ".join(say_step(step, scale)) + markdown_table(step, scale)
+
+
+def test_a_pose_outside_is_said_to_be_outside(library: Library) -> None:
+    step = explained(library, asked=Asked(pose=np.array([-9.0, -9.0, 0.0])))
+    scale = scale_for("in", library.arena)
+    assert "The pose asked for lies outside free space" in " ".join(say_step(step, scale))
+    assert "asked for: outside free space" in markdown_table(step, scale)
+    assert to_json("a", step)["runs"][0]["explained"][0]["reference"] is None
+
+
+def test_the_table_has_a_cell_for_every_reference_in_every_row(library: Library) -> None:
+    step = explained(library, asked=Asked(entry=3))
+    lines = markdown_table(step, scale_for("in", library.arena)).splitlines()
+    assert {line.count("|") for line in lines} == {6}
+    assert "asked for: entry 3" in lines[0]
+    assert f"| **color** | {step.shown[0].entry.channels[0].loses:.2f} · " in lines[-2]  # type: ignore[union-attr]
+
+
+def test_json_says_the_same(library: Library) -> None:
+    step = explained(library, asked=Asked(entry=3))
+    (found,) = json.loads(json.dumps(to_json("Lauf ä", step), allow_nan=False))["runs"]
+    assert (found["label"], found["step"]) == ("Lauf ä", step.step)
+    reference = found["explained"][0]["reference"]
+    assert reference["entry"] == 3
+    behind = [c["behind_winner"] for c in reference["channels"].values()]
+    assert sum(behind) == pytest.approx(reference["behind_winner"], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("number", "word"), [(1, "1st"), (2, "2nd"), (3, "3rd"), (11, "11th"), (112, "112th"), (621, "621st")]
+)
+def test_ordinals(number: int, word: str) -> None:
+    assert ordinal(number) == word
+
+
+@pytest.mark.parametrize(
+    ("nats", "words"),
+    [
+        (math.log(2), "2.0 times"),
+        (math.log(123456), "120,000 times"),
+        (20.0, "over a million"),
+        (5e3, "million"),
+    ],
+)
+def test_a_gap_in_nats_is_said_as_a_factor(nats: float, words: str) -> None:
+    assert words in say_behind(nats)
+
+
+def test_a_library_of_one_entry_is_the_only_reference(tmp_path: Path) -> None:
+    library = fakes.make_library(columns=1, rows=1, headings=1)
+    says = say_step(explained(library), scale_for("in", library.arena))
+    assert says[0].startswith("The only reference at")

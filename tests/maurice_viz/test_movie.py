@@ -1,0 +1,106 @@
+"""Movies: read back, they hold the pictures that were put in; a broken one is not there at all."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from maurice_loaders.errors import LogError
+from maurice_mcl.typing import U8
+from maurice_viz.movie import film, from_png
+from maurice_viz.raster import png
+
+FRAMES = 5
+
+
+def picture(k: int, rows: int = 120, columns: int = 160) -> U8:
+    """A square that moves over a ground that stays."""
+    image = np.full((rows, columns, 3), (16, 40, 90), np.uint8)
+    image[40:80, 20 * k : 20 * k + 40] = (240, 200, 20)
+    return image
+
+
+def mp4(path: Path) -> list[U8]:
+    capture, found = cv2.VideoCapture(str(path)), list[U8]()
+    while True:
+        there, image = capture.read()
+        if not there:
+            return found
+        found.append(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8))
+
+
+def gif(path: Path) -> list[U8]:
+    with Image.open(path) as image:
+        frames = list[U8]()
+        for k in range(getattr(image, "n_frames", 1)):
+            image.seek(k)
+            frames.append(np.asarray(image.convert("RGB"), np.uint8))
+        return frames
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_a_movie_holds_its_pictures_in_order(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"m{suffix}"
+    with film(path, 4.0) as frames:
+        for k in range(FRAMES):
+            frames.add(picture(k))
+    found = mp4(path) if suffix == ".mp4" else gif(path)
+    assert len(found) == FRAMES
+    for k, image in enumerate(found):
+        assert np.abs(image.astype(int) - picture(k)).mean() < 3
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_gif_runs_for_ever_at_the_speed_asked_for(tmp_path: Path) -> None:
+    with film(tmp_path / "m.gif", 4.0) as frames:
+        frames.add(picture(0))
+        frames.add(picture(0))
+    with Image.open(tmp_path / "m.gif") as image:
+        assert image.info["loop"] == 0
+        assert image.info["duration"] == 250
+
+
+def test_rare_bright_colors_survive_in_a_gif(tmp_path: Path) -> None:
+    """The brightest weights are a handful of pixels; a palette by frequency alone would lose them."""
+    image = np.random.default_rng(0).integers(0, 90, (200, 200, 3)).astype(np.uint8)
+    image[100:103, 100:103] = (253, 231, 37)
+    with film(tmp_path / "m.gif", 4.0) as frames:
+        frames.add(image)
+    (found,) = gif(tmp_path / "m.gif")
+    assert np.abs(found[101, 101].astype(int) - (253, 231, 37)).max() < 20
+
+
+def test_an_odd_size_is_cut_to_an_even_one(tmp_path: Path) -> None:
+    with film(tmp_path / "m.mp4", 4.0) as frames:
+        frames.add(picture(1, rows=121, columns=161))
+    assert mp4(tmp_path / "m.mp4")[0].shape == (120, 160, 3)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_a_movie_that_is_stopped_leaves_nothing(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(KeyboardInterrupt), film(tmp_path / f"m{suffix}", 4.0) as frames:  # noqa: PT012
+        frames.add(picture(0))
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_earlier_movie_stays_without_force(tmp_path: Path) -> None:
+    path = tmp_path / "m.gif"
+    path.write_bytes(b"earlier")
+    with pytest.raises(LogError, match="--force"), film(path, 4.0):
+        pass
+    assert path.read_bytes() == b"earlier"
+    with film(path, 4.0, force=True) as frames:
+        frames.add(picture(0))
+    assert len(gif(path)) == 1
+
+
+def test_a_folder_that_is_not_there_is_a_line(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot be written"), film(tmp_path / "no" / "m.gif", 4.0):
+        pass
+
+
+def test_a_png_comes_back_as_it_was() -> None:
+    assert (from_png(png(picture(2))) == picture(2)).all()

@@ -1,0 +1,167 @@
+"""What notebooks call: frames of a saved run, the run in Rerun's widget, and the notebook in docs."""
+
+import importlib.util
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+import rerun as rr
+import rerun.notebook
+from rerun.chunk import RrdReader
+from typer.testing import CliRunner
+
+import maurice_viz as mv
+from maurice_loaders.errors import LogError
+from maurice_viz.cli import app
+
+NOTEBOOK = Path(__file__).parents[2] / "docs" / "notebook.ipynb"
+Maurice = Callable[..., str]
+
+
+@pytest.fixture
+def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
+    """Run a command in the test's folder; give what it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*args: str | Path) -> str:
+        done = CliRunner().invoke(app, [str(arg) for arg in args])
+        assert done.exit_code == 0, (done.stdout, done.stderr, done.exception)
+        return done.stdout
+
+    return run
+
+
+class Widget:
+    """Stands in for Rerun's widget: it keeps what the recording sends."""
+
+    def __init__(self, *, width: Any, height: Any, recording: rr.RecordingStream) -> None:
+        self.size = (width, height)
+        self.memory = recording.memory_recording()
+
+    def content(self, folder: Path) -> RrdReader:
+        file = folder / f"shown-{id(self)}.rrd"
+        file.write_bytes(self.memory.drain_as_bytes())
+        return RrdReader(file)
+
+
+@pytest.fixture
+def widget(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    monkeypatch.setattr(rerun.notebook, "Viewer", Widget)
+    monkeypatch.delenv("RERUN_NOTEBOOK_ASSET", raising=False)
+
+
+def rows_of(reader: RrdReader) -> int:
+    return sum(chunk.to_record_batch().num_rows for chunk in reader.stream())
+
+
+def test_results_are_those_of_the_command(small_session: Path, maurice: Maurice) -> None:
+    printed = maurice(
+        "compare", small_session, "--particles", "150", "--run", "both", "--no-recording", "--json"
+    )
+    frame = mv.results("both")
+    assert frame["label"].to_list() == ["color", "blended"]
+    for row, run in zip(frame.iter_rows(named=True), json.loads(printed)["runs"], strict=True):
+        flat = {key: value for key, value in run.items() if key in row}
+        assert len(flat) > 12
+        assert {key: row[key] for key in flat} == flat
+        assert row["thesis_success_tenth_at_update"] == run["thesis_success"]["tenth"]["at_update"]
+
+
+def test_traces_are_those_of_the_run(small_session: Path, maurice: Maurice) -> None:
+    maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
+    frame = mv.traces(Path("kept"))
+    steps = pl.read_parquet("kept/steps/*.parquet")
+    assert frame["step"].to_list() == list(range(1, 15))
+    assert frame["label"].unique().to_list() == ["blended"]
+    for name in ("estimate_x_m", "truth_heading_rad", "calibrated_evidence", "effective_sample_size"):
+        assert frame[name].to_list() == steps[name].to_list()
+    off = np.hypot(frame["estimate_x_m"] - frame["truth_x_m"], frame["estimate_y_m"] - frame["truth_y_m"])
+    assert np.allclose(frame["position_error_m"], off)
+    # the odometry of this drive is exact, so that added up it is the truth
+    assert np.allclose(frame["odometry_x_m"], frame["truth_x_m"])
+    assert (frame["effective_share"] * 150 - frame["effective_sample_size"]).abs().max() < 1e-9
+
+
+def test_what_is_not_known_is_null(maurice: Maurice, tmp_path: Path, small_session: Path) -> None:
+    lines = [line for line in small_session.read_text().splitlines() if '"truth"' not in line]
+    small_session.write_text("\n".join(lines) + "\n")
+    maurice(small_session, "--particles", "50", "--run", "kept", "--no-recording")
+    frame = mv.traces("kept")
+    assert frame["position_error_m"].null_count() == frame.height == frame["truth_x_m"].null_count()
+    assert mv.results("kept")["position_error_mean_m"].to_list() == [None]
+
+
+def test_what_is_no_run_is_a_log_error(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="expected a saved run"):
+        mv.results(tmp_path)
+
+
+def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"pip install 'maurice-replay\[notebook\]'"):
+        mv.show("kept")
+
+
+def test_a_recording_is_shown_whole_under_its_own_name(
+    small_session: Path, maurice: Maurice, tmp_path: Path, widget: None
+) -> None:
+    maurice(small_session, "--particles", "50", "--save", "a.rrd")
+    shown: Any = mv.show("a.rrd", width=800, height=600)
+    assert shown.size == (800, 600)
+    assert os.environ["RERUN_NOTEBOOK_ASSET"] == "serve-local"
+    then, now = RrdReader(tmp_path / "a.rrd"), shown.content(tmp_path)
+    assert [one.recording_id for one in now.recordings()] == [one.recording_id for one in then.recordings()]
+    assert len(now.blueprints()) == len(then.blueprints()) == 1
+    assert rows_of(now) == rows_of(then)
+
+
+def test_a_saved_run_and_a_session_are_drawn_and_shown(
+    small_session: Path, maurice: Maurice, tmp_path: Path, widget: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    maurice(small_session, "--particles", "50", "--feature", "color", "--run", "kept", "--no-recording")
+    kept: Any = mv.show("kept", layout="overview")
+    live: Any = mv.show(small_session, feature="color", particles=50)
+    assert "position error, mean (m)" in capsys.readouterr().out
+    saved, replayed = kept.content(tmp_path), live.content(tmp_path)
+    assert "/color/belief/particles" in {str(chunk.entity_path) for chunk in replayed.stream()}
+    assert rows_of(saved) == rows_of(replayed)
+    assert not list(tmp_path.glob("*.rrd.*"))
+
+
+def test_what_cannot_be_shown_is_a_log_error(tmp_path: Path, widget: None) -> None:
+    with pytest.raises(LogError, match="no such recording"):
+        mv.show(tmp_path / "no.rrd")
+    with pytest.raises(LogError, match="expected a saved run"):
+        mv.show(tmp_path)
+    with pytest.raises(LogError, match="could not be replayed"):
+        mv.show(tmp_path / "no.log")
+
+
+def test_the_notebook_of_the_documentation_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Execute its cells one after the other, all but the widget."""
+    monkeypatch.setattr(mv, "show", lambda *args, **options: None, raising=False)
+    notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+    space: dict[str, Any] = {}
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert len(cells) == 5
+    for cell in cells:
+        exec(compile(cell, str(NOTEBOOK), "exec"), space)
+    assert space["errors"].columns == ["step", "color", "best"]
+    assert space["errors"].height == 40
+
+
+def test_the_notebook_is_executed_and_says_nothing_of_where() -> None:
+    text = NOTEBOOK.read_text(encoding="utf-8")
+    notebook = json.loads(text)
+    outputs = [cell["outputs"] for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert sum(bool(found) for found in outputs) >= 3
+    assert len(text) < 40_000
+    assert "widgets" not in notebook["metadata"]
+    for place in ("/tmp", "/home", "/root", "/Users", "localhost", "127.0.0.1"):
+        assert place not in text

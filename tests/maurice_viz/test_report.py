@@ -1,0 +1,261 @@
+"""`maurice-replay report`: one page that stands alone, in a parser and in a real browser."""
+
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from maurice_loaders.session_writer import SessionWriter
+from maurice_mcl.arena import Arena, Region
+from maurice_mcl.session import SessionInfo
+from maurice_mcl.typing import F64, U8
+from maurice_viz.cli import app
+from maurice_viz.report.page import SECTIONS
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium")
+VOID = {"meta", "link", "img", "br", "hr"}
+EVIL = "走行 <script>alert('x')</script> & \"Ärger\""
+Maurice = Callable[..., tuple[str, str]]
+
+
+class Outline(HTMLParser):
+    """Checks that elements are closed as they were opened, and keeps what tests ask for."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.counts: dict[str, int] = {}
+        self.attributes: list[tuple[str, str, str]] = []
+        self.headings: list[str] = []
+        self.text: list[str] = []
+        self.feed(page)
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.counts[tag] = self.counts.get(tag, 0) + 1
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+        if self.open and self.open[-1] in ("h1", "h2"):
+            self.headings.append(data)
+
+    def values(self, tag: str, name: str) -> list[str]:
+        return [value for found, key, value in self.attributes if (found, key) == (tag, name)]
+
+
+@pytest.fixture
+def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
+    """Run a command in the test's folder; give what it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
+        done = CliRunner().invoke(app, [str(arg) for arg in args])
+        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
+        return done.stdout, done.stderr
+
+    return run
+
+
+def one_line(err: str) -> str:
+    (line,) = err.strip().splitlines()
+    return line
+
+
+def reported(maurice: Maurice, session: Path, *words: str) -> str:
+    """Save a run of a session, and give the page about it."""
+    maurice(session, "--particles", "150", "--run", "kept", "--no-recording", *words)
+    assert maurice("report", "kept", "-o", "r.html") == ("r.html\n", "")
+    return Path("r.html").read_text(encoding="utf-8")
+
+
+def check(page: str, runs: int = 1) -> Outline:
+    """Check what holds for every report."""
+    found = Outline(page)
+    assert set(SECTIONS) <= set(found.ids)
+    assert len(set(found.ids)) == len(found.ids)
+    assert set(SECTIONS.values()) <= set(found.headings)
+    assert found.counts.get("script", 0) == 0
+    outside = [v for v in found.values("img", "src") + found.values("link", "href") if v[:5] != "data:"]
+    assert not outside
+    assert "http" not in page.replace("http-equiv", "")
+    links = [value[1:] for value in found.values("a", "href")]
+    assert set(links) <= set(found.ids)
+    assert all(found.values("img", "alt"))
+    assert len(found.values("img", "alt")) == found.counts.get("img", 0)
+    assert found.counts["caption"] == found.counts["table"]
+    assert not re.search(r"\b(nan|inf|None)\b", " ".join(found.text))
+    assert not re.search(r'="[^"]*\bnan\b', page)
+    return found
+
+
+def test_every_section_is_there_and_filled(small_session: Path, maurice: Maurice) -> None:
+    found = check(reported(maurice, small_session))
+    assert found.headings[0] == "kleine Fahrt"
+    labels = [value for value in found.values("svg", "aria-label") if value]
+    assert [label.split(" in ")[0] for label in labels[1:]] == [
+        "Position error", "Heading error", "Spread", "Confidence", "Effective sample size", "Evidence",
+    ]  # fmt: skip
+    text = " ".join(found.text)
+    for expected in ("position error, mean (m)", "wood", "160 at 20 places", "40 x 30 px", "sharpness = "):
+        assert expected in text
+    assert found.counts["img"] >= 4
+
+
+def test_the_same_run_gives_the_same_bytes(small_session: Path, maurice: Maurice) -> None:
+    first = reported(maurice, small_session)
+    assert "exists already" in one_line(maurice("report", "kept", "-o", "r.html", expect=1)[1])
+    maurice("report", "kept", "-o", "r.html", "--force")
+    assert Path("r.html").read_text(encoding="utf-8") == first
+
+
+def test_a_comparison_is_one_page(small_session: Path, maurice: Maurice) -> None:
+    maurice("compare", small_session, "--particles", "150", "--run", "both", "--no-recording")
+    maurice("report", "both", "-o", "r.html")
+    page = Path("r.html").read_text(encoding="utf-8")
+    found = check(page, runs=2)
+    text = " ".join(found.text)
+    assert "Where the runs differ" in text
+    assert "sensor.weights" in text
+    assert found.values("g", "class").count("run0") == found.values("g", "class").count("run1") == 7
+    assert "color: estimate" in text
+    assert "blended: estimate" in text
+
+
+def test_without_truth_the_errors_are_left_out_and_said(maurice: Maurice, tmp_path: Path) -> None:
+    from_survey = session_of(tmp_path, truth=False)
+    page = reported(maurice, from_survey)
+    found = check(page)
+    assert "position error, heading error" in " ".join(found.text)
+    assert "widest cloud" in " ".join(found.text)
+    assert len([label for label in found.values("svg", "aria-label") if label]) == 1 + 4
+
+
+def test_without_session_and_library_it_says_so(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
+    small_session.unlink()
+    (tmp_path / "survey.log").unlink()
+    maurice("report", "kept", "-o", "r.html")
+    found = check(Path("r.html").read_text(encoding="utf-8"))
+    assert "the picture is not at hand" in found.text
+    assert "not at hand" in found.text
+
+
+def test_one_picture_one_reference_and_hostile_names(maurice: Maurice, tmp_path: Path) -> None:
+    session = session_of(tmp_path, name=EVIL, updates=1, references=1)
+    found = check(reported(maurice, session))
+    assert found.headings[0] == EVIL
+    assert "1 at 1 places" in " ".join(found.text)
+
+
+def test_bookmarks_are_events_with_a_picture(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+    maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
+    (tmp_path / "kept" / "bookmarks.jsonl").write_text('{"step": 5, "note": "odd <turn>"}\nbroken\n')
+    assert "bookmarks.jsonl:2" in one_line(maurice("report", "kept", "-o", "r.html")[1])
+    found = check(Path("r.html").read_text(encoding="utf-8"))
+    assert "bookmark: odd <turn>" in found.text
+    assert any("step 5" in alt for alt in found.values("img", "alt"))
+
+
+def test_what_is_no_run_is_a_line(maurice: Maurice, tmp_path: Path) -> None:
+    assert "expected a saved run's folder" in one_line(maurice("report", "none", expect=1)[1])
+    assert "should end in .html" in maurice("report", "none", "-o", "r.pdf", expect=2)[1]
+    assert not list(tmp_path.iterdir())
+
+
+def session_of(
+    folder: Path, name: str = "x", updates: int = 6, truth: bool = True, references: int = 16
+) -> Path:
+    """Write a session and a survey whose names can be anything."""
+    sofa = Region(name, np.array([[0.1, 0.1], [0.6, 0.1], [0.6, 0.5]]))
+    arena = Arena(
+        (0.0, 0.0, 2.0, 2.0), np.zeros((0, 4)), obstacles=(sofa,), floors=(Region(name, np.eye(3, 2)),)
+    )
+    with SessionWriter(folder / "survey.log", SessionInfo(name, "m", arena=arena), "survey") as log:
+        for k in range(references):
+            log.image(float(k), view(k), pose=np.array([1.0 + k / 32, 1.0, k * np.pi / 8]))
+    info = SessionInfo(name, "m", survey=folder / "survey.log", arena=arena)
+    with SessionWriter(folder / "session.log", info) as log:
+        for k in range(updates):
+            log.odometry(2.0 * k + 1, np.array([0.01, 0.0, 0.1]))
+            log.image(2.0 * k + 2, view(k))
+            if truth:
+                log.truth(2.0 * k + 2, pose(k))
+    return folder / "session.log"
+
+
+def pose(k: int) -> F64:
+    return np.array([1.0 + k / 32, 1.0, 0.1 * k])
+
+
+def view(k: int) -> U8:
+    return np.random.default_rng(k).integers(0, 255, (24, 32, 3)).astype(np.uint8)
+
+
+def browse(page: Path, *options: str) -> tuple[str, str]:
+    """Open a page in Chromium without a window; give what it wrote, and what its console said."""
+    assert CHROMIUM is not None
+    fixed = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--enable-logging=stderr"]
+    place = f"--user-data-dir={page.parent / 'profile'}"
+    command = [CHROMIUM, *fixed, "--v=0", place, *options, page.resolve().as_uri()]
+    done = subprocess.run(command, cwd=page.parent, capture_output=True, text=True, check=True, timeout=120)
+    return done.stdout, "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
+
+
+@needs_browser
+def test_a_browser_shows_it_without_a_complaint(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    reported(maurice, small_session)
+    page = tmp_path / "r.html"
+    dom, console = browse(page, "--dump-dom")
+    assert console == ""
+    found = Outline(dom.replace("</polyline>", "</polyline>"))
+    assert set(SECTIONS) <= set(found.ids)
+    brightness = []
+    for scheme in ("1", "0"):  # light, dark
+        file = tmp_path / f"{scheme}.png"
+        browse(page, f"--screenshot={file}", "--window-size=1280,1000",
+               f"--blink-settings=preferredColorScheme={scheme}")  # fmt: skip
+        image = cv2.imread(str(file))
+        assert image is not None
+        brightness.append(float(image.mean()))
+    assert brightness[0] > 180
+    assert brightness[1] < 75
+    browse(page, f"--print-to-pdf={tmp_path / 'r.pdf'}")
+    assert (tmp_path / "r.pdf").read_bytes().startswith(b"%PDF")
+
+
+@needs_browser
+def test_on_a_phone_nothing_is_wider_than_the_screen(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    import html
+
+    inner = html.escape(reported(maurice, small_session))
+    script = "f.onload=()=>{document.title=f.contentDocument.documentElement.scrollWidth}"
+    frame = tmp_path / "frame.html"
+    frame.write_text(
+        f'<iframe id="f" width="400" height="900" srcdoc="{inner}"></iframe><script>{script}</script>'
+    )
+    dom, _ = browse(frame, "--dump-dom")
+    width = re.search(r"<title>(\d+)</title>", dom)
+    assert width is not None
+    assert 300 < int(width[1]) <= 400

@@ -1,0 +1,132 @@
+"""The parts that a report is made of: markup, charts, ways on the map, the choice of pictures."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maurice_mcl.events import Event
+from maurice_viz.report.charts import MOST_POINTS, thinned, ticks
+from maurice_viz.report.choosing import MOST_PICTURES, Happening, choose, listed, said_steps, worst_step
+from maurice_viz.report.markup import Markup, number, tag
+from maurice_viz.report.plan import MOST_POINTS as MOST_PLACES
+from maurice_viz.report.plan import thin, unbroken
+from maurice_viz.report.tracks import NOWHERE, NUMBERS, Collected, Track
+
+
+def test_text_is_escaped_and_markup_is_not() -> None:
+    inner = tag("b", "a < b & 'c'", title='"q"')
+    assert inner == '<b title="&quot;q&quot;">a &lt; b &amp; &#x27;c&#x27;</b>'
+    assert tag("p", inner, class_="x", id=None) == f'<p class="x">{inner}</p>'
+    assert tag("img", alt="") == '<img alt="">'
+    assert isinstance(inner, Markup)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1.0, "1"), (-0.001, "0"), (2.345, "2.35"), (10.5, "10.5"), (0, "0")]
+)
+def test_numbers_are_short(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+@given(
+    st.floats(-1e6, 1e6).flatmap(lambda low: st.tuples(st.just(low), st.floats(1e-3, 1e6))),
+    st.integers(3, 9),
+)
+def test_ticks_are_round_within_the_axis_and_enough(span: tuple[float, float], most: int) -> None:
+    low, high = span[0], span[0] + span[1]
+    found = ticks(low, high, most)
+    assert len(found) <= most + 1
+    assert len(found) >= (most - 1) // 3
+    slack = 1e-6 * max(abs(low), abs(high))
+    assert all(low - slack <= value <= high + slack for value in found)
+
+
+@given(st.integers(1, 4000), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_every_peak(size: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = np.arange(float(size)), rng.normal(size=size)
+    y[rng.random(size) < 0.1] = np.nan
+    few_x, few_y = thinned(x, y)
+    assert len(few_x) <= MOST_POINTS
+    assert (np.diff(few_x) > 0).all()
+    assert all(np.array_equal(y[int(a)], b, equal_nan=True) for a, b in zip(few_x, few_y, strict=True))
+    if np.isfinite(y).any():
+        assert np.nanmax(few_y) == np.nanmax(y)
+        assert np.nanmin(few_y) == np.nanmin(y)
+
+
+def test_a_way_is_broken_at_a_jump_and_where_it_is_not_known() -> None:
+    places = np.array([[0.0, 0], [0.3, 0], [5.0, 0], [5.2, 0], [np.nan, np.nan], [5.4, 0], [5.6, 0]])
+    parts = unbroken(places, np.full(7, 0.3))
+    assert [len(part) for part in parts] == [2, 2, 2]
+    whole = unbroken(places[:4], np.full(4, 2.0))  # the robot itself measured two metres a step
+    assert [len(part) for part in whole] == [4]
+    assert [len(part) for part in unbroken(np.zeros((1, 2)), np.zeros(1))] == [1]
+
+
+def test_a_long_way_keeps_its_ends() -> None:
+    places = np.random.default_rng(0).normal(size=(20_000, 2))
+    few = thin(places)
+    assert len(few) == MOST_PLACES
+    assert (few[[0, -1]] == places[[0, -1]]).all()
+    assert thin(places[:50]) is not None
+    assert len(thin(places[:50])) == 50
+
+
+def track(label: str, errors: list[float], events: list[Event] | None = None) -> Track:
+    made = Track(label, events=events or [])
+    for step, error in enumerate(errors, start=1):
+        row = dict.fromkeys(NUMBERS, 0.5) | {"step": float(step), "position_error_m": error}
+        made.rows.append(tuple(row[name] for name in NUMBERS))
+        made.poses.append(np.stack([np.zeros(3), NOWHERE, NOWHERE]))
+    return made
+
+
+def collected(*tracks: Track) -> Collected:
+    return Collected(tracks, (), None)
+
+
+def happened(kind: str, *steps: int) -> list[Happening]:
+    return [Happening(Event(step, float(step), kind, "text"), ("a",)) for step in steps]
+
+
+def test_the_worst_step_is_that_of_the_largest_error_of_any_run() -> None:
+    assert worst_step(collected(track("a", [1, 5, 2]), track("b", [1, 2, 9]))) == 3
+    assert worst_step(collected(track("a", [np.nan, 5, np.nan]))) == 2
+    assert worst_step(collected(track("a", [np.nan, np.nan]))) == 1  # equally wide clouds: the first
+
+
+def test_every_kind_gets_a_picture_before_one_gets_two() -> None:
+    events = sorted(
+        happened("mode-switch", *range(10, 40)) + happened("lost", 41) + happened("session", 5, 6),
+        key=lambda one: one.event.step,
+    )
+    scenes = choose(collected(track("a", [1.0] * 50)), events)
+    steps = [scene.step for scene in scenes]
+    assert len(steps) == MOST_PICTURES
+    assert steps == sorted(steps)
+    assert {1, 50, 41, 10, 5} <= set(steps)
+    assert [scene.number for scene in scenes] == list(range(1, MOST_PICTURES + 1))
+    assert "lost: text" in next(scene for scene in scenes if scene.step == 41).reasons
+
+
+def test_a_quiet_run_has_its_worst_and_its_last_step() -> None:
+    (one,) = choose(collected(track("a", [3.0])), [])
+    assert one.reasons == ("largest position error", "the last step")
+    assert [s.step for s in choose(collected(track("a", [1.0, 3.0, 2.0])), happened("resampled", 1))] == [
+        2,
+        3,
+    ]
+
+
+def test_what_happens_all_the_time_is_not_listed() -> None:
+    events = happened("resampled", 1) + happened("reseeded", *range(30)) + happened("lost", 4)
+    assert [one.event.kind for one in listed(events)] == ["lost"]
+
+
+@pytest.mark.parametrize(
+    ("steps", "text"), [([], ""), ([3], "3"), ([4, 3, 3], "3, 4"), ([1, 2, 3, 7, 9, 10, 11], "1-3, 7, 9-11")]
+)
+def test_steps_are_written_shortly(steps: list[int], text: str) -> None:
+    assert said_steps(steps) == text

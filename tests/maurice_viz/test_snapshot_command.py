@@ -1,0 +1,113 @@
+"""`maurice-replay snapshot`, as a person types it; with the real viewer where a renderer is there."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from maurice_viz.cli import app
+from maurice_viz.snapshot import software_driver
+
+needs_renderer = pytest.mark.skipif(
+    software_driver() is None,
+    reason="no software Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1",
+)
+Maurice = Callable[..., tuple[str, str]]
+
+
+@pytest.fixture
+def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
+    """Run a command in the test's folder, where there is no display; give what it printed."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
+        done = CliRunner().invoke(app, [str(arg) for arg in args])
+        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
+        return done.stdout, done.stderr
+
+    return run
+
+
+def one_line(err: str) -> str:
+    (line,) = err.strip().splitlines()
+    return line
+
+
+def shape(file: Path) -> tuple[int, ...]:
+    image = cv2.imread(str(file))
+    assert image is not None
+    assert (cv2.Canny(image, 30, 90) > 0).mean() > 0.004, "looks empty"
+    return image.shape
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (),
+        ("-o", "a.png", "--movie", "a.mp4"),
+        ("-o", "a.jpg"),
+        ("--movie", "a.avi"),
+        ("-o", "a.png", "--phases"),
+        ("-o", "a.png", "--from", "2"),
+        ("--movie", "a.mp4", "--step", "2"),
+        ("--movie", "a.mp4", "--from", "5", "--to", "2"),
+        ("-o", "a.png", "--phase", "think"),
+        ("-o", "a.png", "--size", "16x9"),
+        ("-o", "a.png", "--size", "big"),
+        ("-o", "a.png", "--layout", "none-such"),
+    ],
+)
+def test_what_contradicts_itself_is_a_usage_error(maurice: Maurice, words: tuple[str, ...]) -> None:
+    assert "Usage" in maurice("snapshot", "kept", *words, expect=2)[1]
+
+
+def test_bad_sources_are_a_line(maurice: Maurice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("maurice_viz.snapshot.software_driver", lambda: Path("driver.json"))
+    assert "no such recording" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
+    assert "found no manifest.json" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
+    (tmp_path / "a.png").write_bytes(b"earlier")
+    assert "--force" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
+    assert (tmp_path / "a.png").read_bytes() == b"earlier"
+
+
+def test_without_a_driver_the_package_is_named(maurice: Maurice, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("maurice_viz.snapshot.DRIVERS", ())
+    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
+    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "--movie", "a.gif", expect=1)[1])
+
+
+@needs_renderer
+def test_pictures_of_a_saved_run(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+    maurice(small_session, "--particles", "100", "--run", "kept", "--no-recording")
+    out, err = maurice("snapshot", "kept", "-o", "belief.png", "--step", "7", "--view", "belief",
+                       "--size", "900x600")  # fmt: skip
+    assert (out, err) == ("belief.png\n", "")
+    assert shape(tmp_path / "belief.png") == (600, 900, 3)
+    found = one_line(maurice("snapshot", "kept", "-o", "x.png", "--step", "15", expect=1)[1])
+    assert "no step 15, expected one from 1 to 14" in found
+    assert sorted(file.name for file in tmp_path.glob("*.*")) == ["belief.png", "session.log", "survey.log"]
+
+
+@needs_renderer
+def test_pictures_and_a_movie_of_a_recording(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+    maurice(small_session, "--particles", "100", "--save", "a.rrd")
+    maurice(
+        "snapshot", "a.rrd", "-o", "weight.png", "--step", "7", "--phase", "weight", "--layout", "overview"
+    )
+    assert shape(tmp_path / "weight.png") == (1000, 1600, 3)
+    assert "'Camera (px)'" in one_line(
+        maurice("snapshot", "a.rrd", "-o", "x.png", "--view", "?", expect=1)[1]
+    )
+    maurice("snapshot", "a.rrd", "--movie", "m.gif", "--from", "3", "--to", "4", "--view", "belief",
+            "--size", "400x300")  # fmt: skip
+    with Image.open(tmp_path / "m.gif") as movie:
+        assert (movie.size, getattr(movie, "n_frames", 1)) == ((400, 300), 2)
+        first = np.asarray(movie.convert("RGB"))
+        movie.seek(1)
+        assert (np.asarray(movie.convert("RGB")) != first).any()

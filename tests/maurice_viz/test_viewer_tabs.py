@@ -1,0 +1,55 @@
+"""Arranging a viewer: which tab is in front, which view fills the window."""
+
+import copy
+from typing import Any
+
+import pytest
+
+from maurice_viz.viewer_tabs import LayoutError, maximized, with_layout
+
+VIEWS = {"Belief: particles (in)": "b", "Edges": "e", "Edges difference": "d", "Camera (px)": "c"}
+
+
+def container(kind: str, contents: str | list[str], **more: str) -> dict[str, Any]:
+    return {"ContainerBlueprint": {"container_kind": kind, "contents": contents, **more}}
+
+
+def blueprint() -> dict[str, Any]:
+    return {
+        "/container/root": container("Tabs", "container/tabs", active_tab="container/tabs"),
+        "/container/tabs": container("Tabs", ["container/one", "container/two"], active_tab="container/one"),
+        "/container/one": container("Horizontal", ["view/b"], display_name="overview"),
+        "/container/two": container("Vertical", ["view/e"], display_name="traces"),
+        "/viewport": {"ViewportBlueprint": {"root_container": "root"}},
+    }
+
+
+def test_a_layout_comes_to_the_front_and_nothing_else_changes() -> None:
+    before = blueprint()
+    after = with_layout(before, "traces")
+    assert before == blueprint()
+    assert after["/container/tabs"]["ContainerBlueprint"].pop("active_tab") == "container/two"
+    del before["/container/tabs"]["ContainerBlueprint"]["active_tab"]
+    assert after == before
+
+
+def test_an_unknown_layout_names_those_there_are() -> None:
+    with pytest.raises(LayoutError, match="'map'; it has overview, traces"):
+        with_layout(blueprint(), "map")
+
+
+@pytest.mark.parametrize(
+    ("name", "view"), [("belief", "b"), ("Edges", "e"), ("edges d", "d"), ("CAMERA (PX)", "c")]
+)
+def test_a_view_is_found_by_its_title_or_how_that_begins(name: str, view: str) -> None:
+    before = blueprint()
+    after = maximized(copy.deepcopy(before), VIEWS, name)
+    assert after["/viewport"]["ViewportBlueprint"].pop("maximized") == view
+    assert after == before
+
+
+@pytest.mark.parametrize(("name", "message"), [("map", "no views"), ("e", "2 views"), ("", "4 views")])
+def test_no_view_or_several_are_refused_with_their_titles(name: str, message: str) -> None:
+    with pytest.raises(LayoutError, match=message) as problem:
+        maximized(blueprint(), VIEWS, name)
+    assert "'Edges'" in str(problem.value)
