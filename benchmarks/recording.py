@@ -42,7 +42,7 @@ def measure(library: Library, session: SessionLog, feature: str, particles: int,
     shown = Shown(library.arena, scale_for(library.display_units, library.arena), True)
     layout = for_runs([Run(feature, tuple(distances))], shown)
     with sinks.to_file(path, feature, layout, force=True) as rec:
-        observer = RerunObserver(rec, feature, distances)
+        observer = RerunObserver(rec, feature, distances, sensor=localizer.sensor)
         observer.begin(session.info, library)
         for name in ("first pass", "second pass"):
             took, worked = [], []

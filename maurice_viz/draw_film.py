@@ -25,7 +25,7 @@ COLUMNS = 8
 CELL_PX = 144  # thumbnails are as wide as on the contact sheet
 CAPTION_PX, GAP_PX, TEXT_PX = 20, 6, 11.0
 ROWS: tuple[tuple[str, RGB], ...] = (("seen", PALE), ("at truth", TRUTH), ("at estimate", ESTIMATE))
-QUALITY = 80
+QUALITY = 70
 
 
 @dataclass(slots=True)

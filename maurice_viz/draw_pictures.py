@@ -13,14 +13,15 @@ from . import entities
 from .look import MISSING, PALE
 from .raster import jpeg, put_text
 
-SHEET_QUALITY = 75
+SHEET_QUALITY = 70
+EDGES_QUALITY = 75  # a drawing made for the eye; the channel measures the picture itself
 EDGE_GAIN = 3
 
 
 def draw_camera(rec: rr.RecordingStream, image: U8) -> None:
     """Log a picture (H, W, 3) RGB and its edge image, which is what the edge channel measures."""
     draw_jpeg(rec, entities.CAMERA, jpeg(image))
-    draw_jpeg(rec, entities.EDGES, jpeg(brightened(edge_image(image))))
+    draw_jpeg(rec, entities.EDGES, jpeg(brightened(edge_image(image)), EDGES_QUALITY))
 
 
 def brightened(edges: U8) -> U8:

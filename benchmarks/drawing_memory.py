@@ -1,0 +1,66 @@
+"""Memory over a long session: megabytes held after every thousand updates drawn whole.
+
+    .venv/bin/python benchmarks/drawing_memory.py [UPDATES]
+
+The demo's first hundred updates are drawn again and again under growing numbers, with a thousand particles.
+Caches of reference pictures fill first; after that the figures must stay where they are. The recording
+grows to about 90 kB an update in the temporary folder, and is removed.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+
+from maurice_datasets.maurice import demo_paths
+from maurice_loaders.library_build import build_library
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.localizer import run
+from maurice_mcl.parameters import of_feature
+from maurice_viz import sinks
+from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.shown import Run, Shown
+from maurice_viz.look import scale_for
+from maurice_viz.observe import RerunObserver
+
+EVERY, STEPS, PARTICLES = 1000, 100, 1000
+
+
+def held_mb() -> float:
+    """Give what this process holds in memory (Linux)."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def main() -> None:
+    """Draw, and print."""
+    cv2.setNumThreads(1)
+    updates = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
+    paths = demo_paths()
+    library, session = build_library(paths.survey), SessionLog(paths.session)
+    localizer = make_localizer(library, session, of_feature("blended", PARTICLES))
+    pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
+    distances = localizer.sensor.distances
+    shown = Shown(library.arena, scale_for(library.display_units, library.arena), True)
+    layout = for_runs([Run("blended", tuple(distances))], shown)
+    with tempfile.TemporaryDirectory() as folder:
+        with sinks.to_file(Path(folder) / "long.rrd", "long", layout) as rec:
+            observer = RerunObserver(rec, "blended", distances, sensor=localizer.sensor)
+            observer.begin(session.info, library)
+            for number in range(1, updates + 1):
+                moment, record = pairs[(number - 1) % STEPS]
+                frame = replace(moment.frame, step=number, time_s=float(number))
+                observer.see(replace(moment, frame=frame), replace(record, frame=frame))
+                if number % EVERY == 0:
+                    print(f"after {number:6} updates: {held_mb():6.0f} MB", flush=True)
+            observer.end()
+
+
+if __name__ == "__main__":
+    main()
