@@ -49,17 +49,19 @@ def main() -> None:
     distances = localizer.sensor.distances
     shown = Shown(library.arena, scale_for(library.display_units, library.arena), True)
     layout = for_runs([Run("blended", tuple(distances))], shown)
-    with tempfile.TemporaryDirectory() as folder:
-        with sinks.to_file(Path(folder) / "long.rrd", "long", layout) as rec:
-            observer = RerunObserver(rec, "blended", distances, sensor=localizer.sensor)
-            observer.begin(session.info, library)
-            for number in range(1, updates + 1):
-                moment, record = pairs[(number - 1) % STEPS]
-                frame = replace(moment.frame, step=number, time_s=float(number))
-                observer.see(replace(moment, frame=frame), replace(record, frame=frame))
-                if number % EVERY == 0:
-                    print(f"after {number:6} updates: {held_mb():6.0f} MB", flush=True)
-            observer.end()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        sinks.to_file(Path(folder) / "long.rrd", "long", layout) as rec,
+    ):
+        observer = RerunObserver(rec, "blended", distances, sensor=localizer.sensor)
+        observer.begin(session.info, library)
+        for number in range(1, updates + 1):
+            moment, record = pairs[(number - 1) % STEPS]
+            frame = replace(moment.frame, step=number, time_s=float(number))
+            observer.see(replace(moment, frame=frame), replace(record, frame=frame))
+            if number % EVERY == 0:
+                print(f"after {number:6} updates: {held_mb():6.0f} MB", flush=True)
+        observer.end()
 
 
 if __name__ == "__main__":

@@ -98,18 +98,15 @@ def expect_widget() -> None:
 
 
 def _widget(recording: Path, width: Side, height: Side) -> Viewer:
-    import rerun as rr
-    from rerun.chunk import RrdReader
     from rerun.notebook import Viewer
 
     if not recording.is_file():
         raise LogError(recording, "found no such recording; replay a session with --save to make one")
-    (stored, *_) = RrdReader(recording).recordings()
-    # under the recording's own name, or the widget would have an empty one beside it
-    rec = rr.RecordingStream(stored.application_id, recording_id=stored.recording_id, send_properties=False)
-    viewer = Viewer(width=width, height=height, recording=rec)
-    rec.log_file_from_contents(recording, recording.read_bytes())
-    rec.flush()
+    # our colors are made for a dark ground, whatever the notebook's is
+    viewer = Viewer(width=width, height=height, use_global_recording=False, theme="dark")
+    # the file as it is: it begins with its layout. Through a recording stream, whose first message names
+    # a recording, the widget would have chosen a layout of its own before
+    viewer._flush_hook(recording.read_bytes())
     return viewer
 
 

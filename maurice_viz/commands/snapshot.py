@@ -15,7 +15,7 @@ import typer
 from maurice_loaders.errors import LogError
 from maurice_loaders.whole_files import expect_absent, write_whole
 
-from ..console import notes, progress, results
+from ..console import note, notes, progress, results
 from ..entities import PHASE, SLOTS, STEP, Slot, phase_number
 from .failing import one_line_errors
 from .options import ForceOption, LayoutOption, OutputOptions
@@ -164,10 +164,14 @@ def _take_movie(source: Path, movie: Path, places: Places, fps: float, look: Loo
     expect_absent(movie, force=force)
     with _viewer_on(source, look) as viewer:
         timeline, values = places.on(viewer, source)
-        with film(movie, fps, force=force) as frames, progress("movie") as advance:
-            for done, value in enumerate(values, start=1):
-                frames.add(from_png(viewer.picture(timeline, value, ALIKE_IN_MOVIE)))
-                advance(done, len(values))
+        try:
+            with film(movie, fps, force=force) as frames, progress("movie") as advance:
+                for done, value in enumerate(values, start=1):
+                    frames.add(from_png(viewer.picture(timeline, value, ALIKE_IN_MOVIE)))
+                    advance(done, len(values))
+        except KeyboardInterrupt:
+            note(f"stopped; {movie} was not written")
+            raise
     results.print(str(movie), markup=False, soft_wrap=True)
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from maurice_loaders.run_store import SavedRun
-from maurice_loaders.run_store_manifest import CONFIGURATION, Source
+from maurice_loaders.run_store_manifest import CONFIGURATION, Source, versions_now
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
@@ -42,18 +41,18 @@ def session_facts(
     yield "truth", f"known at {known} of {collected.steps} steps" if known else "not known"
 
 
-def library_facts(library: Library, run: SavedRun, scale: Scale) -> Iterator[tuple[str, str]]:
-    """Name what is known of the library."""
-    manifest = run.manifest
+def library_facts(library: Library, runs: Sequence[SavedRun], scale: Scale) -> Iterator[tuple[str, str]]:
+    """Name what is known of the library, and which channels the runs used of it."""
+    manifest = runs[0].manifest
     yield "library", library.name if library.size else NOT_THERE
     yield "made from", _place(manifest.library)
     yield "SHA-256", _hash(manifest.library.sha256)
-    yield "SHA-256 of what the filter used of it", _hash(manifest.library_content)
     if library.size:
         places = np.unique(np.round(library.poses[:, :2], 3), axis=0)
         yield "references", f"{library.size} at {len(places)} places"
     yield "map", " x ".join(scale.say(side) for side in library.arena.size_m)
-    yield "channels", ", ".join(manifest.channels)
+    used = dict.fromkeys(name for run in runs for name in run.manifest.channels)
+    yield "channels that were used", ", ".join(used)
 
 
 def run_facts(run: SavedRun, scale: Scale) -> Iterator[tuple[str, str]]:
@@ -63,10 +62,11 @@ def run_facts(run: SavedRun, scale: Scale) -> Iterator[tuple[str, str]]:
     yield "start", "anywhere" if manifest.start is None else scale.say_pose(np.array(manifest.start))
     ended = {"writing": "was cut off", "complete": "complete"}.get(manifest.state, manifest.state)
     yield "state", ended
+    yield "channels", ", ".join(manifest.channels)
+    yield "SHA-256 of what it used of the library", _hash(manifest.library_content)
     yield "SHA-256 of the configuration", _hash(manifest.configuration_sha256)
-    for name, number in manifest.versions.items():
-        yield name, str(number)
-    yield "report written by", f"maurice-replay {version('maurice-replay')}"
+    for name in versions_now():
+        yield name, str(manifest.versions.get(name, "-"))
 
 
 def _place(source: Source) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 
 import numpy as np
 
@@ -85,7 +86,7 @@ def page(report: Report) -> str:
         "body",
         tag("header", tag("h1", name), tag("p", _subtitle(report)), _notes(report), _contents()),
         tag("main", (_section(key, bodies[key]) for key in SECTIONS)),
-        tag("footer", tag("p", "Lengths in the session's own units, headings counter-clockwise from +x.")),
+        tag("footer", tag("p", _footer())),
     )
     return "<!DOCTYPE html>\n" + tag("html", head, body, lang="en") + "\n"
 
@@ -95,9 +96,15 @@ def _subtitle(report: Report) -> str:
     return f"{what} of vision-based Monte Carlo localization, step by step: {', '.join(report.labels)}"
 
 
-def _notes(report: Report) -> list[Markup]:
+def _footer() -> str:
+    units = "Lengths in the session's own units, headings counter-clockwise from +x."
+    return f"{units} Written by maurice-replay {version('maurice-replay')}."
+
+
+def _notes(report: Report) -> Markup | None:
     """Say first what a reader must know of the data, such as that odometry was made up."""
-    return [tag("p", tag("strong", "Note: "), note) for note in report.info.notes]
+    notes = "; ".join(report.info.notes)
+    return tag("p", tag("strong", "Of the session: "), notes) if notes else None
 
 
 def _contents() -> Markup:
@@ -227,22 +234,15 @@ def _event_row(one: Happening, several: bool, runs: int, pictured: Mapping[int, 
 
 
 def _pictures(report: Report) -> Markup:
-    key = tag(
-        "p",
-        RULE,
-        " On the maps: ",
-        _disk(TRUTH) if report.runs[0].manifest.has_truth else "",
-        "truth " if report.runs[0].manifest.has_truth else "",
-        _disk(ESTIMATE),
-        "estimate, particles colored by weight: 1/8 ",
-        tag("span", class_="ramp"),
-        "8 times the average.",
-    )
+    truth = _disk(TRUTH, "truth") if report.runs[0].manifest.has_truth else ""
+    weights = tag("span", "particles by weight: 1/8", tag("span", class_="ramp"), "8 times the average")
+    key = joined([tag("p", RULE), tag("p", "On the maps: ", truth, _disk(ESTIMATE, "estimate"), weights)])
     return joined([key, *(_scene(report, scene) for scene in report.scenes)])
 
 
-def _disk(color: tuple[int, int, int]) -> Markup:
-    return tag("span", class_="disk", style=f"background:rgb{color}")
+def _disk(color: tuple[int, int, int], text: str) -> Markup:
+    disk = tag("span", class_="disk", style=f"background:rgb{color}")
+    return tag("span", disk, text, class_="key")
 
 
 def _scene(report: Report, scene: Scene) -> Markup:
@@ -263,6 +263,10 @@ def _figures(report: Report, scene: Scene, shot: Shot, row: int) -> Iterable[Mar
         alt = f"What the camera saw at step {scene.step}"
         camera = tag("img", src=data_url(shot.camera, "image/jpeg"), alt=alt)
     yield tag("figure", camera, tag("figcaption", "camera"), class_="camera")
+    yield tag("div", _maps(report, scene, shot, row), class_="maps")
+
+
+def _maps(report: Report, scene: Scene, shot: Shot, row: int) -> Iterator[Markup]:
     for track in report.collected.tracks:
         error = track.column("position_error_m")[row]
         pose = report.scale.say_pose(track.path("estimate")[row])
@@ -274,12 +278,13 @@ def _figures(report: Report, scene: Scene, shot: Shot, row: int) -> Iterable[Mar
 
 
 def _facts(report: Report) -> Markup:
-    first = report.runs[0]
-    head = ("", "")
-    parts = [
-        table("Session", head, session_facts(report.info, first, report.collected, report.scale), "facts"),
-        table("Library", head, library_facts(report.library, first, report.scale), "facts"),
-    ]
-    for run in report.runs:
-        parts.append(table(f"Run {run.manifest.label}", head, run_facts(run, report.scale), "facts"))
-    return joined(parts)
+    runs, scale = report.runs, report.scale
+    columns = [list(run_facts(run, scale)) for run in runs]
+    rows = ((row[0][0], *(value for _, value in row)) for row in zip(*columns, strict=True))
+    return joined(
+        [
+            table("Session", ("", ""), session_facts(report.info, runs[0], report.collected, scale), "facts"),
+            table("Library", ("", ""), library_facts(report.library, runs, scale), "facts"),
+            table("Runs", ("", *report.labels), rows, "facts"),
+        ]
+    )

@@ -78,12 +78,12 @@ svg text.badge{fill:var(--ground);font-size:11px;font-weight:700}
 .scene{margin:20px 0;padding:12px;background:var(--panel);border-radius:6px}
 .scene h3{margin:0 0 6px}
 .scene ul{margin:0 0 8px;padding-left:20px}
-.shots{display:flex;flex-wrap:wrap;gap:12px;align-items:flex-start}
-.shots figure{flex:1 1 280px;max-width:560px}
-.shots figure.camera{flex:0 1 240px}
+.shots{display:grid;grid-template-columns:minmax(0,240px) 1fr;gap:12px;align-items:start}
+.maps{display:flex;flex-wrap:wrap;gap:12px}
+.maps figure{flex:1 1 300px;max-width:560px}
 .shots img{display:block;width:100%;height:auto;border-radius:4px;background:#101114}
 .ramp{display:inline-block;width:90px;height:10px;margin:0 6px;vertical-align:baseline}
-.disk{display:inline-block;width:11px;height:11px;border-radius:50%;margin:0 4px 0 10px;
+.disk{display:inline-block;width:11px;height:11px;border-radius:50%;
   border:1px solid #565b66}
 .none{display:flex;align-items:center;justify-content:center;min-height:120px;
   border:1px dashed var(--line);color:var(--soft);font-size:.875rem;padding:8px;text-align:center}
@@ -93,6 +93,8 @@ svg text.badge{fill:var(--ground);font-size:11px;font-weight:700}
   pre{columns:1}
   header,main,footer{padding-left:14px;padding-right:14px}
   h1{font-size:1.5rem}
+  .shots{grid-template-columns:1fr}
+  .camera{max-width:240px}
   th,td{padding-right:10px}
 }
 @media screen and (max-width:600px){
@@ -111,15 +113,15 @@ svg text.badge{fill:var(--ground);font-size:11px;font-weight:700}
   nav,details{display:none}
   h2{margin-top:24px}
   h2,h3,caption{break-after:avoid}
-  figure,.scene,tr,svg,img{break-inside:avoid}
+  figure,.scene,tr,svg,img,pre{break-inside:avoid}
   .wide{overflow:visible}
   .charts{grid-template-columns:repeat(2,1fr);gap:12px 16px}
   .charts svg text{font-size:16px}
   .charts svg text.badge{font-size:12px}
   .plan>svg{max-width:150mm!important}
-  .shots{flex-wrap:nowrap}
-  .shots figure{flex:1 1 0;max-width:74mm}
-  .shots figure.camera{flex:0 1 42mm}
+  .shots{grid-template-columns:42mm 1fr}
+  .maps{flex-wrap:nowrap;gap:8px}
+  .maps figure{flex:1 1 0;max-width:74mm}
   .scene{padding:6px 10px;margin:8px 0}
   .shots figcaption{font-size:8pt}
   pre{font-size:7.5pt;columns:2}
