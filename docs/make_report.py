@@ -10,7 +10,7 @@ from pathlib import Path
 
 PICTURE = Path(__file__).parent / "pictures" / "report.png"
 COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
-SIZE = "1200,1900"
+SIZE = "1200,2560"
 STEPS = (
     ("simulate", "kidnapped", "-o", "drive", "--tier", "hard", "--seed", "3", "--updates", "100"),
     ("compare", "drive/session.log", "--preset", "thesis", "--preset", "robust", "--run", "both",

@@ -11,9 +11,10 @@ import numpy as np
 from maurice_mcl.typing import U8
 
 from .canvas import MARGIN, Extent, long_side, map_extent
+from .layouts.plots import COLOR_WORDS
 from .layouts.shown import Shown
 from .look import CIRCLE, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, RUN_COLORS, TRUTH
-from .raster import put_text, text_size
+from .raster import plain, put_text, text_size
 
 WIDTH_PX = 1280
 DISK_PX = 0.42  # radius of a disk, as a share of the height of capitals
@@ -40,8 +41,16 @@ def text_px(runs: int) -> float:
 
 def runs_key(labels: Sequence[str], has_truth: bool) -> U8:
     """Draw the key of the map that all runs share: a color a run, and the truth."""
-    items = [Item(label, color) for label, color in zip(labels, RUN_COLORS, strict=False)]
+    items = [
+        Item(_legible(label, k), color)
+        for k, (label, color) in enumerate(zip(labels, RUN_COLORS, strict=False))
+    ]
     return _wrapped(items + _truth(has_truth), SMALLER_MAP * text_px(len(labels)))
+
+
+def _legible(label: str, number: int) -> str:
+    """Name a color where a label is in a script that cannot be drawn; panels of words have both."""
+    return COLOR_WORDS[number] if plain(label).count("?") > label.count("?") else label
 
 
 def belief_key(runs: int, has_truth: bool) -> U8:

@@ -104,15 +104,18 @@ def open_saved(folder: Path) -> Opened:
 def replay_saved(folder: Path, output: OutputOptions) -> None:
     """Replay a saved run, or those of a comparison; what is wrong ends in one line and status 1."""
     with one_line_errors():
-        opened = open_saved(folder)
-        playing = Playing(
-            shared(opened.updates()),
-            opened.runs[0].manifest.pictures,
-            [drawn_of(one) for one in opened.restored],
-            opened.scene,
-            lambda collector: remark_saved(collector, opened.runs),
-        )
-        play(playing, output)
+        play(playing_of(open_saved(folder)), output)
+
+
+def playing_of(opened: Opened) -> Playing:
+    """Get saved runs ready to be gone through with `running.step_through`, from their first update."""
+    return Playing(
+        shared(opened.updates()),
+        opened.runs[0].manifest.pictures,
+        [drawn_of(one) for one in opened.restored],
+        opened.scene,
+        lambda collector: remark_saved(collector, opened.runs),
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -205,19 +205,15 @@ def _recording_of(source: Path) -> Iterator[Path]:
 
 def draw_saved(folder: Path, recording: Path, layout: str | None = None) -> None:
     """Draw a saved run, or those of a comparison, into a new recording. LogError for anything else."""
-    from .saved import drawn_of, open_saved
+    from .running import collector_of, step_through
+    from .saved import open_saved, playing_of
     from .showing import recording as drawing
 
-    opened = open_saved(folder)
-    total, runs = opened.runs[0].manifest.pictures, [drawn_of(one) for one in opened.restored]
+    playing = playing_of(open_saved(folder))
     output = OutputOptions("run", recording, True, False, force=True, json=False, layout=layout)
     with ExitStack() as stack:
         # what the recording says at its end, where it is and how to open it, is not for a temporary one
         stack.callback(setattr, notes, "quiet", notes.quiet)
-        observers = stack.enter_context(drawing(runs, opened.scene, output))
+        observers = stack.enter_context(drawing(playing.drawn, playing.scene, output))
         stack.callback(setattr, notes, "quiet", True)
-        with progress("draw") as advance:
-            for moment, records in opened.updates():
-                for label, observer in observers.items():
-                    observer.see(moment, records[label])
-                advance(moment.frame.step, total)
+        step_through(playing, observers, {}, collector_of(playing))

@@ -98,6 +98,11 @@ def _caption(plan: Plan, tracks: Sequence[Track], numbered: bool) -> Iterator[st
         yield _key(kind, "estimate" if single else track.label, None if single else DASHES[number_])
     if has(tracks[0], "odometry"):
         yield _key("odometry", "odometry alone, uncorrected, up to the map's edge", "1.5 4")
+    for name, kind in _floor_kinds(plan.arena).items():
+        patch = tag("rect", width=16, height=12, class_=kind)
+        yield tag(
+            "span", tag("svg", patch, viewBox="0 0 16 12", aria_hidden="true"), f" {name}", class_="key"
+        )
     yield " Way from the ring to the square. Lines are broken where something jumped"
     yield f" more than {plan.scale.say(LOST_M)} and more than three times what the robot measured."
     if numbered:
@@ -119,9 +124,10 @@ def _ground(plan: Plan) -> Iterator[Markup]:
     arena = plan.arena
     left, top, right, base = _box(plan)
     yield tag("rect", x=left, y=top, width=right - left, height=base - top, class_="free")
-    for place, floor in enumerate(arena.floors):
-        kind = floor.name.lower() if floor.name.lower() in KNOWN_FLOORS else f"floor{place % 3}"
-        yield tag("polygon", tag("title", floor.name), points=plan.points(floor.polygon), class_=kind)
+    kinds = _floor_kinds(arena)
+    for floor in arena.floors:
+        points = plan.points(floor.polygon)
+        yield tag("polygon", tag("title", floor.name), points=points, class_=kinds[floor.name])
     for obstacle in arena.obstacles:
         yield tag(
             "polygon", tag("title", obstacle.name), points=plan.points(obstacle.polygon), class_="solid"
@@ -131,6 +137,13 @@ def _ground(plan: Plan) -> Iterator[Markup]:
         yield tag("line", x1=x1, x2=x2, y1=y1, y2=y2, class_="wall")
     yield from _names(plan, arena.obstacles)
     yield from _ruler(plan)
+
+
+def _floor_kinds(arena: Arena) -> dict[str, str]:
+    """Give the class that colors each floor, by its name."""
+    names = dict.fromkeys(floor.name for floor in arena.floors)
+    others = [name for name in names if name.lower() not in KNOWN_FLOORS]
+    return {name: f"floor{others.index(name) % 3}" if name in others else name.lower() for name in names}
 
 
 def _names(plan: Plan, regions: Sequence[Region]) -> Iterator[Markup]:

@@ -54,7 +54,7 @@ svg text.name{fill:var(--ink)}
 .charts{display:grid;grid-template-columns:repeat(2,1fr);gap:24px}
 .plan>svg{margin:0 auto}
 .key{display:inline-flex;align-items:center;gap:6px;margin:0 14px 0 4px;color:var(--ink)}
-.key svg{display:inline-block;width:26px;height:12px}
+.key svg{display:inline-block;height:12px;width:auto}
 .grid{stroke:var(--line)}
 .axis{stroke:var(--soft)}
 .event{stroke:var(--soft);stroke-dasharray:3 3}

@@ -8,13 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
+from maurice_loaders.run_store_write import RunWriter
 from maurice_loaders.session_log import SessionLog
 from maurice_viz.cli import app
 from maurice_viz.commands.opening import Wanted, make_runs, open_library_for
 from maurice_viz.commands.options import RunOptions
+from maurice_viz.commands.snapshot import draw_saved
 from maurice_viz.commands.variations import names_of
+from maurice_viz.compare_paths import APART, RESULT, TEXT
 from maurice_viz.replaying import run_together
 
 Maurice = Callable[..., tuple[str, str]]
@@ -296,3 +300,42 @@ def test_paths_are_named_by_what_tells_them_apart(
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     assert names_of([Path(path) for path in paths]) == names
+
+
+def test_a_session_of_one_picture_is_compared(small_session: Path, maurice: Maurice) -> None:
+    lines = small_session.read_text().splitlines(keepends=True)
+    pictures = [number for number, line in enumerate(lines) if '"image"' in line]
+    small_session.write_text("".join(lines[: pictures[1]]))
+    out, _ = maurice("compare", small_session, "--particles", "40", "--save", "one.rrd", "--json")
+    against = runs_of(out)[1]["against_first"]
+    assert against["position_error"] is None  # the first three updates are never scored
+    assert against["parted_at_update"] is None
+
+
+def test_a_stopped_run_is_compared_as_far_as_it_got(
+    small_session: Path, maurice: Maurice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maurice(small_session, "--run", "whole", *FEW)
+    add = RunWriter.add
+
+    def stop(self: RunWriter, moment: Any, record: Any) -> None:
+        if moment.frame.step == 7:
+            raise KeyboardInterrupt
+        add(self, moment, record)
+
+    monkeypatch.setattr(RunWriter, "add", stop)
+    maurice(small_session, "--run", "stopped", *FEW, expect=130)
+    out, err = maurice("compare", "whole", "stopped", "--no-recording", "--json")
+    assert "stopped: the run stopped; it holds 6 of 14 steps" in err
+    whole, stopped = runs_of(out)
+    assert whole["updates"] == stopped["updates"] == 6
+    assert stopped["against_first"]["apart_most_m"] == 0
+
+
+def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(
+    small_session: Path, maurice: Maurice, tmp_path: Path
+) -> None:
+    maurice("compare", small_session, "--particles", "40", "--run", "both", "--no-recording")
+    draw_saved(Path("both"), tmp_path / "both.rrd")
+    there = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}
+    assert {APART, TEXT, RESULT} <= there

@@ -211,3 +211,8 @@ def test_keys_stand_above_the_map_and_hold_every_label(labels: list[str]) -> Non
         assert (key.max(axis=2) > 100).any()
     long = [f"{label}, with many words" for label in labels]
     assert runs_key(long * 2, True).shape[0] > runs_key(["a"], True).shape[0]
+
+
+def test_a_label_that_cannot_be_drawn_is_named_by_its_color() -> None:
+    assert np.array_equal(runs_key(["ひと", "b"], False), runs_key(["orange", "b"], False))
+    assert np.array_equal(runs_key(["é", "b"], False), runs_key(["e", "b"], False))
