@@ -21,7 +21,9 @@ from .commands.inspecting import inspect
 from .commands.jump import jump
 from .commands.library import library
 from .commands.replay import replay
+from .commands.report import report
 from .commands.simulate import simulate
+from .commands.snapshot import snapshot
 from .commands.survey import survey
 from .commands.verify import verify
 from .console import note
@@ -52,6 +54,8 @@ app.command()(compare)
 app.command()(demo)
 app.command()(events)
 app.command()(explain)
+app.command()(snapshot)
+app.command()(report)
 app.command()(jump)
 app.command()(inspect)
 app.command()(simulate)

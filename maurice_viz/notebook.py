@@ -12,7 +12,6 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-import numpy as np
 import polars as pl
 import typer
 
@@ -133,13 +132,13 @@ def _replay(
 
 def _collected(run: SavedRun) -> Collected:
     """Go through a saved run without its pictures: all that is needed here was kept."""
-    from .report.tracks import collect
+    from .report.tracks import collect, known_of
 
-    manifest, arena = run.manifest, run.arena()
-    start = None if manifest.start is None else np.array(manifest.start)
-    updates = restored_together([Restored(run, None)], Pictures(None, lambda text: None))
+    manifest, arena, one = run.manifest, run.arena(), Restored(run, None)
+    updates = restored_together([one], Pictures(None, lambda text: None))
     scale = scale_for(manifest.display_units, arena)
-    return collect(updates, {manifest.label: start}, scale, arena.size_m, _silently, manifest.pictures)
+    known = {manifest.label: known_of(one)}
+    return collect(updates, known, scale, arena.size_m, _silently, manifest.pictures)
 
 
 def _silently(done: int, total: int, what: str = "", /) -> None:

@@ -17,6 +17,7 @@ from ..console import Advance
 from ..look import Scale
 from ..narrate import errors
 from ..replaying import ResultCollector, RunResult
+from ..restoring import Restored
 
 NUMBERS = (
     "step",
@@ -88,6 +89,20 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of a run before its first step."""
+
+    start: F64 | None  # (3,) where it began; None: anywhere
+    bookmarks: Mapping[int, Sequence[str]]  # notes of one's own, by step
+
+
+def known_of(one: Restored) -> Known:
+    """Say what a saved run tells before its first step."""
+    start = one.saved.manifest.start
+    return Known(None if start is None else np.array(start), one.bookmarks)
+
+
+@dataclass(frozen=True, slots=True)
 class Collected:
     """All runs of a report, on the same steps."""
 
@@ -103,22 +118,22 @@ class Collected:
 
 def collect(
     updates: Iterator[tuple[Moment, Mapping[str, StepRecord]]],
-    starts: Mapping[str, F64 | None],
+    known: Mapping[str, Known],
     scale: Scale,
     arena_m: tuple[float, float],
     advance: Advance,
     total: int,
 ) -> Collected:
-    """Go through all updates once; `starts` has a run's label and where it began, if known."""
-    tracks = {label: Track(label) for label in starts}
-    detectors = {label: EventDetector(say=scale.say) for label in starts}
-    scores = ResultCollector(list(starts), arena_m, scale.say)
+    """Go through all updates once; `known` has what is known beforehand of each run, by its label."""
+    tracks = {label: Track(label) for label in known}
+    detectors = {label: EventDetector(scale.say, bookmarks=one.bookmarks) for label, one in known.items()}
+    scores = ResultCollector(list(known), arena_m, scale.say)
     size: tuple[int, int] | None = None
     for moment, records in updates:
         paired = scores.add(moment, records)
         size = size or (moment.frame.image.shape[1], moment.frame.image.shape[0])
         for label, record in records.items():
-            tracks[label].add(moment, record, starts[label])
+            tracks[label].add(moment, record, known[label].start)
             tracks[label].events.extend(detectors[label].see(moment, record))
         for label, step in paired.items():
             tracks[label].events.extend([] if step.event is None else [step.event])
