@@ -19,10 +19,11 @@ from .raster import put_text, text_size
 
 BEST = 5
 CELL_PX = 144  # width of one picture; its height follows the pictures' own shape
-CAPTION_PX = 44
-TEXT_PX = 9.5
-ENTRY_AT_PX, QUALITY_AT_PX = 22, 92  # where in a cell these captions begin
-WIDTH_OF_A_LETTER = 0.7  # in text heights, on average in a caption
+CAPTION_PX = 62  # three lines: rank and entry, place, heading and quality
+TEXT_PX = 11.0
+LINES_PX = (18, 37, 55)  # the lines' base, under the picture
+ENTRY_AT_PX, QUALITY_AT_PX = 24, 66  # where in a cell these captions begin
+WIDTH_OF_A_LETTER = 0.78  # in text heights, on average in a caption
 NOT_KEPT = "picture not kept"
 GAP_PX = 6
 TRIED = 16  # pictures that are tried before their shape is given up on
@@ -64,9 +65,9 @@ class ContactSheet:
         cells += [_empty(self._height) for _ in range(len(matches), BEST)]
         sheet = np.concatenate(cells, axis=1)
         for column, match in enumerate(matches):
-            left, base = column * (CELL_PX + GAP_PX), self._height + 18
-            put_text(sheet, f"{match.rank}", left + 2, base, 15.0, RANK)
-            put_text(sheet, f"q {match.quality:.3f}", left + QUALITY_AT_PX, base, TEXT_PX, PALE)
+            left, bases = column * (CELL_PX + GAP_PX), [self._height + line for line in LINES_PX]
+            put_text(sheet, f"{match.rank}", left + 2, bases[0], 15.0, RANK)
+            put_text(sheet, f"q {match.quality:.3f}", left + QUALITY_AT_PX, bases[2], TEXT_PX, PALE)
         return sheet[:, :-GAP_PX]
 
     def _cell(self, entry: int) -> U8:
@@ -85,9 +86,11 @@ class ContactSheet:
         if thumbnail is None:
             width, _ = text_size(NOT_KEPT, TEXT_PX)
             put_text(cell, NOT_KEPT, (CELL_PX - width) / 2, height / 2, TEXT_PX, PALE)
-        pose = self.scale.say_pose(self.library.poses[entry])
-        put_text(cell, f"entry {entry}", ENTRY_AT_PX, height + 18, TEXT_PX, PALE)
-        put_text(cell, pose, 2, height + 37, _fitting(pose), PALE)
+        place, _, heading = self.scale.say_pose(self.library.poses[entry]).rpartition(", ")
+        entry_px, place_px, heading_px = (height + line for line in LINES_PX)
+        put_text(cell, f"entry {entry}", ENTRY_AT_PX, entry_px, TEXT_PX, PALE)
+        put_text(cell, place, 2, place_px, _fitting(place), PALE)
+        put_text(cell, heading, 2, heading_px, TEXT_PX, PALE)
         return cell
 
 

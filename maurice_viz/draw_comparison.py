@@ -34,6 +34,7 @@ from .compare_paths import (
 from .draw_traces import LINE
 from .entities import Slot
 from .layouts.shown import Shown
+from .legible import legible
 from .look import RUN_COLORS, Scale
 from .observe import MARKDOWN, set_phase
 from .raster import jpeg, png
@@ -88,12 +89,12 @@ class ComparisonDrawing:
         for label, pair in pairs.items():
             if pair.event is not None and pair.apart_m is not None:
                 self._rec.log(parted_of(label), rr.Scalars(self._scale.length(pair.apart_m)))
-        self._rec.log(TEXT, rr.TextDocument.from_fields(text=self._words.at(steps, pairs)))
+        self._rec.log(TEXT, rr.TextDocument.from_fields(text=legible(self._words.at(steps, pairs))))
 
     def end(self, results: Sequence[RunResult]) -> None:
         """Log how the runs compare over the whole drive, as far as it went."""
         text = compare_words.result(results, self._scale.units)
-        self._rec.log(RESULT, rr.TextDocument(text, media_type=MARKDOWN), static=True)
+        self._rec.log(RESULT, rr.TextDocument(legible(text), media_type=MARKDOWN), static=True)
 
     def _draw_keys(self, shown: Shown) -> None:
         runs = len(self._labels)
@@ -116,7 +117,7 @@ class ComparisonDrawing:
         dots = rr.Points2D.from_fields(colors=[color], radii=points(DOT), draw_order=20.0)
         self._rec.log(self._clouds[label], dots, static=True)
         mark = rr.SeriesPoints(
-            colors=[color], names=[f"{label} parts"], markers="diamond", marker_sizes=[5.0]
+            colors=[color], names=[f"{legible(label)} parts"], markers="diamond", marker_sizes=[5.0]
         )
         self._rec.log(parted_of(label), mark, static=True)
         if label in self._truths:

@@ -28,7 +28,7 @@ MARKS_A_RUN = 10  # so many marks would fill a lane: each then has room for a wo
 
 DOUBTFUL, ACTS, OWN, GOOD = RUN_COLORS
 LOST, TOLD = ESTIMATE, PALE
-LEGEND = "green good, orange doubtful, red lost, blue the filter acts, pink your note, gray the log"
+LEGEND = "green good, orange doubtful, red lost, blue acts"  # longer ones are cut off in narrow columns
 
 STATE_COLORS: Mapping[str, RGB] = {
     states.AT_HOME: GOOD,

@@ -42,6 +42,7 @@ from .explanation_words import say_behind
 from .look import Scale
 
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
+THICKNESS = (4.5, 3.0, 1.5)  # radii in points: of arrows that lie upon each other all can be seen
 MARKDOWN = "text/markdown"
 LEFT_OUT = "Not drawn at this update (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not at hand."
@@ -81,9 +82,9 @@ class ExplainPanel:
             picture = rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0)
             rec.log(card_path(self.paths, who), picture, static=True)
         prepare_charts(rec, self.paths, tools.bars, len(whose))
-        thick = rr.components.Radius.ui_points(2.0)
+        thick = rr.components.Radius.ui_points(THICKNESS[-len(whose) :])
         colors = [COLORS[who] for who in whose]
-        style = rr.Arrows2D.from_fields(colors=colors, radii=thick, show_labels=True, draw_order=60.0)
+        style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
         rec.log(marks_path(self.paths), style, static=True)
 
     def draw(self, rec: rr.RecordingStream, moment: Moment, record: StepRecord) -> None:
@@ -126,7 +127,6 @@ class ExplainPanel:
         marks = rr.Arrows2D.from_fields(
             origins=self.scale.screen(poses[:, :2]),
             vectors=np.asarray(along, np.float32),
-            labels=labels_on_map(shown),
         )
         rec.log(marks_path(self.paths), marks)
 

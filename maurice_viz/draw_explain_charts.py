@@ -13,14 +13,13 @@ import rerun as rr
 from maurice_mcl.explaining import StepExplanation
 from maurice_mcl.typing import F32, F64
 
-from .draw_histograms import REFERENCE, SAMPLE
+from .draw_histograms import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR
 from .entities import RunPaths
 from .explanation_bars import Bars
 from .explanation_paths import KINDS, Column, chart_path
-from .look import PALE, RGB
+from .look import BAR, RGB, TINTS
 from .tensors import tensor_of
 
-TINTS: tuple[RGB, ...] = ((28, 44, 66), (62, 48, 22), (26, 52, 40), (58, 34, 54))  # of channels, in turn
 FOOT_NATS = 0.3  # height of the tints in the chart of costs; higher bars make the chart grow
 
 
@@ -38,9 +37,9 @@ def prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks:
     lefts = np.concatenate([bars.lefts + bars.left_of(block) for block in range(blocks)])
     widths = np.tile(bars.widths, blocks)
     for kind, color, offset, width in (
-        ("reference", REFERENCE, 0.0, 1.0),
-        ("sample", SAMPLE, 0.3, 0.4),
-        ("cost", PALE, 0.0, 1.0),
+        ("reference", REFERENCE, *REFERENCE_BAR),
+        ("sample", SAMPLE, *SAMPLE_BAR),
+        ("cost", BAR, 0.0, 1.0),
     ):
         _place_bars(rec, chart_path(paths, kind), color, lefts + offset * widths, width * widths)
 

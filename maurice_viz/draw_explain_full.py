@@ -18,12 +18,12 @@ from . import draw_belief, draw_circles, draw_pictures, draw_world, entities
 from .canvas import long_side
 from .contact_sheet import NOT_KEPT, read_picture
 from .draw_explain import ARROW, labels_on_map
-from .draw_histograms import REFERENCE, SAMPLE, SMALLEST, bands_of
+from .draw_histograms import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, SMALLEST, bands_of
 from .entities import RunPaths, Slot
 from .explanation_paths import COLORS, OUTSIDE, marks_path, table_path
 from .explanation_table import markdown_table
 from .explanation_words import say_step
-from .look import MISSING, PALE, Scale
+from .look import BAR, MISSING, PALE, Scale
 from .observe import set_phase
 from .raster import jpeg, put_text
 
@@ -34,7 +34,7 @@ NOTES = """
 
 **Map**: particles white, truth a white disk, estimate an orange one.
 
-**Descriptors**: the picture's white, the reference's orange; bins of red, green and blue on
+**Descriptors**: the picture's blue, the reference's orange; bins of red, green and blue on
 grounds of their color.
 
 **Nats**: what each element costs. All bars of a reference, over all channels, add up to minus its
@@ -196,11 +196,11 @@ def _draw_bars(rec: rr.RecordingStream, paths: RunPaths, who: str, mine: Channel
     wide = np.full(size, one, np.float32)
     descriptor = bars_path(paths, who, mine.channel, "descriptor")
     for name, values, color, offset, width in (
-        ("reference", mine.reference, REFERENCE, 0.0, 1.0),
-        ("sample", mine.sample, SAMPLE, 0.3, 0.4),
+        ("reference", mine.reference, REFERENCE, *REFERENCE_BAR),
+        ("sample", mine.sample, SAMPLE, *SAMPLE_BAR),
     ):
         at = lefts + np.float32(offset * one)
         bars = rr.BarChart(values, abscissa=at, widths=wide * np.float32(width), color=color)
         rec.log(f"{descriptor}/{name}", bars)
-    cost = rr.BarChart(mine.nats, abscissa=lefts, widths=wide, color=PALE)
+    cost = rr.BarChart(mine.nats, abscissa=lefts, widths=wide, color=BAR)
     rec.log(f"{bars_path(paths, who, mine.channel, 'cost')}/nats", cost)

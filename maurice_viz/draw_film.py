@@ -21,9 +21,9 @@ from .entities import RunPaths
 from .look import ESTIMATE, GROUND, MISSING, PALE, RGB, TRUTH
 from .raster import jpeg, put_text, text_size
 
-COLUMNS = 8
+COLUMNS = 6
 CELL_PX = 144  # thumbnails are as wide as on the contact sheet
-CAPTION_PX, GAP_PX, TEXT_PX = 20, 6, 11.0
+CAPTION_PX, GAP_PX, TEXT_PX = 22, 6, 12.5
 ROWS: tuple[tuple[str, RGB], ...] = (("seen", PALE), ("at truth", TRUTH), ("at estimate", ESTIMATE))
 QUALITY = 70
 
@@ -84,7 +84,7 @@ class Film:
         cell[: self._height] = MISSING if picture is None else picture
         wide = text_size(caption, TEXT_PX)[0] if caption else 1
         height = min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / max(wide, 1))
-        put_text(cell, caption, 2, self._height + 15, height, color)
+        put_text(cell, caption, 2, self._height + 17, height, color)
         return cell
 
 

@@ -1,8 +1,10 @@
 """Histograms: the picture's over that of its best match, and how much each bin adds to the distance.
 
-A chart has one color, so red, green and blue are told apart by three static bands behind the bars. Each is
-1 wide along x: red from 0 to 1, green to 2, blue to 3, and each runs over the values 16 to 240. The bands
-also fix the height of the chart, so that steps can be compared.
+The picture's bars are narrower and stand over the reference's: where they cover each other the viewer mixes
+their colors, to a pale one in its dark theme and a dull one in its light theme. A chart has one color, so
+red, green and blue are told apart by three static bands behind the bars. Each is 1 wide along x: red from 0
+to 1, green to 2, blue to 3, and each runs over the values 16 to 240. The bands also fix the height of the
+chart, so that steps can be compared.
 """
 
 from __future__ import annotations
@@ -18,18 +20,16 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.records import Comparison
 
 from .entities import RunPaths
-from .look import PALE, RGB
+from .look import BAR, PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
 from .tensors import tensor_of
 
 PLANES = 3  # red, green, blue: equal thirds of a descriptor
-BANDS: tuple[RGB, RGB, RGB] = ((64, 22, 20), (18, 50, 26), (22, 34, 76))
-SAMPLE: RGB = (255, 255, 255)
-REFERENCE: RGB = (230, 159, 0)
+REFERENCE, SAMPLE = RUN_COLORS[:2]
 USUAL = 99.5  # percentile of all library bins that the bands reach up to; a higher bar makes the chart grow
-PLAIN: RGB = (44, 46, 54)  # the band of a channel that has no red, green and blue
 SMALLEST = 1e-6  # a band of no height could not be seen
 MOST_COMPARED = 100  # references that say how high differences are
 KINDS = ("sample", "reference", "difference")
+REFERENCE_BAR, SAMPLE_BAR = (0.0, 1.0), (0.25, 0.5)  # where in a bin they begin, and how wide they are
 
 
 def prepare_histograms(
@@ -41,9 +41,9 @@ def prepare_histograms(
         bins = len(index.relevance)
         _bands(rec, paths, channel, "bands", bins, usual_height(index))
         _bands(rec, paths, channel, "difference_bands", bins, usual_difference(index, distance))
-        _bars(rec, paths.histogram(channel, "reference"), REFERENCE, bins, 0.0, 1.0)
-        _bars(rec, paths.histogram(channel, "sample"), SAMPLE, bins, 0.3, 0.4)
-        _bars(rec, paths.histogram(channel, "difference"), PALE, bins, 0.0, 1.0)
+        _bars(rec, paths.histogram(channel, "reference"), REFERENCE, bins, *REFERENCE_BAR)
+        _bars(rec, paths.histogram(channel, "sample"), SAMPLE, bins, *SAMPLE_BAR)
+        _bars(rec, paths.histogram(channel, "difference"), BAR, bins, 0.0, 1.0)
 
 
 def usual_height(index: ChannelIndex) -> float:
@@ -68,9 +68,9 @@ def usual_difference(index: ChannelIndex, distance: str) -> float:
     return max(float(np.percentile(parts, USUAL)), SMALLEST)
 
 
-def bands_of(bins: int) -> tuple[RGB, ...]:
+def bands_of(bins: int) -> tuple[RGBA, ...]:
     """Give a band each for red, green and blue where there are 28 bins of each, else one for everything."""
-    return BANDS if bins == PLANES * BINS else (PLAIN,)
+    return RED_GREEN_BLUE if bins == PLANES * BINS else (PLAIN,)
 
 
 def _bands(

@@ -16,13 +16,15 @@ import rerun as rr
 from maurice_mcl.mode_tracks import TrackedMode
 from maurice_mcl.typing import U8
 
-from .look import EMPTY, MODE_COLORS, PALE, RULER
-from .raster import png
+from .look import EMPTY, GROUND, MODE_COLORS, PALE, RULER
+from .raster import png, put_text, text_size
 
 LENGTH = 60  # updates that are seen at once, a column each
 HEIGHT = 24  # rows for the whole weight
-LABELS = ((0.0, f"{LENGTH} steps ago"), (LENGTH / 2, f"{LENGTH // 2}"), (LENGTH - 0.5, "now"))
-MARGIN = (7.0, 4.0, 2.0, 7.0)  # left, right, top, bottom of the drawing, in columns
+LABELS = ((0.0, f"{LENGTH} steps ago"), (LENGTH / 2, f"{LENGTH // 2}"), (LENGTH, "now"))
+MARGIN = (6.0, 3.5, 1.5, 3.5)  # left, right, top, bottom of the drawing, in columns
+FRAME_PX = 16  # pixels a column of the frame's drawing
+TEXT_PX = 18.0
 
 
 @dataclass(slots=True)
@@ -33,21 +35,12 @@ class River:
     _past: deque[tuple[TrackedMode, ...]] = field(default_factory=lambda: deque(maxlen=LENGTH))
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the frame and its labels, static."""
-        frame = np.array([[0, 0], [LENGTH, 0], [LENGTH, HEIGHT], [0, HEIGHT], [0, 0]])
-        radius = rr.components.Radius.ui_points
-        below = [(x, HEIGHT + 2.6) for x, _ in LABELS]
-        beside = [(-3.6, HEIGHT - 0.8), (-3.6, 0.8)]
+        """Log the frame with its labels, and what kind of pictures will come; static."""
+        left, _, top, _ = MARGIN
         rec.log(
             f"{self.path}/frame",
-            rr.LineStrips2D([frame], colors=[RULER], radii=radius(0.5), draw_order=5.0),
-            rr.Points2D(
-                [*below, *beside],
-                labels=[*(text for _, text in LABELS), "0 %", "100 %"],
-                show_labels=True,
-                colors=[PALE],
-                radii=radius(0.1),
-            ),
+            rr.EncodedImage(contents=png(frame()), media_type="image/png", draw_order=-20.0),
+            rr.Transform3D(translation=[-left, -top, 0], scale=1 / FRAME_PX),
             static=True,
         )
         kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
@@ -57,6 +50,26 @@ class River:
         """Take in an update's modes, and log the river up to it."""
         self._past.append(modes)
         rec.log(f"{self.path}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
+
+
+def frame() -> U8:
+    """Draw the frame (H, W, 3) RGB with labels below and beside it.
+
+    Labels of the viewer's own cannot be read in its light theme, on a ground that is dark.
+    """
+    left, right, top, bottom = MARGIN
+    size = round((top + HEIGHT + bottom) * FRAME_PX), round((left + LENGTH + right) * FRAME_PX)
+    image = np.full((*size, 3), GROUND, np.uint8)
+    corner = np.array([left, top]) * FRAME_PX
+    far = corner + np.array([LENGTH, HEIGHT]) * FRAME_PX
+    image[round(corner[1]) - 2 : round(far[1]) + 2, round(corner[0]) - 2 : round(far[0]) + 2] = RULER
+    for column, text in LABELS:
+        at = corner[0] + column * FRAME_PX - text_size(text, TEXT_PX)[0] / 2
+        put_text(image, text, max(at, 4), far[1] + 2 * TEXT_PX, TEXT_PX, PALE)
+    for row, text in ((0.0, "100 %"), (HEIGHT / 2, "50 %"), (float(HEIGHT), "0 %")):
+        width, height = text_size(text, TEXT_PX)
+        put_text(image, text, corner[0] - width - 12, corner[1] + row * FRAME_PX + height / 2, TEXT_PX, PALE)
+    return image
 
 
 def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:

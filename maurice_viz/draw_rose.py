@@ -2,43 +2,59 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import rerun as rr
 
 from maurice_mcl.belief import Belief
-from maurice_mcl.typing import F32, F64
+from maurice_mcl.typing import F32, F64, U8
 
 from .entities import RunPaths
-from .look import ESTIMATE, PALE, ROSE, RULER, TRUTH, heading_vector
+from .look import ESTIMATE, GROUND, PALE, ROSE, RULER, TRUTH, heading_vector
+from .raster import png, put_text, text_size
 from .strips import strips_of
 
 PETALS = 36  # of ten degrees
 RIM = 1.0  # radius of the rim; a petal's length is the root of its share, so that its area is
-REACH = 1.6  # from the middle to the edge of the view, with the labels
-LABELS = ((0, "0 deg"), (90, "90"), (180, "180"), (270, "270"))
+REACH = 1.42  # from the middle to the edge of the view, with the labels
+RIM_PX = 160.0  # radius of the rim in its drawing
+TEXT_PX = 17.0
+LABELS = ((0, "0"), (90, "90"), (180, "180"), (270, "270"))
 
 
-def prepare_rose(rec: rr.RecordingStream, paths: RunPaths) -> None:
+def prepare_rose(rec: rr.RecordingStream, paths: RunPaths, has_truth: bool) -> None:
     """Log what does not change: the rim with its labels, colors, sizes."""
-    turn = np.linspace(0, 2 * np.pi, 73)
-    rim = np.column_stack([np.cos(turn), np.sin(turn)]) * RIM
-    spokes = [np.array([[0, 0], rim[k]]) for k in range(0, 72, 9)]
     radius = rr.components.Radius.ui_points
     rec.log(
         f"{paths.rose}/rim",
-        rr.LineStrips2D([rim, *spokes], colors=[RULER], radii=radius(0.5), draw_order=0.0),
-        rr.Points2D(
-            [heading_vector(np.radians(deg), 1.24)[0] for deg, _ in LABELS],
-            labels=[text for _, text in LABELS],
-            show_labels=True,
-            colors=[PALE],
-            radii=radius(0.1),
-        ),
+        rr.EncodedImage(contents=png(rim(has_truth)), media_type="image/png", draw_order=-10.0),
+        rr.Transform3D(translation=[-REACH, -REACH, 0], scale=1 / RIM_PX),
         static=True,
     )
     shape = rr.LineStrips2D.from_fields(colors=[ROSE], radii=radius(1.25), draw_order=1.0)
     arrows = rr.Arrows2D.from_fields(draw_order=2.0, radii=radius([1.75, 2.5]))
     rec.log(paths.rose, shape, arrows, static=True)
+
+
+def rim(has_truth: bool) -> U8:
+    """Draw the rim (H, W, 3) RGB with its spokes and labels, and the key in two corners."""
+    size = round(2 * REACH * RIM_PX)
+    image = np.full((size, size, 3), GROUND, np.uint8)
+    middle = np.array([size / 2, size / 2])
+    cv2.circle(image, (size // 2, size // 2), round(RIM * RIM_PX), RULER, 2, cv2.LINE_AA)
+    for turn in np.arange(8) * np.pi / 4:
+        end = middle + heading_vector(float(turn), RIM * RIM_PX)[0]
+        cv2.line(image, (size // 2, size // 2), (round(end[0]), round(end[1])), RULER, 1, cv2.LINE_AA)
+    for deg, text in LABELS:
+        width, height = text_size(text, TEXT_PX)
+        x, y = middle + heading_vector(np.radians(deg), 1.2 * RIM_PX)[0]
+        put_text(image, text, x - width / 2, y + height / 2, TEXT_PX, PALE)
+    items = [("cloud", ROSE), ("estimate", ESTIMATE)] + ([("truth", TRUTH)] if has_truth else [])
+    for row, (text, color) in enumerate(items):
+        base = 1.7 * TEXT_PX * (row + 1)
+        cv2.circle(image, (12, round(base - TEXT_PX / 2)), 7, color, -1, cv2.LINE_AA)
+        put_text(image, text, 26, base, TEXT_PX, color)
+    return image
 
 
 def draw_rose(

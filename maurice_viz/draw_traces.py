@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import rerun as rr
 
@@ -9,9 +11,12 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.typing import F64
 
 from .entities import RunPaths
-from .look import RGB, RUN_COLORS, Scale
+from .keys import line_key
+from .legible import legible
+from .look import BAR, RGB, RUN_COLORS, Scale
 from .narrate import errors
 from .places import Places
+from .raster import png
 
 POSITION_ERROR = "position_error"
 HEADING_ERROR = "heading_error"
@@ -36,33 +41,82 @@ COLORS: dict[str, RGB] = {
     TRUTH_RATIO: RUN_COLORS[0],
     TRUTH_RANK: RUN_COLORS[0],
 }
-EVIDENCE_COLORS: tuple[RGB, ...] = ((255, 255, 255), *RUN_COLORS)
+EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (88, 88, 205))  # of channels, in turn
+ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
+THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
+FULL_SCALE = (POSITION_ERROR, HEADING_ERROR, SPREAD)  # whose plots begin at zero
+CROWDED = 4.0  # of its steps in a small plot, and the viewer leaves the labels of an axis out
 
 
 def prepare_traces(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...] = ()) -> None:
     """Log names and colors of the lines, static."""
     for quantity, color in COLORS.items():
-        name = f"{paths.label}: {quantity.replace('_', ' ')}"
+        name = f"{legible(paths.label)}: {quantity.replace('_', ' ')}"
         style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
         rec.log(paths.trace(quantity), style, static=True)
-    names = ["all", *channels]
-    colors = [EVIDENCE_COLORS[k % len(EVIDENCE_COLORS)] for k in range(len(names))]
-    style = rr.SeriesLines(names=names, colors=colors, widths=[LINE] * len(names))
-    rec.log(paths.trace(EVIDENCE), style, static=True)
+    lines = evidence_lines(channels)
+    names, colors, widths = (list(part) for part in zip(*lines, strict=True))
+    rec.log(paths.trace(EVIDENCE), rr.SeriesLines(names=names, colors=colors, widths=widths), static=True)
+    key = rr.EncodedImage(contents=png(line_key(lines)), media_type="image/png")
+    rec.log(paths.line_key, key, static=True)
+    unseen = rr.SeriesPoints(colors=[(0, 0, 0, 0)], marker_sizes=[0.0])
+    for quantity in FULL_SCALE:
+        rec.log(top_path(paths, quantity), unseen, static=True)
+
+
+def evidence_lines(channels: tuple[str, ...]) -> list[tuple[str, RGB, float]]:
+    """Give name, color and width of each line of evidence; colors come again, thinner, where all are used."""
+    colors = [EVIDENCE_COLORS[k % len(EVIDENCE_COLORS)] for k in range(len(channels))]
+    widths = [LINE if k < len(EVIDENCE_COLORS) else THIN for k in range(len(channels))]
+    return [("all", ALL_TOGETHER, THICK), *zip(channels, colors, widths, strict=True)]
+
+
+def top_path(paths: RunPaths, quantity: str) -> str:
+    """Give the entity of the unseen point that a plot's scale reaches up to."""
+    return f"{paths.trace(quantity)}/top"
+
+
+@dataclass(slots=True)
+class Traces:
+    """Logs values, and in the end lets the scales of plots reach a round number.
+
+    In a small plot that ends between 4 and 10 of anything the viewer labels nothing but zero.
+    """
+
+    paths: RunPaths
+    _most: dict[str, float] = field(default_factory=dict)
+
+    def log(self, rec: rr.RecordingStream, quantity: str, value: float) -> None:
+        """Log one value of a quantity."""
+        self._most[quantity] = max(value, self._most.get(quantity, 0.0))
+        rec.log(self.paths.trace(quantity), rr.Scalars(value))
+
+    def draw_tops(self, rec: rr.RecordingStream) -> None:
+        """Log the tops, at the end of a run: only then is the largest value known."""
+        for quantity, most in self._most.items():
+            if quantity in FULL_SCALE:
+                rec.log(top_path(self.paths, quantity), rr.Scalars(round_top(most)))
+
+
+def round_top(most: float) -> float:
+    """Give the power of ten above a value where the one below is too near to zero; else the value itself."""
+    if not 0 < most < np.inf:
+        return 0.0
+    below = 10.0 ** np.floor(np.log10(most))
+    return float(10 * below if most > CROWDED * below else most)
 
 
 def draw_traces(
-    rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, truth: F64 | None, scale: Scale
+    rec: rr.RecordingStream, traces: Traces, record: StepRecord, truth: F64 | None, scale: Scale
 ) -> None:
     """Log one value a line; errors only where the truth is known."""
     if truth is not None:
         apart, angle = errors(record.estimate, truth)
-        rec.log(paths.trace(POSITION_ERROR), rr.Scalars(scale.length(apart)))
-        rec.log(paths.trace(HEADING_ERROR), rr.Scalars(float(np.degrees(angle))))
-    rec.log(paths.trace(SPREAD), rr.Scalars(scale.length(float(np.hypot(*record.mean.sd_m)))))
-    share = record.effective_sample_size / record.weighted.size
-    rec.log(paths.trace(EFFECTIVE), rr.Scalars(share))
-    rec.log(paths.trace(CONFIDENCE), rr.Scalars(record.estimate.confidence))
+        traces.log(rec, POSITION_ERROR, scale.length(apart))
+        traces.log(rec, HEADING_ERROR, float(np.degrees(angle)))
+    traces.log(rec, SPREAD, scale.length(float(np.hypot(*record.mean.sd_m))))
+    traces.log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
+    traces.log(rec, CONFIDENCE, record.estimate.confidence)
 
 
 def draw_inside(rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, ancestors: int) -> None:

@@ -61,6 +61,7 @@ def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth
         (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
         (entities.MATCH_KEY, keys.circle_key()),
         (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
+        (entities.EXPLAIN_KEY, keys.explain_key(has_truth)),
     ):
         _log_image(
             rec,

@@ -10,6 +10,8 @@ import re
 from dataclasses import dataclass
 from enum import IntEnum
 
+from .legible import legible
+
 STEP = "step"  # sequence: the number of the picture; on it one sees the weighted cloud
 SESSION = "session"  # duration in seconds since the session's first record
 PHASE = "phase"  # sequence: 6 * step + slot; on it one walks through one update
@@ -24,6 +26,7 @@ NODES = "/world/nodes"
 WEIGHT_KEY = "/world/key/weights"
 MATCH_KEY = "/world/key/circles"
 LIKELIHOOD_KEY = "/world/key/likelihood"
+EXPLAIN_KEY = "/world/key/explained"
 
 CAMERA = "/session/camera"
 EDGES = "/session/edges"
@@ -50,7 +53,7 @@ def phase_number(step: int, slot: Slot) -> int:
 
 def escaped(label: str) -> str:
     """Write a label as one part of an entity path: Rerun wants a backslash before spaces and signs."""
-    return re.sub(r"([^\w.-])", r"\\\1", label)
+    return re.sub(r"([^\w.-])", r"\\\1", legible(label))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,16 @@ class RunPaths:
     def families(self) -> str:
         """The ways of a few survivors' ancestors: LineStrips2D, on the phase timeline alone."""
         return self.at("belief", "families")
+
+    @property
+    def closeup(self) -> str:
+        """The frame of the view that follows the cloud: one Transform3D, with key and bar under it."""
+        return self.at("closeup")
+
+    @property
+    def line_key(self) -> str:
+        """What the colors of the lines of evidence mean: one EncodedImage."""
+        return self.at("key", "evidence")
 
     @property
     def rose(self) -> str:

@@ -1,7 +1,9 @@
 """How things look: display units, the one place where y is turned over, colors and sizes.
 
 Colors are told apart by people with color-vision deficiencies too: viridis for weights, and for the
-rest the set of Okabe and Ito (2008), on a dark ground.
+rest the set of Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
+have the viewer's, dark or light, so that what is drawn in them must be seen on both: `RUN_COLORS`, `BAR`,
+`TINTS`.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from maurice_mcl.typing import F32, F64
 U32 = NDArray[np.uint32]
 
 RGB = tuple[int, int, int]
+RGBA = tuple[int, int, int, int]
 
 GROUND: RGB = (16, 17, 20)
 TRUTH: RGB = (255, 255, 255)
@@ -37,8 +40,12 @@ MOVED: RGB = (86, 180, 233)  # ways of particles in one update
 FAMILY: RGB = (240, 228, 66)  # ways of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
 ROSE: RGB = (86, 180, 233)
-CHANNEL_RGB: tuple[RGB, RGB, RGB] = ((236, 84, 72), (64, 176, 92), (84, 140, 255))
-RUN_COLORS: tuple[RGB, ...] = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (0, 158, 115))
+# Okabe and Ito's orange, sky blue, pink and green; the first two darker, or they would be faint on white
+RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (204, 121, 167), (0, 158, 115))
+BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
+RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
+TINTS: tuple[RGBA, ...] = ((60, 120, 210, 64), (190, 130, 20, 64), (40, 150, 100, 64), (170, 70, 150, 64))
+PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
 
 FAR_M = 10_000.0  # beyond it float32 screen coordinates get coarse, so the map's middle becomes their zero
 WEIGHT_OCTAVES = 3.0  # colors run from 1/8 of the average weight to 8 times it

@@ -17,12 +17,14 @@ from maurice_mcl.session import Moment, SessionInfo
 
 from . import draw_belief, draw_pictures, draw_rose, draw_traces, draw_world, entities, narrate
 from .canvas import long_side
+from .draw_closeup import Closeup, closeup_of
 from .draw_events import EventLane, hold_for
 from .draw_explain import ExplainPanel
 from .draw_lineage import Lineage
 from .draw_matching import Matching, matching_of
 from .draw_river import River
 from .entities import RunPaths, Slot
+from .legible import legible
 from .look import Scale, scale_for
 from .thinning import Detail, Thinning, Update
 
@@ -73,6 +75,8 @@ class _Tools:
     detector: EventDetector
     lane: EventLane
     explain: ExplainPanel
+    closeup: Closeup
+    traces: draw_traces.Traces
     estimate: draw_belief.PoseMarker
     truth: draw_belief.PoseMarker
 
@@ -113,6 +117,8 @@ class RerunObserver:
             river=River(self._paths.river),
             detector=EventDetector(scale.say, bookmarks=self.bookmarks),
             explain=ExplainPanel(self._paths, self.sensor, scale, self.has_truth),
+            closeup=closeup_of(self._paths, library.arena, scale),
+            traces=draw_traces.Traces(self._paths),
             lane=EventLane(self._paths, self.scene, hold_for(self.updates or USUAL_UPDATES)),
             estimate=draw_belief.estimate_marker(self._paths.estimate),
             truth=draw_belief.truth_marker(entities.TRUTH),
@@ -126,7 +132,8 @@ class RerunObserver:
         self.rec.log(self._paths.text, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         draw_belief.prepare_cloud(self.rec, self._paths.particles)
         draw_traces.prepare_traces(self.rec, self._paths, tuple(self.distances))
-        draw_rose.prepare_rose(self.rec, self._paths)
+        draw_rose.prepare_rose(self.rec, self._paths, self.has_truth)
+        tools.closeup.prepare(self.rec, self.has_truth)
         for part in (tools.estimate, tools.matching, tools.lineage, tools.river, tools.lane, tools.explain):
             part.prepare(self.rec)
 
@@ -146,6 +153,7 @@ class RerunObserver:
         if self._tools is not None:
             for update in self._thinning.rest():
                 self._draw(update, self._tools)
+            self._tools.traces.draw_tops(self.rec)
 
     def _draw(self, update: Update, tools: _Tools) -> None:
         if not update.whole and self._last_whole is not False:
@@ -164,6 +172,7 @@ class RerunObserver:
         set_phase(self.rec, moment, Slot.PREDICT)
         cloud = record.predicted if update.whole else draw_belief.thinned(record.weighted)
         draw_belief.draw_predicted(self.rec, self._paths.particles, cloud, tools.scale)
+        tools.closeup.draw(self.rec, cloud)
         if self.scene and moment.truth is not None:
             tools.truth.draw(self.rec, moment.truth, tools.scale, tools.arrow)
         if not update.whole:
@@ -216,7 +225,7 @@ class RerunObserver:
         set_phase(self.rec, moment, Slot.ESTIMATE)
         tools.estimate.draw(self.rec, record.estimate.pose, tools.scale, tools.arrow)
         draw_rose.draw_rose(self.rec, self._paths, record.weighted, record.estimate.pose, moment.truth)
-        draw_traces.draw_traces(self.rec, self._paths, record, moment.truth, tools.scale)
+        draw_traces.draw_traces(self.rec, tools.traces, record, moment.truth, tools.scale)
         draw_traces.draw_inside(self.rec, self._paths, record, tools.lineage.ancestry.distinct())
         tools.river.draw(self.rec, update.modes)
         tools.matching.draw_where(self.rec, moment, record, whole=update.whole)
@@ -234,4 +243,4 @@ class RerunObserver:
             self.rec.log(path, rr.Clear(recursive=True))
 
     def _say(self, text: str) -> None:
-        self.rec.log(self._paths.text, rr.TextDocument.from_fields(text=text))
+        self.rec.log(self._paths.text, rr.TextDocument.from_fields(text=legible(text)))

@@ -6,12 +6,12 @@ import rerun.blueprint as rrb
 
 from ..draw_events import events_view
 from ..entities import RunPaths
-from .plots import evidence_plot, lineage_plot
+from .plots import evidence_key, evidence_plot, key_share, lineage_plot
 from .shown import Run, Shown
 from .views import (
-    arena_view,
     camera_view,
     circles_view,
+    closeup_view,
     film_view,
     likelihood_tabs,
     river_view,
@@ -19,15 +19,17 @@ from .views import (
     text_view,
 )
 
+CLOSEUP = "Cloud from near: moves blue, ancestors yellow, died red"
+
 
 def layout(run: Run, shown: Shown) -> rrb.Container:
     """The cloud large; what it was weighed by, which way it looks and whom it comes from beside it."""
     paths = RunPaths(run.label)
     cloud = rrb.Vertical(
-        arena_view(paths, shown, title="", name="Cloud: moves blue, ancestors yellow, died red"),
+        closeup_view(paths, shown, CLOSEUP),
         text_view(paths),
         events_view([run.label]),
-        row_shares=[2.65, 0.9, 1.05],
+        row_shares=[2.65, 1.0, 0.95],
     )
     middle = rrb.Vertical(
         rrb.Tabs(*likelihood_tabs(paths, run.channels, shown), circles_view(paths, shown), active_tab=0),
@@ -39,6 +41,7 @@ def layout(run: Run, shown: Shown) -> rrb.Container:
         film_view(paths, shown),
         river_view(paths),
         evidence_plot(paths),
-        row_shares=[1.05, 0.85, 1.2],
+        evidence_key(paths),
+        row_shares=[1.12, 0.85, 1.1, key_share(run)],
     )
     return rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])

@@ -29,7 +29,7 @@ def layout(run: Run, shown: Shown) -> rrb.Horizontal:
         text_view(paths),
         events_view([run.label]),
         distances,
-        row_shares=[2.3, 0.75, 1.05, 0.9],
+        row_shares=[2.2, 0.95, 0.95, 0.9],
     )
     middle = rrb.Vertical(
         circles_view(paths, shown),

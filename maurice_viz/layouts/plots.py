@@ -18,8 +18,8 @@ from ..draw_traces import (
     SURVIVORS,
 )
 from ..entities import RunPaths
-from ..look import RUN_COLORS
-from .shown import Shown
+from ..look import GROUND, RUN_COLORS
+from .shown import Run, Shown
 from .views import Overrides
 
 COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
@@ -77,12 +77,18 @@ def lineage_plot(paths: RunPaths) -> rrb.TimeSeriesView:
 
 def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
     """Plot how well the cloud explained each picture: all channels together, and each alone."""
-    return rrb.TimeSeriesView(
-        name=f"{title}Evidence of each picture (nats)",
-        origin="/",
-        contents=[paths.trace(EVIDENCE)],
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftBottom, visible=True),
-    )
+    return plot(f"{title}Evidence of each picture (nats)", [paths.trace(EVIDENCE)])
+
+
+def key_share(run: Run) -> float:
+    """Give how much of a column the key needs: a row for every four channels."""
+    return 0.35 + 0.09 * (len(run.channels) // 4)
+
+
+def evidence_key(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
+    """Show what the colors of the evidence mean: in the plot a legend would cover lines."""
+    name = f"{title}Lines of the evidence: channels"
+    return rrb.Spatial2DView(name=name, origin=paths.line_key, background=GROUND)
 
 
 def plot(
@@ -91,11 +97,11 @@ def plot(
     top: float | None = None,
     overrides: Overrides | None = None,
 ) -> rrb.TimeSeriesView:
-    """Plot some lines; the scale begins at zero and ends at `top` where that is given."""
+    """Plot some lines; the scale goes from zero to `top` where that is given, else as far as they need."""
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
-        contents=contents,
+        contents=[*contents, *(f"{path}/top" for path in contents)],
         overrides=overrides,
         axis_y=None if top is None else rrb.ScalarAxis(range=(0.0, top)),
         plot_legend=rrb.PlotLegend(visible=False),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import rerun.blueprint as rrb
 
 from .. import entities
+from ..legible import legible_names
 from . import compare, explain, inside_a_step, overview, traces
 from .shown import Run, Shown
 
@@ -51,6 +52,8 @@ def for_runs(runs: Sequence[Run], shown: Shown, first: str | None = None) -> rrb
     names = [name for name in LAYOUTS if name != "compare" or len(runs) > 1]
     chosen = first or usual(runs)
     tabs = [_named(LAYOUTS[name](runs, shown), name) for name in names]
+    for tab in tabs:
+        legible_names(tab)
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=names.index(chosen)),
         rrb.TimePanel(state="collapsed", timeline=entities.STEP, fps=FPS, play_state="paused"),

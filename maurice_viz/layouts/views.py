@@ -24,7 +24,8 @@ from .shown import Shown
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
-LEGEND = ": picture white, match orange"
+MAP = (entities.FLOORS, entities.WALLS)
+LEGEND = ": picture blue, match orange"
 SHORT_LEGEND = ", match orange"
 SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
 
@@ -51,8 +52,7 @@ def arena_view(
     paths: RunPaths, shown: Shown, title: str = "", name: str = "Belief: particles by weight"
 ) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
-    contents = [f"{entities.WORLD}/**", f"- {entities.MATCH_KEY}", f"- {entities.LIKELIHOOD_KEY}"]
-    contents.append(f"{paths.at('belief')}/**")
+    contents = [*MAP, entities.NODES, entities.WEIGHT_KEY, f"{paths.at('belief')}/**"]
     if shown.has_truth:
         contents.append(f"{entities.TRUTH}/**")
     return map_view(f"{title}{name} ({shown.scale.units.name})", contents, shown)
@@ -60,8 +60,7 @@ def arena_view(
 
 def circles_view(paths: RunPaths, shown: Shown, title: str = "") -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
-    contents = [f"{entities.WORLD}/**", f"- {entities.WEIGHT_KEY}", f"- {entities.LIKELIHOOD_KEY}"]
-    contents.append(f"- {entities.NODES}")
+    contents = [*MAP, entities.MATCH_KEY]
     contents += [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
     return map_view(f"{title}Match circles ({shown.scale.units.name})", contents, shown, paths.particles)
 
@@ -70,12 +69,25 @@ def likelihood_tabs(paths: RunPaths, channels: Sequence[str], shown: Shown) -> l
     """Show the likelihood over the whole map, all channels together and each alone, under the cloud."""
     views: list[rrb.Spatial2DView] = []
     for channel in names(tuple(channels)):
-        contents = [paths.likelihood(channel), entities.WALLS, entities.LIKELIHOOD_KEY, paths.particles]
-        contents += [entities.FLOORS, f"{paths.at('belief', 'estimate')}/**"]
+        contents = [*MAP, entities.LIKELIHOOD_KEY, paths.likelihood(channel), paths.particles]
+        contents += [f"{paths.at('belief', 'estimate')}/**"]
         contents += [f"{entities.TRUTH}/**"] if shown.has_truth else []
-        title = f"Likelihood, best heading: {channel} ({shown.scale.units.name})"
+        title = f"Likelihood: {channel} ({shown.scale.units.name})"
         views.append(map_view(title if not views else channel, contents, shown, paths.particles))
     return views
+
+
+def closeup_view(paths: RunPaths, shown: Shown, name: str) -> rrb.Spatial2DView:
+    """Show the cloud from near: the view follows it, and a bar says how near."""
+    contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
+    contents += [f"{entities.TRUTH}/**"] if shown.has_truth else []
+    return rrb.Spatial2DView(
+        name=name,
+        origin=paths.closeup,
+        contents=contents,
+        background=GROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=(-1, 1), y_range=(-1, 1)),
+    )
 
 
 def rose_view(paths: RunPaths) -> rrb.Spatial2DView:
@@ -93,7 +105,7 @@ def river_view(paths: RunPaths) -> rrb.Spatial2DView:
     """Show how the weight was shared among the modes of the last updates."""
     left, right, top, bottom = MARGIN
     return rrb.Spatial2DView(
-        name="Modes: share of the weight, one color a mode",
+        name="Modes: share of the weight (%), a color each",
         origin="/",
         contents=f"{paths.river}/**",
         background=GROUND,
@@ -144,7 +156,7 @@ def histogram_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
 
 def difference_tabs(paths: RunPaths, channels: Sequence[str]) -> rrb.Tabs:
     """Show how far each bin is off, a tab a channel."""
-    return rrb.Tabs(*differences(paths, channels, " difference by element"), active_tab=0)
+    return rrb.Tabs(*differences(paths, channels), active_tab=0)
 
 
 def histograms(paths: RunPaths, channels: Sequence[str], rest: str, legend: str) -> list[rrb.BarChartView]:
@@ -154,9 +166,11 @@ def histograms(paths: RunPaths, channels: Sequence[str], rest: str, legend: str)
     return [chart(paths, c, title, kinds) for c, title in zip(channels, titles, strict=True)]
 
 
-def differences(paths: RunPaths, channels: Sequence[str], rest: str) -> list[rrb.BarChartView]:
-    """Show what each element adds to the distance from the best match, a view a channel."""
-    return [chart(paths, c, f"{c}{rest}", ("difference_bands", "difference")) for c in channels]
+def differences(paths: RunPaths, channels: Sequence[str]) -> list[rrb.BarChartView]:
+    """Show what each element adds to the distance D from the best match, a view a channel."""
+    rests = [", D: what each element adds to it", *(", D" for _ in channels[1:])]
+    kinds = ("difference_bands", "difference")
+    return [chart(paths, c, f"{c}{rest}", kinds) for c, rest in zip(channels, rests, strict=True)]
 
 
 def chart(paths: RunPaths, channel: str, name: str, kinds: Sequence[str]) -> rrb.BarChartView:

@@ -6,8 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_mcl.arena import Arena
+from maurice_viz.draw_traces import ALL_TOGETHER, COLORS, EVIDENCE_COLORS
 from maurice_viz.look import (
+    BAR,
     LUT,
+    MODE_COLORS,
+    RGB,
+    RUN_COLORS,
     UNITS,
     Scale,
     copy_colors,
@@ -19,6 +24,34 @@ from maurice_viz.look import (
 )
 
 INCHES = Scale(UNITS["in"])
+
+
+PLOT_GROUNDS: tuple[RGB, ...] = ((13, 14, 15), (255, 255, 255))  # of the viewer's dark and light themes
+LEAST_CONTRAST = 3.0  # of graphics against their ground (WCAG 2.1, 1.4.11)
+
+
+def luminance(color: RGB) -> float:
+    """Relative luminance as WCAG 2.1 defines it."""
+    shares = np.array(color) / 255
+    linear = np.where(shares <= 0.03928, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def contrast(one: RGB, other: RGB) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("ground", PLOT_GROUNDS)
+@pytest.mark.parametrize("color", {*RUN_COLORS, *EVIDENCE_COLORS, *COLORS.values(), ALL_TOGETHER, BAR})
+def test_lines_and_bars_of_plots_are_seen_in_both_themes(color: RGB, ground: RGB) -> None:
+    assert contrast(color, ground) >= LEAST_CONTRAST
+
+
+def test_colors_that_stand_beside_each_other_differ() -> None:
+    for colors in (RUN_COLORS, EVIDENCE_COLORS, MODE_COLORS):
+        for k, one in enumerate(colors):
+            assert all(np.abs(np.subtract(one, other)).max() > 50 for other in colors[:k])
 
 
 def test_y_is_turned_over_and_nothing_else() -> None:
