@@ -5,13 +5,14 @@ Needs a software Vulkan driver (apt-get install mesa-vulkan-drivers libvulkan1).
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-import cv2
 import numpy as np
+from PIL import Image
 
 from maurice_datasets.maurice import demo_paths
 from maurice_viz.snapshot import headless_viewer
@@ -19,34 +20,59 @@ from maurice_viz.snapshot import headless_viewer
 HERE = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
 ASTRAY, BACK = 38, 56  # steps of the demo that docs/tutorial.md tells of
+PREDICT, WEIGHT, RESAMPLE = 0, 2, 3
+# of docs/layouts.md: which layout, where on which timeline
+LAYOUTS = (
+    ("overview", "step", ASTRAY),
+    ("inside-a-step", "phase", 6 * ASTRAY + RESAMPLE),
+    ("explain", "step", ASTRAY),
+    ("traces", "step", ASTRAY),
+)
 
 
-def record(folder: Path, *args: str) -> Path:
-    out = folder / f"{args[0].strip('-')}.rrd"
-    subprocess.run([*COMMAND, *args, "--save", str(out)], check=True, capture_output=True)
-    return out
+def maurice(*args: str) -> None:
+    subprocess.run([*COMMAND, *args], check=True, capture_output=True)
 
 
 def keep(name: str, png: bytes) -> None:
-    """Write a picture packed as tightly as PNG allows."""
-    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
-    assert image is not None
-    cv2.imwrite(str(HERE / name), image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    """Write a picture small: as PNG with 256 colors, or as JPEG, whichever its name says."""
+    image = Image.open(io.BytesIO(png)).convert("RGB")
+    if name.endswith(".png"):
+        few_colors(image).save(HERE / name, optimize=True)
+    else:
+        image.save(HERE / name, quality=82, optimize=True)
     print(HERE / name)
+
+
+def few_colors(image: Image.Image) -> Image.Image:
+    """Choose 256 colors so that rare ones keep theirs, as those of a key do."""
+    pixels = np.asarray(image).reshape(-1, 3)
+    _, which, counts = np.unique(pixels >> 4, axis=0, return_inverse=True, return_counts=True)
+    means = np.stack([np.bincount(which, pixels[:, k]) / counts for k in range(3)], axis=1)
+    weighed = np.repeat(means.round().astype(np.uint8), np.ceil(counts**0.3).astype(int), axis=0)
+    palette = Image.fromarray(weighed[None]).quantize(256, method=Image.Quantize.MEDIANCUT)
+    return image.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def main() -> None:
     HERE.mkdir(exist_ok=True)
-    session = demo_paths(0).session
-    with tempfile.TemporaryDirectory() as folder:
-        both = record(Path(folder), "demo")
-        one = record(Path(folder), "replay", str(session), "--feature", "blended")
-        with headless_viewer(both) as viewer:
+    session = str(demo_paths(0).session)
+    with tempfile.TemporaryDirectory() as name:
+        parts = ("both.rrd", "one.rrd", "kept", "explain.png")
+        both, one, kept, explained = (str(Path(name) / part) for part in parts)
+        maurice("demo", "--save", both)
+        maurice("replay", session, "--feature", "blended", "--run", kept, "--save", one)
+        maurice("explain", kept, "--step", str(ASTRAY), "-o", explained)
+        keep("explain.png", Path(explained).read_bytes())
+        with headless_viewer(Path(both)) as viewer:
             keep("compare.png", viewer.picture("step", ASTRAY))
-        with headless_viewer(one) as viewer:
+        with headless_viewer(Path(one)) as viewer:
             keep("single.png", viewer.picture("step", BACK))
-            for name, slot in (("predict", 0), ("weight", 2), ("resample", 3)):
-                keep(f"phase-{name}.png", viewer.picture("phase", 6 * BACK + slot))
+            for phase, slot in (("predict", PREDICT), ("weight", WEIGHT), ("resample", RESAMPLE)):
+                keep(f"phase-{phase}.png", viewer.picture("phase", 6 * BACK + slot))
+            for layout, timeline, place in LAYOUTS:
+                viewer.show_layout(layout)
+                keep(f"layout-{layout}.jpg", viewer.picture(timeline, place))
 
 
 if __name__ == "__main__":

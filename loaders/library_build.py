@@ -14,6 +14,7 @@ from maurice_mcl.typing import F32, F64, U8
 
 from .errors import LogError
 from .extent import check_span
+from .library_survey import Survey
 from .session_log import SessionLog
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
@@ -27,15 +28,20 @@ def build_library(
     keep_going: bool = False,
     progress: Progress | None = None,
     warn: Warn | None = None,
+    log: Survey | None = None,
+    yaw_rad: float = 0.0,
 ) -> Library:
-    """Measure the pictures of a survey log; its poses become the library's.
+    """Measure the pictures of a survey log, or of the survey given as `log`; its poses become the library's.
+
+    `yaw_rad` is how far, counter-clockwise, the robot's camera looks off where the survey's looked at the
+    same heading.
 
     The noise floor is the mean of the covered-lens pictures (zeros, with a warning, when there are none),
     the relevance the maximum of each bin over the library (thesis 3.3). Without a map in the survey all is
     free. Pictures are held one at a time. LogError for a broken survey, one without any picture, or
     poses too far apart (see `check_span`). A third-party channel that fails is left out, with a warning.
     """
-    log = SessionLog(survey, keep_going=keep_going)
+    log = log or SessionLog(survey, keep_going=keep_going)
     used = chosen_channels(channels)
     sizes: dict[str, int] = {}
     broken: list[str] = []
@@ -53,7 +59,7 @@ def build_library(
             rows[name].append(row)
             sizes[name] = len(row)
         if picture.pose is not None:
-            poses.append(picture.pose)
+            poses.append(picture.pose - [0.0, 0.0, yaw_rad])
             pictures.append(None if picture.path is None else picture.path.resolve())
         if progress:
             progress(done, total)
@@ -101,13 +107,13 @@ def _index(references: list[F32], covered: list[F32]) -> ChannelIndex:
 
 
 def _library(
-    log: SessionLog, poses: F64, pictures: tuple[Path | None, ...], index: Mapping[str, ChannelIndex]
+    log: Survey, poses: F64, pictures: tuple[Path | None, ...], index: Mapping[str, ChannelIndex]
 ) -> Library:
     arena = log.info.arena or open_arena(poses)
     return Library(log.info.name, poses, pictures, index, arena, log.info.display_units)
 
 
-def _warnings(log: SessionLog, library: Library, covered: bool) -> list[str]:
+def _warnings(log: Survey, library: Library, covered: bool) -> list[str]:
     texts = list(log.warnings)
     if log.problem_count:
         texts.append(f"{log.path}: {log.problem_count} broken lines skipped, the first: {log.problems[0]}")

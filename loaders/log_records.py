@@ -83,7 +83,7 @@ def read_records(path: Path, kind: Kind, findings: Findings) -> Iterator[Record]
         if line.number == 1 or not line.data.strip():
             continue
         try:
-            record = _record(line, kind)
+            record = record_of(line, kind)
             if record.t_s < last_t_s:
                 raise FieldError(
                     f"found t {record.t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
@@ -108,7 +108,8 @@ def _parses(line: Line) -> bool:
     return True
 
 
-def _record(line: Line, kind: Kind) -> Record:
+def record_of(line: Line, kind: Kind) -> Record:
+    """Read the record that a line is. FieldError for anything else."""
     found = parse_object(line)
     t_s = number(found.get("t"), "t", MOST_T_S)
     keys = [key for key in RECORD_KEYS if key in found]

@@ -26,7 +26,7 @@ class Advance(Protocol):
     """Moves a progress bar on."""
 
     def __call__(self, done: int, total: int, what: str = "", /) -> None:
-        """Say how many are done, of how many, and of what if that changed."""
+        """Say how many are done, of how many (0: nobody knows), and of what if that changed."""
         ...
 
 
@@ -44,6 +44,6 @@ def progress(what: str) -> Iterator[Advance]:
         task = bar.add_task(what, total=None)
 
         def advance(done: int, total: int, now: str = "", /) -> None:
-            bar.update(task, completed=done, total=total, description=now or what)
+            bar.update(task, completed=done, total=total or None, description=now or what)
 
         yield advance

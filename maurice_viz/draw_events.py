@@ -24,7 +24,7 @@ from .look import ESTIMATE, PALE, RGB, RUN_COLORS, packed
 LOG_LANE = "/session/events"  # what the log says is the same for all runs of a recording
 HOLD_STEPS = 8  # for which the mark of an event goes on, in a run of unknown length
 LEAST_HOLD = 2
-MARKS_A_RUN = 10  # so many marks would fill a lane: each then has room for a word
+MARKS_A_RUN = 8  # so many marks would fill a lane: each then has room for a word
 
 DOUBTFUL, ACTS, OWN, GOOD = RUN_COLORS
 LOST, TOLD = ESTIMATE, PALE

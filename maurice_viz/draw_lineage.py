@@ -59,6 +59,10 @@ class Lineage:
         """Take the lines away: the next phase has other things to show."""
         rec.log(self.paths.moves, _NO_LINES)
 
+    def clear_families(self, rec: rr.RecordingStream) -> None:
+        """Take the lines of ancestors away, so that particles drawn anew can be seen."""
+        rec.log(self.paths.families, _NO_LINES)
+
     def draw_families(self, rec: rr.RecordingStream, record: StepRecord, scale: Scale) -> None:
         """Log the ways by which the ancestors of some survivors came here."""
         if record.parents is None:

@@ -44,8 +44,8 @@ COLORS: dict[str, RGB] = {
 EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (88, 88, 205))  # of channels, in turn
 ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
 THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
-FULL_SCALE = (POSITION_ERROR, HEADING_ERROR, SPREAD)  # whose plots begin at zero
-CROWDED = 4.0  # of its steps in a small plot, and the viewer leaves the labels of an axis out
+# plots that begin at zero, and how many steps of a scale their smallest panel has labels for
+LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 
 
 def prepare_traces(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...] = ()) -> None:
@@ -60,7 +60,7 @@ def prepare_traces(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str
     key = rr.EncodedImage(contents=png(line_key(lines)), media_type="image/png")
     rec.log(paths.line_key, key, static=True)
     unseen = rr.SeriesPoints(colors=[(0, 0, 0, 0)], marker_sizes=[0.0])
-    for quantity in FULL_SCALE:
+    for quantity in LABELED_STEPS:
         rec.log(top_path(paths, quantity), unseen, static=True)
 
 
@@ -94,16 +94,17 @@ class Traces:
     def draw_tops(self, rec: rr.RecordingStream) -> None:
         """Log the tops, at the end of a run: only then is the largest value known."""
         for quantity, most in self._most.items():
-            if quantity in FULL_SCALE:
-                rec.log(top_path(self.paths, quantity), rr.Scalars(round_top(most)))
+            if quantity in LABELED_STEPS:
+                top = round_top(most, LABELED_STEPS[quantity])
+                rec.log(top_path(self.paths, quantity), rr.Scalars(top))
 
 
-def round_top(most: float) -> float:
-    """Give the power of ten above a value where the one below is too near to zero; else the value itself."""
+def round_top(most: float, steps: float) -> float:
+    """Give the power of ten above a value that is more than so many of the one below; else the value."""
     if not 0 < most < np.inf:
         return 0.0
     below = 10.0 ** np.floor(np.log10(most))
-    return float(10 * below if most > CROWDED * below else most)
+    return float(10 * below if most > steps * below else most)
 
 
 def draw_traces(

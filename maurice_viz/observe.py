@@ -217,6 +217,7 @@ class RerunObserver:
         self._say(narrate.phase(moment, record, Slot.RESAMPLE, tools.scale))
         if record.injected is not None or EXPANDED in record.events:
             set_phase_only(self.rec, moment, Slot.RESEED)
+            tools.lineage.clear_families(self.rec)
             draw_belief.draw_reseeded(self.rec, self._paths.particles, record, tools.scale)
             self._say(narrate.phase(moment, record, Slot.RESEED, tools.scale))
 

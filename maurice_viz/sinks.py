@@ -20,13 +20,14 @@ import rerun.blueprint as rrb
 
 from .errors import SinkError
 from .open_viewers import remember, remember_recording
-from .viewer import address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
+from .viewer import HOST, address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
+SERVED = "500MB"  # of a live recording kept for viewers that come late; the oldest is dropped
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 
@@ -53,9 +54,12 @@ def part_of(path: Path) -> Path:
 
 @contextmanager
 def to_file(
-    path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool = False
+    path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool = False, serve: int | None = None
 ) -> Iterator[rr.RecordingStream]:
     """Open a recording that is written to a file, whole or not at all under that name.
+
+    With `serve`, viewers can also follow it at that port of this machine, whenever they come; none of them,
+    slow or frozen, is ever waited for.
 
     Raises SinkError when the file exists and `force` is not set, when its folder cannot be written to, or
     when the disk ran full. After any other exception the part is closed, stays, and can be opened.
@@ -63,7 +67,11 @@ def to_file(
     _check_target(path, force)
     part = part_of(path)
     rec = recording(name)
-    rec.save(part, default_blueprint=blueprint)
+    if serve is None:
+        rec.save(part, default_blueprint=blueprint)
+    else:
+        server = rr.GrpcServerSink(bind_ip=HOST, port=serve, server_memory_limit=SERVED)
+        rec.set_sinks(rr.FileSink(part), server, default_blueprint=blueprint)
     try:
         yield rec
     finally:

@@ -38,7 +38,7 @@ def _tabs_under(holder: dict[str, Any], containers: Mapping[str, Any]) -> dict[s
     found: dict[str, tuple[Any, str]] = {}
     contents = holder.get("contents", [])
     for member in [contents] if isinstance(contents, str) else contents:
-        inner = containers.get(f"/{member}", {})
+        inner = containers.get("/" + member.removeprefix("/"), {})  # the viewer writes it either way
         if inner.get("display_name"):
             found[inner["display_name"]] = (holder, member)
         elif inner.get("container_kind") == "Tabs":

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from maurice_loaders.formats import OpenOptions
+
 from .options import (
     ConfigsOption,
     FeaturesOption,
@@ -30,6 +32,7 @@ from .options import (
     SharpnessOption,
     StartOption,
 )
+from .reading import reads_recordings
 
 COLOR_AND_BLENDED = ("color", "blended")
 MOST_RUNS = 4
@@ -45,6 +48,7 @@ PathsArgument = Annotated[
 ]
 
 
+@reads_recordings
 def compare(
     paths: PathsArgument,
     features: FeaturesOption = None,
@@ -65,6 +69,8 @@ def compare(
     force: ForceOption = False,
     keep_going: KeepGoingOption = False,
     json_output: JsonOption = False,
+    *,
+    opening: OpenOptions,
 ) -> None:
     """Replay two to four runs side by side in one recording, and say how they differ.
 
@@ -97,11 +103,13 @@ def compare(
         _check_count(len(paths))
         if run is not None:
             raise typer.BadParameter("--run saves runs of one session; replay each with --run, then compare")
-        compare_sessions(paths, library, one_filter(given), options, output, keep_going=keep_going)
+        compare_sessions(
+            paths, library, one_filter(given), options, output, keep_going=keep_going, opening=opening
+        )
         return
     wanted = wanted_runs(given)
     _check_count(len(wanted))
-    replay_runs(paths[0], library, wanted, options, output, keep_going=keep_going)
+    replay_runs(paths[0], library, wanted, options, output, keep_going=keep_going, opening=opening)
 
 
 def _check_saved(saved: list[bool], options: object) -> None:

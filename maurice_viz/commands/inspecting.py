@@ -3,33 +3,48 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from pathlib import Path
 
 from rich.table import Table
 
+from maurice_loaders.formats import NATIVE, OpenOptions, chosen
 from maurice_loaders.inspection import Inspection, inspect_session
+from maurice_loaders.recorded_session import RecordedSession
+from maurice_loaders.recording_inspection import inspect_recording
 
 from ..console import results
 from .failing import one_line_errors
 from .options import JsonOption, SessionArgument
+from .reading import reads_recordings
 
 
-def inspect(session: SessionArgument, json_output: JsonOption = False) -> None:
-    """Say what a session or survey log holds: counts, rates, spans, pictures, truth or not, problems."""
+@reads_recordings
+def inspect(session: SessionArgument, *, json_output: JsonOption = False, opening: OpenOptions) -> None:
+    """Say what a session, a survey log or a recording holds: counts, rates, spans, pictures, problems."""
     with one_line_errors():
-        found = inspect_session(session)
+        format_name, found = _inspected(session, replace(opening, keep_going=True))
     if json_output:
-        results.print_json(json.dumps(asdict(found)))
+        results.print_json(json.dumps({"format": format_name} | asdict(found)))
         return
-    results.print(_table(found))
+    results.print(_table(found, format_name))
     for text in (*found.warnings, *found.problems):
         results.print(text, markup=False)
     if found.problem_count > len(found.problems):
         results.print(f"... and {found.problem_count - len(found.problems)} more problems", markup=False)
 
 
-def _table(found: Inspection) -> Table:
+def _inspected(path: Path, opening: OpenOptions) -> tuple[str, Inspection]:
+    """Look a file over by its format, and name that."""
+    one = chosen(path, opening)
+    if one.name == NATIVE:
+        return one.name, inspect_session(path)
+    return one.name, inspect_recording(RecordedSession(one.open(path, opening), opening.pairing))
+
+
+def _table(found: Inspection, format_name: str) -> Table:
     table = Table(title=f"{found.kind} {found.name}", title_justify="left", show_header=False)
+    table.add_row("format", format_name)
     for name, value in _rows(found):
         table.add_row(name, value)
     return table

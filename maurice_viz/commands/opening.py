@@ -5,21 +5,26 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from maurice_loaders.config_file import configuration_of, to_toml
 from maurice_loaders.errors import LogError
+from maurice_loaders.formats import NATIVE, OpenOptions, chosen
+from maurice_loaders.formats import open_session as open_any
 from maurice_loaders.library_store import open_library
 from maurice_loaders.motion_toml import read_motion
+from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.assembly import make_localizer
 from maurice_mcl.configuration import Configuration
 from maurice_mcl.features import FEATURES
 from maurice_mcl.library import Library
 from maurice_mcl.selection import NearestReference, nearest_reference
+from maurice_mcl.session import Session
 from maurice_mcl.typing import F64
 
 from ..console import note, progress
@@ -31,9 +36,12 @@ COMMANDS = (
     "calibrate",
     "compare",
     "config",
+    "convert",
     "demo",
     "events",
     "explain",
+    "export",
+    "formats",
     "import",
     "inspect",
     "jump",
@@ -47,23 +55,48 @@ COMMANDS = (
 )
 
 
-def open_session(path: Path, *, keep_going: bool) -> SessionLog:
-    """Open a session log; a word that is no file gets the nearest command's name instead of "no file"."""
+AnySession = SessionLog | RecordedSession
+
+
+class Drive(Session, Protocol):
+    """A session, recorded or live, that knows where it comes from."""
+
+    @property
+    def path(self) -> Path:
+        """The file or folder, or what stands for it in messages."""
+        ...
+
+
+def open_session(path: Path, *, keep_going: bool, opening: OpenOptions | None = None) -> AnySession:
+    """Open a session of any format; a word that is no file gets the nearest command's name."""
     if not path.exists():
         near = difflib.get_close_matches(str(path), COMMANDS, n=1)
         advice = f"did you mean the command {near[0]}?" if near else "maurice-replay --help lists commands"
         raise LogError(path, f"there is no session or command of that name; {advice}")
-    session = SessionLog(path, keep_going=keep_going)
+    options = replace(opening or OpenOptions(), keep_going=keep_going)
+    one = chosen(path, options)
+    session = open_any(path, replace(options, format=one.name))
+    if one.name != NATIVE:
+        note(f"{path}: read as {one.name}, {one.what}")
     if session.kind != "session":
         advice = "build a library from it, or replay the session that belongs to it"
         raise LogError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
     return session
 
 
-def open_library_for(session: SessionLog, library: Path | None, *, keep_going: bool) -> Library:
+def check_can_be_saved(session: AnySession, opening: OpenOptions | None) -> None:
+    """Refuse `--run` for what a saved run could not find again. LogError says what to do."""
+    if isinstance(session, RecordedSession) or (opening is not None and opening.camera is not None):
+        found = "only runs of session logs, with every picture of the first camera, are saved"
+        raise LogError(session.path, f"{found}; write one first: maurice-replay convert {session.path} DIR")
+
+
+def open_library_for(session: AnySession, library: Path | None, *, keep_going: bool) -> Library:
     """Open the library that was asked for, or the one that the session's header names."""
     path = library or session.info.survey
     if path is None:
+        if isinstance(session, RecordedSession):
+            raise LogError(session.path, "a recording names no library; say which with --library")
         raise LogError(session.path, 'found no "survey" in the header; say which with --library', 1)
     if not path.exists():
         raise LogError(path, "found no such library or survey; say which with --library")
@@ -100,9 +133,7 @@ def configured(wanted: Wanted, options: RunOptions) -> Configuration:
     return configuration_of(wanted.preset, wanted.config or options.config, os.environ, typed)
 
 
-def make_runs(
-    session: SessionLog, library: Library, wanted: Sequence[Wanted], options: RunOptions
-) -> list[Run]:
+def make_runs(session: Drive, library: Library, wanted: Sequence[Wanted], options: RunOptions) -> list[Run]:
     """Put the runs together, on the same drive and, unless asked otherwise, with the same seed."""
     configurations = [configured(one, options) for one in wanted]
     for one in configurations:
@@ -129,7 +160,7 @@ def make_runs(
     return [Run(label, made, start, to_toml(one)) for label, made, one in parts]
 
 
-def _check_start(session: SessionLog, library: Library, reference: NearestReference, start: F64) -> None:
+def _check_start(session: Drive, library: Library, reference: NearestReference, start: F64) -> None:
     """Refuse a start outside the map; only say so where the map has something solid there."""
     at = f"the start pose ({start[0]:.2f}, {start[1]:.2f}) m"
     x_min, y_min, x_max, y_max = library.arena.bounds
@@ -141,7 +172,7 @@ def _check_start(session: SessionLog, library: Library, reference: NearestRefere
         note(f"{at} is not in the map's free space: until particles reach it, all their weights are zero")
 
 
-def _check_channels(session: SessionLog, library: Library, configuration: Configuration) -> None:
+def _check_channels(session: Drive, library: Library, configuration: Configuration) -> None:
     for channel in configuration.parameters.sensor.weights:
         if channel not in library.index:
             found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from maurice_loaders.formats import OpenOptions
+
 from ..layouts.names import DETAILS
 from .options import (
     ConfigOption,
@@ -29,8 +31,10 @@ from .options import (
     SharpnessOption,
     StartOption,
 )
+from .reading import reads_recordings
 
 
+@reads_recordings
 def replay(
     session: SessionArgument,
     library: LibraryOption = None,
@@ -52,8 +56,10 @@ def replay(
     force: ForceOption = False,
     keep_going: KeepGoingOption = False,
     json_output: JsonOption = False,
+    *,
+    opening: OpenOptions,
 ) -> None:
-    """Replay a session log or a saved run in the Rerun viewer, or into a recording without a display."""
+    """Replay a session, of any format, or a saved run in the Rerun viewer, or into a file without a display."""
     from maurice_loaders.run_store import is_saved
 
     from .opening import Wanted
@@ -71,4 +77,6 @@ def replay(
             )
         replay_saved(session, output)
         return
-    replay_runs(session, library, [Wanted(preset, feature)], options, output, keep_going=keep_going)
+    replay_runs(
+        session, library, [Wanted(preset, feature)], options, output, keep_going=keep_going, opening=opening
+    )

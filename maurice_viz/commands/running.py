@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from maurice_loaders.formats import OpenOptions
 from maurice_loaders.run_store_write import RunWriter, check_run_target
-from maurice_loaders.session_log import SessionLog
 from maurice_mcl.pairing import Step
 
 from ..console import note, progress, results
@@ -21,7 +21,7 @@ from ..look import scale_for, units_named
 from ..replaying import ResultCollector, run_together, shared
 from ..summary import to_json, to_table
 from .failing import INTERRUPTED, TERMINATED, one_line_errors
-from .opening import Wanted, make_runs, open_library_for, open_session
+from .opening import AnySession, Wanted, check_can_be_saved, make_runs, open_library_for, open_session
 from .options import OutputOptions, RunOptions
 from .saving import Inputs, saving
 from .showing import Drawn, Scene, recording
@@ -60,12 +60,15 @@ def replay_runs(
     output: OutputOptions,
     *,
     keep_going: bool,
+    opening: OpenOptions | None = None,
 ) -> None:
     """Replay a session once for each run wanted; what is wrong with a file ends in one line and status 1."""
     with one_line_errors():
         if output.run is not None:
             check_run_target(output.run, force=output.force)
-        session = open_session(path, keep_going=keep_going)
+        session = open_session(path, keep_going=keep_going, opening=opening)
+        if output.run is not None:
+            check_can_be_saved(session, opening)
         references = open_library_for(session, library, keep_going=keep_going)
         runs = make_runs(session, references, wanted, options)
         pictures, has_truth = session.overview()
@@ -167,7 +170,7 @@ def report(collector: ResultCollector, playing: Playing, output: OutputOptions) 
         results.print(to_table(done, units_named(info.display_units), info.name))
 
 
-def remark(collector: ResultCollector, session: SessionLog) -> None:
+def remark(collector: ResultCollector, session: AnySession) -> None:
     """Say what was skipped of a session and what went wrong in its runs."""
     remark_skipped(session)
     remark_zeros(collector)
@@ -175,7 +178,7 @@ def remark(collector: ResultCollector, session: SessionLog) -> None:
         note(f"{session.path}: holds no picture, so nothing was localized")
 
 
-def remark_skipped(session: SessionLog) -> None:
+def remark_skipped(session: AnySession) -> None:
     """Say what was skipped of a session."""
     for warning in session.warnings:
         note(warning)

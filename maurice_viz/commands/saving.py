@@ -10,10 +10,10 @@ from pathlib import Path
 
 from maurice_loaders.run_store_manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_loaders.run_store_write import RunWriter, begin_comparison
-from maurice_loaders.session_log import SessionLog
 
 from ..errors import SinkError
 from ..replaying import Run
+from .opening import AnySession
 from .options import OutputOptions
 
 
@@ -21,7 +21,7 @@ from .options import OutputOptions
 class Inputs:
     """What all runs of a replay are made from."""
 
-    session: SessionLog
+    session: AnySession
     library: Path  # a library folder or a survey log
     pictures: int
     has_truth: bool

@@ -6,7 +6,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +23,7 @@ from .options import OutputOptions
 
 if TYPE_CHECKING:
     import rerun as rr
+    import rerun.blueprint as rrb
 
     from ..observe import Observer
 
@@ -42,6 +43,7 @@ class Scene:
     library: Library
     has_truth: bool
     updates: int = 0  # how many there will be; 0 when that is not known
+    live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +108,12 @@ def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterato
     shown = Shown(arena, scale, scene.has_truth, height)
     drawn = [Run(run.label, tuple(run.channels), run.own_drive) for run in runs]
     layout = for_runs(drawn, shown, output.layout)
+    path = output.save or Path(f"{output.stem}.rrd")
+    if scene.live:
+        with _live(path, info.name, layout, output) as rec:
+            yield rec
+        _say_written(path)
+        return
     if output.save is None and not output.headless and sinks.has_display():
         try:
             port = sinks.bring_up_viewer()
@@ -116,10 +124,24 @@ def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterato
                 yield rec
             note(KEYS)
             return
-    path = output.save or Path(f"{output.stem}.rrd")
     _say_size(runs, scene, output, path)
     with sinks.to_file(path, info.name, layout, force=output.force) as rec:
         yield rec
+    _say_written(path)
+
+
+def _live(
+    path: Path, name: str, layout: rrb.Blueprint, output: OutputOptions
+) -> AbstractContextManager[rr.RecordingStream]:
+    from .. import live_sink, sinks
+
+    window = output.save is None and not output.headless and sinks.has_display()
+    return live_sink.to_file_and_viewers(
+        path, name, layout, force=output.force, window=window, viewer=_viewer_command()
+    )
+
+
+def _say_written(path: Path) -> None:
     note(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
     note(KEYS)
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions
 from maurice_loaders.library_files import hash_file
 from maurice_loaders.run_store import SavedRun, open_runs
 from maurice_loaders.run_store_manifest import library_hash
-from maurice_loaders.session_log import SessionLog
 from maurice_mcl.arena import Arena
 from maurice_mcl.library import Library
 
@@ -20,7 +20,7 @@ from ..console import note
 from ..entities import RESERVED
 from ..replaying import ResultCollector, aligned, run_together, shared
 from .failing import one_line_errors
-from .opening import Wanted, make_runs, open_library_for, open_session, unique_labels
+from .opening import AnySession, Wanted, make_runs, open_library_for, open_session, unique_labels
 from .options import OutputOptions, RunOptions
 from .running import Playing, play, remark_skipped, remark_zeros
 from .saved import Opened, drawn_of, open_saved, remark_saved, replay_saved
@@ -60,10 +60,11 @@ def compare_sessions(
     output: OutputOptions,
     *,
     keep_going: bool,
+    opening: OpenOptions | None = None,
 ) -> None:
     """Replay sessions of one library with one filter, side by side by the number of the update."""
     with one_line_errors():
-        sessions = [open_session(path, keep_going=keep_going) for path in paths]
+        sessions = [open_session(path, keep_going=keep_going, opening=opening) for path in paths]
         references = _one_library(sessions, library, keep_going=keep_going)
         named = [replace(wanted, name=label) for label in _labels(paths)]
         runs = [
@@ -71,7 +72,7 @@ def compare_sessions(
             for session, one in zip(sessions, named, strict=True)
         ]
         overviews = [session.overview() for session in sessions]
-        drives = [hash_file(path) for path in paths]
+        drives = [_content(path) for path in paths]
         info = replace(sessions[0].info, name=" | ".join(dict.fromkeys(s.info.name for s in sessions)))
         shortest = min(pictures for pictures, _ in overviews)
         playing = Playing(
@@ -85,6 +86,11 @@ def compare_sessions(
             lambda collector: _remark_sessions(collector, sessions, [count for count, _ in overviews]),
         )
         play(playing, output)
+
+
+def _content(path: Path) -> str:
+    """Tell drives apart: by content, or a folder by its place."""
+    return str(path.resolve()) if path.is_dir() else hash_file(path)
 
 
 def _labels(paths: Sequence[Path]) -> list[str]:
@@ -149,7 +155,7 @@ def _same_map(one: Arena, other: Arena) -> bool:
     return len(shapes[0]) == len(shapes[1]) and all(map(np.array_equal, *shapes))
 
 
-def _one_library(sessions: Sequence[SessionLog], asked: Path | None, *, keep_going: bool) -> Library:
+def _one_library(sessions: Sequence[AnySession], asked: Path | None, *, keep_going: bool) -> Library:
     """Open the library that all sessions belong to. LogError where there are several."""
     found: dict[Path, Library] = {}
     for session in sessions:
@@ -166,7 +172,7 @@ def _one_library(sessions: Sequence[SessionLog], asked: Path | None, *, keep_goi
 
 
 def _remark_sessions(
-    collector: ResultCollector, sessions: Sequence[SessionLog], counts: Sequence[int]
+    collector: ResultCollector, sessions: Sequence[AnySession], counts: Sequence[int]
 ) -> None:
     for session in sessions:
         remark_skipped(session)

@@ -19,7 +19,7 @@ from .views import (
     text_view,
 )
 
-CLOSEUP = "Cloud from near: moves blue, ancestors yellow, died red"
+CLOSEUP = "Cloud from near: moves blue, ancestors yellow, died red, new pink"
 
 
 def layout(run: Run, shown: Shown) -> rrb.Container:

@@ -87,7 +87,7 @@ def key_share(run: Run) -> float:
 
 def evidence_key(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
     """Show what the colors of the evidence mean: in the plot a legend would cover lines."""
-    name = f"{title}Lines of the evidence: channels"
+    name = f"{title}lines of evidence" if title else "Lines of evidence: channels"
     return rrb.Spatial2DView(name=name, origin=paths.line_key, background=GROUND)
 
 

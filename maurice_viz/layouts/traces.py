@@ -58,7 +58,7 @@ def _last(runs: Sequence[Run]) -> rrb.Vertical:
     several = len(by_channels) > 1
     keys = [evidence_key_of(run, several) for run in runs if by_channels[run.channels] is run]
     key = rrb.Tabs(*keys, active_tab=0) if several else keys[0]
-    shares = [2.4 / len(runs)] * len(runs) + [key_share(runs[0]), 0.4 + 0.3 * len(runs)]
+    shares = [2.4 / len(runs)] * len(runs) + [key_share(runs[0]), 0.45 + 0.42 * len(runs)]
     return rrb.Vertical(*evidence, key, events_view(labels), row_shares=shares)
 
 

@@ -103,8 +103,8 @@ def test_every_state_and_kind_has_a_color_and_a_name(tmp_path: Path) -> None:
 
 def test_marks_have_room_for_a_word_however_long_the_run() -> None:
     assert draw_events.hold_for(1) == draw_events.hold_for(20) == 2
-    assert draw_events.hold_for(120) == 12
-    assert 12_000 / draw_events.hold_for(12_000) == 10
+    assert draw_events.hold_for(120) == 15
+    assert 12_000 / draw_events.hold_for(12_000) == 8
 
 
 def test_the_view_says_what_the_colors_mean() -> None:

@@ -181,3 +181,23 @@ def test_more_detail_is_expected_to_need_more_room() -> None:
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
+
+
+@pytest.mark.parametrize(
+    ("most", "top"), [(0.0, 0.0), (8.8, 10.0), (0.93, 1.0), (4.0, 4.0), (12.0, 12.0), (47.0, 100.0)]
+)
+def test_scales_reach_a_number_that_the_viewer_labels(most: float, top: float) -> None:
+    assert draw_traces.round_top(most, 4.5) == pytest.approx(top)
+
+
+def test_the_tops_of_the_scales_are_logged_once_at_the_end(drawn: Any) -> None:
+    path, played, _ = drawn
+    (row,) = recordings.rows(path, draw_traces.top_path(RUN, draw_traces.SPREAD))
+    widest = max(float(np.hypot(*record.mean.sd_m)) for _, record in played) / 0.0254
+    assert row.step == STEPS
+    assert row.values["Scalars:scalars"][0] >= widest * 0.999
+
+
+def test_lines_of_evidence_are_told_apart_up_to_twelve_channels() -> None:
+    lines = draw_traces.evidence_lines(tuple("abcdefghijkl"))
+    assert len({(color, width) for _, color, width in lines}) == len(lines) == 13

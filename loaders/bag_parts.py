@@ -1,0 +1,205 @@
+"""What the messages of a bag become: pictures, poses and texts, each from the topics it listens to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from maurice_mcl.typing import F64, U8
+
+from .bag_frames import FrameTree
+from .bag_images import picture_of
+from .bag_messages import TRANSFORMS, Link, known_type, links_of, planar, pose_of, stamp_ns
+from .bag_source import Message, OpenBag
+from .bag_topics import Route, readable
+from .errors import LogError
+from .findings import Findings
+from .pictures import PictureError
+from .recording import Note, Picture
+
+NO_VALUE = (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError)  # of odd messages
+
+
+class Timed(Protocol):
+    """Anything with a time."""
+
+    @property
+    def t_s(self) -> float:
+        """Seconds."""
+        ...
+
+
+class Part(Protocol):
+    """Makes records of messages."""
+
+    @property
+    def topics(self) -> Collection[str]:
+        """The topics that it wants."""
+        ...
+
+    @property
+    def transforms(self) -> bool:
+        """Whether it wants all transforms as well."""
+        ...
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Give the records of one message, the so many-th of its topic.
+
+        `recorded`: at the time of recording instead of the one that the message carries.
+        """
+        ...
+
+
+def read_parts(
+    path: Path,
+    open_bag: OpenBag,
+    parts: Collection[Part],
+    findings: Findings,
+    *,
+    keep_going: bool,
+    recorded: bool,
+) -> Iterator[Timed]:
+    """Read a bag from its beginning and give the records of some parts as they come.
+
+    Messages that make no sense go to `findings`. LogError where the bag itself is damaged.
+    """
+    names = {name for part in parts for name in part.topics}
+    if not names:
+        return
+    with open_bag(path, keep_going=keep_going) as bag:
+        if any(part.transforms for part in parts):
+            names |= {t.name for t in readable(bag.topics, TRANSFORMS)}
+        number = dict.fromkeys(names, 0)
+        for message in bag.messages(names):
+            number[message.topic] += 1
+            for part in parts:
+                going = part.records(message, number[message.topic], recorded=recorded)
+                yield from _sound(path, going, message, number[message.topic], findings)
+
+
+def _sound(
+    path: Path, going: Iterator[Timed], message: Message, number: int, findings: Findings
+) -> Iterator[Timed]:
+    """Give the records of one message; what is wrong with it goes to `findings`."""
+    try:
+        found = list(going)
+    except NO_VALUE as problem:
+        found = []
+        said = str(problem)
+        if isinstance(problem, AttributeError):
+            said = f"found no field {problem.name!r}, expected one"
+        what = f"message {number} of {message.topic} ({message.type})"
+        findings.problem(LogError(path, f"{what}: {said}"))
+    except LogError as problem:
+        found = []
+        findings.problem(problem)
+    yield from found
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Makes pictures of a topic's messages."""
+
+    topic: str
+
+    @property
+    def topics(self) -> Collection[str]:
+        """The topic of pictures."""
+        return (self.topic,)
+
+    @property
+    def transforms(self) -> bool:
+        """None are wanted."""
+        return False
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Give what one message says."""
+        if message.topic == self.topic:
+            found = message.decode()
+            t_s = time_s(found, message.log_ns, recorded=recorded)
+            yield Picture(t_s, partial(_picture, found), f"{self.topic} {number}")
+
+
+@dataclass(slots=True)
+class Poses:
+    """Makes poses of a topic's messages, or of two frames of its transforms."""
+
+    route: Route
+    make: Callable[[float, F64], Timed]
+    offset_s: float
+    _tree: FrameTree = field(default_factory=FrameTree)
+
+    @property
+    def topics(self) -> Collection[str]:
+        """The topic of poses or transforms."""
+        return (self.route.topic,)
+
+    @property
+    def transforms(self) -> bool:
+        """All of them, where two frames are wanted."""
+        return self.route.frames is not None
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Give what one message says."""
+        del number
+        if self.route.frames is not None:
+            if known_type(message.type) in TRANSFORMS:
+                yield from self._moved(links_of(message.decode()), message.log_ns, recorded=recorded)
+        elif message.topic == self.route.topic:
+            found = message.decode()
+            t_s = time_s(found, message.log_ns, recorded=recorded)
+            yield self.make(t_s + self.offset_s, pose_of(found))
+
+    def _moved(self, links: list[Link], log_ns: int, *, recorded: bool) -> Iterator[Timed]:
+        """Give the pose anew when one of the transforms between the two frames was said anew."""
+        frame, child = self.route.frames or ("", "")
+        for link in links:
+            self._tree.add(link)
+        chain = self._tree.chain(frame, child)
+        new = [link for link in links if chain and link in chain]
+        matrix = self._tree.place(frame, child)
+        if new and matrix is not None:
+            stamp = None if recorded else new[0].stamp_ns
+            yield self.make((log_ns if stamp is None else stamp) / 1e9 + self.offset_s, planar(matrix))
+
+
+@dataclass(frozen=True, slots=True)
+class Notes:
+    """Makes events of a topic of texts, which carry no time: when they were recorded."""
+
+    topic: str
+
+    @property
+    def topics(self) -> Collection[str]:
+        """The topic of texts."""
+        return (self.topic,)
+
+    @property
+    def transforms(self) -> bool:
+        """None are wanted."""
+        return False
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Give the text of one message."""
+        del number, recorded
+        if message.topic == self.topic:
+            yield Note(message.log_ns / 1e9, str(message.decode().data))
+
+
+def time_s(message: Any, log_ns: int, *, recorded: bool) -> float:
+    """Give the time of a message in seconds: the one it carries, or that of its recording."""
+    stamp = None if recorded else stamp_ns(message)
+    return (log_ns if stamp is None else stamp) / 1e9
+
+
+def _picture(message: Any) -> U8:
+    """Decode a picture; a message that lacks a field is no picture."""
+    try:
+        return picture_of(message)
+    except PictureError:
+        raise
+    except NO_VALUE as problem:
+        raise PictureError(f"found a message without a picture ({problem}), expected one") from None

@@ -1,0 +1,155 @@
+"""A bag of any kind as a recording: pictures, odometry and truth from the topics that were chosen."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Collection, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from maurice_mcl.session import Camera, SessionInfo
+
+from .bag_clock import recorded_as_measured, use_recorded
+from .bag_messages import TRANSFORMS, known_type, links_of, stamp_ns
+from .bag_order import WINDOW_S, in_order
+from .bag_parts import NO_VALUE, Notes, Part, Pictures, Poses, Timed, read_parts
+from .bag_source import BagSource, OpenBag
+from .bag_topics import Wishes, choose, nothing_to_read, readable
+from .errors import LogError
+from .findings import Findings
+from .formats import OpenOptions
+from .recording import OdometryPose, Record, TruthPose
+
+ROLES = ("image", "odometry", "truth")
+PEEKED = 3  # messages of a topic that are looked at before reading
+TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames there are
+
+
+class BagRecording:
+    """A bag as a `Recording`. It is opened anew at every reading. LogError where it is damaged."""
+
+    def __init__(
+        self, path: Path, open_bag: OpenBag, options: OpenOptions, *, nothing_will_do: bool = False
+    ) -> None:
+        self.path = path
+        self.open_bag = open_bag
+        self._options = options
+        with open_bag(path, keep_going=options.keep_going) as bag:
+            self.chosen = choose(path, bag.topics, _wishes(options), _edges(bag))
+            if not self.chosen.topics and not nothing_will_do:
+                raise LogError(path, nothing_to_read(bag.topics))
+            first = {topic: peek(bag, topic) for topic in self.chosen.topics}
+            self.recorded_times = use_recorded(first)  # why the times of recording are used; "": they are not
+            self.counts = {t.name: t.count for t in bag.topics}
+            cameras = _cameras(bag, self.chosen.image)
+            self._events = _events_topic(bag) if recorded_as_measured(first) else None
+        notes = (self.chosen.guess,) if self.chosen.guess else ()
+        self.info = SessionInfo(name=path.stem, cameras=cameras, notes=notes)
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Read the chosen topics in time order. Late and broken messages go to `findings`."""
+        for text in (self.chosen.guess, self._clock_note()):
+            if text:
+                findings.warning(text)
+        late: dict[str, int] = {}
+
+        def leave_out(record: Timed) -> None:
+            late[type(record).__name__] = late.get(type(record).__name__, 0) + 1
+
+        streams = [in_order(self._read(roles, findings), leave_out) for roles in self._passes()]
+        yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
+        for kind, count in late.items():
+            findings.warning(
+                f"{count} records ({kind}) were left out: their times fall by more than {WINDOW_S:g} s"
+            )
+
+    def _clock_note(self) -> str:
+        why = self.recorded_times
+        return f"{why}: the times of recording are used for all topics" if why else ""
+
+    def _passes(self) -> list[tuple[str, ...]]:
+        """Tell which roles are read together; apart where offsets would spoil the order."""
+        if self._options.odometry_offset_s or self._options.truth_offset_s:
+            return [("image",), ("odometry",), ("truth",)]
+        return [ROLES]
+
+    def _read(self, roles: tuple[str, ...], findings: Findings) -> Iterator[Timed]:
+        """Read the topics of some roles as they come."""
+        keep_going, recorded = self._options.keep_going, bool(self.recorded_times)
+        parts = self.parts(roles)
+        return read_parts(self.path, self.open_bag, parts, findings, keep_going=keep_going, recorded=recorded)
+
+    def parts(self, roles: Collection[str] = ROLES) -> list[Part]:
+        """Give what reads these roles."""
+        chosen, options = self.chosen, self._options
+        parts: list[Part] = []
+        if "image" in roles and chosen.image:
+            parts.append(Pictures(chosen.image))
+        if "odometry" in roles and chosen.odometry:
+            parts.append(Poses(chosen.odometry, OdometryPose, options.odometry_offset_s))
+        if "truth" in roles and chosen.truth:
+            parts.append(Poses(chosen.truth, TruthPose, options.truth_offset_s))
+        if "odometry" in roles and self._events:
+            parts.append(Notes(self._events))
+        return parts
+
+
+def _wishes(options: OpenOptions) -> Wishes:
+    return Wishes(options.image_topic or options.camera, options.odometry_topic, options.truth_topic)
+
+
+def _events_topic(bag: BagSource) -> str | None:
+    """Give the topic of texts that is named so, as our own `export --mcap` writes it."""
+    found = [t.name for t in readable(bag.topics, {"std_msgs/String"})]
+    return next((name for name in found if name.rpartition("/")[2] == "events"), None)
+
+
+def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
+    """Give stamp and time of recording of a topic's first messages."""
+    stamps = []
+    for message in islice(bag.messages({topic}), PEEKED):
+        try:
+            stamps.append((stamp_ns(message.decode()), message.log_ns))
+        except (LogError, *NO_VALUE):  # told of when it is read
+            continue
+    return stamps
+
+
+def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
+    """Give the parent and child frames of the first transforms."""
+    edges: set[tuple[str, str]] = set()
+    for topic in readable(bag.topics, TRANSFORMS):
+        for message in islice(bag.messages({topic.name}), TRANSFORMS_PEEKED):
+            try:
+                edges |= {(link.parent, link.child) for link in links_of(message.decode())}
+            except (LogError, *NO_VALUE):
+                continue
+    return edges
+
+
+def _cameras(bag: BagSource, image: str | None) -> tuple[Camera, ...]:
+    """Describe the camera, where the bag holds its calibration beside the pictures."""
+    if image is None:
+        return ()
+    place = image.removesuffix("/compressed").rpartition("/")[0]
+    for topic in bag.topics:
+        if known_type(topic.type) in CALIBRATIONS and topic.name.rpartition("/")[0] == place:
+            for message in islice(bag.messages({topic.name}), 1):
+                try:
+                    return (_camera(image, message.decode()),)
+                except (LogError, *NO_VALUE):
+                    break
+    return ()
+
+
+CALIBRATIONS = ("sensor_msgs/CameraInfo", "foxglove.CameraCalibration")
+
+
+def _camera(name: str, calibration: Any) -> Camera:
+    matrix = calibration.k if hasattr(calibration, "k") else calibration.K
+    width, height, focal = int(calibration.width), int(calibration.height), float(matrix[0])
+    view = 2 * float(np.arctan2(width / 2, focal)) if focal > 0 and width > 0 else None
+    return Camera(name, width or None, height or None, view)

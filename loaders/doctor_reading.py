@@ -1,0 +1,164 @@
+"""Reading a recording for diagnosis: as it stands, also where its numbers break the rules."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.diagnosis import Drive, Odometry, Track
+from maurice_mcl.motion import MauriceParameters
+from maurice_mcl.session import SessionInfo
+from maurice_mcl.typing import F64, U8
+
+from .errors import LogError
+from .fields import FieldError
+from .findings import Findings
+from .formats import NATIVE, OpenOptions, chosen, open_recording
+from .log_lines import parse_object, read_lines
+from .log_records import PictureRecord, read_header
+from .pictures import decode_picture
+from .recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
+from .session_log import CameraChoice, picture_bytes
+
+MOST = 50_000  # records of one kind that are looked at: an hour and a half of odometry at 10 Hz
+
+
+@dataclass(slots=True, eq=False)
+class Gathered:
+    """A recording without its pictures' content."""
+
+    info: SessionInfo
+    native: bool
+    drive: Drive
+    falls: int  # times that fall, which the reader refuses
+    skipped: int  # records that cannot be read at all
+    first_problem: str
+    cut: bool  # whether only the beginning was looked at
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Lists:
+    t_s: list[float] = field(default_factory=list)
+    values: list[F64] = field(default_factory=list)
+    parts: list[int] = field(default_factory=list)
+
+    def add(self, t_s: float, values: F64, part: int = 0) -> None:
+        self.t_s.append(t_s)
+        self.values.append(values)
+        self.parts.append(part)
+
+    @property
+    def full(self) -> bool:
+        return len(self.t_s) >= MOST
+
+    def rows(self) -> F64:
+        return np.array(self.values, np.float64).reshape(-1, 3)
+
+
+def gather(path: Path, options: OpenOptions) -> Gathered:
+    """Read all but the pictures. LogError where there is nothing to diagnose."""
+    native = chosen(path, options).name == NATIVE
+    info = read_header(path)[0] if native else open_recording(path, options).info
+    findings = Findings(keep_going=True)
+    moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
+    falls, part, last_s, cut = 0, 0, -math.inf, False
+    for record in raw_records(path, options, findings):
+        falls += record.t_s < last_s
+        last_s = max(last_s, record.t_s) if record.t_s >= last_s else record.t_s
+        if isinstance(record, Motion):
+            moved.add(record.t_s, record.motion)
+        elif isinstance(record, OdometryPose):
+            went.add(record.t_s, record.pose)
+        elif isinstance(record, TruthPose):
+            truth.add(record.t_s, record.pose, part)
+        elif isinstance(record, Picture):
+            pictures.add(record.t_s, np.zeros(3))
+        else:
+            part += record.text.startswith("kidnapped")
+        if any(one.full for one in (moved, went, truth, pictures)):
+            cut = True
+            break
+    odometry = moved if moved.t_s else went
+    drive = Drive(
+        Odometry(np.array(odometry.t_s), odometry.rows(), odometry is went),
+        Track(np.array(truth.t_s), truth.rows(), np.array(truth.parts, np.int32)),
+        np.array(pictures.t_s),
+        max(info.arena.size_m) if info.arena else math.inf,
+        _gain(path, info),
+    )
+    first = str(findings.problems[0]) if findings.problems else ""
+    return Gathered(info, native, drive, falls, findings.count, first, cut, findings.warnings)
+
+
+def raw_records(path: Path, options: OpenOptions, findings: Findings) -> Iterator[Record]:
+    """Give a recording's records without checking that their numbers may be what they are."""
+    if chosen(path, options).name != NATIVE:
+        yield from open_recording(path, options).records(findings)
+        return
+    info, kind = read_header(path)
+    if kind != "session":
+        raise LogError(path, f"found a {kind} log, expected a session log; `library check` is for those", 1)
+    taken = CameraChoice(options.camera or next((one.name for one in info.cameras), None), findings)
+    for line in read_lines(path):
+        if line.number == 1 or not line.data.strip():
+            continue
+        try:
+            record = _raw(parse_object(line), line.number, path, taken)
+        except (FieldError, TypeError, ValueError, OverflowError) as problem:
+            if line.ended:
+                findings.problem(LogError(path, str(problem), line.number))
+            continue
+        if record is not None:
+            yield record
+
+
+def _raw(found: dict[str, object], number: int, path: Path, taken: CameraChoice) -> Record | None:
+    """Read a line of the native log, with numbers of any size."""
+    t_s = _finite(found.get("t"))
+    if "odometry" in found:
+        return Motion(t_s, _three(found["odometry"]))
+    if "truth" in found:
+        return TruthPose(t_s, _three(found["truth"]))
+    if "event" in found:
+        return Note(t_s, str(found["event"]))
+    if "image" not in found or found.get("covered"):
+        return None
+    image = found["image"]
+    inline = str(image.get("base64")) if isinstance(image, dict) else None
+    camera = found.get("camera")
+    named = None if camera is None else str(camera)
+    record = PictureRecord(number, t_s, None if inline else str(image), inline, named, False, None)
+    name = record.path or f"{path.name}:{number}"
+    return Picture(t_s, partial(_read, record, path), name) if taken(record) else None
+
+
+def _read(record: PictureRecord, log: Path) -> U8:
+    return decode_picture(picture_bytes(record, log))
+
+
+def _finite(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
+        raise FieldError(f"found {value!r:.60}, expected a finite number")
+    return float(value)
+
+
+def _three(value: object) -> F64:
+    if not isinstance(value, list) or len(value) != 3:
+        raise FieldError(f"found {value!r:.60}, expected a list of 3 numbers")
+    return np.array([_finite(v) for v in value])
+
+
+def _gain(path: Path, info: SessionInfo) -> float:
+    """Give the gain of turns that the header's motion model corrects for."""
+    if not info.motion or info.motion.get("model", "maurice") != "maurice":
+        return 1.0
+    try:
+        return MauriceParameters.from_header(info.motion).turn_gain
+    except ValueError as problem:
+        raise LogError(path, str(problem), 1) from None

@@ -1,0 +1,173 @@
+"""A session of any format as a native session log, or as an MCAP file of ROS 2 messages.
+
+What is written is what a replay sees: pictures that were used, the motions between them, truth and events at
+their times. So the log written from a session replays as the session does, to the last bit.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from maurice_mcl.session import Moment, Session, SessionInfo
+from maurice_mcl.typing import U8
+
+from .errors import LogError
+from .export_mcap import CAMERA, EVENTS, IMAGE, MAP, ODOM, ODOMETRY, ROBOT, TRUTH, McapFile, mcap_file
+from .folders import discard
+from .header import header_to_json
+from .pictures import encode_jpeg
+from .recording import moved
+from .session_writer import SessionWriter
+from .whole_files import expect_absent
+
+PictureKind = Literal["png", "jpeg"]
+OURS = re.compile(r"\d{5,}\.(png|jpg)")  # names of pictures that were written here
+
+
+@dataclass(slots=True)
+class Converted:
+    """How much was written so far."""
+
+    pictures: int = 0
+    motions: int = 0
+    truths: int = 0
+    events: int = 0
+
+    def count(self, moment: Moment) -> None:
+        """Count one more update."""
+        self.pictures += 1
+        self.motions += len(moment.frame.motions)
+        self.truths += moment.truth is not None
+        self.events += len(moment.events)
+
+
+def encode_picture(image: U8, kind: PictureKind) -> bytes:
+    """Encode an RGB picture (H, W, 3): PNG without any loss, or JPEG of quality 95, 4:4:4."""
+    if kind == "jpeg":
+        return encode_jpeg(image)
+    done, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    if not done:
+        raise ValueError(f"a picture of {image.shape} cannot be written as PNG")
+    return data.tobytes()
+
+
+def convert_to_log(
+    session: Session, file: Path, *, kind: PictureKind = "png", t_offset_s: float = 0.0, force: bool = False
+) -> Iterator[Converted]:
+    """Write a native log, pictures in `<stem>-pictures` beside it; gives the counts after every picture.
+
+    Both appear when all went well. LogError when they exist and `force` is not given, or as the session's
+    reading and `SessionWriter` raise it.
+    """
+    pictures = file.with_name(f"{file.stem}-pictures")
+    _check_targets(file, pictures, force)
+    with _filling(file) as folder:
+        (folder / pictures.name).mkdir()
+        info, done = _beside(session.info, file), Converted()
+        with SessionWriter(folder / file.name, info) as log:
+            for moment in session.moments():
+                name = f"{pictures.name}/{moment.frame.step:05d}.{'jpg' if kind == 'jpeg' else 'png'}"
+                (folder / name).write_bytes(encode_picture(moment.frame.image, kind))
+                _write_moment(log, moment, name, t_offset_s, first=not done.pictures)
+                done.count(moment)
+                yield done
+        _expect_pictures(done, file)
+        if pictures.is_dir():
+            discard(pictures)
+        (folder / pictures.name).replace(pictures)
+        (folder / file.name).replace(file)
+
+
+def _write_moment(log: SessionWriter, moment: Moment, picture: str, offset_s: float, *, first: bool) -> None:
+    """Write what came before a picture at its time; the drive's very first record keeps the time 0."""
+    t_s = moment.frame.time_s + offset_s
+    opening_s = offset_s if first else t_s
+    for text in moment.events:
+        log.event(opening_s, text)
+    for number, motion in enumerate(moment.frame.motions):
+        log.odometry(opening_s if number == 0 else t_s, motion)
+    if moment.truth is not None:
+        if first and not moment.events and not len(moment.frame.motions):
+            log.truth(opening_s, moment.truth)
+        log.truth(t_s, moment.truth)
+    log.image_path(t_s, picture)
+
+
+def convert_to_mcap(
+    session: Session, file: Path, *, kind: PictureKind = "png", t_offset_s: float = 0.0, force: bool = False
+) -> Iterator[Converted]:
+    """Write pictures, odometry, truth and events as ROS 2 messages; gives the counts after every picture.
+
+    The motions between two pictures are spread evenly over the time between them. LogError as for
+    `mcap_file`.
+    """
+    odometry, last_s, done = np.zeros(3), t_offset_s, Converted()
+    with mcap_file(file, force=force) as mcap:
+        for moment in session.moments():
+            t_s, motions = moment.frame.time_s + t_offset_s, moment.frame.motions
+            for number, motion in enumerate(motions, start=1):
+                odometry = moved(odometry, motion)
+                at_s = t_s if number == len(motions) else last_s + (t_s - last_s) * number / len(motions)
+                mcap.write(ODOMETRY, at_s, mcap.at(at_s).odometry(ODOM, ROBOT, odometry))
+            _write_messages(mcap, moment, t_s, kind)
+            last_s = t_s
+            done.count(moment)
+            yield done
+        _expect_pictures(done, file)
+
+
+def _write_messages(mcap: McapFile, moment: Moment, t_s: float, kind: PictureKind) -> None:
+    make = mcap.at(t_s)
+    for text in moment.events:
+        mcap.write(EVENTS, t_s, make.text(text))
+    if moment.truth is not None:
+        mcap.write(TRUTH, t_s, make.pose(MAP, moment.truth))
+    encoded = encode_picture(moment.frame.image, kind)
+    mcap.write(IMAGE, t_s, make.encoded_picture(CAMERA, kind, encoded))
+
+
+def _expect_pictures(done: Converted, file: Path) -> None:
+    if not done.pictures:
+        raise LogError(file, "found no picture to write, expected some; is it the right camera or topic?")
+
+
+def _beside(info: SessionInfo, file: Path) -> SessionInfo:
+    """Give the header's facts with the survey's path as seen from the log that will be at `file`."""
+    survey = header_to_json(info, "session", file.parent).get("survey")
+    return info if survey is None else replace(info, survey=Path(survey))
+
+
+def _check_targets(file: Path, pictures: Path, force: bool) -> None:
+    """Refuse what exists; with `force` only pictures that were written here are replaced."""
+    expect_absent(file, force=force)
+    if not pictures.exists():
+        return
+    if not force:
+        raise LogError(pictures, "exists already; write elsewhere, or replace it with --force")
+    if not pictures.is_dir() or not all(OURS.fullmatch(found.name) for found in pictures.iterdir()):
+        raise LogError(pictures, "holds more than the pictures of a converted log; remove it yourself")
+
+
+@contextmanager
+def _filling(file: Path) -> Iterator[Path]:
+    """Give a new folder beside the file, gone afterwards. LogError when there is no room for it."""
+    folder = file.with_name(f".{file.name}-{uuid.uuid4().hex}.part")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir()
+        yield folder
+    except OSError as problem:
+        reason = problem.strerror or problem
+        raise LogError(file, f"cannot be written: {reason}; choose another place") from None
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

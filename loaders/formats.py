@@ -1,0 +1,126 @@
+"""The formats that can be read, by name, and guessing one from a file's content before its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+from .errors import LogError
+from .recorded_session import MAX_DT_S, Pairing, RecordedSession
+from .recording import Recording
+from .session_log import SessionLog
+
+NATIVE = "session-log"
+BARE = ("pictures", "video")  # formats that a table goes beside
+MODULES = (  # in the order in which they are asked whether a file looks like theirs; each has `FORMATS`
+    "native",
+    "ros_bags",
+    "tum",
+    "openloris",
+    "euroc",
+    "kitti",
+    "carmen",
+    "cmucam",
+    "video",
+    "picture_table",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenOptions:
+    """How a recording is opened; None and empty: as the format has it, or guessed."""
+
+    format: str | None = None  # by name, where the guess is wrong
+    camera: str | None = None  # by name, where there are several
+    image_topic: str | None = None
+    odometry_topic: str | None = None
+    truth_topic: str | None = None
+    table: Path | None = None  # of poses or odometry, where pictures lie in a folder or video
+    columns: Mapping[str, str] = field(default_factory=dict)  # what is in a table's column, by role
+    time_unit: str | None = None  # "s", "ms", "us" or "ns"
+    odometry_offset_s: float = 0.0  # added to odometry's times, so that its clock is the pictures'
+    truth_offset_s: float = 0.0  # added to truth's times
+    max_dt_s: float = MAX_DT_S
+    min_distance_m: float = 0.0
+    min_angle_rad: float = 0.0
+    keep_going: bool = False
+
+    @property
+    def pairing(self) -> Pairing:
+        """What of it is about pairing."""
+        return Pairing(self.max_dt_s, self.min_distance_m, self.min_angle_rad, self.keep_going)
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format that can be read."""
+
+    name: str  # as `--format` takes it
+    what: str  # one line
+    looks_like: Callable[[Path], bool]  # by content before name; quick, never raises
+    open: Callable[[Path, OpenOptions], Recording]  # LogError for what cannot be read
+    extra: str | None = None  # the extra that has to be installed for it
+
+
+@cache
+def formats() -> dict[str, Format]:
+    """Give all formats by name, in the order in which they are asked."""
+    package = __name__.rpartition(".")[0]
+    modules = [f"{package}.{module}" for module in MODULES]
+    found = [one for module in modules if find_spec(module) for one in import_module(module).FORMATS]
+    return {one.name: one for one in found}
+
+
+def guess(path: Path) -> Format:
+    """Tell the format of a file or folder. LogError says what was found, and which formats there are."""
+    if not path.exists():
+        raise LogError(path, "found no such file or folder, expected a recording; check the path")
+    for one in formats().values():
+        if one.looks_like(path):
+            return one
+    names = ", ".join(formats())
+    raise LogError(path, f"found {_describe(path)}, expected one of these formats: {names}; see --format")
+
+
+def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
+    """Open any recording as a stream of records."""
+    options = options or OpenOptions()
+    return chosen(path, options).open(path, options)
+
+
+def open_session(path: Path, options: OpenOptions | None = None) -> SessionLog | RecordedSession:
+    """Open any recording as a session; a native log without pairing options as a SessionLog."""
+    options = options or OpenOptions()
+    one = chosen(path, options)
+    if one.name == NATIVE and not options.min_distance_m and not options.min_angle_rad:
+        return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
+    return RecordedSession(one.open(path, options), options.pairing)
+
+
+def chosen(path: Path, options: OpenOptions) -> Format:
+    """Give the format that was named, or the guess. LogError for a name that is none."""
+    if options.format is None:
+        one = guess(path)
+        return formats()["table"] if options.table and one.name in BARE else one
+    if options.format not in formats():
+        names = ", ".join(formats())
+        raise LogError(path, f"there is no format {options.format!r}, expected one of {names}")
+    if not path.exists():
+        raise LogError(path, "found no such file or folder, expected a recording; check the path")
+    return formats()[options.format]
+
+
+def _describe(path: Path) -> str:
+    """Say what a path is, by its first bytes."""
+    if path.is_dir():
+        names = sorted(entry.name for entry in path.iterdir())[:4]
+        return f"a folder with {', '.join(names)}" if names else "an empty folder"
+    if not path.is_file():
+        return "no regular file"
+    with path.open("rb") as file:
+        begin = file.read(16)
+    return f"a file that begins with {begin!r}" if begin else "an empty file"

@@ -1,0 +1,157 @@
+"""KITTI odometry: `sequences/NN` with `times.txt` and `image_K/`, poses in `poses/NN.txt`, and poses alone.
+
+Format: https://www.cvlibs.net/datasets/kitti/eval_odometry.php. A row is a 3 x 4 matrix of the left camera in
+the frame of its first picture (x right, y down, z forward); here x is forward, y left: z, -x.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.typing import F64
+
+from .errors import LogError
+from .fields import MOST_T_S, show
+from .findings import Findings
+from .formats import Format, OpenOptions
+from .picture_lists import read_picture
+from .recording import Picture, Record, TruthPose
+from .text_rows import Row, begin_lines, number_of, rows
+
+CAMERAS = ("image_2", "image_0", "image_3", "image_1")  # color before gray, left before right
+PERIOD_S = 0.1  # of poses without times: KITTI's cameras take ten pictures a second
+NUMBERS = 12
+ENDINGS = (".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True, eq=False)
+class KittiRecording:
+    """A sequence, or poses alone; truth without odometry."""
+
+    path: Path
+    info: SessionInfo
+    times: Path | None
+    pictures: Path | None  # the camera's folder
+    poses: Path | None
+    truth_offset_s: float = 0.0
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Read times, pictures and poses row by row."""
+        if self.times is None:
+            findings.warning(f"found no times.txt; {1 / PERIOD_S:g} poses a second are taken")
+        if self.poses is None:
+            findings.warning("found no poses, so the truth is unknown")
+        if not self.truth_offset_s:
+            yield from self._merged(findings)
+            return
+        truth = (one for one in self._merged(findings) if isinstance(one, TruthPose))
+        others = (one for one in self._merged(Findings(True)) if not isinstance(one, TruthPose))
+        shifted = (TruthPose(one.t_s + self.truth_offset_s, one.pose) for one in truth)
+        yield from heapq.merge(shifted, others, key=lambda record: record.t_s)
+
+    def _merged(self, findings: Findings) -> Iterator[Record]:
+        times = iter(()) if self.times is None else rows(self.times)
+        poses = iter(()) if self.poses is None else rows(self.poses)
+        number, posed = -1, 0
+        for number, (time, pose) in enumerate(zip_longest(times, poses)):
+            try:
+                if self.times is not None and time is None:
+                    found = f"found more poses than the {number} times of {self.times}"
+                    raise LogError(self._posed(), found, pose.number if pose else None)
+                t_s = number * PERIOD_S if time is None else self._time(time)
+                truth = None if pose is None else planar_pose(self._posed(), pose)
+            except LogError as problem:
+                findings.problem(problem)
+                continue
+            if truth is not None:
+                posed += 1
+                yield TruthPose(t_s, truth)
+            if self.pictures is not None:
+                yield self._picture(number, t_s)
+        if self.poses is not None and posed <= number:
+            findings.warning(f"{self.poses}: {posed} poses for {number + 1} times")
+
+    def _posed(self) -> Path:
+        return self.poses or self.path
+
+    def _time(self, row: Row) -> float:
+        return number_of(self.times or self.path, row, row.text, "time", MOST_T_S)
+
+    def _picture(self, number: int, t_s: float) -> Picture:
+        folder = self.pictures or self.path
+        stem = f"{number:06d}"
+        file = next((folder / (stem + end) for end in ENDINGS if (folder / (stem + end)).is_file()), None)
+        file = file or folder / f"{stem}.png"
+        name = f"{folder.name}/{file.name}"
+        return Picture(t_s, partial(read_picture, file, name), name)
+
+
+def planar_pose(file: Path, row: Row) -> F64:
+    """Give the pose (3,) of a row of twelve numbers. LogError for anything else."""
+    words = row.text.split()
+    if len(words) != NUMBERS:
+        found = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
+        raise LogError(file, found, row.number)
+    matrix = np.array([number_of(file, row, word, "value") for word in words]).reshape(3, 4)
+    if not np.allclose(np.linalg.norm(matrix[:, :3], axis=0), 1, atol=0.1):
+        raise LogError(file, f"found {show(row.text)}, expected a rotation and a place", row.number)
+    return np.array([matrix[2, 3], -matrix[0, 3], math.atan2(-matrix[0, 2], matrix[2, 2])])
+
+
+def open_sequence(path: Path, options: OpenOptions) -> KittiRecording:
+    """Open a sequence; `options.camera` is image_0 to image_3. LogError where there are no pictures."""
+    found = [path / name for name in CAMERAS if (path / name).is_dir()]
+    times = path / "times.txt"
+    if not found or not times.is_file():
+        raise LogError(path, "found no times.txt with image_0 to image_3, expected a KITTI odometry sequence")
+    folder = found[0]
+    if options.camera is not None:
+        folder = path / options.camera
+        if folder not in found:
+            names = ", ".join(one.name for one in found)
+            raise LogError(path, f"found cameras {names}, expected {options.camera!r} among them")
+    name = path.resolve().name
+    places = (path.resolve().parents[1] / "poses" / f"{name}.txt", path / "poses.txt")
+    poses = options.table or next((file for file in places if file.is_file()), None)
+    info = SessionInfo(f"KITTI {name}", cameras=(Camera(folder.name),))
+    return KittiRecording(path, info, times, folder, poses, options.truth_offset_s)
+
+
+def open_poses(path: Path, options: OpenOptions) -> KittiRecording:
+    """Open poses alone; the times of `times.txt` beside them, where there is one. LogError for a bad row."""
+    first = next(rows(path), None)
+    if first is None:
+        raise LogError(path, "found no poses, expected twelve numbers a line")
+    planar_pose(path, first)
+    beside = path.parent.resolve().parent / "sequences" / path.stem / "times.txt"
+    times = next((file for file in (path.parent / "times.txt", beside) if file.is_file()), None)
+    return KittiRecording(path, SessionInfo(path.stem), times, None, path)
+
+
+def looks_like_sequence(path: Path) -> bool:
+    """Tell a sequence by its times and pictures."""
+    return (path / "times.txt").is_file() and any((path / name).is_dir() for name in CAMERAS)
+
+
+def looks_like_poses(path: Path) -> bool:
+    """Tell poses alone by twelve numbers in each of the first rows."""
+    found = [line.split() for line in begin_lines(path)[:5] if line.strip()]
+    try:
+        return bool(found) and all(len(words) == NUMBERS and [float(w) for w in words] for words in found)
+    except ValueError:
+        return False
+
+
+FORMATS = (
+    Format("kitti", "a KITTI odometry sequence: times.txt, image_0 to 3", looks_like_sequence, open_sequence),
+    Format("kitti-poses", "poses alone: twelve numbers a line", looks_like_poses, open_poses),
+)

@@ -1,0 +1,91 @@
+"""Which pictures of a drive make a library: sharp ones, so far apart and so far turned from each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from maurice_mcl.typing import F64, U8, Bool
+
+METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
+FEWEST_JUDGED = 12  # pictures; fewer do not tell what is usual
+BLURRED_SDS = 3.0  # robust standard deviations below the median, of the logarithm
+LEAST_SD = 0.15  # of the logarithm, where nearly all pictures are equally sharp
+
+
+@dataclass(frozen=True, slots=True)
+class Every:
+    """How far apart entries are at least: nearer ones look other ways."""
+
+    distance_m: float
+    angle_rad: float
+
+
+def read_every(text: str) -> Every:
+    """Read `0.4m,45deg`; ValueError for other words."""
+    length, _, angle = text.partition(",")
+    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|cm|m)\s*", length)
+    turned = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*deg\s*", angle)
+    if not found or not turned:
+        raise ValueError(f"--every is a length and an angle like 0.4m,45deg or 18in,45deg, found {text!r}")
+    every = Every(float(found[1]) * METERS[found[2]], float(np.radians(float(turned[1]))))
+    if not 0.01 <= every.distance_m <= 1000 or not 0.01 <= every.angle_rad <= np.pi:
+        raise ValueError(f"--every goes from 1 cm to 1 km and from 0.6 to 180 deg, found {text!r}")
+    return every
+
+
+def sharpness(image: U8) -> float:
+    """Give the logarithm of how much of a picture's contrast (H, W, 3) is fine detail.
+
+    Variance of the Laplacian (Pech-Pacheco et al. 2000) over that of the gray values, so that dim light and
+    plain walls count less than with the first alone.
+    """
+    gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    detail = float(cv2.Laplacian(gray, cv2.CV_32F).var())
+    return float(np.log((detail + 1e-3) / (float(gray.var()) + 1.0)))
+
+
+def blurred(sharpnesses: F64) -> Bool:
+    """Mark the pictures (n,) that are far less sharp than usual: by median and median deviation."""
+    if len(sharpnesses) < FEWEST_JUDGED:
+        return np.zeros(len(sharpnesses), bool)
+    middle = float(np.median(sharpnesses))
+    sd = max(1.4826 * float(np.median(np.abs(sharpnesses - middle))), LEAST_SD)
+    return np.asarray(sharpnesses < middle - BLURRED_SDS * sd)
+
+
+def choose(poses: F64, sharpnesses: F64, every: Every) -> NDArray[np.intp]:
+    """Choose among poses (n, 3), the sharpest first, none near a chosen one; gives numbers (k,), rising."""
+    cells: dict[tuple[int, int], list[int]] = {}
+    chosen: list[int] = []
+    for number in np.argsort(-sharpnesses, kind="stable"):
+        pose = poses[number]
+        cell = _cell(pose, every)
+        near = (other for around in _around(cell) for other in cells.get(around, ()))
+        if not any(_same(pose, poses[other], every) for other in near):
+            cells.setdefault(cell, []).append(int(number))
+            chosen.append(int(number))
+    return np.sort(np.array(chosen, np.intp))
+
+
+def _cell(pose: F64, every: Every) -> tuple[int, int]:
+    x, y = np.floor(pose[:2] / every.distance_m).astype(int).tolist()
+    return x, y
+
+
+def _around(cell: tuple[int, int]) -> Iterator[tuple[int, int]]:
+    for dx in (-1, 0, 1):
+        for dy in (-1, 0, 1):
+            yield cell[0] + dx, cell[1] + dy
+
+
+def _same(a: F64, b: F64, every: Every) -> bool:
+    """Tell whether two poses are nearer than asked, in place and in heading."""
+    turned = abs((float(a[2] - b[2]) + np.pi) % (2 * np.pi) - np.pi)
+    apart = float(np.hypot(a[0] - b[0], a[1] - b[1]))
+    return apart < every.distance_m * (1 - 1e-9) and turned < every.angle_rad * (1 - 1e-9)

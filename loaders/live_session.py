@@ -1,0 +1,230 @@
+"""A live source as a session: one thread listens and records, whoever asks for moments gets the latest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Event as Flag
+from threading import Thread
+from types import TracebackType
+from typing import Self
+
+from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.typing import F64, U8
+
+from .alignment import as_rows
+from .errors import LogError
+from .findings import Findings
+from .header import Kind
+from .live_backlog import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
+from .live_intake import Counts, Heard, Intake
+from .live_listening import Listening, Patience
+from .live_recorder import LiveRecorder
+from .live_source import LiveError, LiveSource
+from .log_records import Event, Odometry, PictureRecord, Record
+from .pictures import PictureError, decode_picture
+from .session_log import CameraChoice, picture_bytes
+from .truth import with_truth
+
+QUIET = 4  # looks in vain (a second) after which no truth is waited for
+LOOK_S = 0.2
+FAREWELL_S = 5.0
+NOTHING_COMES = Event(0, math.inf, "")  # put among the records when nothing has come for a while
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """How a source is listened to."""
+
+    keep_up: bool | None = None  # leave pictures out when the filter is slower; None: as the source is
+    patience: Patience = field(default_factory=Patience)
+    camera: str | None = None
+    only_record: bool = False  # nobody asks for moments
+    library: Path | None = None  # named in the recorded header in place of the source's own survey
+
+
+class LiveSession:
+    """A drive that is going on, as a `maurice_mcl.session.Session` that can be gone through once.
+
+    Use it as a context manager: listening ends with it. With a recorder everything that makes sense is
+    written down, whether the filter keeps up or not. LogError when the source is none, or recording fails.
+    """
+
+    kind: Kind = "session"
+
+    def __init__(
+        self,
+        source: LiveSource,
+        listen: Listen | None = None,
+        recorder: LiveRecorder | None = None,
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.source, self._listen = source, listen or Listen()
+        self.keep_up = not source.waits if self._listen.keep_up is None else self._listen.keep_up
+        self._findings = Findings(keep_going=True)
+        self._stop, self._greeted = Flag(), Flag()
+        self._listening = Listening(source, self._stop, self._listen.patience)
+        self._intake = Intake(source, self._listening, self._findings, say)
+        self._backlog = Backlog(keep_up=self.keep_up)
+        self._recorder = recorder
+        self._info: SessionInfo | None = None
+        self._begin_s: float | None = None
+        self._error: Exception | None = None
+        self._thread = Thread(target=self._run, name="listening", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop listening, and wait until the recording is whole; closing twice does no harm."""
+        self._stop.set()
+        self._thread.join(FAREWELL_S)
+
+    @property
+    def path(self) -> Path:
+        """Where it is recorded; else the source's name."""
+        return Path(self.source.name) if self._recorder is None else self._recorder.path
+
+    @property
+    def info(self) -> SessionInfo:
+        """What the header says; waits for it. LogError when none comes."""
+        while not self._greeted.wait(LOOK_S):
+            pass
+        if self._info is None:
+            raise self._error or LiveError(self.source.name, "stopped before its header came")
+        return self._info
+
+    @property
+    def info_if_any(self) -> SessionInfo | None:
+        """What the header says, if it came already."""
+        return self._info
+
+    @property
+    def counts(self) -> Counts:
+        """What came so far."""
+        return self._intake.counts
+
+    @property
+    def skipped(self) -> int:
+        """How many pictures were left out so far because the filter could not keep up."""
+        return self._backlog.skipped
+
+    @property
+    def ended(self) -> str:
+        """Why listening ended by itself; nothing while it goes on, and when it was stopped."""
+        return self._listening.ended
+
+    @property
+    def problem_count(self) -> int:
+        """How many lines and pictures were left out because they made no sense."""
+        return self._findings.count
+
+    @property
+    def problems(self) -> tuple[LogError, ...]:
+        """The first 100 of them."""
+        return self._findings.problems
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is worth saying."""
+        return self._findings.warnings
+
+    def moments(self) -> Iterator[Moment]:
+        """Give updates as they come, once; those left out give their motions and events to the next one."""
+        step, earlier = 0, None
+        for one in self._backlog:
+            if earlier is not None:
+                one.follow(earlier)
+            try:
+                image = self._image(one.picture)
+            except PictureError as problem:
+                self._findings.problem(LiveError(self.source.name, f"{self._name(one.picture)}: {problem}"))
+                earlier = one
+                continue
+            step, earlier = step + 1, None
+            time_s = one.picture.t_s - (self._begin_s or 0.0)
+            frame = Frame(step, time_s, as_rows(one.motions), image, self._name(one.picture))
+            yield Moment(frame, one.truth, tuple(one.events))
+        if self._error is not None:
+            raise self._error
+
+    def listen(self, seen: Callable[[Counts], None] = lambda counts: None) -> None:
+        """Only listen and record, until the source ends or patience does."""
+        while self._thread.is_alive():
+            self._thread.join(LOOK_S)
+            seen(self.counts)
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        """Listen, in a thread of its own; whatever goes wrong there is raised where moments are taken."""
+        try:
+            self._take_in()
+        except Exception as problem:
+            self._error = problem
+        finally:
+            if self._recorder is not None:
+                self._recorder.close()
+            self._greeted.set()
+            self._backlog.close()
+
+    def _take_in(self) -> None:
+        taken: CameraChoice | None = None
+        motions: list[F64] = []
+        events: list[str] = []
+        for record, truth in with_truth(self._records()):
+            if isinstance(record, Odometry):
+                motions.append(record.motion)
+                motions = joined(motions) if len(motions) > 2 * MOST_MOTIONS else motions
+            elif isinstance(record, Event) and record is not NOTHING_COMES:
+                events = [*events[-MOST_EVENTS:], record.text]
+            elif isinstance(record, PictureRecord) and not record.covered:
+                taken = taken or self._camera()
+                if taken(record) and not self._listen.only_record:
+                    self._backlog.put(Waiting(record, truth, motions, events), self._stop)
+                    motions, events = [], []
+
+    def _records(self) -> Iterator[Record]:
+        """Record what comes, and pass it on; say when nothing does."""
+        quiet = 0
+        for heard in self._intake:
+            if self._info is None and self._intake.info is not None:
+                self._greet(self._intake.info)
+            quiet = quiet + 1 if heard is None else 0
+            if isinstance(heard, Heard):
+                if self._recorder is not None:
+                    self._recorder.add(heard.line)
+                self._begin_s = heard.record.t_s if self._begin_s is None else self._begin_s
+                yield heard.record
+            elif quiet >= QUIET or self._intake.away:
+                yield NOTHING_COMES
+
+    def _greet(self, info: SessionInfo) -> None:
+        if self._listen.library is not None:
+            info = replace(info, survey=self._listen.library.resolve())
+        if self._recorder is not None:
+            self._recorder.begin(info)
+        self._info = info
+        self._greeted.set()
+
+    def _image(self, picture: PictureRecord) -> U8:
+        return decode_picture(picture_bytes(replace(picture, path=None), self.path))
+
+    def _name(self, picture: PictureRecord) -> str:
+        return picture.path or f"line {picture.line} of {self.source.name}"
+
+    def _camera(self) -> CameraChoice:
+        known = [one.name for one in self.info.cameras]
+        wanted = self._listen.camera
+        if wanted is not None and known and wanted not in known:
+            found = f"found cameras {', '.join(known)}, expected {wanted!r} among them"
+            raise LiveError(self.source.name, found)
+        return CameraChoice(wanted or (known[0] if known else None), self._findings)

@@ -1,0 +1,160 @@
+"""A robot's WebSocket, Foxglove bridge or rosbridge, as lines of a session log."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from .bag_source import Topic
+from .bag_topics import Wishes, choose, nothing_to_read
+from .formats import OpenOptions
+from .header import FORMAT, VERSION
+from .live_foxglove import SUBPROTOCOLS, Foxglove
+from .live_messages import Said, Topics, Translator
+from .live_rosbridge import Rosbridge
+from .live_source import LiveError
+from .ros_extra import INSTALL
+
+if TYPE_CHECKING:
+    from websockets.sync.client import ClientConnection
+
+MOST_MESSAGE_BYTES = 64 * 2**20  # a raw picture of 20 megapixels
+OPEN_S = 5.0
+CHOOSE_S = 5.0  # topics may be announced one after the other for so long
+
+
+class Bridge(Protocol):
+    """What speaks one of the protocols."""
+
+    def greet(self) -> Iterator[str]:
+        """Give what is sent first."""
+        ...
+
+    def hear(self, message: str | bytes) -> Said | None:
+        """Take in a message: gives it when it is of a subscribed topic. FieldError when it is broken."""
+        ...
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics that were announced so far."""
+        ...
+
+    def subscribe(self, names: tuple[str, ...]) -> Iterator[str]:
+        """Give what is sent to hear these topics, those left out that were asked for before."""
+        ...
+
+
+def connect_websocket(name: str, options: OpenOptions) -> WebsocketChannel:
+    """Connect to a bridge. OSError where it cannot be reached, LiveError without the packages for it."""
+    if any(importlib.util.find_spec(package) is None for package in ("websockets", "rosbags")):
+        raise LiveError(name, f"listening to a bridge needs an extra; {INSTALL}")
+    from websockets.exceptions import InvalidHandshake, InvalidURI
+    from websockets.sync.client import connect
+    from websockets.typing import Subprotocol
+
+    offered = [Subprotocol(one) for one in SUBPROTOCOLS]
+    try:
+        connection = connect(
+            name,
+            subprotocols=offered,
+            open_timeout=OPEN_S,
+            close_timeout=1,
+            max_size=MOST_MESSAGE_BYTES,
+            proxy=None,
+        )
+    except (InvalidHandshake, InvalidURI, EOFError) as problem:
+        raise ConnectionError(0, f"is no WebSocket that we can use ({problem})") from None
+    return WebsocketChannel(name, connection, options)
+
+
+class WebsocketChannel:
+    """One connection to a bridge; a `live_channels.Channel`."""
+
+    def __init__(self, name: str, connection: ClientConnection, options: OpenOptions) -> None:
+        self._name, self._connection, self._options = name, connection, options
+        self._bridge: Bridge = Foxglove() if connection.subprotocol in SUBPROTOCOLS else Rosbridge()
+        self._topics: Topics | None = None
+        self._translator = Translator(options.max_dt_s)
+        self._known: tuple[Topic, ...] = ()
+        self._begun_s = time.monotonic()
+        self._send(self._bridge.greet())
+
+    def read(self, wait_s: float) -> bytes | None:
+        """Give the lines that come of what was said, a header first. OSError, FieldError, LiveError."""
+        from websockets.exceptions import ConnectionClosed
+
+        until = time.monotonic() + wait_s
+        while True:
+            if self._translator.problems:
+                raise self._translator.problems.popleft()
+            try:
+                left_s = until - time.monotonic()
+                message = self._connection.recv(timeout=max(0.0, left_s))
+            except TimeoutError:
+                header = self._choose(late=time.monotonic() - self._begun_s > CHOOSE_S)
+                return header + b"".join(map(_line, self._translator.idle())) or None
+            except ConnectionClosed as problem:
+                if problem.rcvd is None and problem.sent is not None:
+                    raise ConnectionError(0, f"was hung up on: {problem.sent.reason or problem}") from None
+                return b""
+            if data := self._take(message):
+                return data
+
+    def close(self) -> None:
+        """Hang up."""
+        self._connection.close()
+
+    def _take(self, message: str | bytes) -> bytes:
+        """Translate a message; the lines that come of it. FieldError for one that makes no sense."""
+        said = self._bridge.hear(message)
+        if said is None:
+            return self._choose(late=False)
+        if self._topics is None:
+            return b""
+        return b"".join(map(_line, self._translator.take(said, self._topics)))
+
+    def _choose(self, *, late: bool) -> bytes:
+        """Choose topics as they are announced; gives the header once there are pictures to read."""
+        known, taken = self._bridge.topics, self._topics
+        wishes = Wishes(self._options.image_topic, self._options.odometry_topic, self._options.truth_topic)
+        if taken is not None and (known == self._known or all(taken.by_role.values())):
+            return b""
+        self._known = known
+        chosen = choose(Path(self._name), known, wishes if late else _present(wishes, known))
+        if chosen.image is None:
+            if late:
+                raise LiveError(self._name, nothing_to_read(known))
+            return b""
+        poses = [one.topic if one and not one.frames else None for one in (chosen.odometry, chosen.truth)]
+        self._topics = Topics({"image": chosen.image, "odometry": poses[0], "truth": poses[1]})
+        self._send(self._bridge.subscribe(self._topics.names))
+        return b"" if taken else _line(_header(self._name, chosen.guess))
+
+    def _send(self, messages: Iterator[str]) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            for message in messages:
+                self._connection.send(message)
+        except ConnectionClosed as problem:
+            raise ConnectionError(0, f"has hung up ({problem})") from None
+
+
+def _present(wishes: Wishes, known: tuple[Topic, ...]) -> Wishes:
+    """Leave out for now what was asked for and is not announced yet."""
+    names = {one.name.lstrip("/") for one in known} | {"none"}
+    asked = (wishes.image, wishes.odometry, wishes.truth)
+    return Wishes(*(one if one is None or one.lstrip("/") in names else "none" for one in asked))
+
+
+def _header(name: str, guess: str) -> dict[str, Any]:
+    header = {"format": FORMAT, "version": VERSION, "kind": "session", "name": name}
+    return header | {"notes": [guess] if guess else []}
+
+
+def _line(value: dict[str, Any]) -> bytes:
+    return (json.dumps(value, ensure_ascii=False) + "\n").encode()

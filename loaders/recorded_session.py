@@ -1,0 +1,203 @@
+"""A recording of any format as a session: pictures paired with odometry and truth by their times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.typing import F64
+
+from .alignment import Aligned, Aligner, Steps, as_rows
+from .errors import LogError
+from .findings import Findings
+from .gating import Gate
+from .header import Kind
+from .pictures import PictureError
+from .recording import Motion, OdometryPose, Picture, Record, Recording, TruthPose, checked
+from .session_log import SurveyPicture
+from .time_bases import Span, apart
+
+MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
+
+
+@dataclass(frozen=True, slots=True)
+class Pairing:
+    """How pictures are paired with odometry, and which of them make an update."""
+
+    max_dt_s: float = MAX_DT_S  # a picture without an odometry pose so near in time is left out
+    min_distance_m: float = 0.0  # see `Gate`
+    min_angle_rad: float = 0.0
+    keep_going: bool = False  # skip and count what is broken
+
+
+@dataclass(slots=True, eq=False)
+class _Update:
+    """An update before its picture is decoded."""
+
+    aligned: Aligned
+    time_s: float
+    motions: list[F64]
+    truth: F64 | None
+    odometry: F64 | None
+
+
+class RecordedSession:
+    """A recording as a `maurice_mcl.session.Session`; nothing is read before it is asked for.
+
+    Odometry poses become one motion from a used picture to the next; motions measured as such stay apart.
+    A picture with no odometry within `max_dt_s` is left out, and what moved belongs to the next one; a
+    recording without any odometry gives pictures without motions. LogError as `SessionLog` raises it.
+    """
+
+    kind: Kind = "session"
+
+    def __init__(self, recording: Recording, pairing: Pairing | None = None) -> None:
+        self.recording = recording
+        self.pairing = pairing or Pairing()
+        self._findings = Findings(self.pairing.keep_going)
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        return self.recording.path
+
+    @property
+    def info(self) -> SessionInfo:
+        """What is known before the first picture."""
+        return self.recording.info
+
+    @property
+    def problem_count(self) -> int:
+        """How much the last reading skipped (0 without `keep_going`: the first problem is raised)."""
+        return self._findings.count
+
+    @property
+    def problems(self) -> tuple[LogError, ...]:
+        """The first 100 problems of the last reading."""
+        return self._findings.problems
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last reading found worth saying."""
+        return self._findings.warnings
+
+    def moments(self) -> Iterator[Moment]:
+        """Read the drive from its beginning, a used picture at a time."""
+        findings = self._findings = Findings(self.pairing.keep_going)
+        updates = _Updates(self, findings)
+        step = 0
+        for update in updates:
+            picture = update.aligned.picture
+            try:
+                image = picture.read()
+            except PictureError as problem:
+                findings.problem(LogError(self.path, f"{picture.name}: {problem}"))
+                continue
+            updates.used(update)
+            step += 1
+            frame = Frame(step, update.time_s, as_rows(update.motions), image, picture.name)
+            yield Moment(frame, update.truth, tuple(updates.events_taken()))
+
+    def overview(self) -> tuple[int, bool]:
+        """Count the pictures that make a moment, and tell whether any truth is there; decodes no picture."""
+        count, updates = 0, _Updates(self, Findings(self.pairing.keep_going))
+        for update in updates:
+            updates.used(update)
+            count += 1
+        return count, updates.truths > 0
+
+    def truths_known(self, findings: Findings) -> Iterator[bool]:
+        """Tell of every picture that makes a moment whether its true pose is known; decodes none."""
+        updates = _Updates(self, findings)
+        for update in updates:
+            updates.used(update)
+            yield update.truth is not None
+
+    def count_pictures(self) -> int:
+        """Count all pictures, used or not, without decoding any."""
+        records = checked(self.recording, Findings(self.pairing.keep_going))
+        return sum(isinstance(record, Picture) for record in records)
+
+    def survey_pictures(self) -> Iterator[SurveyPicture]:
+        """Give the used pictures whose true pose is known, as a survey; those without one are left out."""
+        for moment in self.moments():
+            if moment.truth is not None:
+                yield SurveyPicture(None, moment.frame.image, moment.truth, covered=False)
+
+    @cached_property
+    def odometry(self) -> type[OdometryPose] | type[Motion] | None:
+        """Tell how odometry comes, if at all; stops at its first record."""
+        for record in checked(self.recording, Findings(keep_going=True)):
+            if isinstance(record, OdometryPose | Motion):
+                return type(record)
+        return None
+
+
+class _Updates:
+    """One reading of a recording: which pictures are used, and what belongs to each."""
+
+    def __init__(self, session: RecordedSession, findings: Findings) -> None:
+        self.truths = 0  # seen so far
+        self._session = session
+        self._findings = findings
+        self._gate = Gate(session.pairing.min_distance_m, session.pairing.min_angle_rad)
+        self._steps = Steps()
+        self._events: list[str] = []
+        self._begin_s: float | None = None
+        self._spans = {"pictures": Span(), "odometry": Span()}
+        self._used = False
+        self._unpaired = 0
+
+    def __iter__(self) -> Iterator[_Update]:
+        aligner = Aligner(self._session.pairing.max_dt_s)
+        for aligned in aligner(self._seen()):
+            self._events += aligned.events
+            pose = aligned.odometry_at(self._session.pairing.max_dt_s)
+            motions = self._steps.add(aligned.motions, pose, aligner.first_odometry)
+            if pose is None and self._session.odometry is OdometryPose:
+                self._unpaired += 1
+                continue
+            if not self._used or self._gate.open_after(motions):
+                begin_s = aligned.picture.t_s if self._begin_s is None else self._begin_s
+                time_s = aligned.picture.t_s - begin_s
+                yield _Update(aligned, time_s, motions, aligned.truth_at(), pose)
+        self._tell()
+
+    def used(self, update: _Update) -> None:
+        """Begin the motions anew: this update's picture was used."""
+        self._steps.used(update.odometry)
+        self._used = True
+
+    def events_taken(self) -> list[str]:
+        """Give the events since the last picture used."""
+        events, self._events = self._events, []
+        return events
+
+    def _seen(self) -> Iterator[Record]:
+        """Pass the records on, and keep what is told of them at the end."""
+        for record in checked(self._session.recording, self._findings):
+            self._begin_s = record.t_s if self._begin_s is None else self._begin_s
+            self.truths += isinstance(record, TruthPose)
+            if isinstance(record, Picture):
+                self._spans["pictures"].add(record.t_s)
+            elif isinstance(record, OdometryPose):
+                self._spans["odometry"].add(record.t_s)
+            yield record
+
+    def _tell(self) -> None:
+        """Say at the end how pairing went. LogError where no picture found its odometry."""
+        pictures, odometry = self._spans["pictures"], self._spans["odometry"]
+        if pictures.count and self._session.odometry is None:
+            self._findings.warning("found no odometry: the filter only has the pictures to go by")
+        if not self._unpaired:
+            return
+        within = f"within {self._session.pairing.max_dt_s:g} s"
+        if self._unpaired == pictures.count:
+            where = apart("pictures", pictures, "odometry", odometry)
+            found = f"found no picture with odometry {within}: {where}"
+            raise LogError(self._session.path, f"{found}; see --odometry-offset and --max-dt")
+        share = f"{self._unpaired} of {pictures.count} pictures"
+        self._findings.warning(f"{share} have no odometry {within} and were left out; see --max-dt")

@@ -1,0 +1,147 @@
+"""A recorded drive as a stream of records in time order: what every format is read into.
+
+Metres, radians, seconds; x forward, y left, headings counter-clockwise (docs/session-log.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from maurice_mcl.session import SessionInfo
+from maurice_mcl.typing import F64, U8
+
+from .errors import LogError
+from .fields import MOST, MOST_T_S, up_to
+from .findings import Findings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """A picture, not decoded before somebody asks."""
+
+    t_s: float
+    read: Callable[[], U8]  # decodes to (H, W, 3) RGB, top row first; raises PictureError
+    name: str  # where it can be found again, for people
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OdometryPose:
+    """Where the robot's own odometry believes to be, in a frame of its own."""
+
+    t_s: float
+    pose: F64  # (3,) x_m, y_m, heading_rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """A movement since the last odometry record, as the robot measured it."""
+
+    t_s: float
+    motion: F64  # (3,) forward_m, left_m, turn_rad, in the robot's frame at its start
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TruthPose:
+    """Where the robot really was, in the map's frame."""
+
+    t_s: float
+    pose: F64  # (3,) x_m, y_m, heading_rad
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What happened, in free text; an event of the session log."""
+
+    t_s: float
+    text: str
+
+
+Record = Picture | OdometryPose | Motion | TruthPose | Note
+
+
+class Recording(Protocol):
+    """A recorded drive that can be read again from its beginning as often as one likes."""
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        ...
+
+    @property
+    def info(self) -> SessionInfo:
+        """What is known before the first record."""
+        ...
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Read from the beginning on every call, lazily, in time order.
+
+        What is broken goes to `findings.problem`, what is worth saying to `findings.warning`; LogError
+        where nothing more can be read.
+        """
+        ...
+
+
+def checked(recording: Recording, findings: Findings) -> Iterator[Record]:
+    """Give a recording's records; times that fall and numbers that no log may hold go to `findings`."""
+    last_t_s = -math.inf
+    for record in recording.records(findings):
+        fault = _fault(record, last_t_s)
+        if fault:
+            what = type(record).__name__
+            findings.problem(LogError(recording.path, f"{what} at t {record.t_s:.15g}: {fault}"))
+            continue
+        last_t_s = record.t_s
+        yield record
+
+
+def motion_between(before: F64, after: F64) -> F64:
+    """Give the motion (3,) that leads from one pose (3,) to another, in the frame of the first.
+
+    The turn is the short way round.
+    """
+    dx, dy, turn = (float(v) for v in after - before)
+    cos, sin = math.cos(before[2]), math.sin(before[2])
+    return np.array([dx * cos + dy * sin, dy * cos - dx * sin, short_way(turn)])
+
+
+def moved(pose: F64, motion: F64) -> F64:
+    """Move a pose (3,) by a motion (3,): the inverse of `motion_between`."""
+    x, y, heading = (float(v) for v in pose)
+    forward, left, turn = (float(v) for v in motion)
+    cos, sin = math.cos(heading), math.sin(heading)
+    return np.array(
+        [x + forward * cos - left * sin, y + forward * sin + left * cos, short_way(heading + turn)]
+    )
+
+
+def short_way(angle_rad: float) -> float:
+    """Bring an angle into [-pi, pi)."""
+    return (angle_rad + math.pi) % (2 * math.pi) - math.pi
+
+
+def interpolated(before: OdometryPose | TruthPose, after: OdometryPose | TruthPose, t_s: float) -> F64:
+    """Give the pose (3,) at a time between two poses, the heading the short way round."""
+    step = after.pose - before.pose
+    step[2] = short_way(float(step[2]))
+    share = (t_s - before.t_s) / (after.t_s - before.t_s) if after.t_s > before.t_s else 0.0
+    pose: F64 = before.pose + step * share
+    pose[2] = short_way(float(pose[2]))
+    return pose
+
+
+def _fault(record: Record, last_t_s: float) -> str:
+    """Say what is wrong with a record; nothing when all is well."""
+    if not abs(record.t_s) <= MOST_T_S:
+        return f"expected a finite time, {up_to(MOST_T_S)}"
+    if record.t_s < last_t_s:
+        return f"after t {last_t_s:.15g}, expected time not to fall"
+    values = getattr(record, "pose", None) if not isinstance(record, Motion) else record.motion
+    if values is not None and not (np.shape(values) == (3,) and (np.abs(values) <= MOST).all()):
+        return f"found {values}, expected three finite numbers, each {up_to()}"
+    return ""

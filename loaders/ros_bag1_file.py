@@ -1,0 +1,180 @@
+"""Reading a ROS 1 bag chunk by chunk: only where the chunks are is kept, however many messages there are.
+
+`rosbags` keeps an entry of every message of every topic, gigabytes for hours of an inertial unit, and refuses
+bags that were not closed; it decodes the messages (`ros_types`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from .bag_merge import merged
+from .errors import LogError
+from .ros_bag1_records import (
+    BAG_HEADER,
+    CHUNK,
+    CHUNK_INFO,
+    CONNECTION,
+    INDEX,
+    MAGIC,
+    MESSAGE,
+    BagConnection,
+    BagCut,
+    BagError,
+    ChunkInfo,
+    Fields,
+    inner_records,
+    kind,
+    number,
+    read_chunk_info,
+    read_connection,
+    record_at,
+    time_ns,
+    unpack_chunk,
+)
+
+MEND = "`rosbag reindex` mends it, --keep-going reads it as far as it goes"
+Message = tuple[BagConnection, int, bytes]  # who published it, the time of recording in ns, its bytes
+Data = bytes | memoryview
+Held = tuple[BagConnection, int, Data]  # the same, not yet copied out of its chunk
+Records = Iterator[tuple[Fields, Data]]
+
+
+class Ros1File:
+    """A ROS 1 bag; a context manager, and read lazily as often as one likes.
+
+    Raises LogError for what is no bag or damaged, and for one that was never closed; with `keep_going` such
+    a bag is read as far as it goes.
+    """
+
+    def __init__(self, path: Path, *, keep_going: bool = False) -> None:
+        self.path = path
+        self.connections: dict[int, BagConnection] = {}
+        self.counts: Counter[int] = Counter()  # messages, by the connection's number
+        self._chunks: list[ChunkInfo] = []
+        self._keep_going = keep_going
+
+    def __enter__(self) -> Ros1File:
+        """Open the file and read its index."""
+        try:
+            self._file: BinaryIO = self.path.open("rb")
+        except OSError as problem:
+            raise LogError(self.path, f"cannot be read: {problem.strerror}") from None
+        try:
+            self._open()
+        except (BagError, OSError, MemoryError) as problem:
+            self._file.close()
+            raise LogError(self.path, _broken(problem)) from None
+        except LogError:
+            self._file.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
+        """Give the messages of these connections, by the time of recording where the bag has an index.
+
+        LogError where the bag is damaged, or cut and not kept going.
+        """
+        going = self._indexed(wanted) if self._chunks else self._scanned(wanted)
+        while True:
+            try:
+                message = next(going, None)
+            except BagCut as problem:
+                if self._keep_going:
+                    return
+                raise LogError(self.path, _broken(problem)) from None
+            except (BagError, OSError, MemoryError) as problem:
+                raise LogError(self.path, _broken(problem)) from None
+            if message is None:
+                return
+            connection, log_ns, data = message
+            yield connection, log_ns, bytes(data)
+
+    def _open(self) -> None:
+        if self._file.read(len(MAGIC)) != MAGIC:
+            raise LogError(self.path, "found no ROS 1 bag of version 2.0, expected one")
+        self._size = self._file.seek(0, 2)
+        fields, _, self._begin = record_at(self._file, len(MAGIC), self._size)
+        if kind(fields) != BAG_HEADER:
+            raise BagError("found no bag header, expected one")
+        if fields.get("encryptor"):
+            raise LogError(self.path, "found an encrypted bag, expected one that was decrypted")
+        try:
+            self._read_index(number(fields, "index_pos", 8))
+        except BagCut:
+            if not self._keep_going:
+                raise
+            self._chunks.clear()
+            self._count()
+
+    def _read_index(self, at: int) -> None:
+        if not self._begin <= at <= self._size:
+            raise BagCut(f"ends at byte {self._size} without an index; was the recording ended properly?")
+        while at < self._size:
+            fields, data, at = record_at(self._file, at, self._size)
+            if kind(fields) == CHUNK_INFO:
+                info = read_chunk_info(fields, data)
+                self._chunks.append(info)
+                self.counts.update(info.counts)
+            else:
+                self._learn(fields, data)
+        self._chunks.sort(key=lambda info: (info.start_ns, info.at))
+
+    def _learn(self, fields: Fields, data: Data) -> None:
+        """Take in a connection; one that comes again is the same."""
+        if kind(fields) == CONNECTION:
+            key, connection = read_connection(fields, data)
+            self.connections.setdefault(key, connection)
+
+    def _count(self) -> None:
+        """Count the messages of a bag without an index, as far as it goes."""
+        self.counts.clear()
+        try:
+            for fields, _ in self._scan():
+                self.counts[number(fields, "conn", 4)] += 1
+        except BagCut:
+            return
+
+    def _indexed(self, wanted: Collection[int]) -> Iterator[Held]:
+        chunks = [
+            (info.start_ns, info.at) for info in self._chunks if not info.counts.keys().isdisjoint(wanted)
+        ]
+        return merged(chunks, lambda at: self._in_chunk(at, wanted), lambda message: message[1])
+
+    def _in_chunk(self, at: int, wanted: Collection[int]) -> Iterator[Held]:
+        fields, data, _ = record_at(self._file, at, self._size)
+        if kind(fields) != CHUNK:
+            raise BagError(f"found no chunk at byte {at}, expected the one of the index")
+        yield from self._wanted(inner_records(unpack_chunk(fields, data)), wanted)
+
+    def _scanned(self, wanted: Collection[int]) -> Iterator[Held]:
+        return self._wanted(self._scan(), wanted)
+
+    def _scan(self) -> Records:
+        """Go through all messages in the order in which they were written."""
+        at = self._begin
+        while at < self._size:
+            fields, data, at = record_at(self._file, at, self._size, skip=(INDEX, CHUNK_INFO))
+            is_chunk = kind(fields) == CHUNK
+            alone: list[tuple[Fields, Data]] = [] if is_chunk else [(fields, data)]
+            for inner in inner_records(unpack_chunk(fields, data)) if is_chunk else alone:
+                self._learn(*inner)
+                if kind(inner[0]) == MESSAGE:
+                    yield inner
+
+    def _wanted(self, records: Records, wanted: Collection[int]) -> Iterator[Held]:
+        for fields, data in records:
+            if kind(fields) == MESSAGE and (key := number(fields, "conn", 4)) in wanted:
+                yield self.connections[key], time_ns(fields, "time"), data
+
+
+def _broken(problem: Exception) -> str:
+    said = str(problem) or type(problem).__name__
+    return f"{said}; expected a whole bag; {MEND if isinstance(problem, BagCut) else 'was it copied whole?'}"

@@ -1,0 +1,153 @@
+"""The parts of a ROS 1 bag, version 2.0 (http://wiki.ros.org/Bags/Format/2.0): numbers are little-endian."""
+
+from __future__ import annotations
+
+import bz2
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from typing import BinaryIO
+
+MAGIC = b"#ROSBAG V2.0\n"
+MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = range(2, 8)
+MOST_BYTES = 2**30  # of one record or one unpacked chunk; writers stay far below
+Fields = dict[str, bytes]
+
+
+class BagError(ValueError):
+    """What is wrong with the bytes of a bag."""
+
+
+class BagCut(BagError):
+    """The file ends in the middle of a record."""
+
+
+@dataclass(frozen=True, slots=True)
+class BagConnection:
+    """One publisher of a topic."""
+
+    topic: str
+    type: str  # "nav_msgs/Odometry"
+    definition: str  # of the type, with all that it is made of
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkInfo:
+    """Where a chunk stands, when its messages were recorded, and how many each connection has in it."""
+
+    start_ns: int
+    at: int
+    counts: dict[int, int]
+
+
+def number(fields: Fields, name: str, size: int) -> int:
+    """Read an unsigned number of a record's header. BagError where it is missing."""
+    value = fields.get(name, b"")
+    if len(value) != size:
+        raise BagError(f"found a record without a sound {name!r}, expected one")
+    return int.from_bytes(value, "little")
+
+
+def time_ns(fields: Fields, name: str) -> int:
+    """Read a time of a record's header, in nanoseconds."""
+    value = number(fields, name, 8)
+    return (value & 0xFFFFFFFF) * 10**9 + (value >> 32)
+
+
+def text(fields: Fields, name: str) -> str:
+    """Read a text of a record's header; bytes that are no UTF-8 are replaced."""
+    return fields.get(name, b"").decode(errors="replace")
+
+
+def parse_fields(data: bytes) -> Fields:
+    """Read the name=value pairs of a header. BagError where it is damaged."""
+    fields, at = Fields(), 0
+    while at < len(data):
+        size = int.from_bytes(data[at : at + 4], "little")
+        name, equals, value = data[at + 4 : at + 4 + size].partition(b"=")
+        if not equals or at + 4 + size > len(data):
+            raise BagError("found a damaged record header, expected name=value pairs")
+        fields[name.decode(errors="replace")] = value
+        at += 4 + size
+    return fields
+
+
+def record_at(file: BinaryIO, at: int, end: int, *, skip: tuple[int, ...] = ()) -> tuple[Fields, bytes, int]:
+    """Read the record at a place of a file: header, data, and where the next one begins.
+
+    The data of the kinds to skip are not read. BagCut where the file ends within it.
+    """
+    head_bytes = _size_at(file, at, end)
+    fields = parse_fields(file.read(head_bytes))
+    data_at = at + 4 + head_bytes
+    data_bytes = _size_at(file, data_at, end)
+    skipped = kind(fields) in skip
+    return fields, b"" if skipped else file.read(data_bytes), data_at + 4 + data_bytes
+
+
+def kind(fields: Fields) -> int:
+    """Tell what a record is."""
+    return number(fields, "op", 1)
+
+
+def inner_records(data: bytes) -> Iterator[tuple[Fields, memoryview]]:
+    """Give the records within an unpacked chunk: header and data."""
+    whole, at = memoryview(data), 0
+    while at < len(whole):
+        parts = []
+        for _ in range(2):
+            size = int.from_bytes(whole[at : at + 4], "little")
+            if at + 4 + size > len(whole):
+                raise BagError("found a record that is larger than its chunk")
+            parts.append(whole[at + 4 : at + 4 + size])
+            at += 4 + size
+        yield parse_fields(bytes(parts[0])), parts[1]
+
+
+def read_connection(fields: Fields, data: bytes | memoryview) -> tuple[int, BagConnection]:
+    """Read a connection and its number."""
+    about = parse_fields(bytes(data))
+    parts = text(fields, "topic").split("/")
+    topic = ("/" if parts[0] == "" else "") + "/".join(part for part in parts if part)
+    return number(fields, "conn", 4), BagConnection(
+        topic, text(about, "type"), text(about, "message_definition")
+    )
+
+
+def read_chunk_info(fields: Fields, data: bytes) -> ChunkInfo:
+    """Read where a chunk is and what it holds."""
+    pairs = data[: len(data) // 8 * 8]
+    counts = dict(struct.iter_unpack("<II", pairs))
+    return ChunkInfo(time_ns(fields, "start_time") if counts else 0, number(fields, "chunk_pos", 8), counts)
+
+
+def unpack_chunk(fields: Fields, data: bytes) -> bytes:
+    """Give the records of a chunk. BagError where it is damaged or packed in an unknown way."""
+    size, packing = number(fields, "size", 4), text(fields, "compression")
+    if size > MOST_BYTES:
+        raise BagError(f"found a chunk of {size} bytes, expected at most {MOST_BYTES}")
+    try:
+        if packing == "bz2":
+            data = bz2.BZ2Decompressor().decompress(data, max_length=size)
+        elif packing == "lz4":
+            frame = import_module("lz4.frame")  # which has no types
+            data = frame.LZ4FrameDecompressor().decompress(data, max_length=size)
+        elif packing != "none":
+            raise BagError(f"found a chunk packed with {packing!r}, expected bz2, lz4 or none")
+    except (RuntimeError, EOFError, OSError) as problem:
+        raise BagError(f"found a chunk that cannot be unpacked ({problem})") from None
+    if len(data) != size:
+        raise BagError(f"found a chunk of {len(data)} bytes, expected {size}")
+    return data
+
+
+def _size_at(file: BinaryIO, at: int, end: int) -> int:
+    """Read the length that stands at a place, and check that so much follows."""
+    file.seek(at)
+    size = int.from_bytes(file.read(4), "little")
+    if at + 4 > end or at + 4 + size > end:
+        raise BagCut(f"ends at byte {end}, within a record at byte {at}")
+    if size > MOST_BYTES:
+        raise BagError(f"found a record of {size} bytes at byte {at}, expected at most {MOST_BYTES}")
+    return size

@@ -1,0 +1,52 @@
+"""Decoding ROS messages by the definitions that a bag carries, or by the standard ones where it has none."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+NAV2 = {  # not among the standard types; bags of ROS 2 before Iron carry no definitions
+    "nav2_msgs/msg/Particle": "geometry_msgs/Pose pose\nfloat64 weight\n",
+    "nav2_msgs/msg/ParticleCloud": "std_msgs/Header header\nnav2_msgs/Particle[] particles\n",
+}
+
+
+def decode_cdr(data: bytes, kind: str, definition: str = "", form: str = "msg") -> Any:
+    """Decode a ROS 2 message of type `nav_msgs/msg/Odometry`. `form` of the definition: msg or idl."""
+    return _store(kind, definition, form, ros1=False).deserialize_cdr(data, kind)
+
+
+def decode_ros1(data: bytes, kind: str, definition: str) -> Any:
+    """Decode a ROS 1 message."""
+    return _store(kind, definition, "msg", ros1=True).deserialize_ros1(data, kind)
+
+
+def long_type(name: str) -> str:
+    """Write a type's name as the definitions do: `nav_msgs/Odometry` is `nav_msgs/msg/Odometry`."""
+    package, _, rest = name.partition("/")
+    return name if "/" in rest or not rest else f"{package}/msg/{rest}"
+
+
+@cache
+def _store(kind: str, definition: str, form: str, *, ros1: bool) -> Typestore:
+    """Make what decodes one type. Each type has its own, so that bags of mixed versions do no harm."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if not definition:
+        store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+        for name, text in NAV2.items():
+            store.register(get_types_from_msg(text, name))
+        return store
+    store = get_typestore(Stores.EMPTY)
+    if form == "msg":
+        store.register(get_types_from_msg(definition, kind))
+        return store
+    line = "=" * 80 + "\n"  # several files in one, each headed by its name
+    for part in definition.split(line):
+        text = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
+        if text.strip():
+            store.register(get_types_from_idl(text))
+    return store

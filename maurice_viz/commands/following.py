@@ -1,0 +1,111 @@
+"""Localizing on a drive that is going on: from a socket, a pipe, or a file that grows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+
+import typer
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions
+from maurice_loaders.library_store import open_library
+from maurice_loaders.live_recorder import LiveRecorder
+from maurice_loaders.live_session import Listen, LiveSession
+from maurice_loaders.live_source import LiveError, live_source
+from maurice_mcl.library import Library
+from maurice_mcl.pairing import Step
+
+from ..console import note, progress
+from ..replaying import ResultCollector, run_together, shared
+from .failing import one_line_errors
+from .live_options import LiveOptions, patience_of
+from .opening import Wanted, make_runs
+from .options import OutputOptions, RunOptions
+from .running import Playing, play, remark_zeros
+from .showing import Drawn, Scene
+
+STEM = "live"  # of the recording, where no --save names it
+
+
+def follow_source(
+    source: Path,
+    library: Path | None,
+    wanted: Wanted,
+    options: RunOptions,
+    output: OutputOptions,
+    live: LiveOptions,
+    opening: OpenOptions,
+) -> None:
+    """Localize on a live source until it ends or one is stopped; errors end in one line and status 1."""
+    if output.run is not None:
+        advice = "record the drive with --record DIR, then replay DIR/session.log with --run"
+        raise typer.BadParameter(f"--run is for recorded sessions; {advice}")
+    with one_line_errors():
+        recorder = None if live.record is None else LiveRecorder(live.record, force=output.force)
+        listen = Listen(live.keep_up, patience_of(live.patience), opening.camera, library=library)
+        with LiveSession(live_source(source, opening), listen, recorder, note) as session:
+            try:
+                _localize(session, wanted, options, replace(output, stem=STEM))
+            finally:
+                if recorder is not None:
+                    _say_recorded(session)
+
+
+def _localize(session: LiveSession, wanted: Wanted, options: RunOptions, output: OutputOptions) -> None:
+    """Run the filter on what comes; the drawing begins with the first picture."""
+    _say_header(session, options)
+    references = _library(session)
+    runs = make_runs(session, references, [wanted], options)
+    updates: Iterator[Mapping[str, Step]] = shared(run_together(runs, session))
+    first = next(updates, None)
+    if first is None:
+        raise LiveError(session.source.name, "ended before a picture came, so nothing was localized")
+    has_truth = any(moment.truth is not None for moment, _ in first.values())
+    playing = Playing(
+        chain([first], updates),
+        0,
+        [Drawn.live(run.label, run.localizer) for run in runs],
+        Scene(session.info, references, has_truth, live=True),
+        lambda collector: remark_live(collector, session),
+    )
+    play(playing, output)
+
+
+def _library(session: LiveSession) -> Library:
+    path = session.info.survey
+    if path is None or not path.exists():
+        where = "no library" if path is None else f"no library or survey at {path}"
+        raise LogError(session.path, f"found {where}; say which with --library")
+    with progress("library") as advance:
+        return open_library(path, keep_going=False, progress=advance, warn=note)
+
+
+def _say_header(session: LiveSession, options: RunOptions) -> None:
+    for text in session.info.notes:
+        note(text)
+    if session.source.peer and session.info.start is not None and options.start is None:
+        note("starting where the header says that the drive began; --start global where it has gone on since")
+
+
+def remark_live(collector: ResultCollector, session: LiveSession) -> None:
+    """Say how it ended, what was left out, and what went wrong."""
+    counts = session.counts
+    if session.ended:
+        note(f"{session.ended}; ended")
+    for warning in session.warnings:
+        note(warning)
+    if session.problem_count:
+        found = f"{session.problem_count} lines or pictures made no sense and were left out"
+        note(f"{session.source.name}: {found}, the first: {session.problems[0]}")
+    policy = "the oldest of more than four waiting" if session.keep_up else "none is left out"
+    kept = "; what moved before them was kept" if session.skipped else ""
+    note(f"{counts.pictures} pictures came, {session.skipped} were skipped ({policy}){kept}")
+    remark_zeros(collector)
+
+
+def _say_recorded(session: LiveSession) -> None:
+    session.close()  # so that the file is whole when we say so
+    note(f"{session.path}: {session.counts.records} records, {session.counts.pictures} of them pictures")

@@ -1,0 +1,119 @@
+"""Options of every command that opens a recording: its format, topics, columns, times, and which pictures."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from maurice_loaders.formats import OpenOptions
+from maurice_loaders.recorded_session import MAX_DT_S
+from maurice_loaders.time_bases import PER_SECOND
+
+READING = "opening"  # the parameter of a command that takes them all, an OpenOptions
+
+Command = Callable[..., None]
+
+
+def _checked_unit(value: str | None) -> str | None:
+    if value is not None and value not in PER_SECOND:
+        raise typer.BadParameter(f"a unit of time is one of {', '.join(PER_SECOND)}, found {value!r}")
+    return value
+
+
+def _checked_columns(value: str | None) -> str | None:
+    columns_of(value)
+    return value
+
+
+def columns_of(text: str | None) -> dict[str, str]:
+    """Read `--columns image=file,heading=yaw:deg`; a usage error for anything else."""
+    found: dict[str, str] = {}
+    for part in (text or "").split(",") if text else ():
+        role, equals, column = part.partition("=")
+        if not equals or not role.strip() or not column.strip():
+            raise typer.BadParameter(f"--columns is role=column, with commas between them; found {part!r}")
+        found[role.strip()] = column.strip()
+    return found
+
+
+def _option(kind: Any, name: str, text: str, default: Any = None, **more: Any) -> inspect.Parameter:
+    word = name.removeprefix("--").replace("-", "_")
+    annotation = Annotated[kind, typer.Option(name, help=text, **more)]
+    return inspect.Parameter(word, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+_TEXT, _FILE = str | None, Path | None
+OPTIONS = (
+    _option(_TEXT, "--format", "The recording's format, where the guess is wrong; see `formats`."),
+    _option(_TEXT, "--camera", "Whose pictures are read. [default: the first one's]"),
+    _option(_TEXT, "--image-topic", "Of a bag: the pictures. [default: guessed, and said]"),
+    _option(_TEXT, "--odometry-topic", "Of a bag: the odometry. [default: guessed, and said]"),
+    _option(_TEXT, "--truth-topic", "Of a bag: the truth. [default: guessed, and said]"),
+    _option(_FILE, "--table", "A CSV table of poses or odometry, for a folder or video.", metavar="FILE.csv"),
+    _option(
+        _TEXT,
+        "--columns",
+        "What is in a table's columns: image=file,x=px,heading=yaw:deg. [default: by their names]",
+        metavar="ROLE=COLUMN,...",
+        callback=_checked_columns,
+    ),
+    _option(
+        _TEXT,
+        "--time-unit",
+        "Unit of the times: s, ms, us or ns. [default: told from them]",
+        callback=_checked_unit,
+    ),
+    _option(float, "--odometry-offset", "Seconds added to odometry's times.", 0.0),
+    _option(float, "--truth-offset", "Seconds added to the truth's times.", 0.0),
+    _option(float, "--max-dt", "Most seconds between a picture and its odometry.", MAX_DT_S, min=0.0),
+    _option(float, "--min-distance", "Metres to go before a picture is used.", 0.0, min=0.0),
+    _option(float, "--min-angle", "Degrees to turn before a picture is used.", 0.0, min=0.0),
+)
+
+
+def open_options(given: Mapping[str, Any], *, keep_going: bool = False) -> OpenOptions:
+    """Put the options together from what was typed, by parameter name."""
+    return OpenOptions(
+        format=given["format"],
+        camera=given["camera"],
+        image_topic=given["image_topic"],
+        odometry_topic=given["odometry_topic"],
+        truth_topic=given["truth_topic"],
+        table=given["table"],
+        columns=columns_of(given["columns"]),
+        time_unit=given["time_unit"],
+        odometry_offset_s=given["odometry_offset"],
+        truth_offset_s=given["truth_offset"],
+        max_dt_s=given["max_dt"],
+        min_distance_m=given["min_distance"],
+        min_angle_rad=float(np.deg2rad(given["min_angle"])),
+        keep_going=keep_going,
+    )
+
+
+def reads_recordings(command: Command) -> Command:
+    """Give a command all options of reading, in place of its parameter `opening`.
+
+    Where the command has `keep_going`, that goes into the options as well.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    own = [one for one in signature.parameters.values() if one.name != READING]
+    names = [one.name for one in OPTIONS]
+
+    @functools.wraps(command)
+    def with_options(**given: Any) -> None:
+        reading = {name: given.pop(name) for name in names}
+        command(**given, opening=open_options(reading, keep_going=given.get("keep_going", False)))
+
+    keywords = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own]
+    with_options.__signature__ = signature.replace(  # type: ignore[attr-defined]  # what typer reads
+        parameters=[*keywords, *OPTIONS]
+    )
+    with_options.__annotations__ = {one.name: one.annotation for one in (*keywords, *OPTIONS)}
+    return with_options

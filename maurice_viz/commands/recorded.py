@@ -1,0 +1,60 @@
+"""`maurice-replay BAG --as-recorded`: another localizer's particles in our views, without filtering."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from maurice_loaders.bag_localizer import RecordedLocalizer
+from maurice_loaders.errors import LogError
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, chosen
+from maurice_loaders.ros_bags import BAGS
+
+from ..as_recorded import AFTER_RESAMPLING, AsRecorded, map_of
+from ..console import note
+from .failing import one_line_errors
+from .options import OutputOptions
+from .running import Playing, play
+from .showing import Drawn, Scene
+
+NO_CHANNELS = ("color",)  # layouts want one; its panels stay empty
+
+
+def replay_as_recorded(path: Path, options: OpenOptions, output: OutputOptions) -> None:
+    """Show the clouds of a bag; what is wrong with it ends in one line and status 1."""
+    with one_line_errors():
+        play(playing_of(open_as_recorded(path, options)), output)
+
+
+def open_as_recorded(path: Path, options: OpenOptions) -> AsRecorded:
+    """Open a bag's localizer. LogError for what is no bag, and for one without particles."""
+    name = chosen(path, options).name
+    if name not in BAGS:
+        raise LogError(path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded")
+    localizer = RecordedLocalizer(path, BAGS[name], options)
+    label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
+    return AsRecorded(localizer, localizer.overview(), label, Findings(options.keep_going))
+
+
+def playing_of(recorded: AsRecorded) -> Playing:
+    """Get the updates ready to be gone through."""
+    seen = recorded.overview
+    drawn = Drawn(recorded.label, NO_CHANNELS, None, seen.most_particles)
+    library = map_of(recorded.localizer, seen)
+    scene = Scene(recorded.localizer.info, library, seen.has_truth, seen.updates)
+    return Playing(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded))
+
+
+def _remark(recorded: AsRecorded) -> None:
+    """Say what the figures stand for, and what was skipped."""
+    pose = recorded.localizer.pose
+    where = f"the pose of {pose.name}" if pose else "the heaviest cluster of the cloud"
+    note(f"{recorded.localizer.cloud.name} {AFTER_RESAMPLING}; the estimate is {where}")
+    for text in recorded.localizer.info.notes:
+        note(text)
+    if recorded.unweighted:
+        note(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")
+    for warning in recorded.findings.warnings:
+        note(warning)
+    if recorded.findings.count:
+        note(f"skipped {recorded.findings.count} broken messages, the first: {recorded.findings.problems[0]}")

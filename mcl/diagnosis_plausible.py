@@ -1,0 +1,165 @@
+"""Whether numbers can be what they are called: without truth, pictures or a library."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import diagnosis_words as words
+from .diagnosis import Complaint, Drive, Odometry, motions_of, rotated
+from .diagnosis_truth import TURNS, Reading, motions_read, readings
+from .typing import F64
+
+SLOWEST_M_S, FASTEST_M_S = 0.002, 12.0  # what a robot that looks about drives at, as the 95th percentile
+FASTEST_RAD_S = 12.0  # two turns a second
+USUAL_M_S = 0.3
+PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+FEW = 0.2  # share of the pictures
+MAX_GAP_S = 1.0  # truth is interpolated across no more
+FEWEST = 8  # records that move
+STEP_M = 0.05  # poses are compared over steps of so much
+ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the way that goes sideways: too much, and hardly any
+
+
+def speeds(odometry: Odometry) -> tuple[float, float]:
+    """Give how fast the robot goes (m/s) and turns (rad/s): 95th percentiles of what moves; 0 for nothing.
+
+    Turns are taken as they stand, so that degrees show.
+    """
+    motions = motions_of(odometry)
+    turns = np.diff(odometry.values[:, 2], prepend=odometry.values[0, 2]) if odometry.poses else motions[:, 2]
+    passed = np.diff(odometry.t_s, prepend=np.nan)
+    ways = np.hypot(motions[:, 0], motions[:, 1])
+    return _high(ways, passed), _high(np.abs(turns), passed)
+
+
+def _high(amounts: F64, passed_s: F64) -> float:
+    moves = (amounts > 0) & (passed_s > 0)
+    if moves.sum() < FEWEST:
+        return 0.0
+    return float(np.percentile(amounts[moves] / passed_s[moves], 95))
+
+
+def time_unit(drive: Drive) -> tuple[float, list[Complaint]]:
+    """Tell whether times are no seconds; give what they have to be multiplied by."""
+    way, turn = speeds(drive.odometry) if drive.odometry.size else (0.0, 0.0)
+    if not (0 < way < SLOWEST_M_S and turn < SLOWEST_M_S):
+        return 1.0, []
+    unit = min(PER_SECOND, key=lambda one: abs(np.log(way * PER_SECOND[one] / USUAL_M_S)))
+    factor = PER_SECOND[unit]
+    evidence = (
+        f"the robot would go at {way:.2g} m/s and turn at {turn:.2g} rad/s; "
+        f"in {unit} it is {way * factor:.2g} m/s and {turn * factor:.2g} rad/s"
+    )
+    short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
+    mend = f"divide t by {factor:.0e}, or read with --time-unit {short} where the format takes it"
+    return 1 / factor, [Complaint("time-unit", f"times are in {unit}", evidence, mend, {"per_s": factor})]
+
+
+def clocks_apart(drive: Drive) -> list[Complaint]:
+    """Tell whether pictures, odometry and truth have no time in common."""
+    complaints = []
+    for name, times in (("odometry", drive.odometry.t_s), ("truth", drive.truth.t_s)):
+        ours = drive.picture_t_s
+        if not len(times) or not len(ours) or (times.min() <= ours.max() and ours.min() <= times.max()):
+            continue
+        late = float(times.min() - ours.min())
+        evidence = (
+            f"pictures go from {ours.min():.3f} to {ours.max():.3f} s, "
+            f"{name} from {times.min():.3f} to {times.max():.3f} s"
+        )
+        mend = f"--{name}-offset {-late:.3f} puts their beginnings together"
+        what = f"pictures and {name} have no time in common"
+        complaints.append(Complaint(f"{name}-clock", what, evidence, mend, {"late_s": late}))
+    return complaints
+
+
+def truth_apart(drive: Drive) -> list[Complaint]:
+    """Tell whether the truth passes the pictures by: none at their times, though it goes on beside them."""
+    truth, pictures = drive.truth, drive.picture_t_s
+    if truth.size < FEWEST or len(pictures) < FEWEST:
+        return []
+    after = np.clip(np.searchsorted(truth.t_s, pictures), 1, truth.size - 1)
+    before = after - 1
+    exact = (truth.t_s[after] == pictures) | (truth.t_s[before] == pictures)
+    between = (truth.t_s[after] - truth.t_s[before] <= MAX_GAP_S) & (truth.t_s[before] <= pictures)
+    known = float((exact | (between & (pictures <= truth.t_s[after]))).mean())
+    if known >= FEW:
+        return []
+    late = float(np.median(pictures - truth.t_s[before]))
+    evidence = (
+        f"{known:.0%} of {len(pictures)} pictures have truth at their time or within {MAX_GAP_S:g} s before "
+        f"and after; the truth before a picture is {late:.2g} s old (median)"
+    )
+    mend = "--truth-offset, or the same in the log, if one of the clocks is late; else more frequent truth"
+    return [
+        Complaint("truth-apart", "pictures have no truth", evidence, mend, {"share": known, "age_s": late})
+    ]
+
+
+def odometry_doubts(drive: Drive) -> list[Complaint]:
+    """Say what is wrong with the odometry by its own numbers."""
+    odometry = drive.odometry
+    if odometry.size < FEWEST:
+        return []
+    complaints, reading = [], best_reading(odometry)
+    way, turn = speeds(odometry)
+    aside = aside_share(odometry, Reading())
+    if reading.frame or (reading.turn and odometry.poses):
+        evidence = (
+            f"{aside:.0%} of the way would go sideways, and {aside_share(odometry, reading):.0%} does "
+            "if this is so"
+        )
+        complaints += [words.frame_complaint(reading.frame, evidence)] if reading.frame else []
+        complaints += [words.turn_complaint(reading.turn, evidence)] if reading.turn else []
+    elif turn > FASTEST_RAD_S:
+        evidence = f"the robot would turn at {turn:.3g} rad/s; in degrees it is {turn * TURNS['degrees']:.2g}"
+        complaints.append(words.turn_complaint("degrees", evidence, rad_s=turn))
+    elif aside > 1 - NOT_ASIDE:
+        evidence = f"{aside:.0%} of the way goes sideways; a robot that can do so on purpose is well"
+        complaints.append(words.direction_complaint(_side(odometry), evidence, aside=aside))
+    if way > FASTEST_M_S and reading.frame != "absolute":
+        complaints.append(_too_fast(way, drive.size_m))
+    return complaints
+
+
+def best_reading(odometry: Odometry) -> Reading:
+    """Find the reading by which a robot that cannot go sideways does not; the usual one where that does."""
+    if aside_share(odometry, Reading()) < ASIDE:
+        return Reading()
+    tried = [one for one in readings(odometry) if one.frame or odometry.poses]
+    best = min(tried, key=lambda one: aside_share(odometry, one))
+    return best if aside_share(odometry, best) < NOT_ASIDE else Reading()
+
+
+def aside_share(odometry: Odometry, reading: Reading) -> float:
+    """Give the share of the way that goes sideways, 0 to 1, if the odometry is what the reading says."""
+    if odometry.poses:
+        motions = _steps(odometry.values * [1, 1, TURNS[reading.turn]])
+    else:
+        motions = motions_read(odometry, reading)
+    ways = np.abs(motions[:, :2])
+    total = float(np.hypot(ways[:, 0], ways[:, 1]).sum())
+    return float(ways[:, 1].sum()) / total if total > 0 else 0.0
+
+
+def _steps(poses: F64) -> F64:
+    """Give the way between poses (n, 2) some centimetres apart, seen from each step's end."""
+    gone = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T))
+    chosen = np.unique(np.searchsorted(gone, np.arange(0.0, min(gone[-1], 1000.0), STEP_M)))
+    some = poses[chosen]
+    step = np.diff(some[:, :2], axis=0)
+    return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
+
+
+def _side(odometry: Odometry) -> float:
+    """Give the way round: which direction what is called left would have to be."""
+    left = float(motions_of(odometry)[:, 1].sum())
+    return -np.pi / 2 if left > 0 else np.pi / 2
+
+
+def _too_fast(way: float, size_m: float) -> Complaint:
+    """Say that lengths are no metres."""
+    scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
+    wide = f", on a map of {size_m:.1f} m" if np.isfinite(size_m) else ""
+    evidence = f"the robot would go at {way:.3g} m/s{wide}; so it is {way * scale:.2g} m/s"
+    return words.scale_complaint(scale, evidence, m_s=way)

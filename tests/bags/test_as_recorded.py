@@ -1,0 +1,121 @@
+"""Another localizer's particles in our views."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bag_making as making
+import numpy as np
+import pytest
+from bag_making import BEGIN_NS, Ros, Said
+
+from maurice_loaders.bag_localizer import RecordedLocalizer, RecordedUpdate
+from maurice_loaders.errors import LogError
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, guess
+from maurice_loaders.ros_bags import BAGS
+from maurice_viz.as_recorded import AFTER_RESAMPLING
+from maurice_viz.commands.options import OutputOptions
+from maurice_viz.commands.recorded import open_as_recorded, replay_as_recorded
+
+
+def updates(path: Path) -> list[RecordedUpdate]:
+    localizer = RecordedLocalizer(path, BAGS[guess(path).name], OpenOptions())
+    return list(localizer.updates(Findings(keep_going=False)))
+
+
+@pytest.fixture
+def amcl(tmp_path: Path) -> Path:
+    return making.write_ros1(tmp_path / "amcl.bag", making.amcl_drive(Ros(1), weighted=False))
+
+
+@pytest.fixture
+def nav2(tmp_path: Path) -> Path:
+    return making.write_ros2(tmp_path / "nav2", making.amcl_drive(Ros(2)))
+
+
+def test_each_cloud_is_an_update_with_its_pose(amcl: Path) -> None:
+    found = updates(amcl)
+    assert [len(update.poses) for update in found] == [200, 160, 120, 80]
+    for number, update in enumerate(found):
+        assert update.weights is None
+        assert update.pose is not None
+        np.testing.assert_allclose(update.pose.pose, [1 + 0.1 * number, 2, 0.5], atol=1e-9)
+        np.testing.assert_allclose(update.pose.sd, [0.2, 0.3, 0.1], atol=1e-9)
+        assert update.read is not None
+        assert np.array_equal(update.read(), making.picture(number))
+        assert update.truth is not None
+        np.testing.assert_allclose(update.truth[:2], [1.005 + 0.1 * number, 2], atol=1e-6)
+    np.testing.assert_allclose([u.motions[:, 0].sum() for u in found[1:]], 0.1, atol=1e-3)
+
+
+def test_weights_are_kept(nav2: Path) -> None:
+    recorded = open_as_recorded(nav2, OpenOptions())
+    records = [record for step in recorded.updates() for _, record in step.values()]
+    want = [u.weights for u in updates(nav2)]
+    for record, weights in zip(records, want, strict=True):
+        assert weights is not None
+        np.testing.assert_allclose(record.weighted.weights, weights / weights.sum(), atol=1e-12)
+
+
+def test_the_first_update_says_what_weights_mean(nav2: Path) -> None:
+    moments = [
+        moment for step in open_as_recorded(nav2, OpenOptions()).updates() for moment, _ in step.values()
+    ]
+    assert AFTER_RESAMPLING in moments[0].events
+    assert not any(moment.events for moment in moments[1:])
+
+
+def test_poses_in_the_maps_frame(amcl: Path) -> None:
+    records = [r for step in open_as_recorded(amcl, OpenOptions()).updates() for _, r in step.values()]
+    for record, update in zip(records, updates(amcl), strict=True):
+        np.testing.assert_allclose(record.weighted.world_poses, update.poses, atol=1e-5)
+        assert update.pose is not None
+        np.testing.assert_allclose(record.estimate.pose, update.pose.pose)
+
+
+@pytest.mark.parametrize("weights", [0.0, float("nan"), -1.0])
+def test_weights_that_make_no_sense_count_as_equal(weights: float, tmp_path: Path) -> None:
+    ros = Ros(2)
+    cloud = ros.particles(BEGIN_NS, np.zeros((3, 3)), np.full(3, weights))
+    said = [Said("/particle_cloud", "nav2_msgs/ParticleCloud", BEGIN_NS, cloud)]
+    recorded = open_as_recorded(making.write_ros2(tmp_path / "bag", said), OpenOptions())
+    ((_, record),) = (one for step in recorded.updates() for one in step.values())
+    np.testing.assert_allclose(record.weighted.weights, 1 / 3)
+    assert recorded.unweighted == 1
+
+
+def test_a_far_pose_is_not_the_clouds(tmp_path: Path) -> None:
+    ros = Ros(1)
+    late_ns = BEGIN_NS + 2 * 10**9
+    said = [
+        Said(
+            "/particlecloud", "geometry_msgs/PoseArray", BEGIN_NS, ros.pose_array(BEGIN_NS, np.zeros((4, 3)))
+        ),
+        Said(
+            "/amcl_pose",
+            "geometry_msgs/PoseWithCovarianceStamped",
+            late_ns,
+            ros.unsure(late_ns, (5.0, 5.0, 0.0)),
+        ),
+    ]
+    (update,) = updates(making.write_ros1(tmp_path / "a.bag", said))
+    assert update.pose is None
+
+
+def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
+    path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
+    with pytest.raises(LogError, match="found no cloud"):
+        open_as_recorded(path, OpenOptions())
+    log = tmp_path / "session.log"
+    log.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session"}\n')
+    with pytest.raises(LogError, match="expected one of rosbag1, rosbag2, mcap"):
+        open_as_recorded(log, OpenOptions())
+
+
+@pytest.mark.parametrize("detail", ["full", "events", "light"])
+def test_all_views_are_drawn(detail: str, nav2: Path, tmp_path: Path) -> None:
+    file = tmp_path / "out.rrd"
+    output = OutputOptions("out", file, True, False, False, True, detail=detail)
+    replay_as_recorded(nav2, OpenOptions(), output)
+    assert file.stat().st_size > 10_000

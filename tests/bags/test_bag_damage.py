@@ -1,0 +1,133 @@
+"""Damaged bags give one line, never a traceback; a cut MCAP file is read as far as it goes."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import bag_making as making
+import numpy as np
+import pytest
+from bag_making import Ros, Said
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions, open_session
+
+
+def _in_folder(folder: Path, name: str, **how: str) -> Path:
+    return next(making.write_ros2(folder / "made", making.drive(Ros(2), 3), **how).glob(name))  # type: ignore[arg-type]  # as named
+
+
+WRITERS: dict[str, Callable[[Path], Path]] = {
+    "plain.bag": lambda folder: making.write_ros1(folder / "made.bag", making.drive(Ros(1), 3)),
+    "lz4.bag": lambda folder: making.write_ros1(folder / "made.bag", making.drive(Ros(1), 3), "lz4"),
+    "sqlite.db3": lambda folder: _in_folder(folder, "*.db3"),
+    "cdr.mcap": lambda folder: _in_folder(folder, "*.mcap", storage="mcap"),
+    "zstd.mcap": lambda folder: _in_folder(folder, "*.mcap", storage="mcap", compression="storage"),
+    "json.mcap": lambda folder: making.write_json_mcap(
+        folder / "made.mcap", making.foxglove_drive(3), chunks=2
+    ),
+    "unindexed.mcap": lambda folder: making.write_json_mcap(folder / "made.mcap", making.foxglove_drive(3)),
+}
+
+
+def _read(path: Path, *, keep_going: bool = False) -> int:
+    return len(list(open_session(path, OpenOptions(keep_going=keep_going)).moments()))
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_damage_is_one_line(name: str, tmp_path: Path) -> None:
+    data = WRITERS[name](tmp_path).read_bytes()
+    chance = random.Random(name)
+    path = tmp_path / name
+    for trial in range(24):
+        damaged = bytearray(data)
+        if trial % 3 == 0:
+            damaged = damaged[: chance.randrange(len(data))]
+        for _ in range(0 if trial % 3 == 0 else chance.choice([1, 4, 40])):
+            damaged[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+        path.write_bytes(damaged)
+        for keep_going in (False, True):
+            with suppress(LogError):  # which is one line; anything else fails
+                _read(path, keep_going=keep_going)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_cut_file_is_refused(name: str, tmp_path: Path) -> None:
+    data = WRITERS[name](tmp_path).read_bytes()
+    path = tmp_path / name
+    for share in (0.1, 0.5, 0.97):
+        path.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(LogError):
+            _read(path)
+
+
+@pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x.db3"])
+@pytest.mark.parametrize("content", [b"", b"hello", bytes(1000)])
+def test_other_files_with_our_names_are_refused(name: str, content: bytes, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(LogError):
+        _read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x.db3"])
+def test_folders_with_our_names_are_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).mkdir()
+    with pytest.raises(LogError):
+        _read(tmp_path / name)
+    (tmp_path / name / "metadata.yaml").write_text("nothing: here\n")
+    with pytest.raises(LogError):
+        _read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["unindexed.mcap", "cdr.mcap", "plain.bag", "lz4.bag"])
+def test_a_cut_file_is_read_as_far_as_it_goes(name: str, tmp_path: Path) -> None:
+    whole = WRITERS[name](tmp_path)
+    data = whole.read_bytes()
+    path = tmp_path / name
+    path.write_bytes(data[:-40])  # the footer or the index's end is gone, all messages are there
+    with pytest.raises(LogError, match="--keep-going reads it as far as it goes"):
+        _read(path)
+    assert _read(path, keep_going=True) == _read(whole) == 3
+
+
+def test_a_chunk_that_claims_too_much_is_not_unpacked(tmp_path: Path) -> None:
+    data = bytearray(WRITERS["json.mcap"](tmp_path).read_bytes())
+    at = data.index(b"\x06", 8 + 9)  # the first chunk: kind, length, two times, then its unpacked size
+    data[at + 9 + 16 : at + 9 + 24] = (2**50).to_bytes(8, "little")
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(data)
+    with pytest.raises(LogError, match=r"chunk|bytes"):
+        _read(path)
+
+
+def test_a_bag_that_was_never_closed(tmp_path: Path) -> None:
+    """As `rosbag record` leaves it when it is killed: no index, and its place in the header is zero."""
+    whole = WRITERS["plain.bag"](tmp_path)
+    data = bytearray(whole.read_bytes())
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    index_at = int.from_bytes(data[at : at + 8], "little")
+    data[at : at + 8] = bytes(8)
+    path = tmp_path / "killed.bag.active"
+    path.write_bytes(data[:index_at])
+    with pytest.raises(LogError, match="rosbag reindex"):
+        _read(path)
+    assert _read(path, keep_going=True) == _read(whole) == 3
+
+
+def test_chunks_may_overlap_in_time(tmp_path: Path) -> None:
+    """Publishers that are late make chunks overlap; what comes out is in order all the same."""
+    said = making.drive(Ros(1), 40)
+    mixed = [one for start in range(3) for one in said[start::3]]
+    pictures = [Said("/pad", "sensor_msgs/Image", one.log_ns, pad(one.log_ns)) for one in mixed[::4]]
+    path = making.write_ros1(tmp_path / "mixed.bag", [*mixed, *pictures])
+    session = open_session(path, OpenOptions(image_topic="/camera/image/compressed"))
+    assert len(list(session.moments())) == 40
+    assert not any("left out" in warning for warning in session.warnings)
+
+
+def pad(t_ns: int) -> object:
+    """A picture large enough to fill chunks."""
+    return Ros(1).image(t_ns, np.zeros((300, 600), np.uint8), "rgb8", width=200)

@@ -1,0 +1,337 @@
+"""Live sources as sessions: over real sockets, from a real file, through scripted channels."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from live_peers import HEADER, line, log, peer, says, update
+
+from maurice_loaders import live_listening
+from maurice_loaders.errors import LogError
+from maurice_loaders.live_lines import LineCutter
+from maurice_loaders.live_listening import Patience
+from maurice_loaders.live_recorder import LiveRecorder
+from maurice_loaders.live_session import Listen, LiveSession
+from maurice_loaders.live_source import LiveSource, is_live, live_source
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.session import Moment
+
+SOON, LATER = Patience(0.5), Patience(2.5)
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_listening, "POLL_S", 0.02)
+    monkeypatch.setattr(live_listening, "LONGEST_WAIT_S", 0.1)
+    monkeypatch.setattr(live_listening, "SENSE_S", 0.3)
+
+
+def gone_through(
+    source: LiveSource, folder: Path | None = None, patience: Patience = SOON
+) -> tuple[LiveSession, list[Moment]]:
+    recorder = None if folder is None else LiveRecorder(folder)
+    with LiveSession(source, Listen(keep_up=False, patience=patience), recorder) as session:
+        return session, list(session.moments())
+
+
+def times(moments: list[Moment]) -> list[float]:
+    return [round(moment.frame.time_s, 6) for moment in moments]
+
+
+def test_what_a_socket_says_is_a_session_and_is_recorded_byte_for_byte(tmp_path: Path) -> None:
+    said = log(range(20)) + line(20, event="bump", note="kept too")
+    with peer(says(said)) as address:
+        session, moments = gone_through(live_source(address), tmp_path)
+    assert times(moments) == list(range(20))
+    assert [moment.frame.step for moment in moments] == list(range(1, 21))
+    assert all(moment.frame.motions.tolist() == [[0.1, 0.0, 0.0]] for moment in moments)
+    recorded = (tmp_path / "session.log").read_bytes()
+    assert recorded.split(b"\n", 1)[1] == said.split(b"\n", 1)[1]
+    assert SessionLog(tmp_path / "session.log").info.name == "live"
+    assert session.problem_count == 0
+
+
+def test_portions_of_any_size_are_put_together() -> None:
+    def dribble(connection: socket.socket) -> None:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        data = log(range(3))
+        for at in range(0, len(data), 37):
+            connection.sendall(data[at : at + 37])
+
+    with peer(dribble) as address:
+        assert times(gone_through(live_source(address))[1]) == [0, 1, 2]
+
+
+def test_a_source_that_is_restarted_loses_only_what_it_never_sent(tmp_path: Path) -> None:
+    cut = update(7)[:-30]
+    with peer(says(log(range(5)) + cut), says(b""), says(log(range(3))), says(log([2, 3]))) as address:
+        session, moments = gone_through(live_source(address), tmp_path, LATER)
+    # The clock that began anew goes on 2 s behind the last time: 7 is what the cut update's odometry said.
+    assert times(moments) == [0, 1, 2, 3, 4, 9, 10, 11, 11, 12]
+    assert [len(moment.frame.motions) for moment in moments] == [1, 1, 1, 1, 1, 2, 1, 1, 1, 1]
+    assert [bool(m.events) for m in moments] == [False] * 5 + [True, False, False, True, False]
+    assert moments[5].events[0].startswith("gap: the source was away for")
+    assert session.counts.gaps == 2
+    assert any("cut off" in warning for warning in session.warnings)
+    again = list(SessionLog(tmp_path / "session.log").moments())
+    assert times(again) == times(moments)
+    assert [m.events for m in again] == [m.events for m in moments]
+
+
+def test_broken_lines_are_counted_and_left_out_of_the_recording(tmp_path: Path) -> None:
+    parts = [
+        HEADER.encode(),
+        b"nonsense",
+        b"",
+        update(1).strip(),
+        b"\xff\xfe",
+        b'{"t": 0.5, "event": "early"}',
+    ]
+    parts += [
+        b'{"t": 2, "image": "../outside.jpg"}',
+        b'{"t": 2, "image": {"base64": "AAAA"}}',
+        update(3).strip(),
+    ]
+    with peer(says(b"\n".join(parts) + b"\n")) as address:
+        session, moments = gone_through(live_source(address), tmp_path)
+    assert times(moments) == [0, 2]
+    assert session.counts.broken == 4
+    assert session.problem_count == 5  # and a picture that cannot be decoded
+    assert any("expected it inline" in str(problem) for problem in session.problems)
+    assert all(str(problem).startswith(address) for problem in session.problems)
+    assert b"nonsense" not in (tmp_path / "session.log").read_bytes()
+
+
+HOSTILE: dict[str, tuple[bytes, str]] = {
+    "another protocol": (b"HTTP/1.1 400 Bad Request\r\n\r\n", "found broken JSON"),
+    "binary": (b"\0\1\2\n" * 100, "found binary data"),
+    "another JSON": (b'{"hello": 1}\n', "found format nothing"),
+    "a survey": (HEADER.replace('"session", ', '"survey", ', 1).encode() + b"\n", "found a survey log"),
+    "a newer version": (HEADER.replace("1", "9").encode() + b"\n", "found format version 9"),
+    "deep JSON": (b"[" * 100_000 + b"\n", "found JSON nested too deeply"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_peer_that_is_no_robot_is_told_in_one_line_at_once(name: str, tmp_path: Path) -> None:
+    said, expected = HOSTILE[name]
+    begun = time.monotonic()
+    with peer(says(said)) as address, pytest.raises(LogError) as told:
+        gone_through(live_source(address), tmp_path, Patience(60.0))
+    assert expected in str(told.value)
+    assert str(told.value).startswith(f"{address}:1: ")
+    assert "\n" not in str(told.value)
+    assert time.monotonic() - begun < 20
+    assert list(tmp_path.iterdir()) == []  # nothing is written before there is a header
+
+
+def test_an_endless_line_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_listening, "LineCutter", partial(LineCutter, 1_000_000))
+    sent = [0]
+
+    def endless(connection: socket.socket) -> None:
+        while True:
+            connection.sendall(b"x" * 65536)
+            sent[0] += 65536
+
+    with peer(endless) as address, pytest.raises(LogError, match="sends a line of more than"):
+        gone_through(live_source(address))
+    assert sent[0] < 30_000_000
+
+
+def test_a_peer_that_says_nothing_is_hung_up_on_and_told() -> None:
+    over = threading.Event()
+    with peer(lambda c: over.wait(20) and None) as address:
+        with pytest.raises(LogError, match="says nothing that makes sense for"):
+            gone_through(live_source(address))
+        over.set()
+
+
+def test_a_peer_that_turns_bad_is_hung_up_on_and_what_was_good_is_kept(tmp_path: Path) -> None:
+    with peer(says(log(range(3)) + b"{}\n" * 500), says(log([5]))) as address:
+        session, moments = gone_through(live_source(address), tmp_path, LATER)
+    assert times(moments) == [0, 1, 2, 5]
+    assert 100 <= session.counts.broken <= 500
+
+
+def test_a_peer_that_resets_the_connection_is_survived() -> None:
+    def reset(connection: socket.socket) -> None:
+        connection.sendall(log(range(2)))
+        time.sleep(0.2)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+
+    with peer(reset, says(log([4]))) as address:
+        assert times(gone_through(live_source(address), patience=LATER)[1]) == [0, 1, 4]
+
+
+def test_nobody_there_is_told_with_the_reason() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    with pytest.raises(LogError, match=f"^tcp://127.0.0.1:{port}: found no session log there .*refused"):
+        gone_through(live_source(f"tcp://127.0.0.1:{port}"))
+
+
+def test_a_robot_that_is_slow_to_begin_is_waited_for() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    script = f"""
+import socket, sys, time
+time.sleep(0.5)
+with socket.create_server(("127.0.0.1", {port})) as server:
+    server.accept()[0].sendall(sys.stdin.buffer.read())
+"""
+    robot = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE)
+    assert robot.stdin is not None
+    robot.stdin.write(log(range(4)))
+    robot.stdin.close()
+    moments = gone_through(live_source(f"tcp://127.0.0.1:{port}"), patience=Patience(5.0))[1]
+    robot.wait(20)
+    assert times(moments) == [0, 1, 2, 3]
+
+
+WRITER = """
+import sys, time
+with open(sys.argv[1], "ab", buffering=0) as log:
+    for part in sys.stdin.buffer.read().split(b"#"):
+        log.write(part)
+        time.sleep(0.05)
+print("done", flush=True)
+time.sleep(60)
+"""
+
+
+def write_and_kill(path: Path, *parts: bytes) -> None:
+    """Write to a file from another process, which is then killed with kill -9."""
+    pipe = subprocess.PIPE
+    writer = subprocess.Popen([sys.executable, "-c", WRITER, path], stdin=pipe, stdout=pipe)
+    assert writer.stdin is not None
+    assert writer.stdout is not None
+    writer.stdin.write(b"#".join(parts))
+    writer.stdin.close()
+    assert writer.stdout.readline() == b"done\n"
+    writer.kill()
+    writer.wait()
+    writer.stdout.close()
+
+
+def test_a_growing_file_is_followed_past_the_death_of_its_writer(tmp_path: Path) -> None:
+    path, got = tmp_path / "growing.log", list[Moment]()
+    patience = Patience(5.0, silent_s=2.0)
+    session = LiveSession(
+        live_source(path), Listen(keep_up=False, patience=patience), LiveRecorder(tmp_path / "r")
+    )
+
+    def follow() -> None:
+        with session:
+            got.extend(session.moments())
+
+    follower = threading.Thread(target=follow)
+    follower.start()  # before there is a file
+    data = log(range(4))
+    half = update(4)[:-40]
+    write_and_kill(path, data[:50], data[50:333], data[333:], half)
+    write_and_kill(path, b"\n" + log(range(2)))  # a writer that begins anew in the same file
+    path.unlink()
+    write_and_kill(path, log([30]))  # and in another one by the same name
+    follower.join(30)
+    assert not follower.is_alive()
+    # The killed writer's half line is the one thing that is lost, of update 4; its odometry was whole.
+    assert times(got) == [0, 1, 2, 3, 6, 7, 30]
+    assert len(got[4].frame.motions) == 2
+    assert session.counts.broken == 1
+    assert times(list(SessionLog(tmp_path / "r" / "session.log").moments())) == times(got)
+    assert "said nothing for 2 s" in session.ended
+
+
+def test_pictures_by_their_paths_are_put_into_the_recording(small_session: Path, tmp_path: Path) -> None:
+    patience = Patience(0.5, silent_s=0.5)
+    _, moments = gone_through(live_source(small_session), tmp_path / "r", patience)
+    expected = list(SessionLog(small_session).moments())
+    log_ = SessionLog(tmp_path / "r" / "session.log")
+    assert log_.info.survey == SessionLog(small_session).info.survey
+    assert not (tmp_path / "r" / "pictures").exists()
+    for one, other, again in zip(expected, moments, log_.moments(), strict=True):
+        assert (one.frame.image == other.frame.image).all()
+        assert (one.frame.image == again.frame.image).all()
+        assert one.frame.time_s == other.frame.time_s == again.frame.time_s
+        assert (one.frame.motions == again.frame.motions).all()
+        assert one.truth is not None
+        assert (one.truth == other.truth).all()
+        assert (one.truth == again.truth).all()
+        assert one.frame.picture == other.frame.picture
+
+
+def test_the_latest_picture_does_not_wait_for_a_truth_that_does_not_come() -> None:
+    seen, over = threading.Event(), threading.Event()
+
+    def robot(connection: socket.socket) -> None:
+        connection.sendall(log([0]) + line(0, truth=[0, 0, 0]) + update(1))
+        over.wait(20)
+
+    with peer(robot) as address, LiveSession(live_source(address), Listen(patience=Patience(30))) as session:
+        moments: Iterator[Moment] = session.moments()
+        next(moments)
+        assert next(moments).truth is None
+        seen.set()
+        over.set()
+    assert seen.is_set()
+
+
+def test_with_a_slow_filter_pictures_are_skipped_and_no_motion_is(tmp_path: Path) -> None:
+    with peer(says(log(range(60)))) as address:
+        recorder = LiveRecorder(tmp_path)
+        with LiveSession(live_source(address), Listen(keep_up=True, patience=SOON), recorder) as session:
+            assert session.info.name == "live"
+            session.listen()  # whoever filters is busy until everything is there
+            moments = list(session.moments())
+    assert session.counts.pictures == 60
+    assert session.skipped == 56
+    assert times(moments) == [56, 57, 58, 59]
+    assert [len(moment.frame.motions) for moment in moments] == [57, 1, 1, 1]
+    assert SessionLog(tmp_path / "session.log").count_pictures() == 60
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full to write to")
+def test_a_full_disk_is_told_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "session.log").symlink_to("/dev/full")
+    recorder = LiveRecorder(tmp_path, force=True)
+    with (
+        peer(says(log(range(5)))) as address,
+        LiveSession(live_source(address), Listen(keep_up=False, patience=SOON), recorder) as session,
+        pytest.raises(LogError, match="cannot be recorded to: No space left"),
+    ):
+        list(session.moments())
+
+
+def test_a_folder_that_holds_a_session_is_not_written_to(tmp_path: Path) -> None:
+    (tmp_path / "session.log").write_text("mine")
+    with pytest.raises(LogError, match="--force"):
+        LiveRecorder(tmp_path)
+    with pytest.raises(LogError, match="expected a folder"):
+        LiveRecorder(tmp_path / "session.log")
+    assert (tmp_path / "session.log").read_text() == "mine"
+
+
+def test_what_is_live() -> None:
+    assert all(is_live(text) for text in ("-", "tcp://a:1", "ws://a:1", "wss://a:1", Path("tcp://a:1")))
+    assert not any(is_live(text) for text in ("a.log", "tcp", "http://a:1", "tcp.log", "./tcp/a"))
+    assert live_source(Path("tcp://127.0.0.1:5005")).name == "tcp://127.0.0.1:5005"
+
+
+@pytest.mark.parametrize(
+    "text", ["tcp://a", "tcp://:1", "tcp://a:b", "tcp://a:70000", "tcp://a:1/x", "ws://a"]
+)
+def test_broken_addresses_are_told_in_one_line(text: str) -> None:
+    with pytest.raises(LogError, match=r"^(tcp|ws)://.*: found .*, expected ") as told:
+        live_source(text)
+    assert "\n" not in str(told.value)

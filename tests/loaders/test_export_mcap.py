@@ -1,0 +1,173 @@
+"""MCAP with ROS 2 messages, read back by an independent reader, and without the extra."""
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from maurice_loaders import export_mcap
+from maurice_loaders.errors import LogError
+from maurice_loaders.export_mcap import CLOUD, IMAGE, ODOMETRY, POSES, TF, TYPES, mcap_file, mcap_sink
+from maurice_loaders.export_steps import export_steps
+from maurice_loaders.pictures import decode_picture
+from maurice_loaders.run_store import open_runs
+
+pytest.importorskip("rosbags")
+
+from rosbags.highlevel import AnyReader
+
+from maurice_loaders.export_ros_messages import Messages, message_types, pose_rows, spread_out
+
+Save = Callable[..., tuple[Path, list[Any]]]
+STORE = message_types()
+
+
+def messages(file: Path) -> list[tuple[str, int, Any]]:
+    """All messages by the bag's own type definitions."""
+    with AnyReader([file]) as reader:
+        found = reader.messages()
+        return [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in found]
+
+
+def heading(turn: Any) -> float:
+    assert (turn.x, turn.y) == (0, 0)
+    return float(2 * np.arctan2(turn.z, turn.w))
+
+
+def pose_of(pose: Any) -> list[float]:
+    return [pose.position.x, pose.position.y, heading(pose.orientation)]
+
+
+@pytest.fixture
+def exported(save_run: Save, tmp_path: Path) -> tuple[list[Any], dict[str, list[tuple[int, Any]]]]:
+    """What a run was, and what its MCAP holds, by topic."""
+    folder, played = save_run()
+    (run,) = open_runs(folder)
+    with mcap_sink(tmp_path / "run.mcap", np.array(run.manifest.origin_m)) as sink:
+        for step, (moment, _) in zip(export_steps(run, t_offset_s=1e9), played, strict=True):
+            sink.add(step, moment.frame.image)
+    by_topic: dict[str, list[tuple[int, Any]]] = {}
+    for topic, t_ns, message in messages(tmp_path / "run.mcap"):
+        by_topic.setdefault(topic, []).append((t_ns, message))
+    return played, by_topic
+
+
+def test_every_update_has_every_message(exported) -> None:
+    played, by_topic = exported
+    counts = Counter({topic: len(found) for topic, found in by_topic.items() if topic != export_mcap.EVENTS})
+    assert set(counts) == set(TYPES) - {export_mcap.EVENTS}
+    assert set(counts.values()) == {len(played)}
+    texts = [message.data for _, message in by_topic.get(export_mcap.EVENTS, [])]
+    assert texts == [text for moment, record in played for text in (*moment.events, *record.events)]
+
+
+def test_poses_and_stamps_are_the_runs(exported) -> None:
+    played, by_topic = exported
+    for number, (moment, record) in enumerate(played):
+        t_ns, estimate = by_topic[export_mcap.ESTIMATE][number]
+        assert t_ns == round((1e9 + moment.frame.time_s) * 1e9)
+        assert estimate.header.stamp.sec * 10**9 + estimate.header.stamp.nanosec == t_ns
+        assert estimate.header.frame_id == "map"
+        assert pose_of(estimate.pose) == pytest.approx(record.estimate.pose.tolist(), abs=1e-9)
+        truth = by_topic[export_mcap.TRUTH][number][1]
+        assert pose_of(truth.pose) == pytest.approx(moment.truth.tolist(), abs=1e-9)
+        covered = by_topic[export_mcap.WITH_COVARIANCE][number][1].pose
+        deviations = np.sqrt(covered.covariance[[0, 7, 35]])
+        assert deviations == pytest.approx([*record.estimate.sd_m, record.estimate.heading_sd_rad])
+        assert np.count_nonzero(covered.covariance) == 3
+
+
+def test_clouds_are_whole_and_weights_stand_beside_their_particles(exported) -> None:
+    played, by_topic = exported
+    for number, (_, record) in enumerate(played):
+        cloud = by_topic[CLOUD][number][1].particles
+        assert [p.weight for p in cloud] == pytest.approx(record.weighted.weights.tolist())
+        assert [p.pose.position.x for p in cloud] == pytest.approx(record.weighted.world_poses[:, 0].tolist())
+        after = by_topic[POSES][number][1].poses
+        found = np.array([pose_of(pose) for pose in after])
+        assert found == pytest.approx(record.belief.world_poses, abs=1e-6)
+
+
+def test_transforms_lead_from_the_map_over_odometry_to_the_estimate(exported) -> None:
+    played, by_topic = exported
+    for number, (_, record) in enumerate(played):
+        correction, odometry = by_topic[TF][number][1].transforms
+        links = [(link.header.frame_id, link.child_frame_id) for link in (correction, odometry)]
+        assert links == [("map", "odom"), ("odom", "base_link")]
+        x, y, turned = _planar(correction.transform)
+        forward, left, turn = _planar(odometry.transform)
+        assert pose_of(by_topic[ODOMETRY][number][1].pose.pose) == pytest.approx([forward, left, turn])
+        cos, sin = np.cos(turned), np.sin(turned)
+        found = [x + cos * forward - sin * left, y + sin * forward + cos * left]
+        assert found == pytest.approx(record.estimate.pose[:2].tolist())
+        assert np.cos(turned + turn - record.estimate.pose[2]) == pytest.approx(1)
+
+
+def _planar(transform: Any) -> list[float]:
+    return [transform.translation.x, transform.translation.y, heading(transform.rotation)]
+
+
+def test_pictures_are_jpeg_of_the_same_size(exported) -> None:
+    played, by_topic = exported
+    for number, (moment, _) in enumerate(played):
+        message = by_topic[IMAGE][number][1]
+        assert message.format == "jpeg"
+        decoded = decode_picture(message.data.tobytes())
+        assert decoded.shape == moment.frame.image.shape
+        assert np.abs(decoded.astype(int) - moment.frame.image).mean() < 4
+
+
+@pytest.mark.parametrize("frame", ["m", "ma", "map", "mapp", "odom-odom"])
+@pytest.mark.parametrize("count", [0, 1, 5])
+def test_clouds_are_serialized_as_the_types_say_whatever_the_alignment(frame: str, count: int) -> None:
+    rng = np.random.default_rng(count)
+    poses, weights = rng.normal(size=(count, 3)), rng.random(count)
+    make = Messages(STORE, 1_500_000_001)
+    for kind, data in (
+        ("geometry_msgs/msg/PoseArray", make.pose_array(frame, poses)),
+        ("nav2_msgs/msg/ParticleCloud", make.particle_cloud(frame, poses, weights)),
+    ):
+        whole = STORE.deserialize_cdr(data, kind)
+        assert whole.header.frame_id == frame
+        assert bytes(STORE.serialize_cdr(whole, kind)) == data
+
+
+def test_quaternions_are_unequal_row_by_row() -> None:
+    rows = pose_rows(np.array([[1.0, 2.0, 0.0], [3.0, 4.0, np.pi / 2], [5.0, 6.0, -np.pi]]))
+    half = 0.5**0.5
+    assert rows[:, 3:] == pytest.approx(
+        np.array([[0, 0, 0, 1], [0, 0, half, half], [0, 0, -1, 0]]), abs=1e-12
+    )
+
+
+def test_a_covariance_stands_at_x_y_and_yaw() -> None:
+    full = spread_out(np.arange(1.0, 10).reshape(3, 3)).reshape(6, 6)
+    assert full[[0, 0, 1, 5, 5], [0, 5, 1, 0, 5]].tolist() == [1, 3, 5, 7, 9]
+    assert np.count_nonzero(full) == 9
+
+
+def test_without_the_extra_one_line_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(export_mcap, "find_spec", lambda name: None)
+    with pytest.raises(LogError) as caught, mcap_file(tmp_path / "a.mcap"):
+        pytest.fail("was opened")
+    assert "pip install 'maurice-replay[ros]'" in str(caught.value)
+
+
+@pytest.mark.parametrize("t_s", [-0.5, 2.0**31, float("nan")])
+def test_a_time_that_no_stamp_holds_is_refused_and_leaves_nothing(tmp_path: Path, t_s: float) -> None:
+    with pytest.raises(LogError, match="--t-offset"), mcap_file(tmp_path / "a.mcap") as mcap:
+        mcap.write(ODOMETRY, t_s, b"")
+    assert not list(tmp_path.iterdir())
+
+
+def test_another_ending_and_an_existing_file_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"mine")
+    for name, said in (("a.bag", ".mcap"), ("a.mcap", "--force")):
+        with pytest.raises(LogError, match=said), mcap_file(tmp_path / name):
+            pytest.fail("was opened")
+    assert (tmp_path / "a.mcap").read_bytes() == b"mine"

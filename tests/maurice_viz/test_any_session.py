@@ -1,0 +1,234 @@
+"""Whatever is recorded is drawn without an exception, and the entities that every screen needs are there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import rerun.blueprint as rrb
+import viz_fakes as fakes
+import viz_recordings as recordings
+
+from maurice_mcl.arena import Arena, Region
+from maurice_mcl.assembly import make_localizer
+from maurice_mcl.channels import CHANNELS
+from maurice_mcl.library import Library
+from maurice_mcl.localizer import run
+from maurice_mcl.parameters import FilterParameters, ReseedingParameters
+from maurice_mcl.sensor import SensorParameters
+from maurice_mcl.session import Moment
+from maurice_mcl.typing import F64, U8
+from maurice_viz import entities, sinks
+from maurice_viz.entities import RunPaths
+from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.shown import Run, Shown
+from maurice_viz.legible import legible
+from maurice_viz.look import scale_for
+from maurice_viz.observe import RerunObserver
+from maurice_viz.thinning import Detail
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is out of the ordinary; all the rest is as usual."""
+
+    columns: int = 3
+    rows: int = 2
+    headings: int = 4
+    units: str = "in"
+    side_m: float | None = None  # of the arena's long side
+    height: int = 36
+    width: int = 44
+    channels: Sequence[str] = ("color", "edges")
+    particles: int = 50
+    steps: int = 2
+    has_truth: bool = True
+    kept: bool = True  # whether the library's pictures are on the disk
+    start: F64 | None = None
+    sharpness: float = 1.0
+    reseeding: str = "none"
+    session: str = "drive"
+    label: str = "run"
+    obstacle: str = "table"
+    detail: Detail = Detail.FULL
+    explained: bool = True  # whether the library is at hand to explain with
+
+
+CASES = {
+    "nothing out of the ordinary": Case(),
+    "no truth": Case(has_truth=False),
+    "library pictures not kept": Case(kept=False),
+    "neither truth nor library pictures": Case(has_truth=False, kept=False),
+    "pictures of 8 x 8": Case(height=8, width=8),
+    "pictures of 640 x 480": Case(height=480, width=640, columns=1, rows=1),
+    "pictures of 1920 x 300": Case(height=300, width=1920, columns=1, rows=1),
+    "pictures of 40 x 300": Case(height=300, width=40),
+    "one particle": Case(particles=1),
+    "50,000 particles": Case(particles=50_000, steps=1),
+    "an arena of 2 m": Case(side_m=2.0, units="m"),
+    "an arena of 200 m": Case(side_m=200.0, units="m"),
+    "an arena of 200 m in inches": Case(side_m=200.0),
+    "a corridor": Case(columns=9, rows=1),
+    "one frame": Case(steps=1),
+    "no frame at all": Case(steps=0),
+    "a library of one entry": Case(columns=1, rows=1, headings=1),
+    "one channel": Case(channels=("color",)),
+    "twelve channels": Case(channels=tuple(CHANNELS)[:12]),
+    "blind and far off": Case(sharpness=0.0, start=np.array([0.2, 0.7, 3.0]), steps=5),
+    "outside the map": Case(start=np.array([-50.0, 80.0, 1.0]), steps=5),
+    "reseeded": Case(reseeding="always", steps=4),
+    "drawn from the picture": Case(reseeding="dual", steps=4),
+    "not in ASCII": Case(session="Büro 東京", label="Lauf ä 走", obstacle="Schränkchen 机"),
+    "signs in a label": Case(label="a b: 50 % (x)"),
+    "little detail": Case(detail=Detail.LIGHT, steps=4),
+    "detail at events": Case(detail=Detail.EVENTS, steps=9),
+    "no library to explain with": Case(explained=False),
+}
+ALWAYS = {
+    entities.FLOORS, entities.WALLS, entities.NODES, entities.WEIGHT_KEY, entities.MATCH_KEY,
+    entities.LIKELIHOOD_KEY, entities.EXPLAIN_KEY,
+}  # fmt: skip
+
+
+def library_of(case: Case, folder: Path) -> Library:
+    """Make a library for a case: its pictures, and an arena with its names."""
+    poses = fakes.reference_poses(case.columns, case.rows, case.headings)
+    images = [fakes.picture_at(pose, case.height, case.width) for pose in poses]
+    arena = fakes.arena(case.columns, case.rows)
+    factor = 1.0 if case.side_m is None else case.side_m / max(arena.size_m)
+    paths: list[Path | None] = [folder / f"{k}.png" if case.kept else None for k in range(len(images))]
+    for path, image in zip(paths, images, strict=True):
+        if path is not None:
+            cv2.imwrite(str(path), image)
+    index = {channel: fakes.index_of(images, channel) for channel in case.channels}
+    drawn = poses * (factor, factor, 1)
+    return Library("fake", drawn, tuple(paths), index, scaled(arena, factor, case.obstacle), case.units)
+
+
+def scaled(arena: Arena, factor: float, obstacle: str) -> Arena:
+    table, *_ = arena.obstacles
+    floors = tuple(Region(floor.name, floor.polygon * factor) for floor in arena.floors)
+    low_x, low_y, high_x, high_y = (float(v) * factor for v in arena.bounds)
+    return replace(
+        arena,
+        bounds=(low_x, low_y, high_x, high_y),
+        walls=arena.walls * factor,
+        obstacles=(Region(obstacle, table.polygon * factor),),
+        floors=floors,
+        rooms=(),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """The usual drive with pictures of a case's size, as long as the case says."""
+
+    case: Case
+    usual: fakes.FakeSession
+    info: object = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "info", self.usual.info)
+
+    def moments(self) -> Iterator[Moment]:
+        for moment in islice(self.usual.moments(), self.case.steps):
+            image: U8 = fakes.picture_at(np.zeros(3) + moment.frame.step, self.case.height, self.case.width)
+            told = (*moment.events, f"{self.case.obstacle} moved")
+            yield replace(moment, frame=replace(moment.frame, image=image), events=told)
+
+
+def draw(case: Case, folder: Path) -> Path:
+    """Play a case and draw it, with every layout in the blueprint."""
+    library, out = library_of(case, folder), folder / "out.rrd"
+    session = Drive(case, fakes.make_session(library, max(case.steps, 1), case.has_truth, case.session))
+    weights = dict.fromkeys(case.channels, 1 / len(case.channels))
+    parameters = FilterParameters(
+        sensor=SensorParameters(weights, sharpness=case.sharpness),
+        reseeding=ReseedingParameters(strategy=case.reseeding),
+        particles=case.particles,
+    )
+    localizer = make_localizer(library, session, parameters)
+    shown = Shown(library.arena, scale_for(case.units, library.arena), case.has_truth)
+    blueprint = for_runs([Run(case.label, tuple(case.channels))], shown)
+    sensor = localizer.sensor if case.explained else None
+    with sinks.to_file(out, case.session, blueprint) as rec:
+        distances = recordings.distances_of(case.channels)
+        observer = RerunObserver(rec, case.label, distances, True, case.has_truth, case.detail, sensor)
+        observer.begin(session.info, library)
+        for moment, record in run(localizer, session, case.start):
+            observer.see(moment, record)
+        observer.end()
+    return out
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_any_session_is_drawn(name: str, tmp_path: Path) -> None:
+    case, paths = CASES[name], RunPaths(CASES[name].label)
+    out = draw(case, tmp_path)
+    found = recordings.entities_of(out)
+    assert found >= ALWAYS
+    if case.steps:
+        assert found >= {paths.particles, paths.estimate, paths.text, paths.closeup, entities.CAMERA}
+        assert bool(recordings.rows(out, entities.TRUTH)) == case.has_truth
+        texts = recordings.rows(out, paths.text)
+        assert {row.step for row in texts if row.step} == set(range(1, case.steps + 1))
+        assert all(row.values["TextDocument:text"][0].strip() for row in texts)
+    assert_finite(out, paths)
+
+
+def assert_finite(out: Path, paths: RunPaths) -> None:
+    """What has no finite place leaves a view empty."""
+    for path, component in (
+        (paths.particles, "Points2D:positions"),
+        (paths.estimate, "Points2D:positions"),
+        (paths.closeup, "Transform3D:translation"),
+        (paths.closeup, "Transform3D:scale"),
+    ):
+        for row in recordings.having(recordings.rows(out, path), component):
+            assert np.isfinite(np.array(row.values[component])).all(), path
+
+
+def test_whatever_is_written_has_signs_in_the_viewers_font(tmp_path: Path) -> None:
+    """Without a screen the viewer stops at the first letter that it has no sign for."""
+    out, paths = draw(CASES["not in ASCII"], tmp_path), RunPaths("Lauf ä 走")
+    texts = [row.values["TextDocument:text"][0] for row in recordings.rows(out, paths.text)]
+    assert any("Schränkchen u673A moved" in text for text in texts)
+    for text in [*texts, *recordings.entities_of(out)]:
+        assert legible(text) == text
+    shown = Shown(fakes.arena(2, 2), scale_for("m", fakes.arena(2, 2)), has_truth=True)
+    blueprint = for_runs([Run("走", ("color",)), Run("机", ("color",))], shown)
+    titles = [str(view.name) for view in views(blueprint.root_container)]
+    assert all(legible(title) == title for title in titles)
+    assert any(title.startswith("u8D70") for title in titles)
+
+
+def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View | rrb.Container]:
+    yield part
+    if isinstance(part, rrb.Container):
+        for inner in part.contents:
+            yield from views(inner)
+
+
+def test_letters_that_the_viewer_has_stay_as_they_are() -> None:
+    for text in ("plain", "Büro, première, Ωμέγα, Жук · − → ≤ °\nx", "a\u0308"):
+        assert len(legible(text)) <= len(text)
+    assert legible("Büro · Ωμέγα Жук") == "Büro · Ωμέγα Жук"
+    assert legible("東") == "u6771"
+
+
+def test_the_close_view_holds_most_of_the_cloud_and_is_centered_on_it(tmp_path: Path) -> None:
+    case = Case(steps=6, particles=200)
+    out, paths = draw(case, tmp_path), RunPaths("run")
+    frames = recordings.having(recordings.rows(out, paths.closeup), "Transform3D:translation")
+    clouds = recordings.having(recordings.rows(out, paths.particles), "Points2D:positions")
+    assert len(frames) == case.steps
+    for row, cloud in zip(frames, [c for c in clouds if c.step], strict=True):
+        middle = np.array(row.values["Transform3D:translation"][0][:2])
+        reach = row.values["Transform3D:scale"][0][0]
+        within = np.abs(recordings.positions(cloud) - middle).max(axis=1) <= reach
+        assert within.mean() > 0.9

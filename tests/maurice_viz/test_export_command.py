@@ -1,0 +1,156 @@
+"""`export` and `convert` as a person runs them."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from maurice_loaders.session_log import SessionLog
+from maurice_viz.cli import app
+from maurice_viz.commands.convert import convert
+from maurice_viz.commands.export import export
+
+APP = typer.Typer()
+APP.command()(export)
+APP.command()(convert)
+
+
+def run(app: typer.Typer, *words: str | Path) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def failure(result: Result) -> str:
+    assert result.exit_code == 1, result.output
+    (line,) = result.stderr.strip().splitlines()
+    return line
+
+
+@pytest.fixture
+def saved(small_session: Path, tmp_path: Path) -> Path:
+    folder = tmp_path / "kept"
+    words = ("replay", small_session, "--particles", "60", "--no-recording", "--run", folder)
+    assert run(app, *words).exit_code == 0
+    return folder
+
+
+def test_all_formats_at_once(saved: Path, tmp_path: Path) -> None:
+    names = ["a.tum", "a.kitti", "a.csv", "a.parquet", "a.zip"]
+    options = ("--tum", "--kitti", "--csv", "--parquet", "--evo")
+    files = [tmp_path / name for name in names]
+    pairs = [word for pair in zip(options, files, strict=True) for word in pair]
+    done = run(APP, "export", saved, *pairs)
+    assert done.exit_code == 0, done.output
+    written = [Path(line) for line in done.stdout.splitlines()]
+    assert set(written) >= set(files)
+    assert {file.name for file in written} >= {"a-truth.tum", "a-odometry.kitti"}
+    assert all(file.is_file() for file in written)
+    assert len((tmp_path / "a.tum").read_text().splitlines()) == 14
+    assert "--force" in failure(run(APP, "export", saved, *pairs))
+    assert run(APP, "export", saved, *pairs, "--force").exit_code == 0
+
+
+def test_scored_figures_are_those_of_the_table(saved: Path, tmp_path: Path) -> None:
+    done = run(APP, "export", saved, "--tum", tmp_path / "a.tum", "--scored", "--json")
+    (exported,) = json.loads(done.stdout)["runs"]
+    (shown,) = json.loads(run(app, "replay", saved, "--no-recording", "--json").stdout)["runs"]
+    assert exported["updates"] == 11
+    assert exported["label"] == shown["label"]
+    for name in ("mean", "median"):
+        assert exported["position_error_m"][name] == pytest.approx(shown[f"position_error_{name}_m"])
+
+
+def test_one_path_alone_has_the_name_asked_for(saved: Path, tmp_path: Path) -> None:
+    done = run(APP, "export", saved, "--tum", tmp_path / "t.tum", "--only", "truth")
+    assert done.exit_code == 0
+    assert [file.name for file in tmp_path.glob("*.tum")] == ["t.tum"]
+
+
+def test_mcap_without_the_session_has_no_pictures_and_says_so(saved: Path, small_session: Path) -> None:
+    reading = pytest.importorskip("rosbags.highlevel")
+    for name, topics in (("with.mcap", 1), ("without.mcap", 0)):
+        file = saved.parent / name
+        done = run(APP, "export", saved, "--mcap", file)
+        assert done.exit_code == 0, done.output
+        assert ("pictures are left out" in done.stderr) is (topics == 0)
+        with reading.AnyReader([file]) as reader:
+            assert sum("image" in connection.topic for connection in reader.connections) == topics
+        small_session.unlink(missing_ok=True)
+
+
+def test_a_comparison_needs_the_runs_label(small_session: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "both"
+    options = ("--particles", "30", "--no-recording", "--run", folder)
+    assert run(app, "compare", small_session, "--seed", "1", "--seed", "2", *options).exit_code == 0
+    asked = ("export", folder, "--tum", tmp_path / "a.tum")
+    label = re.findall(r"runs (.*?),", failure(run(APP, *asked)))[0]
+    assert "holds no run" in failure(run(APP, *asked, "--run-label", "nobody"))
+    assert run(APP, *asked, "--run-label", label).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [(), ("--tum", "a", "--kitti", "a"), ("--tum", "a", "--only", "x"), ("--csv", "a", "--t-offset", "nan")],
+)
+def test_bad_options_are_usage_errors(saved: Path, words: tuple[str, ...]) -> None:
+    assert run(APP, "export", saved, *words).exit_code == 2
+
+
+def test_what_is_no_run_is_one_line(small_session: Path, tmp_path: Path) -> None:
+    for path in (small_session, tmp_path, tmp_path / "nothing"):
+        assert "saved run" in failure(run(APP, "export", path, "--tum", tmp_path / "a.tum"))
+
+
+def test_a_run_without_steps_writes_nothing(saved: Path, tmp_path: Path) -> None:
+    for part in saved.rglob("*.parquet"):
+        part.unlink()
+    manifest = saved / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"steps": 14', '"steps": 0'))
+    assert "nothing to export" in failure(run(APP, "export", saved, "--csv", tmp_path / "a.csv"))
+    assert not (tmp_path / "a.csv").exists()
+
+
+def test_a_converted_log_gives_the_same_figures(small_session: Path, tmp_path: Path) -> None:
+    done = run(APP, "convert", small_session, tmp_path / "copy.log")
+    assert "14 pictures, 14 motions, 14 true poses" in done.stdout
+    figures = []
+    for path in (small_session, tmp_path / "copy.log"):
+        words = ("replay", path, "--particles", "60", "--no-recording", "--json")
+        (shown,) = json.loads(run(app, *words).stdout)["runs"]
+        del shown["steps_per_s"]
+        figures.append(shown)
+    assert figures[0] == figures[1]
+
+
+def test_the_clock_of_a_session_is_kept_and_can_be_moved(small_session: Path, tmp_path: Path) -> None:
+    first = [json.loads(line)["t"] for line in small_session.read_text().splitlines()[1:2]]
+    for option, expected in ((("--t-offset", "100"), first[0] + 100), ((), first[0])):
+        assert run(APP, "convert", small_session, tmp_path / "b.log", "--force", *option).exit_code == 0
+        assert json.loads((tmp_path / "b.log").read_text().splitlines()[1])["t"] == expected
+
+
+def test_convert_keeps_going_when_told_so(small_session: Path, tmp_path: Path) -> None:
+    with small_session.open("a") as log:
+        log.write("{broken}\n")
+    asked = ("convert", small_session, tmp_path / "b.log")
+    assert "broken JSON" in failure(run(APP, *asked))
+    done = run(APP, *asked, "--keep-going")
+    assert done.exit_code == 0
+    assert "skipped 1 broken" in done.stderr
+    assert SessionLog(tmp_path / "b.log").count_pictures() == 14
+
+
+@pytest.mark.parametrize(
+    "words", [("b.txt",), ("b.log", "--pictures", "gif"), ("b.log", "--t-offset", "inf")]
+)
+def test_convert_refuses_bad_options(small_session: Path, words: tuple[str, ...]) -> None:
+    assert run(APP, "convert", small_session, *words).exit_code == 2
+
+
+def test_convert_refuses_what_is_no_recording(tmp_path: Path) -> None:
+    (tmp_path / "x.log").write_bytes(b"\0\1\2")
+    for path in (tmp_path / "x.log", tmp_path / "nothing.log"):
+        failure(run(APP, "convert", path, tmp_path / "b.log"))
+    assert not (tmp_path / "b.log").exists()

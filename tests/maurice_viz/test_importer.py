@@ -1,0 +1,143 @@
+"""`rerun-importer-maurice`: what it takes, what it gives back, what Rerun makes of it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+
+from maurice_viz.commands.importer import NOT_MINE, is_ours
+
+CODE = "from maurice_viz.commands.importer import main; main()"
+
+
+def importer(*words: str | Path, expect: int = 0) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-c", CODE, *map(str, words)]
+    done = subprocess.run(command, capture_output=True, check=False, timeout=120)
+    assert done.returncode == expect, done.stderr
+    assert b"Traceback" not in done.stderr
+    return done
+
+
+def recording(done: subprocess.CompletedProcess[bytes], folder: Path) -> RrdReader:
+    file = folder / "imported.rrd"
+    file.write_bytes(done.stdout)
+    return RrdReader(file)
+
+
+def entities(reader: RrdReader) -> set[str]:
+    return {chunk.entity_path for chunk in reader.stream().to_chunks() if not chunk.is_empty}
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("empty.log", b""),
+        ("carmen.log", b"# CARMEN Logfile\nODOM 1 2 3\n"),
+        ("other.log", b'{"format": "another-log", "version": 1}\n'),
+        ("manifest.json", b'{"name": "an app"}'),
+        ("manifest.json", b"[1"),
+        ("binary.mcap", b"\x89MCAP0\r\n" + bytes(100)),
+        ("quoted.txt", b'see "maurice-session-log"\n'),
+    ],
+)
+def test_files_of_others_are_given_back(tmp_path: Path, name: str, data: bytes) -> None:
+    (tmp_path / name).write_bytes(data)
+    assert not is_ours(tmp_path / name)
+
+
+def test_folders_and_missing_files_are_given_back(tmp_path: Path) -> None:
+    assert not is_ours(tmp_path)
+    assert not is_ours(tmp_path / "nothing")
+    os.mkfifo(tmp_path / "pipe.log")
+    assert not is_ours(tmp_path / "pipe.log")
+
+
+def test_another_file_ends_with_66_and_loads_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("hello")
+    assert importer(tmp_path / "a.txt", "--recording-id", "x", expect=NOT_MINE).stdout == b""
+    code = f"import sys; sys.argv = ['x', {str(tmp_path / 'a.txt')!r}]\n"
+    code += f"try:\n  {CODE}\nexcept SystemExit: pass\n"
+    code += "print([m for m in ('rerun', 'numpy', 'typer', 'cv2') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session: Path, tmp_path: Path) -> None:
+    words = ("--application-id", "session", "--recording-id", "rec_1", "--opened-recording-id", "rec_0")
+    reader = recording(importer(small_session, *words), tmp_path)
+    (found,) = reader.recordings()
+    assert (found.application_id, found.recording_id) == ("maurice-replay", "rec_1")
+    assert len(reader.blueprints()) == 1
+    shown = entities(reader)
+    assert {"/session/camera", "/world/walls"} <= shown
+    assert any(path.startswith("/blended/") and "particles" in path for path in shown)
+
+
+def test_without_its_library_a_session_is_shown_by_itself(small_session: Path, tmp_path: Path) -> None:
+    (small_session.parent / "survey.log").unlink()
+    done = importer(small_session)
+    assert b"only the drive itself is shown" in done.stderr
+    shown = entities(recording(done, tmp_path))
+    assert {"/session/camera", "/world/walls"} <= shown
+    assert not any("particles" in path for path in shown)
+
+
+def test_a_survey_is_shown_by_itself(small_session: Path, tmp_path: Path) -> None:
+    shown = entities(recording(importer(small_session.parent / "survey.log"), tmp_path))
+    assert "/session/camera" in shown
+
+
+def test_a_broken_session_is_one_line(small_session: Path) -> None:
+    small_session.write_text(
+        small_session.read_text().splitlines()[0].replace('"version": 1', '"version": 9')
+    )
+    (line,) = importer(small_session, expect=1).stderr.decode().strip().splitlines()
+    assert "expected 1" in line
+
+
+def test_rerun_itself_opens_a_session_through_it(small_session: Path, tmp_path: Path) -> None:
+    script = tmp_path / "bin" / "rerun-importer-maurice"
+    script.parent.mkdir()
+    script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{CODE}" "$@"\n')
+    script.chmod(0o755)
+    (tmp_path / "home").mkdir()
+    settings = os.environ | {"PATH": f"{script.parent}:{os.environ['PATH']}", "HOME": str(tmp_path / "home")}
+    rerun = [
+        sys.executable,
+        "-m",
+        "rerun",
+        small_session,
+        "--save",
+        "out.rrd",
+        "--bind",
+        "127.0.0.1",
+        "--port",
+        "0",
+    ]
+    done = subprocess.run(
+        rerun, cwd=tmp_path, env=settings, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    ours = [
+        one for one in RrdReader(tmp_path / "out.rrd").recordings() if one.application_id == "maurice-replay"
+    ]
+    assert len(ours) == 1
+
+
+def test_a_viewer_that_goes_away_is_no_defect_of_ours(small_session: Path) -> None:
+    command = [sys.executable, "-c", CODE, str(small_session)]
+    reading, writing = os.pipe()
+    with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE) as going:
+        os.close(writing)
+        os.read(reading, 1000)
+        os.close(reading)
+        try:
+            _, said = going.communicate(timeout=60)
+        finally:
+            going.kill()
+    assert b"Traceback" not in said
+    assert b"went away" in said
+    assert going.returncode == 1
