@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from maurice_mcl.events import BOOKMARK, KINDS
+from maurice_mcl.events import BOOKMARK, KINDS, SESSION, Event
 
 from ..console import note, results
 from ..entities import PHASE, STEP, Slot, phase_number
@@ -98,14 +99,14 @@ def _place(folder: Path, to: str, nth: int, label: str | None) -> _Place:
         raise LogError(folder, f"found no run {label!r}, expected one of {', '.join(labels)}")
     events = {event: None for run in found.runs if label in (None, run.label) for event in run.events}
     matching = sorted(
-        (one for one in events if one.kind == to or (one.kind == BOOKMARK and one.text == to)),
+        (one for one in events if _is(one, to)),
         key=lambda one: one.step,
     )
     if len(matching) >= nth:
         return _Place(matching[nth - 1].step, f"{matching[nth - 1].kind}: {matching[nth - 1].text}")
     if matching:
         raise LogError(folder, f"found {to!r} {len(matching)} times, so there is no --nth {nth}")
-    there = ", ".join(kind for kind in KINDS if any(one.kind == kind for one in events)) or "nothing"
+    there = ", ".join(_there(list(events))) or "nothing"
     raise LogError(folder, f"found no event or bookmark {to!r}; what happened in it: {there}")
 
 
@@ -115,3 +116,17 @@ def _move(folder: Path, port: int | None, timeline: str, value: int) -> None:
     from ..moving import move_viewer
 
     move_viewer(folder, open_runs(folder)[0].manifest.name, port, timeline, value)
+
+
+def _is(event: Event, to: str) -> bool:
+    """Tell whether a kind, a bookmark's text or the first word of what the log says names this event."""
+    if event.kind == BOOKMARK and event.text == to:
+        return True
+    return event.kind == to or (event.kind == SESSION and event.text.split()[:1] == [to])
+
+
+def _there(events: Sequence[Event]) -> list[str]:
+    """Name what one could jump to."""
+    kinds = [kind for kind in KINDS if any(one.kind == kind for one in events)]
+    told = [one.text.split()[0] for one in events if one.kind == SESSION and one.text.split()]
+    return [*kinds, *dict.fromkeys(told)]

@@ -14,9 +14,10 @@ from rerun.experimental import ViewerClient
 from typer.testing import CliRunner
 
 from maurice_loaders.bookmarks import bookmarks_file
+from maurice_mcl.events import Event
 from maurice_viz import cli, open_viewers, sinks, viewer
 from maurice_viz.commands.events import events
-from maurice_viz.commands.jump import jump
+from maurice_viz.commands.jump import _is, _there, jump
 from maurice_viz.snapshot import software_driver
 
 Type = Callable[..., tuple[str, str]]
@@ -338,3 +339,12 @@ def test_parted_runs_say_so_at_the_second(runs: Path, typed: Type) -> None:
     assert parts[0]["events"] == []
     assert event["step"] == 7
     assert event["text"] == "edges and color are 1.00 m apart, since step 6"
+
+
+def test_what_the_log_says_is_found_by_its_first_word() -> None:
+    bump, lost = Event(41, 332.5, "session", "bump into a wall"), Event(50, 400.0, "lost", "since step 47")
+    assert _is(bump, "bump")
+    assert not _is(bump, "wall")
+    assert _is(bump, "session")
+    assert _is(lost, "lost")
+    assert _there([bump, lost]) == ["session", "lost", "bump"]
