@@ -27,6 +27,7 @@ from .pictures import PictureError
 from .recording import Picture
 
 MOST_PICTURES = 60  # compared with the library
+WRONG_TRUTH = ("truth-degrees", "truth-scale", "truth-clock", "disagreement")  # no use for the pictures
 BETWEEN_S = 2.0  # pictures that come more often are passed over
 
 Progress = Callable[[int, int], None]
@@ -42,6 +43,7 @@ class Diagnosis:
     truth: int
     pictures: int
     cut: bool  # whether only the first 50,000 records of a kind were looked at
+    said: tuple[str, ...]  # by the reader
     checks: tuple[str, ...]  # what could be asked
     not_asked: tuple[str, ...]  # what could not, and why
     complaints: tuple[Complaint, ...]
@@ -84,6 +86,7 @@ def diagnose(
         drive.truth.size,
         len(drive.picture_t_s),
         found.cut,
+        found.warnings,
         tuple(checks),
         tuple(not_asked),
         tuple(complaints),
@@ -107,7 +110,7 @@ def _about_reading(found: Gathered) -> list[Complaint]:
 def _about_pictures(looks: Looks, drive: Drive, found: Gathered, known: list[Complaint]) -> list[Complaint]:
     """Ask the pictures, with truth where there is any; not where the odometry is known to be wrong."""
     if drive.truth.size > 1:
-        truthful = not any(one.code.startswith("truth") for one in known)
+        truthful = not any(one.code in WRONG_TRUTH for one in known)
         return seen_with_truth(looks, drive.truth, native=found.native) if truthful else []
     if known or not drive.odometry.size:
         return []

@@ -73,7 +73,7 @@ def convert_to_log(
     _check_targets(file, pictures, force)
     with _filling(file) as folder:
         (folder / pictures.name).mkdir()
-        info, done = _beside(session.info, file), Converted()
+        info, done = beside(session.info, file), Converted()
         with SessionWriter(folder / file.name, info) as log:
             for moment in session.moments():
                 name = f"{pictures.name}/{moment.frame.step:05d}.{'jpg' if kind == 'jpeg' else 'png'}"
@@ -115,6 +115,8 @@ def convert_to_mcap(
     with mcap_file(file, force=force) as mcap:
         for moment in session.moments():
             t_s, motions = moment.frame.time_s + t_offset_s, moment.frame.motions
+            if not done.pictures and len(motions):  # where the path begins
+                mcap.write(ODOMETRY, last_s, mcap.at(last_s).odometry(ODOM, ROBOT, odometry))
             for number, motion in enumerate(motions, start=1):
                 odometry = moved(odometry, motion)
                 at_s = t_s if number == len(motions) else last_s + (t_s - last_s) * number / len(motions)
@@ -141,8 +143,8 @@ def _expect_pictures(done: Converted, file: Path) -> None:
         raise LogError(file, "found no picture to write, expected some; is it the right camera or topic?")
 
 
-def _beside(info: SessionInfo, file: Path) -> SessionInfo:
-    """Give the header's facts with the survey's path as seen from the log that will be at `file`."""
+def beside(info: SessionInfo, file: Path) -> SessionInfo:
+    """Give a header's facts with the survey's path as seen from the log that will be at `file`."""
     survey = header_to_json(info, "session", file.parent).get("survey")
     return info if survey is None else replace(info, survey=Path(survey))
 

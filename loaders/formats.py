@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 from .errors import LogError
 from .recorded_session import MAX_DT_S, Pairing, RecordedSession
 from .recording import Recording
+from .regular import expect_regular
 from .session_log import SessionLog
 
 NATIVE = "session-log"
@@ -70,15 +70,13 @@ class Format:
 def formats() -> dict[str, Format]:
     """Give all formats by name, in the order in which they are asked."""
     package = __name__.rpartition(".")[0]
-    modules = [f"{package}.{module}" for module in MODULES]
-    found = [one for module in modules if find_spec(module) for one in import_module(module).FORMATS]
+    found = [one for module in MODULES for one in import_module(f"{package}.{module}").FORMATS]
     return {one.name: one for one in found}
 
 
 def guess(path: Path) -> Format:
     """Tell the format of a file or folder. LogError says what was found, and which formats there are."""
-    if not path.exists():
-        raise LogError(path, "found no such file or folder, expected a recording; check the path")
+    _expect_there(path)
     for one in formats().values():
         if one.looks_like(path):
             return one
@@ -109,18 +107,24 @@ def chosen(path: Path, options: OpenOptions) -> Format:
     if options.format not in formats():
         names = ", ".join(formats())
         raise LogError(path, f"there is no format {options.format!r}, expected one of {names}")
+    _expect_there(path)
+    return formats()[options.format]
+
+
+def _expect_there(path: Path) -> None:
+    """Refuse what is not there, and what might never begin or end."""
     if not path.exists():
         raise LogError(path, "found no such file or folder, expected a recording; check the path")
-    return formats()[options.format]
+    expect_regular(path, "a recording")
 
 
 def _describe(path: Path) -> str:
     """Say what a path is, by its first bytes."""
     if path.is_dir():
         names = sorted(entry.name for entry in path.iterdir())[:4]
-        return f"a folder with {', '.join(names)}" if names else "an empty folder"
-    if not path.is_file():
-        return "no regular file"
+        logs = sorted(path.glob("*.log"))
+        hint = f" (did you mean {logs[0]}?)" if logs else ""
+        return f"a folder with {', '.join(names)}{hint}" if names else "an empty folder"
     with path.open("rb") as file:
         begin = file.read(16)
     return f"a file that begins with {begin!r}" if begin else "an empty file"

@@ -115,7 +115,7 @@ class Intake:
         if kind != "session":
             raise FieldError(f"found a {kind} log, expected a session log")
         self._header_next = False
-        self._listening.heard()
+        self._listening.greeted()
         self._clock.begin_anew()
         if self.info is None:
             self.info = info

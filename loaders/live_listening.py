@@ -70,8 +70,12 @@ class Listening:
         """Tell whether it was told to stop."""
         return self._stop.is_set()
 
+    def greeted(self) -> None:
+        """Hear that there was a header, which is sense, but no reason for patience."""
+        self._sense = self._ever = True
+
     def heard(self) -> None:
-        """Hear that the last line made sense."""
+        """Hear that the last line was a record."""
         self._heard_s = time.monotonic()
         self._sense = self._ever = True
         self._wait_s = FIRST_WAIT_S

@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -56,26 +57,29 @@ def connect_websocket(name: str, options: OpenOptions) -> WebsocketChannel:
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol
 
-    offered = [Subprotocol(one) for one in SUBPROTOCOLS]
+    opened = ExitStack()
     try:
-        connection = connect(
+        wish = connect(
             name,
-            subprotocols=offered,
+            subprotocols=[Subprotocol(one) for one in SUBPROTOCOLS],
             open_timeout=OPEN_S,
             close_timeout=1,
             max_size=MOST_MESSAGE_BYTES,
             proxy=None,
         )
+        connection = opened.enter_context(wish)
     except (InvalidHandshake, InvalidURI, EOFError) as problem:
         raise ConnectionError(0, f"is no WebSocket that we can use ({problem})") from None
-    return WebsocketChannel(name, connection, options)
+    return WebsocketChannel(name, connection, opened.close, options)
 
 
 class WebsocketChannel:
     """One connection to a bridge; a `live_channels.Channel`."""
 
-    def __init__(self, name: str, connection: ClientConnection, options: OpenOptions) -> None:
-        self._name, self._connection, self._options = name, connection, options
+    def __init__(
+        self, name: str, connection: ClientConnection, close: Callable[[], None], options: OpenOptions
+    ) -> None:
+        self._name, self._connection, self._close, self._options = name, connection, close, options
         self._bridge: Bridge = Foxglove() if connection.subprotocol in SUBPROTOCOLS else Rosbridge()
         self._topics: Topics | None = None
         self._translator = Translator(options.max_dt_s)
@@ -106,7 +110,7 @@ class WebsocketChannel:
 
     def close(self) -> None:
         """Hang up."""
-        self._connection.close()
+        self._close()
 
     def _take(self, message: str | bytes) -> bytes:
         """Translate a message; the lines that come of it. FieldError for one that makes no sense."""

@@ -23,7 +23,11 @@ from .timed_folder import TimedFolder
 
 PICTURES = ("color.txt", "fisheye1.txt", "fisheye2.txt", "infra1.txt", "infra2.txt")
 OTHERS = ("odom.txt", "groundtruth.txt", "sensors.yaml", "trans_matrix.yaml")
-SENSORS = {"color": "d400_color_optical_frame", "fisheye1": "t265_fisheye1_optical_frame"}
+SENSORS = {
+    "color": "d400_color_optical_frame",
+    "fisheye1": "t265_fisheye1_optical_frame",
+    "fisheye2": "t265_fisheye2_optical_frame",
+}
 
 
 def open_openloris(path: Path, options: OpenOptions) -> TimedFolder:

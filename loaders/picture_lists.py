@@ -79,7 +79,7 @@ class PictureList:
 
 
 def read_picture(file: Path, name: str) -> U8:
-    """Read a picture's file, or a CMUcam's frame. PictureError when it is not there, too large, or no whole picture."""
+    """Read a picture's file, or a CMUcam's frame. PictureError when it is not there or not whole."""
     try:
         if not file.is_file():
             raise PictureError(f"found no such picture ({name}), expected a file in {file.parent}")

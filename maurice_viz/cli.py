@@ -13,13 +13,18 @@ from maurice_mcl.channels import BROKEN
 from .commands.calibrate import calibrate
 from .commands.compare import compare
 from .commands.config import config
+from .commands.convert import convert
 from .commands.demo import demo
+from .commands.doctor import doctor
 from .commands.events import events
 from .commands.explain import explain
+from .commands.export import export
+from .commands.formats import formats
 from .commands.imports import imports
 from .commands.inspecting import inspect
 from .commands.jump import jump
 from .commands.library import library
+from .commands.record import record
 from .commands.replay import replay
 from .commands.report import report
 from .commands.simulate import simulate
@@ -58,6 +63,11 @@ app.command()(snapshot)
 app.command()(report)
 app.command()(jump)
 app.command()(inspect)
+app.command()(doctor)
+app.command()(formats)
+app.command()(convert)
+app.command()(export)
+app.command()(record)
 app.command()(simulate)
 app.command()(survey)
 app.command()(verify)

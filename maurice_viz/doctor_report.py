@@ -16,6 +16,7 @@ def to_json(found: Diagnosis) -> dict[str, object]:
         "truth": found.truth,
         "pictures": found.pictures,
         "only_the_beginning": found.cut,
+        "said": list(found.said),
         "checks": list(found.checks),
         "not_asked": list(found.not_asked),
         "healthy": not found.complaints,
@@ -39,6 +40,8 @@ def to_lines(found: Diagnosis) -> Iterator[str]:
     yield f"looked at: {', '.join(found.checks)}"
     if found.not_asked:
         yield f"could not look at: {', '.join(found.not_asked)}"
+    for text in found.said:
+        yield f"the reader says: {text}"
     for number, one in enumerate(found.complaints, 1):
         yield f"{number}. {one.what} [{one.code}]"
         yield f"   why: {one.evidence}"

@@ -5,14 +5,14 @@ What is drawn on the map is seen in it too: only the place and the size of the f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
 
 from maurice_mcl.arena import Arena
-from maurice_mcl.belief import Belief
-from maurice_mcl.typing import F64
+from maurice_mcl.records import Estimate
+from maurice_mcl.typing import F32
 
 from . import keys
 from .canvas import long_side
@@ -26,6 +26,7 @@ BARS: dict[str, tuple[float, ...]] = {  # lengths of the bar, by unit
 }
 BARS_WIDE = 4.0  # the frame reaches so many bars from its middle
 REACH = 3.0  # standard deviations of the cloud that are seen at least
+ASIDE = 0.2  # of the frame: a cloud that is further from its middle brings it along
 LOOSE = 0.35  # of the frame: a smaller cloud brings the frame nearer
 KEY_WIDTH = 1.5  # of the key above, in frames (the frame is 2 wide)
 LEFT, TOP, BOTTOM = -0.96, -0.98, 0.93
@@ -39,6 +40,7 @@ class Closeup:
     scale: Scale
     widest: float  # the bar with which the whole map is seen, in display units
     _bar: float = 0.0
+    _at: F32 = field(default_factory=lambda: np.zeros(2, np.float32))  # middle of the frame, as drawn
 
     def prepare(self, rec: rr.RecordingStream, has_truth: bool) -> None:
         """Log key and bar, static: they move with the frame."""
@@ -59,14 +61,17 @@ class Closeup:
             static=True,
         )
 
-    def draw(self, rec: rr.RecordingStream, belief: Belief) -> None:
-        """Bring the frame to a cloud."""
-        middle, spread = middle_of(belief)
-        needed = REACH * self.scale.length(spread) / BARS_WIDE
-        if not LOOSE * self._bar < needed <= self._bar:
+    def draw(self, rec: rr.RecordingStream, mean: Estimate) -> None:
+        """Bring the frame to a cloud with that mean, if it does not show it well."""
+        needed = REACH * self.scale.length(float(np.hypot(*mean.sd_m))) / BARS_WIDE
+        resized = not LOOSE * self._bar < needed <= self._bar
+        if resized:
             self._bar = bar_for(min(needed, self.widest), self.scale.units.name)
             self._say(rec)
-        at = self.scale.screen(middle[None])[0]
+        at = self.scale.screen(mean.pose[None, :2])[0]
+        if not resized and np.abs(at - self._at).max() < ASIDE * self._bar * BARS_WIDE:
+            return  # a view that stands still is easier to read, and costs nothing
+        self._at = at
         frame = rr.Transform3D.from_fields(translation=[*at.tolist(), 0], scale=[self._bar * BARS_WIDE] * 3)
         rec.log(self.paths.closeup, frame)
 
@@ -84,10 +89,3 @@ def bar_for(needed: float, unit: str) -> float:
     """Give the shortest round length of a bar that is not under what is needed; the longest where none is."""
     lengths = BARS[unit]
     return next((length for length in lengths if length >= needed), lengths[-1])
-
-
-def middle_of(belief: Belief) -> tuple[F64, float]:
-    """Give the middle (2,) of a cloud in the map's frame, and how far it spreads: both in metres."""
-    weights, xy = belief.weights, belief.poses[:, :2].astype(np.float64)
-    middle = weights @ xy
-    return middle + belief.origin, float(np.sqrt(weights @ ((xy - middle) ** 2).sum(axis=1)))

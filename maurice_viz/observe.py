@@ -172,7 +172,7 @@ class RerunObserver:
         set_phase(self.rec, moment, Slot.PREDICT)
         cloud = record.predicted if update.whole else draw_belief.thinned(record.weighted)
         draw_belief.draw_predicted(self.rec, self._paths.particles, cloud, tools.scale)
-        tools.closeup.draw(self.rec, cloud)
+        tools.closeup.draw(self.rec, record.mean)
         if self.scene and moment.truth is not None:
             tools.truth.draw(self.rec, moment.truth, tools.scale, tools.arrow)
         if not update.whole:

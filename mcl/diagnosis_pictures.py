@@ -24,6 +24,7 @@ MAX_GAP_S = 1.0  # truth is interpolated across no more
 FEWEST_PICTURES = 8
 LEAST_NATS, LEAST_SIGMAS = 0.3, 2.5  # a mean gain a picture that is worth a complaint, and how sure it is
 LEAST_YAW_RAD = float(np.radians(20))
+MOST_NATS = 3.0  # that one picture may say for or against, where it is asked how sure all are
 FLAT = 0.15  # share of the gain that counts as nearly as high
 
 
@@ -106,8 +107,9 @@ def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
         value = float(short_way(np.array(around[_run(turned, middle)].mean())))
     else:
         value = float(values[_run(mean, top)].mean())
-    scatter = float(gains[:, top].std(ddof=1)) / np.sqrt(len(gains))
-    return Gained(value, float(mean[top]), float(mean[top]) / max(scatter, 1e-9), len(gains))
+    bounded = np.clip(gains[:, top], -MOST_NATS, MOST_NATS)
+    scatter = max(float(bounded.std(ddof=1)) / len(gains) ** 0.5, 1e-9)
+    return Gained(value, float(mean[top]), float(bounded.mean()) / scatter, len(gains))
 
 
 def _run(mean: F64, top: int) -> Bool:

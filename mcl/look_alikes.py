@@ -103,8 +103,7 @@ def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
     A survey's nodes, evenly spaced by the size, stay apart.
     """
     cells = np.floor((xy - xy.min(axis=0)) / size_m + 0.5).astype(np.int64)
-    _, place_of = np.unique(cells, axis=0, return_inverse=True)
-    place_of = np.asarray(place_of, np.int32).ravel()
+    place_of = np.asarray(np.unique(cells, axis=0, return_inverse=True)[1], np.int32).ravel()
     count = np.bincount(place_of)
     middles = [np.bincount(place_of, xy[:, k]) / count for k in (0, 1)]
     return np.column_stack(middles), place_of

@@ -91,9 +91,9 @@ def compare(
     options = RunOptions(0, start, particles, None, sharpness, motion, None)
     stem = paths[0].absolute().stem if len(paths) == 1 else SEVERAL
     output = OutputOptions(stem, save, headless, no_recording, force, json_output, run, layout)
-    saved = [is_saved(path) for path in paths]
+    saved, reading = [is_saved(path) for path in paths], opening != OpenOptions()
     if any(saved):
-        _check_saved(saved, options != RunOptions() or any(given.values()) or library or run or keep_going)
+        _check_saved(saved, options != RunOptions() or any(given.values()) or library or run or reading)
         _check_count(len(paths), fewest=1)
         compare_saved(paths, output)
         return

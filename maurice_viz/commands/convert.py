@@ -3,41 +3,55 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated
 
 import numpy as np
 import typer
 
+from maurice_loaders.errors import LogError
+from maurice_loaders.export_records import records_to_log, records_to_mcap
 from maurice_loaders.export_session import Converted, PictureKind, convert_to_log, convert_to_mcap
 from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording, open_session
-from maurice_loaders.recorded_session import RecordedSession
+from maurice_loaders.formats import OpenOptions, open_recording
+from maurice_loaders.recording import Picture, Recording
 from maurice_loaders.session_log import SessionLog
 
 from ..console import note, progress, results
 from .failing import one_line_errors
+from .opening import AnySession, open_session
 from .options import ForceOption, JsonOption, KeepGoingOption
+from .reading import reads_recordings
 
-WRITERS: dict[str, Callable[..., Iterator[Converted]]] = {".log": convert_to_log, ".mcap": convert_to_mcap}
+LOG, MCAP = ".log", ".mcap"
 PICTURES = ("png", "jpeg")
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be written."""
+
+    target: Path
+    pictures: PictureKind
+    t_offset_s: float
+    force: bool
+
+
+@reads_recordings
 def convert(
     source: Annotated[
         Path, typer.Argument(metavar="IN", show_default=False, help="A recording of any readable format.")
     ],
     target: Annotated[
-        Path, typer.Argument(metavar="OUT", show_default=False, help="A name ending in .log or .mcap.")
+        Path,
+        typer.Argument(
+            metavar="OUT", show_default=False, help="A folder, or a name ending in .log or .mcap."
+        ),
     ],
-    format_name: Annotated[
-        str | None, typer.Option("--format", help="The format of IN, where the guess is wrong.")
-    ] = None,
-    camera: Annotated[
-        str | None, typer.Option(help="Whose pictures, where there are several cameras.")
-    ] = None,
+    *,
+    opening: OpenOptions,
     pictures: Annotated[
         str, typer.Option(help="png: without any loss. jpeg: smaller (quality 95).")
     ] = PICTURES[0],
@@ -50,16 +64,17 @@ def convert(
 ) -> None:
     """Write a session as a native log (.log, its pictures beside it) or as MCAP with ROS 2 messages (.mcap).
 
-    What is written is what a replay of IN would see, so that replaying the log gives the same run.
+    What is written is what a replay of IN would see, so that replaying the log gives the same run. Of a
+    recording without pictures all odometry, truth and events are written.
     """
     _check(target, pictures, t_offset)
-    options = OpenOptions(format=format_name, camera=camera, keep_going=keep_going)
+    target = target if target.suffix else target / "session.log"
+    wanted = Wanted(target, "jpeg" if pictures == "jpeg" else "png", t_offset, force)
     with one_line_errors():
-        session = open_session(source, options)
-        offset_s = t_offset + first_time(source, options)
-        kind = cast(Literal["png", "jpeg"], pictures)
-        done = _convert(session, target, kind, offset_s, force)
-        _remark(session)
+        session = open_session(source, keep_going=keep_going, opening=opening)
+        findings = Findings(keep_going)
+        done = _count(_going(session, wanted, findings, opening), target)
+        _remark(session.path, findings if not done.pictures else session)
     if json_output:
         results.print_json(json.dumps({"file": str(target)} | asdict(done)))
     else:
@@ -68,35 +83,56 @@ def convert(
 
 
 def _check(target: Path, pictures: str, t_offset: float) -> None:
-    if target.suffix not in WRITERS:
-        raise typer.BadParameter(f"OUT ends in {' or '.join(WRITERS)}, found {target.name!r}")
+    if target.suffix not in (LOG, MCAP, ""):
+        raise typer.BadParameter(f"OUT is a folder, or ends in {LOG} or {MCAP}; found {target.name!r}")
     if pictures not in PICTURES:
         raise typer.BadParameter(f"--pictures is {' or '.join(PICTURES)}, found {pictures!r}")
     if not np.isfinite(t_offset):
         raise typer.BadParameter(f"--t-offset is a number of seconds, found {t_offset}")
 
 
-def first_time(source: Path, options: OpenOptions) -> float:
-    """Give the time of a recording's first record, which a session counts from; 0 when there is none."""
-    records = open_recording(source, options).records(Findings(keep_going=True))
-    return next((record.t_s for record in records), 0.0)
+def _begin(recording: Recording) -> tuple[float, bool]:
+    """Give the time of the first record, which a session counts from, and whether any picture comes."""
+    first_s: float | None = None
+    for record in recording.records(Findings(keep_going=True)):
+        first_s = record.t_s if first_s is None else first_s
+        if isinstance(record, Picture):
+            return first_s, True
+    return first_s or 0.0, False
 
 
-def _convert(
-    session: SessionLog | RecordedSession, target: Path, kind: PictureKind, offset_s: float, force: bool
-) -> Converted:
+def _going(
+    session: AnySession, wanted: Wanted, findings: Findings, opening: OpenOptions
+) -> Iterator[Converted]:
+    """Convert as a replay sees it, or, where there are no pictures, record by record."""
+    if isinstance(session, SessionLog):
+        recording = open_recording(session.path, opening)
+    else:
+        recording = session.recording
+    begin_s, pictures = _begin(recording)
+    mcap, force = wanted.target.suffix == MCAP, wanted.force
+    if not pictures:
+        to_records = records_to_mcap if mcap else records_to_log
+        return to_records(recording, wanted.target, findings, t_offset_s=wanted.t_offset_s, force=force)
+    to_session, offset_s = convert_to_mcap if mcap else convert_to_log, begin_s + wanted.t_offset_s
+    return to_session(session, wanted.target, kind=wanted.pictures, t_offset_s=offset_s, force=force)
+
+
+def _count(going: Iterator[Converted], target: Path) -> Converted:
     done = Converted()
-    options: dict[str, Any] = {"kind": kind, "t_offset_s": offset_s, "force": force}
-    with progress("convert") as advance:
-        for done in WRITERS[target.suffix](session, target, **options):
-            advance(done.pictures, done.pictures)
+    try:
+        with progress("convert") as advance:
+            for done in going:
+                advance(done.pictures, done.pictures)
+    except ValueError as problem:  # a time that no log may hold, moved too far by --t-offset
+        raise LogError(target, str(problem)) from None
     return done
 
 
-def _remark(session: SessionLog | RecordedSession) -> None:
+def _remark(path: Path, read: Findings | AnySession) -> None:
     """Say what reading brought to light."""
-    for warning in session.warnings:
+    for warning in read.warnings:
         note(warning)
-    if session.problem_count:
-        first = session.problems[0]
-        note(f"{session.path}: skipped {session.problem_count} broken records, the first: {first}")
+    count = read.count if isinstance(read, Findings) else read.problem_count
+    if count:
+        note(f"{path}: skipped {count} broken records, the first: {read.problems[0]}")

@@ -11,6 +11,8 @@ import json
 import os
 import select
 import sys
+import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
 NOT_MINE = 66
 MANIFEST = "manifest.json"  # stands for a saved run: Rerun opens a folder file by file
-FLUSH_S, PATIENCE = 5.0, 120  # a viewer may take ten minutes for what it was given
+LOOK_S = 0.5  # between two looks whether the viewer is still there
 HEADER_BYTES = 2**20  # a header with a large map is a few hundred kB
 LOG, RUNS = b'"maurice-session-log"', ("maurice-run", "maurice-runs")
 
@@ -36,6 +38,8 @@ def main() -> None:
     if sys.stdout.isatty():
         sys.stderr.write("rerun-importer-maurice: rerun starts this itself; type: rerun FILE\n")
         sys.exit(2)
+    if hasattr(select, "poll"):  # not on Windows
+        threading.Thread(target=_end_with_reader, daemon=True).start()
     try:
         status = _import(path, recording_id)
     except KeyboardInterrupt:
@@ -154,18 +158,17 @@ def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
 
 
 def _finish(rec: rr.RecordingStream) -> None:
-    """Write out, waiting for a slow viewer, and end at once when there is none any more.
+    """Write out. OSError when that is not possible."""
+    try:
+        rec.flush()
+    except (RuntimeError, ValueError):
+        raise OSError("not everything could be written to standard output") from None
 
-    The SDK would wait for a closed pipe without end, even when the process ends in the usual way.
-    """
-    for _ in range(PATIENCE):
-        if _nobody_reads():
-            break
-        try:
-            rec.flush(timeout_sec=FLUSH_S)
-            return
-        except (RuntimeError, ValueError):
-            continue
+
+def _end_with_reader() -> None:
+    """End this process when the viewer has gone away: the SDK would wait for a closed pipe without end."""
+    while not _nobody_reads():
+        time.sleep(LOOK_S)
     sys.stderr.write("maurice-replay: the viewer went away before everything was shown\n")
     sys.stderr.flush()
     os._exit(1)
@@ -173,8 +176,6 @@ def _finish(rec: rr.RecordingStream) -> None:
 
 def _nobody_reads() -> bool:
     """Tell whether standard output is a pipe whose other end was closed."""
-    if not hasattr(select, "poll"):  # Windows
-        return False
     asked = select.poll()
     asked.register(sys.stdout.fileno(), 0)
     return any(event & (select.POLLERR | select.POLLHUP) for _, event in asked.poll(0))

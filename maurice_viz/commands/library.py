@@ -1,49 +1,104 @@
-"""`maurice-replay library build|show|tune`: reference pictures with poses, made once, used by every run."""
+"""`maurice-replay library build|show|tune|check`: reference pictures with poses, used by every run."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import numpy as np
 import typer
 from rich.table import Table
 
+from maurice_loaders.formats import OpenOptions
+from maurice_loaders.library_choose import Every, read_every
 from maurice_loaders.library_store import build_library, open_library, save_library
+from maurice_loaders.library_survey import EVERY, open_survey
+from maurice_loaders.session_log import SessionLog
 from maurice_mcl.library import ChannelIndex, Library
 
 from ..console import note, progress, results
 from ..look import units_named
 from .failing import one_line_errors
+from .library_check import check_library_folder, coverage_lines
 from .library_tune import tune_library
 from .options import ForceOption, JsonOption, KeepGoingOption
+from .reading import reads_recordings
 
 MOST_HEADINGS = 16  # more than this are counted, not listed
 
 library = typer.Typer(
-    help="Build a library of reference pictures from a survey, show one, or tune channels to one.",
+    help="Build a library of reference pictures, show or check one, or tune channels to one.",
     no_args_is_help=True,
 )
 library.command(name="tune")(tune_library)
 
 
+library.command(name="check")(check_library_folder)
+
+
 @library.command()
+@reads_recordings
 def build(
-    survey: Annotated[Path, typer.Argument(help="A survey log.", show_default=False)],
+    survey: Annotated[
+        Path,
+        typer.Argument(help="A survey log, or any recording of a drive with truth.", show_default=False),
+    ],
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="LIBRARY", help="The folder to write.", show_default=False),
     ],
+    every: Annotated[
+        str | None,
+        typer.Option(
+            "--every",
+            metavar="LENGTH,ANGLE",
+            help="Entries of a drive are so far apart, or turned so far: 0.4m,45deg. "
+            "[default: that for a drive, and all of a survey log]",
+        ),
+    ] = None,
+    yaw: Annotated[
+        float,
+        typer.Option(
+            "--yaw",
+            min=-180,
+            max=180,
+            help="Degrees by which the robot's camera looks off the survey's, counter-clockwise.",
+        ),
+    ] = 0.0,
     force: ForceOption = False,
     keep_going: KeepGoingOption = False,
+    *,
+    opening: OpenOptions,
 ) -> None:
-    """Measure every picture of a survey and write a library folder that stands alone."""
-    with one_line_errors():
+    """Measure every picture of a survey, or some of a drive, and write a library that stands alone."""
+    spaced = _every(every)
+    with one_line_errors(), TemporaryDirectory() as kept:
+        with progress("looking") as advance:
+            source = open_survey(survey, opening, spaced, Path(kept), advance)
         with progress("library") as advance:
-            built = build_library(survey, keep_going=keep_going, progress=advance, warn=note)
+            built = build_library(
+                survey,
+                keep_going=keep_going,
+                progress=advance,
+                warn=note,
+                log=source,
+                yaw_rad=float(np.radians(yaw)),
+            )
         save_library(built, output, force=force)
+        reach_m = (spaced or EVERY).distance_m
+        covered = [] if isinstance(source, SessionLog) else coverage_lines(built, reach_m)
     results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}", markup=False)
+    for line in covered:
+        results.print(line, markup=False)
+
+
+def _every(text: str | None) -> Every | None:
+    try:
+        return None if text is None else read_every(text)
+    except ValueError as problem:
+        raise typer.BadParameter(str(problem)) from None
 
 
 @library.command()

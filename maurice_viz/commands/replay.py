@@ -59,7 +59,7 @@ def replay(
     *,
     opening: OpenOptions,
 ) -> None:
-    """Replay a session, of any format, or a saved run in the Rerun viewer, or into a file without a display."""
+    """Replay a session of any format, or a saved run, in the viewer or, without a display, to a file."""
     from maurice_loaders.run_store import is_saved
 
     from .opening import Wanted
@@ -71,7 +71,8 @@ def replay(
         session.absolute().stem, save, headless, no_recording, force, json_output, run, layout, detail
     )
     if is_saved(session):
-        if options != RunOptions() or preset or feature or library or run or keep_going:
+        reading = opening != OpenOptions()
+        if options != RunOptions() or preset or feature or library or run or reading:
             raise typer.BadParameter(
                 "a saved run is replayed as it was: only options of the output apply to it"
             )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import os
 import shutil
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -328,6 +330,14 @@ def test_without_the_extra_one_line_says_how_to_get_it(
         with pytest.raises(LogError) as refused:
             open_session(path)
         assert str(refused.value).endswith("pip install 'maurice-replay[ros]'")
+
+
+def test_the_package_is_not_imported_before_a_bag_is_opened() -> None:
+    code = (
+        "import sys; from maurice_loaders.formats import formats; formats(); print('rosbags' in sys.modules)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "False"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """Small logs and pictures, made on the spot."""
 
+import importlib.util
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
@@ -23,6 +25,14 @@ from maurice_mcl.localizer import run
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
 from maurice_mcl.typing import U8
+
+_spec = importlib.util.spec_from_file_location(
+    "format_samples", Path(__file__).with_name("format_samples.py")
+)
+assert _spec is not None
+assert _spec.loader is not None
+sys.modules["format_samples"] = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(sys.modules["format_samples"])
 
 HEADER = {"format": "maurice-session-log", "version": 1, "kind": "session", "name": "test"}
 PIXEL = "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAIAAAB7QOjdAAAADUlEQVQIHWPkEpEDAgAB2gCYpjaFTAAAAABJRU5ErkJggg=="

@@ -9,6 +9,8 @@ import typer
 from typer.testing import CliRunner, Result
 
 from maurice_loaders.session_log import SessionLog
+from maurice_loaders.session_writer import SessionWriter
+from maurice_mcl.session import SessionInfo
 from maurice_viz.cli import app
 from maurice_viz.commands.convert import convert
 from maurice_viz.commands.export import export
@@ -153,4 +155,44 @@ def test_convert_refuses_what_is_no_recording(tmp_path: Path) -> None:
     (tmp_path / "x.log").write_bytes(b"\0\1\2")
     for path in (tmp_path / "x.log", tmp_path / "nothing.log"):
         failure(run(APP, "convert", path, tmp_path / "b.log"))
+    assert not (tmp_path / "b.log").exists()
+
+
+def without_pictures(folder: Path) -> Path:
+    file = folder / "wheels.log"
+    with SessionWriter(file, SessionInfo("wheels")) as log:
+        log.odometry(1000.0, [0.1, 0.0, 0.2])
+        log.truth(1000.5, [1.0, 2.0, 0.5])
+        log.event(1001.0, "bump")
+        log.odometry(1002.0, [0.3, -0.1, 0.0])
+    return file
+
+
+def test_a_recording_without_pictures_is_converted_record_by_record(tmp_path: Path) -> None:
+    source = without_pictures(tmp_path)
+    done = run(APP, "convert", source, tmp_path / "copy")
+    assert "0 pictures, 2 motions, 1 true poses, 1 events" in done.stdout
+    copy = (tmp_path / "copy" / "session.log").read_text().splitlines()
+    assert copy[1:] == source.read_text().splitlines()[1:]
+
+
+def test_odometry_without_pictures_becomes_a_path_in_mcap(tmp_path: Path) -> None:
+    reading = pytest.importorskip("rosbags.highlevel")
+    source = without_pictures(tmp_path)
+    assert run(APP, "convert", source, tmp_path / "a.mcap").exit_code == 0
+    with reading.AnyReader([tmp_path / "a.mcap"]) as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+    assert counts == {"/odom": 2, "/truth": 1, "/events": 1}
+
+
+def test_a_recording_of_nothing_is_refused(tmp_path: Path) -> None:
+    with SessionWriter(tmp_path / "empty.log", SessionInfo("empty")):
+        pass
+    assert "nothing to write" in failure(run(APP, "convert", tmp_path / "empty.log", tmp_path / "b.log"))
+    assert not (tmp_path / "b.log").exists()
+
+
+def test_an_offset_beyond_all_times_is_one_line(small_session: Path, tmp_path: Path) -> None:
+    asked = ("convert", small_session, tmp_path / "b.log", "--t-offset", "1e15")
+    assert "expected" in failure(run(APP, *asked))
     assert not (tmp_path / "b.log").exists()

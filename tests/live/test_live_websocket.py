@@ -1,0 +1,234 @@
+"""Bridges: a real Foxglove server in a process of its own, and a server that speaks rosbridge."""
+
+from __future__ import annotations
+
+import base64
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from live_peers import peer, says
+
+from maurice_loaders import live_listening, live_websocket
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions
+from maurice_loaders.live_listening import Patience
+from maurice_loaders.live_messages import Said, Topics, Track, Translator, json_message
+from maurice_loaders.live_recorder import LiveRecorder
+from maurice_loaders.live_session import Listen, LiveSession
+from maurice_loaders.live_source import live_source
+from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.session import Moment
+
+pytest.importorskip("websockets")
+pytest.importorskip("rosbags")
+COUNT = 25
+SOON = Patience(1.0)
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_listening, "POLL_S", 0.05)
+    monkeypatch.setattr(live_listening, "LONGEST_WAIT_S", 0.2)
+    monkeypatch.setattr(live_websocket, "CHOOSE_S", 0.5)
+
+
+@contextmanager
+def robot(encoding: str, port: int = 0, count: int = COUNT) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    pytest.importorskip("foxglove")
+    script = Path(__file__).with_name("bridge_foxglove.py")
+    command = [sys.executable, str(script), str(port), encoding, str(count)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    try:
+        yield f"ws://127.0.0.1:{process.stdout.readline().strip()}", process
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "json"])
+def test_a_robot_behind_a_foxglove_bridge_is_followed_and_recorded(encoding: str, tmp_path: Path) -> None:
+    with robot(encoding) as (address, process):
+        listen = Listen(keep_up=False, patience=SOON)
+        with LiveSession(live_source(address), listen, LiveRecorder(tmp_path)) as session:
+            moments = []
+            for moment in session.moments():
+                moments.append(moment)
+                if len(moments) == COUNT:
+                    process.kill()
+    assert len(moments) == COUNT
+    assert session.counts.broken == 0
+    assert "guessed pictures from /camera/image, odometry from /odom" in session.info.notes[0]
+    assert moments[0].frame.motions.shape == (0, 3)
+    for number, moment in enumerate(moments[1:], start=1):
+        np.testing.assert_allclose(moment.frame.motions, [[0.05, 0.0, 0.1]], atol=1e-9)
+        assert moment.frame.time_s == pytest.approx(0.05 * number, abs=1e-6)
+        assert (
+            int(np.abs(moment.frame.image[0, (number + 16) % 32].astype(int) - number * 7 % 256).max()) < 12
+        )
+    again = list(SessionLog(tmp_path / "session.log").moments())
+    assert len(again) == COUNT
+    assert all((a.frame.image == b.frame.image).all() for a, b in zip(again, moments, strict=True))
+
+
+def test_a_bridge_that_is_killed_and_comes_back_goes_on(tmp_path: Path) -> None:
+    with robot("json", count=5) as (address, process):
+        got: list[Moment] = []
+        listen = Listen(keep_up=False, patience=Patience(6.0, silent_s=6.0))
+        with LiveSession(live_source(address), listen) as session:
+            moments = session.moments()
+            got += [next(moments) for _ in range(5)]
+            process.kill()
+            process.wait()
+            with robot("json", int(address.rpartition(":")[2]), count=5):
+                got += [next(moments) for _ in range(5)]
+    assert [len(moment.frame.motions) for moment in got] == [0, 1, 1, 1, 1, 0, 1, 1, 1, 1]
+    assert got[5].events[0].startswith("gap")
+    assert session.counts.gaps == 1
+
+
+def test_a_topic_that_is_not_there_is_told_with_those_that_are() -> None:
+    with robot("json") as (address, _):
+        source = live_source(address, OpenOptions(image_topic="/nowhere"))
+        with LiveSession(source, Listen(patience=SOON)) as session, pytest.raises(LogError) as told:
+            list(session.moments())
+    assert "found no topic /nowhere; it holds /camera/image" in str(told.value)
+
+
+@contextmanager
+def rosbridge(serve: Callable[[Any], None]) -> Iterator[str]:
+    from websockets.sync.server import serve as serve_websocket
+
+    with serve_websocket(serve, "127.0.0.1", 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
+        finally:
+            server.shutdown()
+            thread.join(10)
+
+
+def stamped(t_s: float) -> dict[str, Any]:
+    return {"stamp": {"secs": int(t_s), "nsecs": round(t_s % 1 * 1e9)}, "frame_id": "odom"}
+
+
+def odometry(t_s: float, x_m: float) -> str:
+    pose = {"position": {"x": x_m, "y": 1, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+    message = {"header": stamped(t_s), "child_frame_id": "base", "pose": {"pose": pose, "covariance": []}}
+    return json.dumps({"op": "publish", "topic": "/odom", "msg": message})
+
+
+def compressed(t_s: float) -> str:
+    data = base64.b64encode(encode_jpeg(np.full((6, 8, 3), 90, np.uint8))).decode()
+    message = {"header": stamped(t_s), "format": "jpeg", "data": data}
+    return json.dumps({"op": "publish", "topic": "/image/compressed", "msg": message})
+
+
+def test_a_rosbridge_of_ros_1_is_followed() -> None:
+    served = threading.Event()
+
+    def serve(connection: Any) -> None:
+        if served.is_set():
+            return
+        served.set()
+        wanted = set()
+        for text in connection:
+            found = json.loads(text)
+            if found["op"] == "call_service":
+                values = {
+                    "topics": ["/rosout", "/odom", "/image/compressed"],
+                    "types": ["rosgraph_msgs/Log", "nav_msgs/Odometry", "sensor_msgs/CompressedImage"],
+                }
+                connection.send(json.dumps({"op": "service_response", "id": found["id"], "values": values}))
+            else:
+                wanted.add(found["topic"])
+            if wanted == {"/odom", "/image/compressed"}:
+                break
+        for number in range(6):  # a picture's time lies between two of odometry, and comes after both
+            connection.send(odometry(100 + number, number))
+            connection.send(odometry(100.5 + number, number + 0.5))
+            connection.send(compressed(100.25 + number))
+        connection.send("nonsense")
+
+    with rosbridge(serve) as address:
+        source = live_source(address, OpenOptions(max_dt_s=0.3))
+        with LiveSession(source, Listen(keep_up=False, patience=SOON)) as session:
+            moments = list(session.moments())
+        assert [round(m.frame.time_s, 6) for m in moments] == [0, 1, 2, 3, 4, 5]
+        assert [m.frame.motions.tolist() for m in moments] == [[[0.25, 0, 0]], *[[[1.0, 0, 0]]] * 5]
+        assert session.counts.broken == 1
+        assert "not JSON" in str(session.problems[0])
+
+
+def test_what_is_no_websocket_is_told_in_one_line() -> None:
+    with peer(says(b"hello\r\n\r\n")) as address:
+        source = live_source(address.replace("tcp", "ws"))
+        with LiveSession(source, Listen(patience=Patience(0.0))) as session, pytest.raises(LogError) as told:
+            list(session.moments())
+    assert "no WebSocket" in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_without_the_extra_the_message_is_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_websocket.importlib.util, "find_spec", lambda name: None)
+    session = LiveSession(live_source("ws://127.0.0.1:1"))
+    with session, pytest.raises(LogError, match=r"pip install 'maurice-replay\[ros\]'"):
+        list(session.moments())
+
+
+TOPICS = Topics({"image": "/image/compressed", "odometry": "/odom", "truth": None})
+
+
+def translated(*messages: str) -> tuple[list[dict[str, Any]], Translator]:
+    translator, found = Translator(0.1), []
+    for message in map(json.loads, messages):
+        said = Said(message["topic"], 5 * 10**9, lambda m=message: json_message(json.dumps(m["msg"])))
+        found += list(translator.take(said, TOPICS))
+    return found, translator
+
+
+def test_a_picture_waits_for_the_odometry_after_it() -> None:
+    found, translator = translated(odometry(1.0, 0.0), compressed(1.05))
+    assert found == []
+    found, translator = translated(odometry(1.0, 0.0), compressed(1.05), odometry(1.1, 1.0))
+    assert [sorted(one) for one in found] == [["odometry", "t"], ["image", "t"]]
+    assert found[0]["odometry"] == pytest.approx([0.5, 0.0, 0.0])
+    assert not translator.problems
+
+
+def test_a_picture_without_odometry_is_left_out_and_no_movement_is_lost() -> None:
+    pictures = [compressed(2.05), odometry(3.0, 2.0), compressed(3.0)]
+    found, translator = translated(odometry(1.0, 0.0), compressed(1.0), odometry(1.1, 0.1), *pictures)
+    assert [one["t"] for one in found] == [1.0, 3.0, 3.0]
+    assert found[1]["odometry"] == pytest.approx([2.0, 0.0, 0.0])
+    assert [str(problem) for problem in translator.problems] == [
+        "found no odometry within 0.1 s of a picture; see --max-dt"
+    ]
+
+
+def test_stamps_that_stand_still_are_not_used() -> None:
+    messages = [odometry(0.0, 0.0), compressed(0.0)]
+    found, _ = translated(*messages)
+    assert found[0]["event"].startswith("clock: the bridge's times are used")
+    assert {one["t"] for one in found} == {5.0}
+
+
+def test_poses_that_come_late_are_put_in_their_place() -> None:
+    track = Track()
+    for t_s in (1.0, 3.0, 2.0):
+        track.add(t_s, np.array([t_s, 0.0, 0.0]))
+    assert track.last_s == 3.0
+    assert track.at(2.0, 0.1) is not None
+    np.testing.assert_allclose(track.at(1.5, 1.0), [1.5, 0.0, 0.0])
+    assert track.at(4.0, 0.5) is None

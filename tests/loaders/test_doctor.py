@@ -1,0 +1,140 @@
+"""Sessions of the simulator, broken on purpose: each way is named, and healthy ones are left alone."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from maurice_datasets.maurice import write_simulation
+from maurice_datasets.simulation import Plan
+from maurice_datasets.tasks import TASKS
+from maurice_loaders.doctor import Diagnosis, diagnose
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions
+from maurice_loaders.library_build import build_library
+from maurice_loaders.odometry_folder import read_aligned
+from maurice_mcl.diagnosis import Drive, Odometry, Track
+from maurice_mcl.diagnosis_compare import compared_with_truth
+from maurice_mcl.library import Library
+
+from .conftest import WriteLog
+from .session_breaking import BREAKS, broken, late
+
+THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
+
+SEEN = ("clockwise", "degrees", "swapped", "backward", "absolute", "world", "centimetres", "gain")
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Library]]:
+    """Keep one simulated drive of 24 updates and its library for all tests here."""
+    folder = tmp_path_factory.mktemp("doctor")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "doctor-cache"))
+        written = write_simulation(folder / "s", Plan(TASKS["tracking"], seed=1, arena_seed=1, updates=24))
+        yield written.session, build_library(written.survey, ["color", "edges"])
+
+
+def codes(found: Diagnosis) -> list[str]:
+    return [one.code for one in found.complaints]
+
+
+def test_a_healthy_drive_has_nothing_wrong(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    log, library = drive
+    for truth in (True, False):
+        copy = broken(log, tmp_path / f"{truth}.log", None, truth=truth)
+        for references in (library, None):
+            assert codes(diagnose(copy, OpenOptions(), references)) == []
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_what_is_wrong_is_named_with_truth(name: str, drive: tuple[Path, Library], tmp_path: Path) -> None:
+    code, how = BREAKS[name]
+    found = diagnose(broken(drive[0], tmp_path / "b.log", how), OpenOptions(), None)
+    assert codes(found)[0] == code
+    assert all(one.evidence and one.mend for one in found.complaints)
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_what_is_wrong_is_named_by_the_pictures(
+    name: str, drive: tuple[Path, Library], tmp_path: Path
+) -> None:
+    code, how = BREAKS[name]
+    log = broken(drive[0], tmp_path / "b.log", how, truth=False)
+    assert codes(diagnose(log, OpenOptions(), drive[1])) == [code]
+
+
+def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    def numbers(name: str) -> dict[str, float]:
+        log = broken(drive[0], tmp_path / f"{name}.log", BREAKS[name][1])
+        return dict(diagnose(log, OpenOptions(), None).complaints[0].numbers)
+
+    assert numbers("millimetres")["scale"] == pytest.approx(0.001, rel=0.15)
+    assert numbers("swapped")["offset_deg"] == pytest.approx(-90, abs=5)
+    assert numbers("nanoseconds")["per_s"] == 1e9
+    assert numbers("gain")["gain"] == pytest.approx(0.73 / 2, rel=0.1)
+
+
+def test_late_pictures_are_found_by_truth_and_library(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    log = broken(drive[0], tmp_path / "b.log", late("image", 9.0))
+    found = diagnose(log, OpenOptions(), drive[1])
+    assert "picture-delay" in codes(found)
+    delay = next(one for one in found.complaints if one.code == "picture-delay")
+    assert delay.numbers["delay_s"] == pytest.approx(9.0, abs=3.5)  # the robot stands while it looks
+
+
+def test_late_pictures_are_found_without_truth(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    log = broken(drive[0], tmp_path / "b.log", late("image", 9.0), truth=False)
+    assert codes(diagnose(log, OpenOptions(), drive[1])) == ["picture-delay"]
+
+
+@pytest.mark.parametrize("degrees", [45, -90])
+def test_a_camera_that_looks_aside_is_found(degrees: int, drive: tuple[Path, Library]) -> None:
+    """The library's headings are turned, which is the same as turning the camera."""
+    log, library = drive
+    poses = library.poses - [0, 0, np.radians(degrees)]
+    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    turned = replace(library, poses=poses)
+    found = diagnose(log, OpenOptions(), turned)
+    assert codes(found) == ["camera-yaw"]
+    assert found.complaints[0].numbers["yaw_deg"] == pytest.approx(-degrees, abs=15)
+
+
+def test_times_that_fall_are_told(write_log: WriteLog) -> None:
+    records = [{"t": t, "odometry": [0.1, 0, 0]} for t in (1, 2, 1.5, 3)]
+    assert codes(diagnose(write_log(*records), OpenOptions(), None)) == ["times-fall"]
+
+
+def test_broken_lines_are_counted_and_the_rest_is_looked_at(write_log: WriteLog) -> None:
+    found = diagnose(write_log({"t": 0, "odometry": [0.1, 0, 0]}, "{broken", '{"t": 1}'), OpenOptions(), None)
+    assert codes(found) == ["broken"]
+    assert found.odometry == 1
+
+
+def test_what_is_no_session_is_refused(survey: Path, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="survey"):
+        diagnose(survey, OpenOptions(), None)
+    with pytest.raises(LogError, match="no such file"):
+        diagnose(tmp_path / "gone.log", OpenOptions(), None)
+
+
+def test_nothing_to_go_by_is_no_complaint(write_log: WriteLog) -> None:
+    found = diagnose(write_log(), OpenOptions(), None)
+    assert (found.odometry, found.truth, found.pictures, codes(found)) == (0, 0, 0, [])
+
+
+@pytest.mark.skipif(not THYMIO.is_dir(), reason="needs the recorded odometry of the thymio")
+@pytest.mark.parametrize("name", ["forward_x_minus_slow_1", "random_1", "random_long"])
+def test_real_odometry_beside_real_truth_is_healthy(name: str) -> None:
+    rows = read_aligned(THYMIO / name)
+    t_s = np.arange(len(rows.truth)) / 3.0
+    track = Track(t_s, rows.truth, np.zeros(len(t_s), np.int32))
+    healthy = Drive(Odometry(t_s, rows.odometry, poses=True), track, t_s)
+    assert compared_with_truth(healthy, native=False) == []
+    if name.startswith("random"):
+        mirrored = Odometry(t_s, rows.odometry * [1, 1, -1], poses=True)
+        wrong = compared_with_truth(replace(healthy, odometry=mirrored), native=False)
+        assert [one.code for one in wrong] == ["turn-clockwise"]

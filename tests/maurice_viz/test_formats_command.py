@@ -1,0 +1,86 @@
+"""Recordings of other formats on the command line: replayed as the session log of the same drive is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from maurice_loaders.formats import formats as all_formats
+from maurice_loaders.recording import moved
+from maurice_loaders.session_log import SessionLog
+from maurice_viz.cli import app
+from maurice_viz.commands.formats import formats
+from maurice_viz.commands.reading import columns_of
+
+
+def run(*words: object) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def as_table(session: Path) -> Path:
+    """Write the drive of a session log as a table of odometry's poses and the truth."""
+    log = SessionLog(session)
+    rows = ["time_s,image,odometry_x_m,odometry_y_m,odometry_heading_rad,x_m,y_m,heading_rad"]
+    pose = None
+    for moment in log.moments():
+        for motion in moment.frame.motions:
+            pose = motion * 0 if pose is None else moved(pose, motion)
+        assert pose is not None
+        assert moment.truth is not None
+        numbers = ",".join(f"{v:.9f}" for v in (*pose, *moment.truth))
+        rows.append(f"{moment.frame.time_s},{moment.frame.picture},{numbers}")
+    table = session.with_name("drive.csv")
+    table.write_text("\n".join(rows))
+    return table
+
+
+def test_a_table_replays_as_the_log_of_the_same_drive(small_session: Path) -> None:
+    """The first motion is missing, which goes before the first picture, and nothing else."""
+    table, survey = as_table(small_session), small_session.with_name("survey.log")
+    common = ("--no-recording", "--json", "--particles", 500, "--start", "global")
+    code, native, _ = run(small_session, *common)
+    assert code == 0
+    code, other, said = run(table, "--library", survey, *common)
+    assert code == 0, said
+    assert "read as table" in said
+    (one,), (two,) = json.loads(native)["runs"], json.loads(other)["runs"]
+    assert one["updates"] == two["updates"] == 14
+    assert one["distance_m"] == pytest.approx(two["distance_m"])
+    assert two["position_error_final_m"] < 0.5
+
+
+def test_fewer_updates_with_gating(small_session: Path) -> None:
+    code, out, _ = run(small_session, "--no-recording", "--json", "--particles", 100, "--min-distance", 0.2)
+    assert code == 0
+    assert json.loads(out)["runs"][0]["updates"] == 7
+
+
+def test_a_recording_needs_a_library_and_cannot_be_saved(small_session: Path, tmp_path: Path) -> None:
+    table = as_table(small_session)
+    code, _, said = run(table, "--no-recording")
+    assert code == 1
+    assert "say which with --library" in said
+    code, _, said = run(table, "--no-recording", "--run", tmp_path / "run")
+    assert code == 1
+    assert "maurice-replay convert" in said
+
+
+def test_options_that_make_no_sense_are_usage_errors(small_session: Path) -> None:
+    for words in (("--columns", "a"), ("--columns", "=b"), ("--time-unit", "h"), ("--max-dt", -1)):
+        assert run(small_session, "--no-recording", *words)[0] == 2
+    assert columns_of("image=file, heading=yaw:deg") == {"image": "file", "heading": "yaw:deg"}
+
+
+def test_formats_are_listed_and_a_file_is_told(small_session: Path) -> None:
+    alone = typer.Typer()
+    alone.command()(formats)
+    listed = CliRunner().invoke(alone, ["--json"])
+    assert [one["name"] for one in json.loads(listed.stdout)] == list(all_formats())
+    told = CliRunner().invoke(alone, [str(small_session), "--json"])
+    assert [one["name"] for one in json.loads(told.stdout)] == ["session-log"]
+    assert CliRunner().invoke(alone, [str(small_session.with_name("nowhere"))]).exit_code == 1

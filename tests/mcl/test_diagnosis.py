@@ -1,0 +1,181 @@
+"""Odometry that is wrong in one way is told from odometry that is merely noisy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maurice_mcl.diagnosis import Drive, Odometry, Track, motions_between, motions_of
+from maurice_mcl.diagnosis_compare import compared_with_truth
+from maurice_mcl.diagnosis_plausible import aside_share, clocks_apart, odometry_doubts, time_unit, truth_apart
+from maurice_mcl.diagnosis_truth import Reading, agreement, legs_of, motions_read, readings
+from maurice_mcl.typing import F64
+
+RATE_HZ = 10.0
+
+
+def dense_drive(seconds: float = 120.0, noise: float = 0.02, seed: int = 0, *, poses: bool = True) -> Drive:
+    """Drive curves at 10 Hz, odometry and truth alike but for noise and another frame."""
+    rng = np.random.default_rng(seed)
+    count = int(seconds * RATE_HZ)
+    t_s = np.arange(count) / RATE_HZ
+    speed = 0.3 + 0.2 * np.sin(0.13 * t_s)
+    rate = 0.6 * np.sin(0.35 * t_s) + 0.4 * np.sin(0.11 * t_s + 1)
+    truth = integrated(np.column_stack([speed, 0 * speed, rate]) / RATE_HZ)
+    factor = 1 + noise * rng.standard_normal((count, 2))
+    measured = np.column_stack([speed * factor[:, 0], 0 * speed, rate * factor[:, 1]]) / RATE_HZ
+    values = integrated(measured) if poses else measured
+    track = Track(t_s, truth + [3.0, 2.0, 0.0], np.zeros(count, np.int32))
+    return Drive(Odometry(t_s, values, poses), track, t_s[::5])
+
+
+def integrated(motions: F64) -> F64:
+    heading = np.cumsum(motions[:, 2])
+    before = heading - motions[:, 2]
+    x = np.cumsum(motions[:, 0] * np.cos(before) - motions[:, 1] * np.sin(before))
+    y = np.cumsum(motions[:, 0] * np.sin(before) + motions[:, 1] * np.cos(before))
+    return np.column_stack([x, y, heading])
+
+
+def with_values(drive: Drive, values: F64) -> Drive:
+    return replace(drive, odometry=replace(drive.odometry, values=values))
+
+
+def codes(drive: Drive) -> list[str]:
+    return [one.code for one in compared_with_truth(drive, native=False)]
+
+
+@pytest.mark.parametrize("poses", [True, False])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_noisy_odometry_is_healthy(poses: bool, seed: int) -> None:
+    drive = dense_drive(noise=0.1, seed=seed, poses=poses)
+    assert codes(drive) == []
+    assert odometry_doubts(drive) == []
+    assert time_unit(drive) == (1.0, [])
+    assert clocks_apart(drive) == truth_apart(drive) == []
+
+
+@pytest.mark.parametrize(
+    ("code", "factors"),
+    [
+        ("turn-clockwise", (1, 1, -1)),
+        ("turn-degrees", (1, 1, 180 / np.pi)),
+        ("turn-clockwise-degrees", (1, 1, -180 / np.pi)),
+        ("scale", (1000, 1000, 1)),
+        ("turn-gain", (1, 1, 1.6)),
+    ],
+)
+def test_motions_of_other_units_and_signs(code: str, factors: tuple[float, float, float]) -> None:
+    drive = dense_drive(poses=False)
+    assert codes(with_values(drive, drive.odometry.values * factors)) == [code]
+
+
+@pytest.mark.parametrize(
+    ("code", "factors"),
+    [("turn-clockwise", (1, 1, -1)), ("turn-degrees", (1, 1, 180 / np.pi)), ("scale", (100, 100, 1))],
+)
+def test_poses_of_other_units_and_signs(code: str, factors: tuple[float, float, float]) -> None:
+    drive = dense_drive()
+    assert codes(with_values(drive, drive.odometry.values * factors)) == [code]
+
+
+def test_frames_are_told_apart() -> None:
+    drive = dense_drive(poses=False)
+    motions = drive.odometry.values
+    poses = integrated(motions)
+    assert codes(with_values(drive, poses)) == ["frame-absolute"]
+    steps = np.diff(poses, axis=0, prepend=np.zeros((1, 3)))
+    assert codes(with_values(drive, steps)) == ["frame-world"]
+    assert codes(with_values(drive, motions[:, [1, 0, 2]])) == ["frame-swapped"]
+    assert codes(with_values(drive, motions * [-1, -1, 1])) == ["frame-backward"]
+
+
+@pytest.mark.parametrize("late_s", [-1.2, 0.6, 1.5])
+def test_a_late_clock_is_measured(late_s: float) -> None:
+    drive = dense_drive()
+    odometry = replace(drive.odometry, t_s=drive.odometry.t_s + late_s)
+    found = compared_with_truth(replace(drive, odometry=odometry), native=False)
+    assert [one.code for one in found] == ["odometry-delay"]
+    assert found[0].numbers["delay_s"] == pytest.approx(late_s, abs=0.2)
+    assert f"--odometry-offset {-found[0].numbers['delay_s']:.2g}" in found[0].mend
+
+
+def test_another_drive_agrees_with_nothing() -> None:
+    drive = dense_drive(poses=False)
+    other = np.random.default_rng(3).normal(0, [0.1, 0.1, 0.3], drive.odometry.values.shape)
+    assert codes(with_values(drive, other)) == ["disagreement"]
+
+
+def test_too_little_truth_says_nothing() -> None:
+    drive = dense_drive(seconds=2)
+    assert codes(with_values(drive, drive.odometry.values * [1, 1, -1])) == []
+    empty = Track(np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.int32))
+    assert codes(replace(drive, truth=empty)) == []
+
+
+def test_legs_are_not_cut_across_a_kidnapping() -> None:
+    poses = np.array([[0, 0, 0], [0.2, 0, 0], [5, 5, 1], [5.2, 5, 1], [5.4, 5, 1.0]])
+    track = Track(np.arange(5.0), poses, np.array([0, 0, 1, 1, 1], np.int32))
+    legs = legs_of(track)
+    assert legs.begin_s.tolist() == [0, 2, 3]
+    assert np.abs(legs.moved[:, :2]).max() < 0.25
+
+
+def test_readings_undo_what_was_done() -> None:
+    motions = dense_drive(seconds=20, poses=False).odometry.values
+    t_s = np.arange(len(motions)) * 0.1
+    poses = np.concatenate([np.zeros((1, 3)), integrated(motions)])
+    absolute = Odometry(np.append(t_s, 99), poses, poses=False)
+    assert np.allclose(motions_read(absolute, Reading("", "absolute"))[1:], motions)
+    assert np.allclose(motions_between(poses)[1:], motions)
+    steps = Odometry(t_s, np.diff(poses, axis=0), poses=False)
+    assert np.allclose(motions_read(steps, Reading("", "world")), motions)
+    degrees = Odometry(t_s, motions * [1, 1, 180 / np.pi], poses=False)
+    assert np.allclose(motions_read(degrees, Reading("degrees")), motions)
+    assert np.allclose(motions_of(degrees)[:, :2], motions[:, :2])
+
+
+def test_agreement_of_a_perfect_drive_is_perfect() -> None:
+    drive = dense_drive(noise=0.0)
+    legs = legs_of(drive.truth)
+    best = agreement(drive.odometry, legs, readings(drive.odometry)[0])
+    assert best is not None
+    assert best.unexplained < 1e-3
+    assert best.scale == pytest.approx(1, abs=0.01)
+    assert best.gain == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e6, 1e9])
+def test_times_of_other_units(unit: float) -> None:
+    factor, found = time_unit(dense_drive().slowed(unit))
+    assert factor == pytest.approx(1 / unit)
+    assert [one.code for one in found] == ["time-unit"]
+
+
+def test_what_odometry_says_by_itself() -> None:
+    drive = dense_drive(poses=False)
+    motions = drive.odometry.values
+    steps = np.diff(integrated(motions), axis=0, prepend=np.zeros((1, 3)))
+    wrong = {
+        "frame-swapped": motions[:, [1, 0, 2]],
+        "frame-world": steps,
+        "turn-degrees": motions * [1, 1, 180 / np.pi],
+        "scale": motions * [1000, 1000, 1],
+    }
+    for code, values in wrong.items():
+        assert [one.code for one in odometry_doubts(with_values(drive, values))] == [code]
+    assert aside_share(drive.odometry, Reading()) == 0
+
+
+def test_poses_whose_headings_do_not_follow_their_way() -> None:
+    drive = dense_drive()
+    for code, factor in (("turn-clockwise", -1), ("turn-degrees", 180 / np.pi)):
+        found = odometry_doubts(with_values(drive, drive.odometry.values * [1, 1, factor]))
+        assert [one.code for one in found] == [code]
+
+
+def test_clocks_without_a_common_time() -> None:
+    drive = dense_drive()
+    found = clocks_apart(replace(drive, picture_t_s=drive.picture_t_s + 1e9))
+    assert [one.code for one in found] == ["odometry-clock", "truth-clock"]
+    assert "--odometry-offset 1000000000.000" in found[0].mend

@@ -1,0 +1,93 @@
+"""A library that cannot tell two places apart is found out; one that can is left alone."""
+
+import numpy as np
+import pytest
+
+from maurice_mcl.arena import Arena
+from maurice_mcl.coverage import coverage_of
+from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.look_alikes import SelfCheck, check_library, places_of
+from maurice_mcl.selection import nearest_reference
+from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.typing import F64
+
+COLUMNS, ROWS, STEP_M = 8, 3, 0.5
+
+
+def grid() -> F64:
+    xs, ys = np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))
+    return np.column_stack([(xs.ravel() + 0.5) * STEP_M, (ys.ravel() + 0.5) * STEP_M, 0.0 * xs.ravel()])
+
+
+def library_of(poses: F64, looks: F64, bounds: tuple[float, float] = (4.0, 1.5)) -> Library:
+    """Make a library whose color descriptors are made of a few numbers (L, k) each."""
+    rows = np.asarray(np.repeat(looks, 84 // looks.shape[1], axis=1), np.float32)
+    index = ChannelIndex(rows, np.zeros(rows.shape[1], np.float32), rows.max(axis=0))
+    arena = Arena((0.0, 0.0, *bounds), np.zeros((0, 4)))
+    return Library("made", poses, (None,) * len(poses), {"color": index}, arena)
+
+
+def checked(library: Library) -> SelfCheck:
+    nearest = nearest_reference(library.poses, library.arena)
+    return check_library(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+
+
+def smooth(poses: F64) -> F64:
+    return np.column_stack([poses[:, 0] + 1, poses[:, 1] + 1]) ** 2 * 5
+
+
+def test_looks_that_follow_the_place_have_no_look_alikes() -> None:
+    found = checked(library_of(grid(), smooth(grid())))
+    assert len(found.aliased) == 0
+    assert found.retrieved_right == 1
+    assert found.error_m.max() <= STEP_M * 1.5
+    assert np.all(np.diff(found.similarity[np.isfinite(found.similarity)]) > 0)
+
+
+def test_two_places_that_look_the_same_are_each_others_look_alikes() -> None:
+    poses = grid()
+    looks = smooth(poses)
+    looks[COLUMNS - 1] = looks[0]
+    found = checked(library_of(poses, looks))
+    assert {0, COLUMNS - 1} <= set(found.aliased.tolist())
+    assert found.look_alike[0] == COLUMNS - 1
+    assert found.margin[0] < 0
+    assert found.error_m[0] == pytest.approx((COLUMNS - 1) * STEP_M)
+    assert found.retrieved_right < 1
+
+
+def test_all_alike_is_as_ambiguous_as_can_be() -> None:
+    poses = grid()
+    found = checked(library_of(poses, np.full((len(poses), 2), 7.0)))
+    assert found.ambiguity == pytest.approx(np.full(len(poses), len(poses) - 1))
+    assert found.at_places(found.ambiguity) == pytest.approx(np.full(len(poses), len(poses) - 1))
+
+
+def test_one_place_has_nothing_to_be_compared_with() -> None:
+    poses = np.array([[1.0, 1.0, k * np.pi / 4 - np.pi] for k in range(8)])
+    found = checked(library_of(poses, np.arange(16.0).reshape(8, 2)))
+    assert (found.retrieved == -1).all()
+    assert found.retrieved_right == 0
+    assert (found.ambiguity == 1).all()
+
+
+def test_nodes_of_a_survey_stay_apart() -> None:
+    poses = np.repeat(grid(), 8, axis=0)
+    places, place_of = places_of(poses[:, :2], STEP_M)
+    assert len(places) == COLUMNS * ROWS
+    assert (np.bincount(place_of) == 8).all()
+    assert np.allclose(places[place_of], poses[:, :2])
+
+
+def test_coverage_finds_the_hole() -> None:
+    poses = grid()
+    whole = coverage_of(library_of(poses, smooth(poses)), STEP_M)
+    assert whole.covered == 1
+    assert whole.gaps == ()
+    assert whole.directions == pytest.approx(1 / 8)
+    left = poses[(poses[:, 0] < 1.5) | (poses[:, 0] > 3.5)]
+    holed = coverage_of(library_of(left, smooth(left)), STEP_M)
+    assert 0.5 < holed.covered < 0.9
+    assert len(holed.gaps) == 1
+    assert holed.gaps[0].x_m == pytest.approx(2.5, abs=0.3)
+    assert holed.gaps[0].to_entry_m > STEP_M
