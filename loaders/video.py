@@ -100,10 +100,14 @@ def looks_like_video(path: Path) -> bool:
 
 
 def _opened(path: Path) -> cv2.VideoCapture:
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # one line says it, and that is ours
     try:
         video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     except cv2.error as problem:
         raise LogError(path, f"cannot be opened as a video: {problem.err}") from None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     if not video.isOpened():
         raise LogError(path, "cannot be opened as a video, expected MP4, AVI, Matroska or MPEG; was it cut?")
     return video
