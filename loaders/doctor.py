@@ -21,6 +21,7 @@ from maurice_mcl.session import Moment, SessionInfo
 
 from .doctor_reading import Gathered, gather, raw_records
 from .errors import LogError
+from .fields import MOST
 from .findings import Findings
 from .formats import OpenOptions
 from .pictures import PictureError
@@ -95,11 +96,17 @@ def diagnose(
 
 def _about_reading(found: Gathered) -> list[Complaint]:
     """Say what a reader of this log would stumble over."""
-    complaints = []
+    complaints, truth = [], found.drive.truth.poses
     if found.falls:
         what = f"times fall {found.falls} times"
         mend = "sort the records by t; if they are of several clocks, put these on one first"
         complaints.append(Complaint("times-fall", what, "every reader refuses a time that falls", mend))
+    large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (found.drive.odometry.values, truth))
+    if large:
+        what = f"{large} records hold numbers of more than {MOST:g}"
+        why = f"a session log may not hold them; truth and odometry are at most {MOST:g} in size"
+        mend = "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out"
+        complaints.append(Complaint("too-large", what, why, mend, {"records": large}))
     if found.skipped:
         what = f"{found.skipped} records cannot be read"
         mend = "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out"

@@ -25,6 +25,7 @@ from .pictures import decode_picture
 from .recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from .session_log import CameraChoice, picture_bytes
 
+MOST_RAW = 1e25  # of any number; nanoseconds since 1970 are 2e18, and squares of it can be added up
 MOST = 50_000  # records of one kind that are looked at: an hour and a half of odometry at 10 Hz
 
 
@@ -143,7 +144,7 @@ def _read(record: PictureRecord, log: Path) -> U8:
 
 
 def _finite(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < MOST_RAW:
         raise FieldError(f"found {value!r:.60}, expected a finite number")
     return float(value)
 

@@ -17,8 +17,8 @@ METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
 FEWEST_JUDGED = 12  # pictures; fewer do not tell what is usual
 NOISE_PX = 1.0  # sd of the smoothing that takes noise away
 BLUR_PX = 9  # width of the blurring
-BLURRED_SDS = 3.0  # robust standard deviations below the median, of the logarithm
-LEAST_SD = 0.05  # of the logarithm, where nearly all pictures are equally sharp
+BLURRED_SDS = 3.5  # robust standard deviations below the median, of the logarithm
+LEAST_SD = 0.06  # of the logarithm, where nearly all pictures are equally sharp
 
 
 @dataclass(frozen=True, slots=True)

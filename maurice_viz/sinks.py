@@ -27,7 +27,7 @@ FLUSH_S = 60.0
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
-SERVED = "500MB"  # of a live recording kept for viewers that come late; the oldest is dropped
+SERVED = "100MB"  # of a live recording kept for viewers that come late; the oldest is dropped
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 

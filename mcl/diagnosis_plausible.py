@@ -16,6 +16,7 @@ PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 FEW = 0.2  # share of the pictures
 MAX_GAP_S = 1.0  # truth is interpolated across no more
 FEWEST = 8  # records that move
+MOST_OF_ONE = 10.0  # times the median way, that one record counts
 STEP_M = 0.05  # poses are compared over steps of so much
 ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the way that goes sideways: too much, and hardly any
 
@@ -137,9 +138,12 @@ def aside_share(odometry: Odometry, reading: Reading) -> float:
         motions = _steps(odometry.values * [1, 1, TURNS[reading.turn]])
     else:
         motions = motions_read(odometry, reading)
-    ways = np.abs(motions[:, :2])
-    total = float(np.hypot(ways[:, 0], ways[:, 1]).sum())
-    return float(ways[:, 1].sum()) / total if total > 0 else 0.0
+    ways = np.hypot(motions[:, 0], motions[:, 1])
+    if not ways.any():
+        return 0.0
+    counted = np.minimum(ways, MOST_OF_ONE * np.median(ways[ways > 0]))  # one wild record does not decide
+    aside = np.divide(np.abs(motions[:, 1]), ways, out=np.zeros_like(ways), where=ways > 0)
+    return float(counted @ aside / counted.sum())
 
 
 def _steps(poses: F64) -> F64:

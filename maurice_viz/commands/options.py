@@ -199,6 +199,13 @@ LayoutOption = Annotated[
         callback=_check_layout,
     ),
 ]
+AsRecordedOption = Annotated[
+    bool,
+    typer.Option(
+        "--as-recorded",
+        help="Of a bag: show the particles of the localizer that was recorded; no filter runs.",
+    ),
+]
 DetailOption = Annotated[
     str,
     typer.Option(

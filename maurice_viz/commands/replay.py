@@ -7,7 +7,9 @@ import typer
 from maurice_loaders.formats import OpenOptions
 
 from ..layouts.names import DETAILS
+from .live_options import LiveOptions, listens
 from .options import (
+    AsRecordedOption,
     ConfigOption,
     DetailOption,
     FeatureOption,
@@ -35,6 +37,7 @@ from .reading import reads_recordings
 
 
 @reads_recordings
+@listens
 def replay(
     session: SessionArgument,
     library: LibraryOption = None,
@@ -56,10 +59,12 @@ def replay(
     force: ForceOption = False,
     keep_going: KeepGoingOption = False,
     json_output: JsonOption = False,
+    as_recorded: AsRecordedOption = False,
     *,
     opening: OpenOptions,
+    live: LiveOptions,
 ) -> None:
-    """Replay a session of any format, or a saved run, in the viewer or, without a display, to a file."""
+    """Replay a session of any format, a saved run or a live source, in the viewer or, without, to a file."""
     from maurice_loaders.run_store import is_saved
 
     from .opening import Wanted
@@ -70,6 +75,20 @@ def replay(
     output = OutputOptions(
         session.absolute().stem, save, headless, no_recording, force, json_output, run, layout, detail
     )
+    if as_recorded:
+        from .recorded import replay_as_recorded
+
+        if options != RunOptions() or preset or feature or library or run:
+            raise typer.BadParameter(
+                "--as-recorded runs no filter: only options of reading and of the output apply"
+            )
+        replay_as_recorded(session, opening, output)
+        return
+    if live.wanted_for(session):
+        from .following import follow_source
+
+        follow_source(session, library, Wanted(preset, feature), options, output, live, opening)
+        return
     if is_saved(session):
         reading = opening != OpenOptions()
         if options != RunOptions() or preset or feature or library or run or reading:

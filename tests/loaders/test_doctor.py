@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from maurice_datasets.maurice import write_simulation
 from maurice_datasets.simulation import Plan
@@ -108,6 +110,11 @@ def test_times_that_fall_are_told(write_log: WriteLog) -> None:
     assert codes(diagnose(write_log(*records), OpenOptions(), None)) == ["times-fall"]
 
 
+def test_numbers_that_no_log_may_hold_are_told(write_log: WriteLog) -> None:
+    records = [{"t": 0, "odometry": [1e12, 0, 0]}, {"t": 1, "odometry": [0.1, 0, 0]}]
+    assert codes(diagnose(write_log(*records), OpenOptions(), None)) == ["too-large"]
+
+
 def test_broken_lines_are_counted_and_the_rest_is_looked_at(write_log: WriteLog) -> None:
     found = diagnose(write_log({"t": 0, "odometry": [0.1, 0, 0]}, "{broken", '{"t": 1}'), OpenOptions(), None)
     assert codes(found) == ["broken"]
@@ -124,6 +131,24 @@ def test_what_is_no_session_is_refused(survey: Path, tmp_path: Path) -> None:
 def test_nothing_to_go_by_is_no_complaint(write_log: WriteLog) -> None:
     found = diagnose(write_log(), OpenOptions(), None)
     assert (found.odometry, found.truth, found.pictures, codes(found)) == (0, 0, 0, [])
+
+
+SIZES = st.floats(allow_nan=False, allow_infinity=False)
+NUMBERS = SIZES | st.floats(-5, 5) | st.sampled_from([0, 0.1, 1e18])
+LINES = st.lists(
+    st.tuples(NUMBERS, st.sampled_from(["odometry", "truth"]), st.lists(NUMBERS, min_size=3, max_size=3)),
+    max_size=60,
+)
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(lines=LINES, ordered=st.booleans())
+def test_no_numbers_bring_it_down(
+    lines: list[tuple[float, str, list[float]]], ordered: bool, write_log: WriteLog
+) -> None:
+    rows = sorted(lines) if ordered else lines
+    found = diagnose(write_log(*({"t": t, key: v} for t, key, v in rows)), OpenOptions(), None)
+    assert found.odometry + found.truth <= len(lines)
 
 
 @pytest.mark.skipif(not THYMIO.is_dir(), reason="needs the recorded odometry of the thymio")

@@ -25,7 +25,7 @@ def dense_drive(seconds: float = 120.0, noise: float = 0.02, seed: int = 0, *, p
     factor = 1 + noise * rng.standard_normal((count, 2))
     measured = np.column_stack([speed * factor[:, 0], 0 * speed, rate * factor[:, 1]]) / RATE_HZ
     values = integrated(measured) if poses else measured
-    track = Track(t_s, truth + [3.0, 2.0, 0.0], np.zeros(count, np.int32))
+    track = Track(t_s, truth + np.array([3.0, 2.0, 0.0]), np.zeros(count, np.int32))
     return Drive(Odometry(t_s, values, poses), track, t_s[::5])
 
 

@@ -1,0 +1,177 @@
+"""A drive becomes a library: spaced, turned, sharp, each picture with its own pose."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions
+from maurice_loaders.library_build import build_library
+from maurice_loaders.library_choose import Every, blurred, choose, read_every, sharpness
+from maurice_loaders.library_files import load_library, save_library
+from maurice_loaders.library_survey import Picked, open_survey
+from maurice_loaders.session_log import SessionLog
+from maurice_loaders.session_writer import SessionWriter
+from maurice_mcl.session import SessionInfo
+from maurice_mcl.typing import F64, U8
+
+EVERY = Every(0.4, float(np.radians(45)))
+
+
+def apart(a: F64, b: F64) -> bool:
+    turned = abs((a[2] - b[2] + np.pi) % (2 * np.pi) - np.pi)
+    return bool(np.hypot(*(a - b)[:2]) >= 0.4 - 1e-6 or turned >= np.radians(45) - 1e-6)
+
+
+@given(
+    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.14, 3.14)), max_size=60),
+    st.integers(0, 9),
+)
+def test_chosen_ones_are_apart_and_all_others_are_near_one(
+    rows: list[tuple[float, float, float]], seed: int
+) -> None:
+    poses = np.array(rows).reshape(-1, 3)
+    sharp = np.random.default_rng(seed).random(len(poses))
+    taken = choose(poses, sharp, EVERY).tolist()
+    assert taken == sorted(set(taken))
+    assert all(apart(poses[a], poses[b]) for a in taken for b in taken if a < b)
+    for left in set(range(len(poses))) - set(taken):
+        near = [k for k in taken if not apart(poses[left], poses[k]) and sharp[k] >= sharp[left]]
+        assert near, "what is left out has a sharper one near"
+
+
+@pytest.mark.parametrize(
+    ("text", "distance_m", "degrees"),
+    [
+        ("0.4m,45deg", 0.4, 45),
+        (" 18in , 30deg", 0.4572, 30),
+        ("40cm,180deg", 0.4, 180),
+        ("1ft,9.5deg", 0.3048, 9.5),
+    ],
+)
+def test_spacing_is_read(text: str, distance_m: float, degrees: float) -> None:
+    every = read_every(text)
+    assert every.distance_m == pytest.approx(distance_m)
+    assert np.degrees(every.angle_rad) == pytest.approx(degrees)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "0.4m", "0.4,45", "45deg,0.4m", "0m,45deg", "1m,0deg", "1m,200deg", "xm,ydeg"]
+)
+def test_other_words_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="--every"):
+        read_every(text)
+
+
+def scene(seed: int) -> U8:
+    """Draw boxes and a little noise."""
+    rng = np.random.default_rng(seed)
+    image = np.full((72, 88, 3), 110, np.uint8)
+    for _ in range(12):
+        x, y, w, h = rng.integers(0, (70, 55, 40, 30)).tolist()
+        cv2.rectangle(image, (x, y), (x + w, y + h), rng.integers(0, 256, 3).tolist(), -1)
+    return np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
+
+
+def moved(image: U8, seed: int) -> U8:
+    """Blur a picture as a turning camera does."""
+    noise = np.random.default_rng(seed).normal(0, 2, image.shape)
+    return np.clip(cv2.blur(image, (15, 1)) + noise, 0, 255).astype(np.uint8)
+
+
+def test_blurred_pictures_are_told_from_sharp_ones_of_other_things() -> None:
+    sharp = [scene(seed) for seed in range(40)]
+    assert not blurred(np.array([sharpness(image) for image in sharp])).any()
+    spoiled = [moved(image, k) if k % 8 == 0 else image for k, image in enumerate(sharp)]
+    found = blurred(np.array([sharpness(image) for image in spoiled]))
+    assert np.flatnonzero(found).tolist() == list(range(0, 40, 8))
+
+
+def test_few_pictures_are_not_judged() -> None:
+    assert not blurred(np.array([0.0] * 10 + [-9.0])).any()
+
+
+def write_drive(folder: Path, *, truth: bool = True) -> Path:
+    """Drive straight, a picture every 10 cm; every eighth picture is blurred."""
+    path = folder / "drive.log"
+    with SessionWriter(path, SessionInfo("drive", "m")) as log:
+        for k in range(40):
+            image = scene(k)
+            log.odometry(k, [0.1, 0.0, 0.0])
+            log.image(k, moved(image, k) if k % 8 == 0 else image)
+            if truth:
+                log.truth(k, [0.1 * k, 1.0, 0.0])
+    return path
+
+
+def test_a_drive_becomes_a_library(tmp_path: Path) -> None:
+    log = write_drive(tmp_path)
+    survey = open_survey(log, OpenOptions(), EVERY)
+    assert isinstance(survey, Picked)
+    chosen = survey.chosen
+    assert (chosen.pictures, chosen.without_pose, chosen.blurred) == (40, 0, 5)
+    warnings: list[str] = []
+    library = build_library(log, ["color"], log=survey, warn=warnings.append)
+    assert library.size == chosen.taken == survey.count_pictures()
+    assert 6 <= library.size <= 10
+    assert str(chosen) in warnings[0]
+    steps = np.diff(library.poses[:, 0])
+    assert steps.min() >= 0.4 - 1e-9
+    assert steps.max() <= 0.9
+    for pose, picture in zip(library.poses, library.pictures, strict=True):
+        assert picture is not None
+        assert picture.is_file()
+        number = round(pose[0] / 0.1)
+        assert f"{number + 1:05d}" in picture.name
+        assert number % 8 != 0
+
+
+def test_a_drive_without_poses_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="found 40 pictures and no pose of any"):
+        open_survey(write_drive(tmp_path, truth=False), OpenOptions())
+
+
+def test_a_survey_is_taken_whole_unless_asked(survey: Path) -> None:
+    assert isinstance(open_survey(survey, OpenOptions()), SessionLog)
+    thinned = open_survey(survey, OpenOptions(), Every(0.9, 1.0))
+    assert isinstance(thinned, Picked)
+    assert 2 <= thinned.chosen.taken <= 3
+    assert sum(picture.covered for picture in thinned.survey_pictures()) == 2
+
+
+def test_pictures_inside_a_log_are_kept(tmp_path: Path) -> None:
+    log = write_drive(tmp_path)
+    for picture in SessionLog(log).moments():
+        assert (tmp_path / picture.frame.picture).is_file()
+    text = log.read_text().replace('"image": "pictures/', '"image": "./pictures/')
+    inline = tmp_path / "inline.log"
+    inline.write_text(_inlined(text, tmp_path))
+    keep = tmp_path / "keep"
+    keep.mkdir()
+    survey = open_survey(inline, OpenOptions(), EVERY, keep)
+    library = build_library(inline, ["color"], log=survey)
+    save_library(library, tmp_path / "library")
+    again = load_library(tmp_path / "library")
+    assert all(picture is not None and picture.is_file() for picture in again.pictures)
+
+
+def _inlined(text: str, folder: Path) -> str:
+    import base64
+    import json
+
+    lines = [json.loads(line) for line in text.splitlines()]
+    for line in lines:
+        if "image" in line:
+            data = (folder / line["image"]).read_bytes()
+            line["image"] = {"base64": base64.b64encode(data).decode()}
+    return "\n".join(json.dumps(line) for line in lines) + "\n"
+
+
+def test_a_camera_that_looks_aside_turns_the_headings(survey: Path) -> None:
+    plain = build_library(survey, ["color"])
+    turned = build_library(survey, ["color"], yaw_rad=0.3)
+    assert np.allclose(turned.poses, plain.poses - [0, 0, 0.3])

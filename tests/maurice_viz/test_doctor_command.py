@@ -1,0 +1,113 @@
+"""The session doctor and the library check on the command line."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from maurice_viz.commands.doctor import doctor
+from maurice_viz.commands.library import library
+
+runner = CliRunner()
+app = typer.Typer()
+app.command(name="doctor")(doctor)
+app.add_typer(library, name="library")
+
+
+def in_millimetres(log: Path) -> Path:
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    for line in lines:
+        if "odometry" in line:
+            forward, left, turn = line["odometry"]
+            line["odometry"] = [1000 * forward, 1000 * left, turn]
+    out = log.with_name("wrong.log")
+    out.write_text("\n".join(json.dumps(line) for line in lines) + "\n")
+    return out
+
+
+def test_a_healthy_session_is_said_to_be_so(small_session: Path) -> None:
+    done = runner.invoke(app, ["doctor", str(small_session), "--strict"])
+    assert done.exit_code == 0, done.output
+    assert "14 odometry, 14 truth, 14 pictures" in done.stdout
+    assert "14 pictures against the library" in done.stdout
+    assert "found nothing wrong" in done.stdout
+
+
+def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
+    wrong = in_millimetres(small_session)
+    done = runner.invoke(app, ["doctor", str(wrong), "--no-library"])
+    assert done.exit_code == 0
+    assert "1. lengths of odometry are in millimetres [scale]" in done.stdout
+    assert "why: " in done.stdout
+    assert "mend: " in done.stdout
+    assert runner.invoke(app, ["doctor", str(wrong), "--no-library", "--strict"]).exit_code == 1
+
+
+def test_json_has_the_numbers(small_session: Path) -> None:
+    wrong = in_millimetres(small_session)
+    done = runner.invoke(app, ["doctor", str(wrong), "--no-library", "--json"])
+    found = json.loads(done.stdout)
+    assert found["healthy"] is False
+    assert [one["code"] for one in found["complaints"]] == ["scale"]
+    assert found["complaints"][0]["numbers"]["scale"] == pytest.approx(0.001, rel=0.05)
+    assert found["not_asked"] == ["pictures: no library was given"]
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\x01\x02", b'{"format": "maurice-session-log"'])
+def test_no_session_is_one_line(content: bytes, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.log"
+    bad.write_bytes(content)
+    done = runner.invoke(app, ["doctor", str(bad)])
+    assert done.exit_code == 1
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+
+
+def test_library_check_draws_its_map(small_session: Path, tmp_path: Path) -> None:
+    survey, out = small_session.parent / "survey.log", tmp_path / "map.png"
+    done = runner.invoke(app, ["library", "check", str(survey), "--map", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "160 at 20 places, 0.50 m apart" in done.stdout
+    assert "100% of" in done.stdout
+    image = cv2.imread(str(out))
+    assert image is not None
+    assert image.std() > 10
+    again = runner.invoke(app, ["library", "check", str(survey), "--map", str(out)])
+    assert again.exit_code == 1
+    assert "--force" in again.stderr
+
+
+def test_library_check_as_json(small_session: Path) -> None:
+    done = runner.invoke(app, ["library", "check", str(small_session.parent / "survey.log"), "--json"])
+    found = json.loads(done.stdout)
+    assert (found["entries"], found["places"]) == (160, 20)
+    assert found["covered_share"] == 1
+    assert found["spacing_m"] == pytest.approx(0.5)
+    assert len(found["ambiguity"]) == 20
+    assert all(one["places"] >= 1 for one in found["ambiguity"])
+    assert np.isfinite(found["retrieval_error_median_m"])
+
+
+def test_a_library_is_built_from_a_drive(small_session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "driven"
+    done = runner.invoke(
+        app, ["library", "build", str(small_session), "-o", str(out), "--every", "0.2m,30deg"]
+    )
+    assert done.exit_code == 0, done.output
+    assert "of 14 pictures taken" in done.stderr
+    assert "coverage: " in done.stdout
+    shown = json.loads(runner.invoke(app, ["library", "show", str(out), "--json"]).stdout)
+    assert 5 <= shown["entries"] <= 14
+    assert shown["pictures_kept"] == shown["entries"]
+
+
+@pytest.mark.parametrize("every", ["0.4", "deg", "0.4m,45"])
+def test_bad_spacing_is_a_usage_error(every: str, small_session: Path, tmp_path: Path) -> None:
+    done = runner.invoke(
+        app, ["library", "build", str(small_session), "-o", str(tmp_path / "x"), "--every", every]
+    )
+    assert done.exit_code == 2
