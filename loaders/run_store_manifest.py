@@ -28,6 +28,7 @@ FORMAT, COMPARISON = "maurice-run", "maurice-runs"
 VERSION = 1
 CONFIGURATION = "configuration.toml"
 MAP = "map.json"
+SHARED = ("world", "session", "compare")  # in a recording these stand for what runs share
 STATES = ("writing", "complete", "stopped", "failed")  # a killed process leaves "writing"
 
 
@@ -186,7 +187,7 @@ def _source(value: Any, what: str) -> Source:
 
 def _label(value: Any) -> str:
     label = text(value, "label")
-    if "/" in label or label in ("world", "session", "compare"):  # these stand for what runs share in a recording
+    if "/" in label or label in SHARED:
         raise FieldError(f"found label {show(label)}, expected a word without '/'")
     return label
 

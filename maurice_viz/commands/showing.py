@@ -18,7 +18,6 @@ from maurice_mcl.session import SessionInfo
 
 from ..console import note
 from ..errors import SinkError
-from ..look import scale_for
 from .options import OutputOptions
 
 if TYPE_CHECKING:
@@ -69,45 +68,22 @@ def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Ite
     if output.no_recording:
         yield {}
         return
-    from ..observe import RerunObserver
     from ..thinning import Detail
+    from .drawing import observed
 
-    with _sink(runs, scene, output) as rec:
-        observers: dict[str, Observer] = {}
-        for run in runs:
-            shared, truth = not observers, scene.has_truth
-            observers[run.label] = RerunObserver(
-                rec,
-                run.label,
-                {} if run.sensor is None else run.sensor.distances,
-                scene=shared,
-                has_truth=truth,
-                detail=Detail(output.detail),
-                sensor=run.sensor,
-                updates=scene.updates,
-                bookmarks=run.bookmarks,
-            )
-        for observer in observers.values():
-            observer.begin(scene.info, scene.library)
-        try:
-            yield observers
-        finally:
-            for observer in observers.values():
-                observer.end()
+    with (
+        _sink(runs, scene, output) as rec,
+        observed(rec, runs, scene, Detail(output.detail)) as observers,
+    ):
+        yield observers
 
 
 @contextmanager
 def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
     from .. import sinks
-    from ..contact_sheet import cell_height
-    from ..layouts.registry import for_runs
-    from ..layouts.shown import Run, Shown
+    from .drawing import layout_of
 
-    info, arena = scene.info, scene.library.arena
-    scale, height = scale_for(info.display_units, arena), cell_height(scene.library.pictures)
-    shown = Shown(arena, scale, scene.has_truth, height)
-    drawn = [Run(run.label, tuple(run.channels), run.own_drive) for run in runs]
-    layout = for_runs(drawn, shown, output.layout)
+    info, layout = scene.info, layout_of(runs, scene, output.layout)
     path = output.save or Path(f"{output.stem}.rrd")
     if scene.live:
         with _live(path, info.name, layout, output) as rec:

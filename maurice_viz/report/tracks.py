@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from maurice_loaders.recording import moved
 from maurice_mcl.events import Event, EventDetector
-from maurice_mcl.geometry import compose
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 from maurice_mcl.typing import F64
@@ -76,7 +76,7 @@ class Track:
             return truth
         pose = start if not self.rows else self._odometry
         for motion in motions:
-            pose = None if pose is None else compose(pose, motion)
+            pose = None if pose is None else moved(pose, motion)
         return pose
 
     def column(self, name: str) -> F64:

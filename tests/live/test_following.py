@@ -1,0 +1,222 @@
+"""The commands, as processes of their own: whatever ends them, the files are complete."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from live_peers import Act, peer, says
+from rerun.chunk import RrdReader
+
+from maurice_loaders.session_log import SessionLog
+
+MAIN = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+PATIENCE_S = 60.0
+Text = subprocess.CompletedProcess[str]
+
+
+@pytest.fixture(autouse=True)
+def _nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a display, and where files that nobody named do no harm."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+
+def run(*words: object, **more: Any) -> Text:
+    command = [*MAIN, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False, **more)
+
+
+def figures(done: Text) -> dict[str, Any]:
+    """The figures of the only run, but for how fast it was."""
+    found = json.loads(done.stdout)["runs"][0]
+    assert isinstance(found, dict)
+    return {key: value for key, value in found.items() if key != "steps_per_s"}
+
+
+def lines_of(session: Path) -> list[bytes]:
+    """The session's lines with pictures inline, as a live robot says them."""
+    done = run("record", session, "-o", session.parent / "inline", "--patience", "0.5")
+    assert done.returncode == 0, done.stderr
+    return (session.parent / "inline" / "session.log").read_bytes().splitlines(keepends=True)
+
+
+def steps_in(recording: Path) -> set[int]:
+    """The steps that a recording shows an estimate for."""
+    steps: set[int] = set()
+    for chunk in RrdReader(recording).stream().filter(content="/blended/estimate", has_timeline="step"):
+        steps |= set(chunk.to_record_batch().column("step").to_pylist())
+    return steps
+
+
+@pytest.fixture
+def inline(small_session: Path) -> list[bytes]:
+    return lines_of(small_session)
+
+
+@pytest.fixture
+def library(small_session: Path) -> Path:
+    return small_session.parent / "survey.log"
+
+
+def test_a_pipe_gives_the_same_figures_as_the_file(
+    small_session: Path, library: Path, inline: list[bytes]
+) -> None:
+    expected = figures(run(small_session, "--json", "--no-recording"))
+    given = {"input": b"".join(inline).decode()}
+    done = run("-", "--library", library, "--json", "--no-recording", "--record", "rec", **given)
+    assert done.returncode == 0, done.stderr
+    assert figures(done) == expected
+    again = run("rec/session.log", "--json", "--no-recording")
+    assert figures(again) == expected
+    assert "14 pictures came, 0 were skipped" in done.stderr
+
+
+def test_a_file_that_grows_gives_the_same_figures(small_session: Path, tmp_path: Path) -> None:
+    expected = figures(run(small_session, "--json", "--no-recording"))
+    growing = tmp_path / "growing.log"
+
+    def write() -> None:
+        with growing.open("wb", buffering=0) as log:
+            for line in small_session.read_bytes().splitlines(keepends=True):
+                log.write(line[:20])
+                time.sleep(0.01)
+                log.write(line[20:])
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    done = run(growing, "--follow", "--json", "--patience", "2", "--save", "a.rrd")
+    writer.join()
+    assert done.returncode == 0, done.stderr
+    assert figures(done) == expected
+    assert steps_in(Path("a.rrd")) == set(range(1, 15))
+
+
+def slowly(lines: list[bytes], pause_s: float) -> Act:
+    def say(connection: socket.socket) -> None:
+        for line in lines:
+            connection.sendall(line)
+            time.sleep(pause_s)
+
+    return say
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stopping_leaves_complete_files(number: int, status: int, inline: list[bytes], library: Path) -> None:
+    with peer(slowly(inline + inline[1:] * 20, 0.05)) as address:
+        words = [address, "--library", library, "--record", "rec", "--save", "a.rrd", "--json"]
+        process = subprocess.Popen(
+            [*MAIN, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        wait_until(lambda: any(Path().glob("a.*.part.rrd")), process)
+        time.sleep(1.0)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == status, err
+    assert "Traceback" not in err
+    updates = json.loads(out)["runs"][0]["updates"]
+    assert updates > 0
+    assert steps_in(Path("a.rrd")) == set(range(1, updates + 1))
+    assert not list(Path().glob("*.part.rrd"))
+    log = Path("rec/session.log")
+    assert log.read_bytes().endswith(b"\n")
+    assert SessionLog(log).count_pictures() >= updates
+
+
+def test_kill_9_leaves_a_log_that_can_be_read(inline: list[bytes], library: Path) -> None:
+    with peer(slowly(inline + inline[1:] * 20, 0.02)) as address:
+        process = subprocess.Popen([*MAIN, "record", address, "-o", "rec"], stderr=subprocess.DEVNULL)
+        log = Path("rec/session.log")
+        wait_until(lambda: log.exists() and log.stat().st_size > 40_000, process)
+        process.kill()
+        process.wait()
+    assert SessionLog(log).count_pictures() > 3
+
+
+def wait_until(true: Any, process: subprocess.Popen[Any]) -> None:
+    until = time.monotonic() + PATIENCE_S
+    while not true():
+        assert process.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def test_recording_tells_what_came_and_ends_by_itself(inline: list[bytes]) -> None:
+    with peer(says(b"".join(inline)), says(b"".join(inline))) as address:
+        done = run("record", address, "-o", "rec", "--json", "--patience", "1")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    # Twice all lines but the header, and the event that says that the source was away.
+    assert told == {
+        "session": "rec/session.log",
+        "records": 2 * (len(inline) - 1),
+        "pictures": 28,
+        "broken": 0,
+        "gaps": 1,
+    }
+    assert "was away for 1 s; ended" in done.stderr
+    assert SessionLog(Path("rec/session.log")).count_pictures() == 28
+    again = run("record", address, "-o", "rec")
+    assert again.returncode == 1
+    assert "--force" in again.stderr
+
+
+@pytest.fixture
+def refused() -> Iterator[str]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    yield f"tcp://127.0.0.1:{port}"
+
+
+def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, inline: list[bytes]) -> None:
+    done = run(refused, "--library", library, "--patience", "0.5", "--no-recording")
+    assert done.returncode == 1
+    *notes, last = done.stderr.strip().splitlines()
+    assert last.startswith(f"maurice-replay: {refused}: found no session log there")
+    assert notes == [f"{refused}: Connection refused; trying again"]
+    with peer(says(b"".join(inline[:1]))) as address:
+        done = run(address, "--patience", "0.5")
+    assert done.returncode == 1
+    assert (
+        done.stderr.strip().splitlines()[-1].endswith("ended before a picture came, so nothing was localized")
+    )
+    assert "Traceback" not in done.stderr
+    done = run("-", "--no-recording", input=b"nonsense\n".decode())
+    assert done.returncode == 1
+    assert "found broken JSON" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["a.log", "--record", "d"], ["a.log", "--keep-up"], ["-", "--run", "d"], ["tcp://x:1", "--run", "d"]],
+)
+def test_options_that_do_not_fit_are_usage_errors(words: list[str]) -> None:
+    assert run(*words).returncode == 2
+
+
+def test_the_simulated_robot_is_followed(tmp_path: Path) -> None:
+    """The whole way, with the real simulator and a library made of its survey."""
+    environment = os.environ | {"MAURICE_CACHE": str(tmp_path / "cache")}
+    serve = ["simulate", "tracking", "--updates", "6", "--rate", "20", "--serve", "tcp://127.0.0.1:0"]
+    pipe = subprocess.PIPE
+    robot = subprocess.Popen([*MAIN, *serve], stdout=pipe, stderr=pipe, text=True, env=environment)
+    assert robot.stdout is not None
+    address = robot.stdout.readline().strip()
+    done = run("record", address, "-o", "rec", "--patience", "2", "--json", env=environment)
+    _, said = robot.communicate(timeout=PATIENCE_S)
+    assert "lines left out for slow ones: 0" in said
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["pictures"] >= 5
+    assert SessionLog(Path("rec/session.log")).info.survey == Path("survey/survey.log").resolve()
