@@ -1,6 +1,6 @@
 """What recording costs: milliseconds and kilobytes a step, per run, every panel on.
 
-    .venv/bin/python benchmarks/recording.py [PARTICLES]
+    .venv/bin/python benchmarks/recording.py [PARTICLES [DETAIL]]
 
 The embedded session is localized first, then drawn from memory, so that only drawing is timed. The first
 pass reads the reference pictures; the second has them, as a long session would.
@@ -30,19 +30,22 @@ from maurice_viz.layouts.registry import for_runs
 from maurice_viz.layouts.shown import Run, Shown
 from maurice_viz.look import scale_for
 from maurice_viz.observe import RerunObserver
+from maurice_viz.thinning import Detail
 
-GOAL_MS = 3.0
+GOAL_MS, GOAL_KB = 1.0, 100
 STEPS = 100
 
 
-def measure(library: Library, session: SessionLog, feature: str, particles: int, path: Path) -> None:
+def measure(
+    library: Library, session: SessionLog, feature: str, particles: int, detail: Detail, path: Path
+) -> None:
     localizer = make_localizer(library, session, of_feature(feature, particles))
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
     shown = Shown(library.arena, scale_for(library.display_units, library.arena), True)
     layout = for_runs([Run(feature, tuple(distances))], shown)
     with sinks.to_file(path, feature, layout, force=True) as rec:
-        observer = RerunObserver(rec, feature, distances, sensor=localizer.sensor)
+        observer = RerunObserver(rec, feature, distances, detail=detail, sensor=localizer.sensor)
         observer.begin(session.info, library)
         for name in ("first pass", "second pass"):
             took, worked = [], []
@@ -54,7 +57,8 @@ def measure(library: Library, session: SessionLog, feature: str, particles: int,
             times = f"median {np.median(took):.2f} ms, of its own thread's work {np.median(worked):.2f} ms"
             print(f"{feature:8} {name:12} {times}")
         observer.end()
-    print(f"{feature:8} {path.stat().st_size / len(pairs) / 2000:.0f} kB a step (goal {GOAL_MS} ms)")
+    size = path.stat().st_size / len(pairs) / 2000
+    print(f"{feature:8} {size:.0f} kB a step (goals {GOAL_MS} ms, {GOAL_KB} kB)")
     sizes(path, 2 * len(pairs))
 
 
@@ -71,12 +75,13 @@ def sizes(path: Path, steps: int) -> None:
 def main() -> None:
     cv2.setNumThreads(1)
     particles = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    detail = Detail(sys.argv[2]) if len(sys.argv) > 2 else Detail.FULL
     paths = demo_paths()
     library = build_library(paths.survey)
     session = SessionLog(paths.session)
     with tempfile.TemporaryDirectory() as folder:
         for feature in ("color", "blended"):
-            measure(library, session, feature, particles, Path(folder) / f"{feature}.rrd")
+            measure(library, session, feature, particles, detail, Path(folder) / f"{feature}.rrd")
 
 
 if __name__ == "__main__":

@@ -15,8 +15,8 @@ from maurice_mcl.session import Moment
 AROUND = 2  # updates before and after an event that are drawn whole
 
 # bytes of a recording, measured by benchmarks/recording.py on two drives; fixed, a particle, a channel
-FULL_BYTES = (60_000, 10.3, 9_000)
-LIGHT_BYTES = (32_000, 0.0, 0)
+FULL_BYTES = (68_000, 10.6, 6_000)
+LIGHT_BYTES = (27_000, 0.0, 0)
 
 
 class Detail(StrEnum):
