@@ -175,6 +175,8 @@ class Picked:
         taken = np.array(covered, bool)
         known = np.flatnonzero(np.isfinite(rows).all(axis=1))
         if not len(known):
+            if taken.all():
+                raise LogError(self.path, "found no picture to take, expected pictures with poses")
             found = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
             raise LogError(self.path, f"{found}; see --truth-topic, --table and --truth-offset")
         unsharp = blurred(values[known])

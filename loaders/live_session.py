@@ -17,6 +17,7 @@ from maurice_mcl.typing import F64, U8
 from .alignment import as_rows
 from .errors import LogError
 from .findings import Findings
+from .gating import Gate
 from .header import Kind
 from .live_backlog import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
 from .live_intake import Counts, Heard, Intake
@@ -41,6 +42,7 @@ class Listen:
     keep_up: bool | None = None  # leave pictures out when the filter is slower; None: as the source is
     patience: Patience = field(default_factory=Patience)
     camera: str | None = None
+    gate: Gate = field(default_factory=Gate)  # which pictures make an update
     only_record: bool = False  # nobody asks for moments
     library: Path | None = None  # named in the recorded header in place of the source's own survey
 
@@ -71,6 +73,7 @@ class LiveSession:
         self._recorder = recorder
         self._info: SessionInfo | None = None
         self._begin_s: float | None = None
+        self._first = True  # the first picture always makes an update
         self._error: Exception | None = None
         self._thread = Thread(target=self._run, name="listening", daemon=True)
 
@@ -188,9 +191,18 @@ class LiveSession:
                 events = [*events[-MOST_EVENTS:], record.text]
             elif isinstance(record, PictureRecord) and not record.covered:
                 taken = taken or self._camera()
-                if taken(record) and not self._listen.only_record:
+                if taken(record) and self._makes_an_update(motions):
                     self._backlog.put(Waiting(record, truth, motions, events), self._stop)
                     motions, events = [], []
+
+    def _makes_an_update(self, motions: list[F64]) -> bool:
+        """Tell whether a picture is for the filter, by what moved since the last one that was."""
+        if self._listen.only_record:
+            return False
+        if self._first or self._listen.gate.open_after(motions):
+            self._first = False
+            return True
+        return False
 
     def _records(self) -> Iterator[Record]:
         """Record what comes, and pass it on; say when nothing does."""

@@ -83,7 +83,10 @@ def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float, *, nat
     if hypothesis.offset_rad:
         return words.offset_complaint(hypothesis.offset_rad, evidence)
     if hypothesis.late:
-        return words.picture_delay_complaint(hypothesis.late * spacing_s, evidence, native=native)
+        late_s = hypothesis.late * spacing_s
+        found = words.picture_delay_complaint(late_s, evidence, native=native)
+        other = f"or the odometry as much too {'early' if late_s > 0 else 'late'}"
+        return replace(found, what=f"{found.what}, {other}")
     return words.scale_complaint(hypothesis.scale, evidence)
 
 

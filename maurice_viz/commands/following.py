@@ -11,6 +11,7 @@ import typer
 
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats import OpenOptions
+from maurice_loaders.gating import Gate
 from maurice_loaders.library_store import open_library
 from maurice_loaders.live_recorder import LiveRecorder
 from maurice_loaders.live_session import Listen, LiveSession
@@ -45,7 +46,9 @@ def follow_source(
         raise typer.BadParameter(f"--run is for recorded sessions; {advice}")
     with one_line_errors():
         recorder = None if live.record is None else LiveRecorder(live.record, force=output.force)
-        listen = Listen(live.keep_up, patience_of(live.patience), opening.camera, library=library)
+        gate = Gate(opening.min_distance_m, opening.min_angle_rad)
+        patience = patience_of(live.patience)
+        listen = Listen(live.keep_up, patience, opening.camera, gate, library=library)
         with LiveSession(live_source(source, opening), listen, recorder, note) as session:
             try:
                 _localize(session, wanted, options, replace(output, stem=STEM))

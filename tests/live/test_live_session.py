@@ -17,6 +17,7 @@ from live_peers import HEADER, line, log, peer, says, update
 
 from maurice_loaders import live_listening
 from maurice_loaders.errors import LogError
+from maurice_loaders.gating import Gate
 from maurice_loaders.live_lines import LineCutter
 from maurice_loaders.live_listening import Patience
 from maurice_loaders.live_recorder import LiveRecorder
@@ -299,6 +300,17 @@ def test_with_a_slow_filter_pictures_are_skipped_and_no_motion_is(tmp_path: Path
     assert times(moments) == [56, 57, 58, 59]
     assert [len(moment.frame.motions) for moment in moments] == [57, 1, 1, 1]
     assert SessionLog(tmp_path / "session.log").count_pictures() == 60
+
+
+def test_only_pictures_after_enough_movement_make_updates_and_all_are_recorded(tmp_path: Path) -> None:
+    standing = b"".join(update(t, forward_m=0.0) for t in range(3, 9))
+    with peer(says(log(range(3)) + standing + update(9) + update(10))) as address:
+        listen = Listen(keep_up=False, patience=SOON, gate=Gate(min_distance_m=0.15))
+        with LiveSession(live_source(address), listen, LiveRecorder(tmp_path)) as session:
+            moments = list(session.moments())
+    assert times(moments) == [0, 2, 10]
+    assert [len(moment.frame.motions) for moment in moments] == [1, 2, 8]
+    assert SessionLog(tmp_path / "session.log").count_pictures() == 11
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full to write to")
