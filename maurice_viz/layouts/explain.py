@@ -31,7 +31,7 @@ def layout(run: Run, shown: Shown) -> rrb.Horizontal:
     seen = rrb.Vertical(camera_view(), edges_view())
     cards = rrb.Horizontal(seen, *(card_view(paths, who) for who in whose))
     sides = SIDES[len(whose)].format(*(NAMES[who] for who in whose))
-    heights = f"Descriptors (1: usual top): picture blue, reference orange; {sides}"
+    heights = f"Descriptors (1: usual top): picture blue, reference orange, both pale; {sides}"
     costs = f"What each element costs (nats; tint {FOOT_NATS:g} high): {_named(run.channels)}"
     table = rrb.TextDocumentView(name=f"Figures ({LOSES})", origin=table_path(paths))
     right = rrb.Vertical(

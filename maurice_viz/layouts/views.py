@@ -25,7 +25,7 @@ from .shown import Shown
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 MAP = (entities.FLOORS, entities.WALLS)
-LEGEND = ": picture blue, match orange"
+LEGEND = ": picture blue, match orange, both pale"
 SHORT_LEGEND = ", match orange"
 SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
 
