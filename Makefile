@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check bench difficulty results clean
+.PHONY: demo test check bench difficulty results fuzz soak clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -27,6 +27,14 @@ difficulty: .venv/installed-dev
 # The results table on unseen arenas: hours, and it goes on where it stopped.
 results: .venv/installed-dev
 	$(BIN)/python benchmarks/results.py
+
+# 200,000 inputs for the session-log lines and the framing of live sources: an hour. MAURICE_FUZZ=N for another number.
+fuzz: .venv/installed-dev
+	MAURICE_FUZZ=$${MAURICE_FUZZ:-200000} $(BIN)/python -m pytest tests/live/test_live_fuzz.py
+
+# Two hours of robot time from a live source, drawn and recorded: does memory stay where it is?
+soak: .venv/installed-dev
+	$(BIN)/python benchmarks/soak.py
 
 # An editable install, so that what is edited is what runs; a stale build/ would bring deleted files back.
 .venv/installed: pyproject.toml constraints.txt

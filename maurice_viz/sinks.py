@@ -27,7 +27,9 @@ FLUSH_S = 60.0
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
-SERVED = "100MB"  # of a live recording kept for viewers that come late; the oldest is dropped
+SERVED = (
+    "25MB"  # of a live recording kept for viewers that come late, the newest; takes some 100 MB of memory
+)
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 

@@ -46,6 +46,8 @@ COMMANDS = (
     "inspect",
     "jump",
     "library",
+    "doctor",
+    "record",
     "replay",
     "report",
     "simulate",

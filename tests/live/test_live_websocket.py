@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import socket
 import subprocess
 import sys
 import threading
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_peers import peer, says
+from live_peers import peer
 
 from maurice_loaders import live_listening, live_websocket
 from maurice_loaders.errors import LogError
@@ -172,7 +173,11 @@ def test_a_rosbridge_of_ros_1_is_followed() -> None:
 
 
 def test_what_is_no_websocket_is_told_in_one_line() -> None:
-    with peer(says(b"hello\r\n\r\n")) as address:
+    def another_protocol(connection: socket.socket) -> None:
+        connection.recv(65536)  # or what is left unread would reset the connection
+        connection.sendall(b"hello\r\n\r\n")
+
+    with peer(another_protocol) as address:
         source = live_source(address.replace("tcp", "ws"))
         with LiveSession(source, Listen(patience=Patience(0.0))) as session, pytest.raises(LogError) as told:
             list(session.moments())
