@@ -75,7 +75,12 @@ _FEATURES = f"{' | '.join(FEATURES)}, or any one channel"
 _PRESETS = " | ".join(PRESETS)
 
 SessionArgument = Annotated[
-    Path, typer.Argument(help="A session log.", show_default=False, metavar="SESSION")
+    Path,
+    typer.Argument(
+        help="A session log, a recording of any format (see `formats`), a saved run's folder, or a live source: -, tcp://HOST:PORT, ws://HOST:PORT.",
+        show_default=False,
+        metavar="SESSION",
+    ),
 ]
 FeatureOption = Annotated[
     str | None,
