@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from maurice_mcl.geometry import compose
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64, U8
 
@@ -112,12 +113,7 @@ def motion_between(before: F64, after: F64) -> F64:
 
 def moved(pose: F64, motion: F64) -> F64:
     """Move a pose (3,) by a motion (3,): the inverse of `motion_between`."""
-    x, y, heading = (float(v) for v in pose)
-    forward, left, turn = (float(v) for v in motion)
-    cos, sin = math.cos(heading), math.sin(heading)
-    return np.array(
-        [x + forward * cos - left * sin, y + forward * sin + left * cos, short_way(heading + turn)]
-    )
+    return compose(pose, motion)
 
 
 def short_way(angle_rad: float) -> float:

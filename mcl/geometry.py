@@ -44,12 +44,12 @@ def angle_between(a_rad: float, b_rad: float) -> float:
 def compose(pose: F64, motion: F64) -> F64:
     """Move one pose (3,) by a motion (forward_m, left_m, turn_rad) given in its own frame.
 
-    The straight part is taken along the heading half way through the turn (midpoint integration).
+    The straight part is taken in the frame at the start and the turn is made at its end, as a session log
+    means it and the motion models take it.
     """
     x, y, heading = (float(v) for v in pose)
     forward, left, turn = (float(v) for v in motion)
-    middle = heading + turn / 2
-    cos, sin = np.cos(middle), np.sin(middle)
+    cos, sin = np.cos(heading), np.sin(heading)
     moved = [x + forward * cos - left * sin, y + forward * sin + left * cos, heading + turn]
     moved[2] = (moved[2] + np.pi) % (2 * np.pi) - np.pi
     return np.array(moved)

@@ -77,8 +77,8 @@ _PRESETS = " | ".join(PRESETS)
 SessionArgument = Annotated[
     Path,
     typer.Argument(
-        help="A session log, a recording of any format (see `formats`), a saved run's folder, or a live source: "
-        "-, tcp://HOST:PORT, ws://HOST:PORT.",
+        help="A session log, a recording of any format (see `formats`), a saved run's folder, or a live "
+        "source: -, tcp://HOST:PORT, ws://HOST:PORT.",
         show_default=False,
         metavar="SESSION",
     ),
