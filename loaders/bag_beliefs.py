@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from maurice_mcl.typing import F64
 
 from .bag_messages import cloud_of, pose_of
-from .bag_parts import Timed, time_s
+from .bag_parts import OneTopic, Timed, time_s
 from .bag_source import Message
 
 
@@ -24,20 +24,8 @@ class Cloud:
 
 
 @dataclass(frozen=True, slots=True)
-class Clouds:
+class Clouds(OneTopic):
     """Makes clouds of a topic's messages."""
-
-    topic: str
-
-    @property
-    def topics(self) -> Collection[str]:
-        """The topic of clouds."""
-        return (self.topic,)
-
-    @property
-    def transforms(self) -> bool:
-        """None are wanted."""
-        return False
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the cloud of one message."""
@@ -57,20 +45,8 @@ class BelievedPose:
 
 
 @dataclass(frozen=True, slots=True)
-class BelievedPoses:
+class BelievedPoses(OneTopic):
     """Makes a localizer's poses of a topic of PoseWithCovarianceStamped."""
-
-    topic: str
-
-    @property
-    def topics(self) -> Collection[str]:
-        """The topic of poses."""
-        return (self.topic,)
-
-    @property
-    def transforms(self) -> bool:
-        """None are wanted."""
-        return False
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the pose of one message."""

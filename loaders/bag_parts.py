@@ -100,20 +100,25 @@ def _sound(
 
 
 @dataclass(frozen=True, slots=True)
-class Pictures:
-    """Makes pictures of a topic's messages."""
+class OneTopic:
+    """Looks at the messages of one topic, and at no transforms."""
 
     topic: str
 
     @property
     def topics(self) -> Collection[str]:
-        """The topic of pictures."""
+        """The topic."""
         return (self.topic,)
 
     @property
     def transforms(self) -> bool:
         """None are wanted."""
         return False
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures(OneTopic):
+    """Makes pictures of a topic's messages."""
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give what one message says."""
@@ -167,20 +172,8 @@ class Poses:
 
 
 @dataclass(frozen=True, slots=True)
-class Notes:
+class Notes(OneTopic):
     """Makes events of a topic of texts, which carry no time: when they were recorded."""
-
-    topic: str
-
-    @property
-    def topics(self) -> Collection[str]:
-        """The topic of texts."""
-        return (self.topic,)
-
-    @property
-    def transforms(self) -> bool:
-        """None are wanted."""
-        return False
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the text of one message."""

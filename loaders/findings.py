@@ -41,3 +41,24 @@ class Findings:
     def warnings(self) -> tuple[str, ...]:
         """The first warnings, each once."""
         return tuple(self._warnings)
+
+
+class Finder:
+    """What a session shows of its findings; each says by itself when a reading begins them anew."""
+
+    _findings: Findings
+
+    @property
+    def problem_count(self) -> int:
+        """How much the last reading left out (0 without `keep_going`: the first problem is raised)."""
+        return self._findings.count
+
+    @property
+    def problems(self) -> tuple[LogError, ...]:
+        """The first 100 problems of the last reading."""
+        return self._findings.problems
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last reading found worth saying, for example an unfinished last line."""
+        return self._findings.warnings

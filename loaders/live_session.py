@@ -15,8 +15,7 @@ from maurice_mcl.session import Frame, Moment, SessionInfo
 from maurice_mcl.typing import F64, U8
 
 from .alignment import as_rows
-from .errors import LogError
-from .findings import Findings
+from .findings import Finder, Findings
 from .gating import Gate
 from .header import Kind
 from .live_backlog import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
@@ -47,7 +46,7 @@ class Listen:
     library: Path | None = None  # named in the recorded header in place of the source's own survey
 
 
-class LiveSession:
+class LiveSession(Finder):
     """A drive that is going on, as a `maurice_mcl.session.Session` that can be gone through once.
 
     Use it as a context manager: listening ends with it. With a recorder everything that makes sense is
@@ -124,21 +123,6 @@ class LiveSession:
     def ended(self) -> str:
         """Why listening ended by itself; nothing while it goes on, and when it was stopped."""
         return self._listening.ended
-
-    @property
-    def problem_count(self) -> int:
-        """How many lines and pictures were left out because they made no sense."""
-        return self._findings.count
-
-    @property
-    def problems(self) -> tuple[LogError, ...]:
-        """The first 100 of them."""
-        return self._findings.problems
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is worth saying."""
-        return self._findings.warnings
 
     def moments(self) -> Iterator[Moment]:
         """Give updates as they come, once; those left out give their motions and events to the next one."""

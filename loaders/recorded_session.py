@@ -12,7 +12,7 @@ from maurice_mcl.typing import F64
 
 from .alignment import Aligned, Aligner, Steps, as_rows
 from .errors import LogError
-from .findings import Findings
+from .findings import Finder, Findings
 from .gating import Gate
 from .header import Kind
 from .pictures import PictureError
@@ -44,7 +44,7 @@ class _Update:
     odometry: F64 | None
 
 
-class RecordedSession:
+class RecordedSession(Finder):
     """A recording as a `maurice_mcl.session.Session`; nothing is read before it is asked for.
 
     Odometry poses become one motion from a used picture to the next; motions measured as such stay apart.
@@ -68,21 +68,6 @@ class RecordedSession:
     def info(self) -> SessionInfo:
         """What is known before the first picture."""
         return self.recording.info
-
-    @property
-    def problem_count(self) -> int:
-        """How much the last reading skipped (0 without `keep_going`: the first problem is raised)."""
-        return self._findings.count
-
-    @property
-    def problems(self) -> tuple[LogError, ...]:
-        """The first 100 problems of the last reading."""
-        return self._findings.problems
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the last reading found worth saying."""
-        return self._findings.warnings
 
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a used picture at a time."""

@@ -14,7 +14,7 @@ from maurice_mcl.session import Frame, Moment, SessionInfo
 from maurice_mcl.typing import F64, U8
 
 from .errors import LogError
-from .findings import Findings
+from .findings import Finder, Findings
 from .header import Kind
 from .log_records import Event, Odometry, PictureRecord, Truth, read_header, read_records
 from .pictures import PictureError, decode_picture
@@ -33,7 +33,7 @@ class SurveyPicture:
     covered: bool  # taken with the lens cap on
 
 
-class SessionLog:
+class SessionLog(Finder):
     """A log on disk; a `maurice_mcl.session.Session`. The header is read at once, records as asked.
 
     Raises LogError for what is not a log, and while iterating for a broken line; with `keep_going` such
@@ -52,21 +52,6 @@ class SessionLog:
     def info(self) -> SessionInfo:
         """What the header says."""
         return self._info
-
-    @property
-    def problem_count(self) -> int:
-        """How many lines the last reading skipped (0 without `keep_going`: the first one is raised)."""
-        return self._findings.count
-
-    @property
-    def problems(self) -> tuple[LogError, ...]:
-        """The first 100 problems of the last reading."""
-        return self._findings.problems
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the last reading found worth saying, for example an unfinished last line."""
-        return self._findings.warnings
 
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a picture at a time; covered pictures make no moment.

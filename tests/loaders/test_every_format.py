@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from maurice_loaders.errors import LogError
 from maurice_loaders.findings import Findings
 from maurice_loaders.formats import OpenOptions, formats, guess, open_recording, open_session
-from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
+from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
 from maurice_viz.cli import app
 
 every = pytest.mark.parametrize("name", SAMPLES)
@@ -117,13 +117,19 @@ def test_memory_does_not_grow_with_the_recording(name: str, tmp_path: Path) -> N
         recording = open_recording(sample(name, tmp_path / str(updates), updates))
         for _ in recording.records(Findings(keep_going=False)):
             pass  # what is imported and kept on first use is not the recording's
-        gc.collect()
-        tracemalloc.start()
-        count = sum(1 for _ in recording.records(Findings(keep_going=False)))
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-        assert count >= updates
+        peaks.append(min(peak_of_reading(recording, updates) for _ in range(2)))
     assert peaks[1] < peaks[0] + one.growth
+
+
+def peak_of_reading(recording: Recording, updates: int) -> int:
+    """Give the most memory held; other threads of this process can only add to it, so read more than once."""
+    gc.collect()
+    tracemalloc.start()
+    count = sum(1 for _ in recording.records(Findings(keep_going=False)))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert count >= updates
+    return peak
 
 
 def damaged(data: bytes, chance: random.Random, trial: int) -> bytes:
