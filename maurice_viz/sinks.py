@@ -73,7 +73,8 @@ def to_file(
         rec.save(part, default_blueprint=blueprint)
     else:
         server = rr.GrpcServerSink(bind_ip=HOST, port=serve, server_memory_limit=SERVED)
-        rec.set_sinks(rr.FileSink(part), server, default_blueprint=blueprint)
+        # A footer lists every chunk, and is held in memory until the end, which may never come.
+        rec.set_sinks(rr.FileSink(part, write_footer=False), server, default_blueprint=blueprint)
     try:
         yield rec
     finally:

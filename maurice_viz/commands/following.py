@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import chain
@@ -29,6 +30,7 @@ from .running import Playing, play, remark_zeros
 from .showing import Drawn, Scene
 
 STEM = "live"  # of the recording, where no --save names it
+QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
 
 
 def follow_source(
@@ -44,6 +46,7 @@ def follow_source(
     if output.run is not None:
         advice = "record the drive with --record DIR, then replay DIR/session.log with --run"
         raise typer.BadParameter(f"--run is for recorded sessions; {advice}")
+    os.environ.setdefault("RUST_LOG", QUIET)  # read when rerun is imported, which is later
     with one_line_errors():
         recorder = None if live.record is None else LiveRecorder(live.record, force=output.force)
         gate = Gate(opening.min_distance_m, opening.min_angle_rad)

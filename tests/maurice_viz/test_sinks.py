@@ -8,6 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
+from rerun_bindings import check_for_rrd_footer
 
 from maurice_viz import sinks, viewer
 from maurice_viz.snapshot import software_driver
@@ -32,6 +33,13 @@ def test_a_recording_is_whole_and_has_its_layout(tmp_path: Path) -> None:
     reader = RrdReader(tmp_path / "a.rrd")
     assert reader.recordings()[0].application_id == "maurice-replay"
     assert len(reader.blueprints()) == 1
+
+
+def test_a_live_recording_holds_no_list_of_its_chunks(tmp_path: Path) -> None:
+    with sinks.to_file(tmp_path / "a.rrd", "a", LAYOUT, serve=viewer.free_port()) as rec:
+        rec.log("/a", rr.TextDocument("hello"))
+    write(tmp_path / "b.rrd")
+    assert [check_for_rrd_footer(tmp_path / name) for name in ("a.rrd", "b.rrd")] == [False, True]
 
 
 def test_an_existing_file_is_kept_without_force(tmp_path: Path) -> None:
