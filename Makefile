@@ -28,9 +28,11 @@ difficulty: .venv/installed-dev
 results: .venv/installed-dev
 	$(BIN)/python benchmarks/results.py
 
-# 200,000 inputs for the session-log lines and the framing of live sources: an hour. MAURICE_FUZZ=N for another number.
+# 200,000 inputs for what reads session logs, CMUcam dumps and live sources: minutes, and it goes on where it stopped.
+# INPUTS=N for another number.
+INPUTS ?= 200000
 fuzz: .venv/installed-dev
-	MAURICE_FUZZ=$${MAURICE_FUZZ:-200000} $(BIN)/python -m pytest tests/live/test_live_fuzz.py
+	$(BIN)/python tests/fuzz/fuzz_all.py --inputs $(INPUTS)
 
 # Two hours of robot time from a live source, drawn and recorded: does memory stay where it is?
 soak: .venv/installed-dev

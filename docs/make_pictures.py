@@ -6,6 +6,8 @@ Needs a software Vulkan driver (apt-get install mesa-vulkan-drivers libvulkan1).
 from __future__ import annotations
 
 import io
+import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -30,8 +32,8 @@ LAYOUTS = (
 )
 
 
-def maurice(*args: str) -> None:
-    subprocess.run([*COMMAND, *args], check=True, capture_output=True)
+def maurice(*args: str, folder: Path | None = None) -> None:
+    subprocess.run([*COMMAND, *args], check=True, capture_output=True, cwd=folder)
 
 
 def keep(name: str, png: bytes) -> None:
@@ -54,6 +56,16 @@ def few_colors(image: Image.Image) -> Image.Image:
     return image.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
+def drive_alone(demo: Path, folder: Path) -> Path:
+    """Record the demo's drive as one that no library goes with."""
+    log = shutil.copytree(demo, folder / "drive") / "session.log"
+    header, rest = log.read_text(encoding="utf-8").split("\n", 1)
+    kept = {key: value for key, value in json.loads(header).items() if key != "survey"}
+    log.write_text(f"{json.dumps(kept)}\n{rest}", encoding="utf-8")
+    maurice(str(log.relative_to(folder)), "--save", "alone.rrd", folder=folder)
+    return folder / "alone.rrd"
+
+
 def main() -> None:
     HERE.mkdir(exist_ok=True)
     session = str(demo_paths(0).session)
@@ -61,6 +73,9 @@ def main() -> None:
         parts = ("both.rrd", "one.rrd", "kept", "explain.png")
         both, one, kept, explained = (str(Path(name) / part) for part in parts)
         maurice("demo", "--save", both)
+        alone = drive_alone(Path(session).parent, Path(name))
+        with headless_viewer(alone) as viewer:
+            keep("drive.png", viewer.picture("step", ASTRAY))
         maurice("replay", session, "--feature", "blended", "--run", kept, "--save", one)
         maurice("explain", kept, "--step", str(ASTRAY), "-o", explained)
         keep("explain.png", Path(explained).read_bytes())

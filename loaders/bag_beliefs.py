@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from maurice_mcl.typing import F64
 
-from .bag_messages import cloud_of, pose_of
+from .bag_messages import CLOUDS, UNSURE_POSE, cloud_of, pose_of
 from .bag_parts import OneTopic, Timed, time_s
 from .bag_source import Message
 
@@ -27,10 +28,12 @@ class Cloud:
 class Clouds(OneTopic):
     """Makes clouds of a topic's messages."""
 
+    types: ClassVar[Collection[str]] = CLOUDS
+
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the cloud of one message."""
         del number
-        if message.topic == self.topic:
+        if self.hears(message):
             found = message.decode()
             yield Cloud(time_s(found, message.log_ns, recorded=recorded), *cloud_of(found))
 
@@ -48,10 +51,12 @@ class BelievedPose:
 class BelievedPoses(OneTopic):
     """Makes a localizer's poses of a topic of PoseWithCovarianceStamped."""
 
+    types: ClassVar[Collection[str]] = (UNSURE_POSE,)
+
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the pose of one message."""
         del number
-        if message.topic == self.topic:
+        if self.hears(message):
             found = message.decode()
             variances = np.asarray(found.pose.covariance, np.float64)[[0, 7, 35]]
             sd = np.sqrt(np.where(variances > 0, variances, 0))

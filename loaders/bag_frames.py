@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from maurice_mcl.typing import F64
@@ -31,6 +33,21 @@ class FrameTree:
             found.append(link)
             child = link.parent
         return found
+
+    def __len__(self) -> int:
+        return len(self._links)
+
+    def news(self, links: Sequence[Link], frame: str, child: str) -> tuple[int | None, F64] | None:
+        """Take in transforms; where they move one frame within the other: the first one's time, and where.
+
+        The time is in ns, or None where the transform says none; the place is a matrix (4, 4).
+        """
+        for link in links:
+            self.add(link)
+        chain = self.chain(frame, child) or []
+        new = [link for link in links if link in chain]
+        matrix = self.place(frame, child) if new else None
+        return None if matrix is None else (new[0].stamp_ns, matrix)
 
     def place(self, frame: str, child: str) -> F64 | None:
         """Give the matrix (4, 4) of a frame within one above it; None when it is not known."""

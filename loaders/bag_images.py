@@ -57,7 +57,7 @@ def picture_of(message: Any) -> U8:
     if "compressedDepth" in form:
         raise PictureError(f"found a depth picture ({form!r}), expected a color or gray one")
     if form.lower() in ("h264", "h265", "vp9", "av1"):
-        raise PictureError(f"found video ({form!r}), expected JPEG, PNG or WebP pictures")
+        raise PictureError(f"found video ({form!r}), expected JPEG, PNG or WebP; record it decoded")
     return decode_picture(data)
 
 

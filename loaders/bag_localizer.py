@@ -89,6 +89,11 @@ class RecordedLocalizer:
         """What is known before the first update."""
         return self._drive.info
 
+    @property
+    def has_pictures(self) -> bool:
+        """Tell whether any are read."""
+        return self._drive.chosen.image is not None
+
     def updates(self, findings: Findings) -> Iterator[RecordedUpdate]:
         """Read all updates from the first, lazily; what is broken goes to `findings`."""
         steps, aligner = Steps(), Aligner(MAX_DT_S)

@@ -16,13 +16,14 @@ import numpy as np
 from maurice_mcl.typing import F64
 
 ODOMETRY = "nav_msgs/Odometry"
+ODOMETRIES = frozenset((ODOMETRY, "foxglove.Odometry"))
 UNSURE_POSE = "geometry_msgs/PoseWithCovarianceStamped"  # what localizers publish
 PICTURES = frozenset(
     ("sensor_msgs/Image", "sensor_msgs/CompressedImage", "foxglove.RawImage", "foxglove.CompressedImage")
 )
 POSES = frozenset(
     (
-        *(ODOMETRY, UNSURE_POSE),
+        *(*ODOMETRIES, UNSURE_POSE),
         *("geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped"),
         *("geometry_msgs/Pose2D", "geometry_msgs/Pose", "turtlesim/Pose", "foxglove.PoseInFrame"),
     )
@@ -30,6 +31,7 @@ POSES = frozenset(
 TRANSFORMS = frozenset(
     ("tf2_msgs/TFMessage", "tf/tfMessage", "foxglove.FrameTransform", "foxglove.FrameTransforms")
 )
+TEXT = "std_msgs/String"
 CLOUDS = frozenset(("geometry_msgs/PoseArray", "nav2_msgs/ParticleCloud", "foxglove.PosesInFrame"))
 
 STAMPS = (("sec", ("nanosec", "nsec")), ("seconds", ("nanos",)))  # ROS and JSON, protobuf

@@ -6,13 +6,24 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from maurice_mcl.typing import F64, U8
 
 from .bag_frames import FrameTree
 from .bag_images import picture_of
-from .bag_messages import TRANSFORMS, Link, known_type, links_of, planar, pose_of, stamp_ns
+from .bag_messages import (
+    PICTURES,
+    POSES,
+    TEXT,
+    TRANSFORMS,
+    Link,
+    known_type,
+    links_of,
+    planar,
+    pose_of,
+    stamp_ns,
+)
 from .bag_source import Message, OpenBag
 from .bag_topics import Route, readable
 from .errors import LogError
@@ -78,6 +89,8 @@ def read_parts(
             for part in parts:
                 going = part.records(message, number[message.topic], recorded=recorded)
                 yield from _sound(path, going, message, number[message.topic], findings)
+        if bag.cut:
+            findings.warning(f"{bag.cut}: read as far as it goes")
 
 
 def _sound(
@@ -101,9 +114,10 @@ def _sound(
 
 @dataclass(frozen=True, slots=True)
 class OneTopic:
-    """Looks at the messages of one topic, and at no transforms."""
+    """Looks at the messages of one topic and of some types, and at no transforms."""
 
     topic: str
+    types: ClassVar[Collection[str]] = ()
 
     @property
     def topics(self) -> Collection[str]:
@@ -115,14 +129,20 @@ class OneTopic:
         """None are wanted."""
         return False
 
+    def hears(self, message: Message) -> bool:
+        """Tell whether a message is meant; a topic may carry other types beside."""
+        return message.topic == self.topic and known_type(message.type) in self.types
+
 
 @dataclass(frozen=True, slots=True)
 class Pictures(OneTopic):
     """Makes pictures of a topic's messages."""
 
+    types: ClassVar[Collection[str]] = PICTURES
+
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give what one message says."""
-        if message.topic == self.topic:
+        if self.hears(message):
             found = message.decode()
             t_s = time_s(found, message.log_ns, recorded=recorded)
             yield Picture(t_s, partial(_picture, found), f"{self.topic} {number}")
@@ -153,21 +173,17 @@ class Poses:
         if self.route.frames is not None:
             if known_type(message.type) in TRANSFORMS:
                 yield from self._moved(links_of(message.decode()), message.log_ns, recorded=recorded)
-        elif message.topic == self.route.topic:
+        elif message.topic == self.route.topic and known_type(message.type) in POSES:
             found = message.decode()
             t_s = time_s(found, message.log_ns, recorded=recorded)
             yield self.make(t_s + self.offset_s, pose_of(found))
 
     def _moved(self, links: list[Link], log_ns: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the pose anew when one of the transforms between the two frames was said anew."""
-        frame, child = self.route.frames or ("", "")
-        for link in links:
-            self._tree.add(link)
-        chain = self._tree.chain(frame, child)
-        new = [link for link in links if chain and link in chain]
-        matrix = self._tree.place(frame, child)
-        if new and matrix is not None:
-            stamp = None if recorded else new[0].stamp_ns
+        news = self._tree.news(links, *(self.route.frames or ("", "")))
+        if news is not None:
+            stamp, matrix = news
+            stamp = None if recorded else stamp
             yield self.make((log_ns if stamp is None else stamp) / 1e9 + self.offset_s, planar(matrix))
 
 
@@ -175,10 +191,12 @@ class Poses:
 class Notes(OneTopic):
     """Makes events of a topic of texts, which carry no time: when they were recorded."""
 
+    types: ClassVar[Collection[str]] = (TEXT,)
+
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the text of one message."""
         del number, recorded
-        if message.topic == self.topic:
+        if self.hears(message):
             yield Note(message.log_ns / 1e9, str(message.decode().data))
 
 

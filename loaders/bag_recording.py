@@ -6,14 +6,13 @@ import heapq
 from collections.abc import Collection, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
-import numpy as np
+from maurice_mcl.session import SessionInfo
 
-from maurice_mcl.session import Camera, SessionInfo
-
+from .bag_camera import camera_of
 from .bag_clock import recorded_as_measured, use_recorded
-from .bag_messages import TRANSFORMS, known_type, links_of, stamp_ns
+from .bag_messages import TEXT, TRANSFORMS, links_of, stamp_ns
 from .bag_order import WINDOW_S, in_order
 from .bag_parts import NO_VALUE, Notes, Part, Pictures, Poses, Timed, read_parts
 from .bag_source import BagSource, OpenBag
@@ -22,6 +21,7 @@ from .errors import LogError
 from .findings import Findings
 from .formats import OpenOptions
 from .recording import OdometryPose, Record, TruthPose
+from .session_topics import MOTIONS, Motions, has_motions, header_of
 
 ROLES = ("image", "odometry", "truth")
 PEEKED = 3  # messages of a topic that are looked at before reading
@@ -34,6 +34,7 @@ class BagRecording:
     def __init__(
         self, path: Path, open_bag: OpenBag, options: OpenOptions, *, nothing_will_do: bool = False
     ) -> None:
+        _refuse_tables(path, options)
         self.path = path
         self.open_bag = open_bag
         self._options = options
@@ -44,14 +45,18 @@ class BagRecording:
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
             self.recorded_times = use_recorded(first)  # why the times of recording are used; "": they are not
             self.counts = {t.name: t.count for t in bag.topics}
-            cameras = _cameras(bag, self.chosen.image)
+            camera, looking = camera_of(bag, self.chosen.image)
             self._events = _events_topic(bag) if recorded_as_measured(first) else None
-        notes = (self.chosen.guess,) if self.chosen.guess else ()
-        self.info = SessionInfo(name=path.stem, cameras=cameras, notes=notes)
+            self._motions = has_motions(bag) and options.odometry_topic is None
+            header = header_of(path, bag)  # of a file that was written here
+        self._guessed = "; ".join(text for text in (self.chosen.guess, looking) if text)
+        notes, cameras = (self._guessed,) if self._guessed else (), (camera,) if camera else ()
+        self.info = header or SessionInfo(name=path.stem, cameras=cameras, notes=notes)
+        self._ours = header is not None  # then nothing is guessed, and a time of 0 is one
 
     def records(self, findings: Findings) -> Iterator[Record]:
         """Read the chosen topics in time order. Late and broken messages go to `findings`."""
-        for text in (self.chosen.guess, self._clock_note()):
+        for text in () if self._ours else (self._guessed, self._clock_note()):
             if text:
                 findings.warning(text)
         late: dict[str, int] = {}
@@ -88,7 +93,9 @@ class BagRecording:
         parts: list[Part] = []
         if "image" in roles and chosen.image:
             parts.append(Pictures(chosen.image))
-        if "odometry" in roles and chosen.odometry:
+        if "odometry" in roles and self._motions:
+            parts.append(Motions(MOTIONS, options.odometry_offset_s))
+        elif "odometry" in roles and chosen.odometry:
             parts.append(Poses(chosen.odometry, OdometryPose, options.odometry_offset_s))
         if "truth" in roles and chosen.truth:
             parts.append(Poses(chosen.truth, TruthPose, options.truth_offset_s))
@@ -97,20 +104,31 @@ class BagRecording:
         return parts
 
 
+def _refuse_tables(path: Path, options: OpenOptions) -> None:
+    """Refuse what is about tables of numbers."""
+    typed = {"--time-unit": options.time_unit, "--table": options.table, "--columns": options.columns}
+    for name, value in typed.items():
+        if value:
+            raise LogError(
+                path,
+                f"found {name}, expected none with a bag, whose messages say what they are; leave it out",
+            )
+
+
 def _wishes(options: OpenOptions) -> Wishes:
     return Wishes(options.image_topic or options.camera, options.odometry_topic, options.truth_topic)
 
 
 def _events_topic(bag: BagSource) -> str | None:
     """Give the topic of texts that is named so, as our own `export --mcap` writes it."""
-    found = [t.name for t in readable(bag.topics, {"std_msgs/String"})]
+    found = [t.name for t in readable(bag.topics, {TEXT})]
     return next((name for name in found if name.rpartition("/")[2] == "events"), None)
 
 
 def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     """Give stamp and time of recording of a topic's first messages."""
     stamps = []
-    for message in islice(bag.messages({topic}), PEEKED):
+    for message in islice(bag.messages({topic}), min(PEEKED, counted(bag, topic))):
         try:
             stamps.append((stamp_ns(message.decode()), message.log_ns))
         except (LogError, *NO_VALUE):  # told of when it is read
@@ -118,38 +136,18 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     return stamps
 
 
+def counted(bag: BagSource, topic: str) -> int:
+    """Count a topic's messages: whoever reads on after the last one reads the whole bag."""
+    return sum(one.count for one in bag.topics if one.name == topic)
+
+
 def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
     """Give the parent and child frames of the first transforms."""
     edges: set[tuple[str, str]] = set()
     for topic in readable(bag.topics, TRANSFORMS):
-        for message in islice(bag.messages({topic.name}), TRANSFORMS_PEEKED):
+        for message in islice(bag.messages({topic.name}), min(TRANSFORMS_PEEKED, topic.count)):
             try:
                 edges |= {(link.parent, link.child) for link in links_of(message.decode())}
             except (LogError, *NO_VALUE):
                 continue
     return edges
-
-
-def _cameras(bag: BagSource, image: str | None) -> tuple[Camera, ...]:
-    """Describe the camera, where the bag holds its calibration beside the pictures."""
-    if image is None:
-        return ()
-    place = image.removesuffix("/compressed").rpartition("/")[0]
-    for topic in bag.topics:
-        if known_type(topic.type) in CALIBRATIONS and topic.name.rpartition("/")[0] == place:
-            for message in islice(bag.messages({topic.name}), 1):
-                try:
-                    return (_camera(image, message.decode()),)
-                except (LogError, *NO_VALUE):
-                    break
-    return ()
-
-
-CALIBRATIONS = ("sensor_msgs/CameraInfo", "foxglove.CameraCalibration")
-
-
-def _camera(name: str, calibration: Any) -> Camera:
-    matrix = calibration.k if hasattr(calibration, "k") else calibration.K
-    width, height, focal = int(calibration.width), int(calibration.height), float(matrix[0])
-    view = 2 * float(np.arctan2(width / 2, focal)) if focal > 0 and width > 0 else None
-    return Camera(name, width or None, height or None, view)

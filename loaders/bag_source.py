@@ -37,6 +37,11 @@ class BagSource(Protocol):
         """All topics, by name; a name stands twice when it carries two types."""
         ...
 
+    @property
+    def cut(self) -> str:
+        """What is missing of a damaged bag that is read all the same, as far as that is known so far."""
+        ...
+
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording. LogError where the bag is damaged."""
         ...

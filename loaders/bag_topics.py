@@ -9,7 +9,7 @@ from pathlib import Path
 
 from .bag_messages import (
     CLOUDS,
-    ODOMETRY,
+    ODOMETRIES,
     PICTURES,
     POSES,
     TRANSFORMS,
@@ -17,6 +17,7 @@ from .bag_messages import (
     known_type,
 )
 from .bag_source import Topic
+from .bag_video import video_advice
 from .errors import LogError
 
 TRUE = re.compile(r"ground_?truth|(^|[/_])(gt|truth|vicon|mocap|optitrack|qualisys|leica)([/_]|\d|$)", re.I)
@@ -84,8 +85,10 @@ def choose(
 def nothing_to_read(topics: Sequence[Topic]) -> str:
     """Say that a bag has neither pictures nor poses, and what it has."""
     wanted = "expected pictures (--image-topic), odometry (--odometry-topic) or truth (--truth-topic)"
-    clouds = "; --as-recorded shows its particles" if readable(topics, CLOUDS) else ""
-    return f"found no topic of a type that is read, {wanted}; it holds {listed(topics)}{clouds}"
+    more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
+    more += [advice] if (advice := video_advice(topics)) else []
+    said = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
+    return "; ".join(said)
 
 
 def listed(topics: Sequence[Topic]) -> str:
@@ -149,7 +152,8 @@ def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str
         if known_type(topic.type) in types and not topic.unreadable:
             return topic
     what = same[0].unreadable or f"it carries {same[0].type or 'no known type'}"
-    raise LogError(path, f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}")
+    refused = f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}"
+    raise LogError(path, "; ".join(text for text in (refused, video_advice(same)) if text))
 
 
 def _guess_truth(topics: Sequence[Topic]) -> Route | None:
@@ -162,7 +166,7 @@ def _guess_odometry(
 ) -> Route | None:
     """Prefer Odometry, then the transform from odom to the base, then whatever poses there are."""
     poses = [t for t in readable(topics, POSES) if t.name != taken and not TRUE.search(t.name)]
-    odometry = [t for t in poses if t.type == ODOMETRY and not GUESSED.search(t.name)]
+    odometry = [t for t in poses if known_type(t.type) in ODOMETRIES and not GUESSED.search(t.name)]
     if odometry:
         return Route(min(odometry, key=lambda t: ("filtered" in t.name, -t.count, len(t.name), t.name)).name)
     if edge := _odometry_edge(edges):
@@ -194,5 +198,8 @@ def _say(
     used = {str(taken).partition(":")[0] for *_, taken, _ in roles if taken}
     kinds = PICTURES | POSES | CLOUDS
     others = [t for t in readable(topics, kinds) if t.name not in used]
-    also = f"; also there: {listed(others)}" if others else ""
-    return f"guessed {', '.join(said)} ({', '.join(one[1] for one in guessed)} to choose otherwise){also}"
+    choices = ", ".join(one[1] for one in guessed)
+    also = f"also there: {listed(others)}" if others else ""
+    video = "" if image else video_advice(topics)
+    told = (f"guessed {', '.join(said)} ({choices} to choose otherwise)", also, video)
+    return "; ".join(text for text in told if text)

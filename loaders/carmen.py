@@ -8,6 +8,7 @@ the laser is not always at the same place on the robot, or odometry is set anew 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +27,7 @@ from .recording import OdometryPose, Record, TruthPose, motion_between, moved
 from .text_rows import Row, begin_lines, number_of, rows
 
 WORDS = ("ODOM", "FLASER", "RLASER", "TRUEPOS", "ROBOTLASER1", "PARAM", "SYNC", "NEFF", "GLASER", "SCANMARK")
+_WORD = re.compile(r"[A-Z][A-Z0-9_]+$")  # what a line begins with, known here or not
 MOST_BACK_S = 10.0  # times that fall by less come of several clocks in one log
 NO_TIME_S = 1e-9  # less is none: some writers leave a zero that is not quite one
 SAME_M, SAME_RAD = 0.01, 0.01  # a laser whose place on the robot differs by more was moved by a correction
@@ -194,8 +196,8 @@ def looks_carmen(path: Path) -> bool:
     lines = [line for line in begin_lines(path, 16384) if line.strip()]
     if any(line.startswith("# message formats defined") for line in lines[:3]):
         return True
-    used = [line for line in lines if not line.startswith("#")]
-    return bool(used) and all(line.split()[0] in WORDS for line in used[:5])
+    words = [line.split()[0] for line in lines if not line.startswith("#")][:50]
+    return any(word in WORDS for word in words) and all(_WORD.match(word) for word in words)
 
 
 FORMATS = (Format("carmen", "a CARMEN log: odometry, and truth where it has it", looks_carmen, open_carmen),)

@@ -15,23 +15,26 @@ from .time_bases import PER_SECOND
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}
+BEFORE = ("", "truth_", "true_", "gt_", "pose_", "pos_", "position_", "t")  # before x, y and the heading
 NAMES: dict[str, tuple[str, ...]] = {  # role: names that tell it, without units, lower case
     "time": ("time", "t", "timestamp", "stamp"),
     "image": ("image", "picture", "file", "filename", "image_file", "image_path", "img"),
     "frame": ("frame", "frame_number"),
-    "x": ("x", "truth_x", "true_x", "gt_x"),
-    "y": ("y", "truth_y", "true_y", "gt_y"),
-    "heading": ("heading", "yaw", "theta", "truth_heading", "true_heading", "truth_yaw", "gt_yaw"),
+    **{axis: tuple(f"{before}{axis}" for before in BEFORE) for axis in "xy"},
+    "heading": tuple(f"{before}{word}" for word in ("heading", "yaw", "theta") for before in BEFORE),
+    **{f"q{axis}": (f"q{axis}", f"q_{axis}", f"quat_{axis}", f"orientation_{axis}") for axis in "wxyz"},
     "odometry_x": ("odometry_x", "odom_x"),
     "odometry_y": ("odometry_y", "odom_y"),
     "odometry_heading": ("odometry_heading", "odom_heading", "odometry_yaw", "odom_yaw", "odom_theta"),
+    **{f"odometry_q{axis}": (f"odometry_q{axis}", f"odom_q{axis}", f"odom_q_{axis}") for axis in "wxyz"},
     "forward": ("forward", "dx"),
     "left": ("left", "dy"),
     "turn": ("turn", "dtheta", "dyaw"),
 }
-TRUTH = ("x", "y", "heading")
-ODOMETRY = ("odometry_x", "odometry_y", "odometry_heading")
+TRUTH: tuple[str, ...] = ("x", "y", "heading")
+ODOMETRY: tuple[str, ...] = ("odometry_x", "odometry_y", "odometry_heading")
 MOTION = ("forward", "left", "turn")
+QUATERNIONS = {group: tuple(f"{group[0][:-1]}q{axis}" for axis in "wxyz") for group in (TRUTH, ODOMETRY)}
 ANGULAR = ("heading", "odometry_heading", "turn")
 _UNIT = re.compile(r"^(.+?)(?:[_ ]+|\s*[\[(])(ns|us|ms|s|m|cm|mm|in|deg|rad)[\])]?$")
 
@@ -99,8 +102,15 @@ def _split(name: str) -> tuple[str, str | None]:
     return (name.lower(), None) if matched is None else (matched[1], matched[2])
 
 
-def _whole(found: dict[str, Column], group: Sequence[str]) -> None:
-    """Take out a pose of which something is missing, a frame number that is called x, say."""
-    if any(role not in found for role in group):
-        for role in group:
+def _whole(found: dict[str, Column], group: tuple[str, ...]) -> None:
+    """Take out a pose of which something is missing, a frame number that is called x, say.
+
+    A quaternion is as good as a heading, and is taken where both are there.
+    """
+    turned = QUATERNIONS[group]
+    unneeded = group[2:] if all(role in found for role in turned) else turned
+    for role in unneeded:
+        found.pop(role, None)
+    if any(role not in found for role in (*group[:2], *(turned if unneeded != turned else group[2:]))):
+        for role in (*group, *turned):
             found.pop(role, None)

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.assembly import make_localizer
-from maurice_mcl.diagnosis import Complaint, Drive
+from maurice_mcl.diagnosis import Complaint, Drive, in_radians
 from maurice_mcl.diagnosis_compare import compared_with_truth
 from maurice_mcl.diagnosis_evidence import doubted_by_pictures
 from maurice_mcl.diagnosis_pictures import Looks, seen_with_truth
 from maurice_mcl.diagnosis_plausible import clocks_apart, odometry_doubts, time_unit, truth_apart
+from maurice_mcl.diagnosis_words import turn_complaint
 from maurice_mcl.features import FEATURES
 from maurice_mcl.library import Library
 from maurice_mcl.parameters import of_feature
@@ -29,6 +30,7 @@ from .recording import Picture
 
 MOST_PICTURES = 60  # compared with the library
 WRONG_TRUTH = ("truth-degrees", "truth-scale", "truth-clock", "disagreement")  # no use for the pictures
+HARMLESS = ("broken", "time-unit")  # the first left out, the second taken back before pictures are asked
 BETWEEN_S = 2.0  # pictures that come more often are passed over
 
 Progress = Callable[[int, int], None]
@@ -79,7 +81,9 @@ def diagnose(
     else:
         looks = look(path, options, library, found.info, drive, factor, progress)
         checks.append(f"{len(looks.t_s)} pictures against the library")
-        complaints += _about_pictures(looks, drive, found, complaints)
+        complaints = _about_pictures(looks, drive, found, complaints)
+    if any(one.code == "picture-delay" for one in complaints):  # that is why truth passes them by
+        complaints = [one for one in complaints if one.code != "truth-apart"]
     return Diagnosis(
         path,
         found.info.name,
@@ -115,13 +119,24 @@ def _about_reading(found: Gathered) -> list[Complaint]:
 
 
 def _about_pictures(looks: Looks, drive: Drive, found: Gathered, known: list[Complaint]) -> list[Complaint]:
-    """Ask the pictures, with truth where there is any; not where the odometry is known to be wrong."""
+    """Ask the pictures, with truth where there is any; not where the odometry is known to be wrong.
+
+    Gives what is known by then: degrees alone do not tell which way round they are counted.
+    """
     if drive.truth.size > 1:
         truthful = not any(one.code in WRONG_TRUTH for one in known)
-        return seen_with_truth(looks, drive.truth, native=found.native) if truthful else []
-    if known or not drive.odometry.size:
-        return []
-    return doubted_by_pictures(looks, drive, found.info.start, native=found.native)
+        return known + (seen_with_truth(looks, drive.truth, native=found.native) if truthful else [])
+    doubts = [one for one in known if one.code not in HARMLESS]
+    in_degrees = [one.code for one in doubts] == ["turn-degrees"]
+    if not drive.odometry.size or (doubts and not in_degrees):
+        return known
+    asked = in_radians(drive) if in_degrees else drive
+    more = doubted_by_pictures(looks, asked, found.info.start, native=found.native)
+    if in_degrees and [one.code for one in more] == ["turn-clockwise"]:
+        evidence = f"{doubts[0].evidence}; {more[0].evidence}"
+        both = turn_complaint("clockwise degrees", evidence, **doubts[0].numbers)
+        return [both if one is doubts[0] else one for one in known]
+    return known + more
 
 
 def look(

@@ -5,23 +5,29 @@ Layout: https://projects.asl.ethz.ch/datasets/doku.php?id=kmavvisualinertialdata
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.session import Camera, SessionInfo
 
 from .errors import LogError
+from .euroc_camera import camera_of
 from .formats import Format, OpenOptions
 from .picture_lists import PictureList
-from .pose_files import Layout, PoseFile
+from .pose_files import Layout, PoseFile, layout_of
 from .recording import OdometryPose, TruthPose
-from .text_rows import begin_lines
+from .text_rows import begin_lines, words_of
+from .time_bases import unit_in
 from .timed_folder import TimedFolder
 
 TRUTHS = ("state_groundtruth_estimate0", "groundtruth", "gt", "vicon", "mocap", "leica")  # best first
 ODOMETRY = ("odom",)
-DEPTH, TABLE = 2, "data.csv"
+DEPTH, TABLE, DESCRIBED = 2, "data.csv", "sensor.yaml"
+ASIDE_RAD = math.radians(10)  # a camera that looks further off is worth a word
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
+USUAL = ("timestamp", "p_x", "p_y", "p_z", "q_w", "q_x", "q_y", "q_z")  # of poses without a header
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,21 +47,18 @@ class _Sensor:
         return len(self.columns) >= 2 and "filename" in self.columns[1]
 
     @property
-    def layout(self) -> Layout | None:
-        """Tell where position and quaternion stand; None where they are not there."""
-        position = [_ending(self.columns, axis) for axis in "xyz"]
-        after = (position[2] or 0) + 1
-        rest = self.columns[after:]
-        quaternion = [_ending(rest, axis) for axis in "wxyz"]
-        if None in position or None in quaternion:
-            return None
-        x, y, z = (at for at in position if at is not None)
-        w, qx, qy, qz = (after + at for at in quaternion if at is not None)
-        return Layout(",", (x, y, z), (w, qx, qy, qz), header=0 if self._commented else 1)
+    def has_places(self) -> bool:
+        """Tell a tracker's positions, which come without a quaternion (EuRoC's leica0)."""
+        return (
+            self.layout is None
+            and [name[-2:] for name in self.columns[1:4]] == ["_x", "_y", "_z"]
+            and (self.name.startswith(TRUTHS))
+        )
 
     @property
-    def _commented(self) -> bool:
-        return begin_lines(self.file)[0].startswith("#")
+    def layout(self) -> Layout | None:
+        """Tell where position and quaternion stand; None where they are not there."""
+        return layout_of(self.columns)
 
 
 def open_euroc(path: Path, options: OpenOptions) -> TimedFolder:
@@ -69,13 +72,18 @@ def open_euroc(path: Path, options: OpenOptions) -> TimedFolder:
     truth = _named(poses, TRUTHS)
     odometry = _named(poses, ODOMETRY)
     unit = options.time_unit
+    went = None if odometry is None else _pose_file(odometry, OdometryPose, unit, options.odometry_offset_s)
+    true = None if truth is None else _pose_file(truth, TruthPose, unit, options.truth_offset_s)
+    described = (
+        None if camera is None else camera_of(camera.file.with_name(DESCRIBED), camera.name, true or went)
+    )
     return TimedFolder(
         path,
-        SessionInfo(path.resolve().name),
+        SessionInfo(path.resolve().name, cameras=() if described is None else (described,)),
         None if camera is None else _pictures(camera, unit),
-        None if odometry is None else _pose_file(odometry, OdometryPose, unit, options.odometry_offset_s),
-        None if truth is None else _pose_file(truth, TruthPose, unit, options.truth_offset_s),
-        _remarks(cameras, camera, sensors, {truth, odometry}),
+        went,
+        true,
+        (*_about(described, true or went), *_remarks(cameras, camera, sensors, {truth, odometry})),
     ).check()
 
 
@@ -89,13 +97,24 @@ def _sensors(path: Path) -> list[_Sensor]:
     found = []
     patterns = ["/".join(["*"] * depth + [TABLE]) for depth in range(1, DEPTH + 1)]
     for file in sorted(file for pattern in patterns for file in path.glob(pattern)):
-        lines = begin_lines(file)
-        if lines and "time" in lines[0].lower() and "," in lines[0]:
-            names = [name.strip().lstrip("#").strip() for name in lines[0].split(",")]
+        names = _columns(file)
+        if names:
             columns = tuple(name.partition("[")[0].strip().lower() for name in names)
-            unit = names[0].partition("[")[2].rstrip("]") or None
-            found.append(_Sensor(file, columns, unit if unit in ("s", "ms", "us", "ns") else None))
+            found.append(_Sensor(file, columns, unit_in(names[0])))
     return found
+
+
+def _columns(file: Path) -> list[str]:
+    """Give the names of a table's columns, the usual ones where it has no header; none for other tables."""
+    first = next(iter(begin_lines(file)), "")
+    words = words_of(first) if first else [""]
+    if "time" in words[0].lower():
+        return [name.lstrip("#").strip() for name in words] if len(words) > 1 else []
+    if not words[0].isdecimal() or len(words) < 2:
+        return []
+    if words[1].lower().endswith(PICTURES):
+        return ["timestamp", "filename"]
+    return list(USUAL) if len(words) >= len(USUAL) and file.parent.name.startswith(TRUTHS) else []
 
 
 def _camera(path: Path, cameras: Sequence[_Sensor], wanted: str | None) -> _Sensor | None:
@@ -117,7 +136,7 @@ def _named(sensors: Sequence[_Sensor], words: Sequence[str]) -> _Sensor | None:
 
 
 def _pictures(camera: _Sensor, unit: str | None) -> PictureList:
-    return PictureList(camera.file, camera.file.parent / "data", ",", 1, unit or camera.unit)
+    return PictureList(camera.file, camera.file.parent / "data", 1, unit or camera.unit)
 
 
 def _pose_file(
@@ -126,12 +145,16 @@ def _pose_file(
     return PoseFile(sensor.file, kind, sensor.layout or Layout(), unit or sensor.unit, offset_s)
 
 
-def _ending(columns: Sequence[str], axis: str) -> int | None:
-    """Find the first column of an axis: `x`, `p_RS_R_x`, `q_x`."""
-    for at, name in enumerate(columns):
-        if name == axis or name.endswith((f"_{axis}", f".{axis}", f"q{axis}", f"p{axis}")):
-            return at
-    return None
+def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
+    """Say which way is forward on a body whose z is not up, and of a camera that looks elsewhere."""
+    said = []
+    if poses is not None and poses.body[0][2]:
+        said.append(f"{poses.file}: on this body x or y is up, so that headings are those of its z axis")
+    if camera is not None and abs(camera.yaw_rad) > ASIDE_RAD:
+        degrees = math.degrees(camera.yaw_rad)
+        where = f"camera {camera.name} looks {degrees:+.0f} degrees off the forward axis of the poses"
+        said.append(f"{where} ({DESCRIBED}); with another robot's library see `library build --yaw`")
+    return said
 
 
 def _remarks(
@@ -140,7 +163,7 @@ def _remarks(
     sensors: Sequence[_Sensor],
     used: set[_Sensor | None],
 ) -> tuple[str, ...]:
-    """Say which camera is used, and which poses are not."""
+    """Say which camera is used, which poses are not, and what holds no poses."""
     others = [one.name for one in cameras if one is not camera]
     said = []
     if others and camera is not None:
@@ -148,6 +171,9 @@ def _remarks(
     poses = [one.name for one in sensors if one.layout and not one.has_pictures and one not in used]
     if poses:
         said.append(f"poses of {', '.join(poses)} are not used")
+    places = [one.name for one in sensors if one.has_places]
+    if places:
+        said.append(f"{', '.join(places)} holds positions without orientation, which make no poses")
     return tuple(said)
 
 

@@ -1,16 +1,13 @@
-"""A recording without pictures as a native log or as ROS 2 messages, record by record at their own times."""
+"""A recording without pictures as a native log, record by record at their own times."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from maurice_mcl.typing import F64
 
 from .errors import LogError
-from .export_mcap import EVENTS, MAP, ODOM, ODOMETRY, ROBOT, TRUTH, McapFile, mcap_file
 from .export_session import Converted, beside
 from .export_steps import filling
 from .findings import Findings
@@ -23,7 +20,6 @@ from .recording import (
     TruthPose,
     checked,
     motion_between,
-    moved,
 )
 from .session_writer import SessionWriter
 
@@ -69,37 +65,6 @@ def _write_line(
         log.event(t_s, record.text)
         done.events += 1
     return last
-
-
-def records_to_mcap(
-    recording: Recording, file: Path, findings: Findings, *, t_offset_s: float = 0.0, force: bool = False
-) -> Iterator[Converted]:
-    """Write odometry, truth and events as ROS 2 messages; gives the counts after every record.
-
-    LogError as for `mcap_file`, and when there was nothing to write.
-    """
-    done, pose = Converted(), np.zeros(3)
-    with mcap_file(file, force=force) as mcap:
-        for record in checked(recording, findings):
-            pose = _write_message(mcap, record, record.t_s + t_offset_s, pose, done)
-            yield done
-        _expect_records(done, recording.path)
-
-
-def _write_message(mcap: McapFile, record: Record, t_s: float, pose: F64, done: Converted) -> F64:
-    """Write one record; gives the odometry's pose."""
-    make = mcap.at(t_s)
-    if isinstance(record, (OdometryPose, Motion)):
-        pose = record.pose if isinstance(record, OdometryPose) else moved(pose, record.motion)
-        mcap.write(ODOMETRY, t_s, make.odometry(ODOM, ROBOT, pose))
-        done.motions += 1
-    elif isinstance(record, TruthPose):
-        mcap.write(TRUTH, t_s, make.pose(MAP, record.pose))
-        done.truths += 1
-    elif isinstance(record, Note):
-        mcap.write(EVENTS, t_s, make.text(record.text))
-        done.events += 1
-    return pose
 
 
 def _expect_records(done: Converted, path: Path) -> None:

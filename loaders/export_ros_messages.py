@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ LATEST_S = 2**31 - 1  # seconds of a stamp are an int32
 Stamp = tuple[int, int]  # seconds, nanoseconds
 
 
+@cache
 def message_types() -> Typestore:
     """Give the types that are written: those of ROS 2 Humble, and Nav2's weighted cloud."""
     store = get_typestore(Stores.ROS2_HUMBLE)

@@ -1,4 +1,4 @@
-"""A session of any format as a native session log, or as an MCAP file of ROS 2 messages.
+"""A session of any format as a native session log.
 
 What is written is what a replay sees: pictures that were used, the motions between them, truth and events at
 their times. So the log written from a session replays as the session does, to the last bit.
@@ -16,17 +16,14 @@ from pathlib import Path
 from typing import Literal
 
 import cv2
-import numpy as np
 
 from maurice_mcl.session import Moment, Session, SessionInfo
 from maurice_mcl.typing import U8
 
 from .errors import LogError
-from .export_mcap import CAMERA, EVENTS, IMAGE, MAP, ODOM, ODOMETRY, ROBOT, TRUTH, McapFile, mcap_file
 from .folders import discard
 from .header import header_to_json
 from .pictures import encode_jpeg
-from .recording import moved
 from .session_writer import SessionWriter
 from .whole_files import expect_absent
 
@@ -101,41 +98,6 @@ def _write_moment(log: SessionWriter, moment: Moment, picture: str, offset_s: fl
             log.truth(opening_s, moment.truth)
         log.truth(t_s, moment.truth)
     log.image_path(t_s, picture)
-
-
-def convert_to_mcap(
-    session: Session, file: Path, *, kind: PictureKind = "png", t_offset_s: float = 0.0, force: bool = False
-) -> Iterator[Converted]:
-    """Write pictures, odometry, truth and events as ROS 2 messages; gives the counts after every picture.
-
-    The motions between two pictures are spread evenly over the time between them. LogError as for
-    `mcap_file`.
-    """
-    odometry, last_s, done = np.zeros(3), t_offset_s, Converted()
-    with mcap_file(file, force=force) as mcap:
-        for moment in session.moments():
-            t_s, motions = moment.frame.time_s + t_offset_s, moment.frame.motions
-            if not done.pictures and len(motions):  # where the path begins
-                mcap.write(ODOMETRY, last_s, mcap.at(last_s).odometry(ODOM, ROBOT, odometry))
-            for number, motion in enumerate(motions, start=1):
-                odometry = moved(odometry, motion)
-                at_s = t_s if number == len(motions) else last_s + (t_s - last_s) * number / len(motions)
-                mcap.write(ODOMETRY, at_s, mcap.at(at_s).odometry(ODOM, ROBOT, odometry))
-            _write_messages(mcap, moment, t_s, kind)
-            last_s = t_s
-            done.count(moment)
-            yield done
-        _expect_pictures(done, file)
-
-
-def _write_messages(mcap: McapFile, moment: Moment, t_s: float, kind: PictureKind) -> None:
-    make = mcap.at(t_s)
-    for text in moment.events:
-        mcap.write(EVENTS, t_s, make.text(text))
-    if moment.truth is not None:
-        mcap.write(TRUTH, t_s, make.pose(MAP, moment.truth))
-    encoded = encode_picture(moment.frame.image, kind)
-    mcap.write(IMAGE, t_s, make.encoded_picture(CAMERA, kind, encoded))
 
 
 def _expect_pictures(done: Converted, file: Path) -> None:

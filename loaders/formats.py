@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from .errors import LogError
+from .made_odometry import odometry_from_truth
 from .recorded_session import MAX_DT_S, Pairing, RecordedSession
 from .recording import Recording
 from .regular import expect_regular
@@ -47,6 +48,8 @@ class OpenOptions:
     max_dt_s: float = MAX_DT_S
     min_distance_m: float = 0.0
     min_angle_rad: float = 0.0
+    odometry_from_truth: bool = False  # makes some, with noise; see `made_odometry`
+    odometry_seed: int = 0  # of that noise
     keep_going: bool = False
 
     @property
@@ -87,23 +90,31 @@ def guess(path: Path) -> Format:
 def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
     """Open any recording as a stream of records."""
     options = options or OpenOptions()
-    return chosen(path, options).open(path, options)
+    return _opened(chosen(path, options), path, options)
 
 
 def open_session(path: Path, options: OpenOptions | None = None) -> SessionLog | RecordedSession:
     """Open any recording as a session; a native log without pairing options as a SessionLog."""
     options = options or OpenOptions()
     one = chosen(path, options)
-    if one.name == NATIVE and not options.min_distance_m and not options.min_angle_rad:
+    as_it_is = not (options.min_distance_m or options.min_angle_rad or options.odometry_from_truth)
+    if one.name == NATIVE and as_it_is:
         return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
-    return RecordedSession(one.open(path, options), options.pairing)
+    return RecordedSession(_opened(one, path, options), options.pairing)
+
+
+def _opened(one: Format, path: Path, options: OpenOptions) -> Recording:
+    recording = one.open(path, options)
+    if not options.odometry_from_truth:
+        return recording
+    return odometry_from_truth(recording, options.odometry_seed)
 
 
 def chosen(path: Path, options: OpenOptions) -> Format:
     """Give the format that was named, or the guess. LogError for a name that is none."""
     if options.format is None:
         one = guess(path)
-        return formats()["table"] if options.table and one.name in BARE else one
+        return formats()["table"] if (options.table or options.columns) and one.name in BARE else one
     if options.format not in formats():
         names = ", ".join(formats())
         raise LogError(path, f"there is no format {options.format!r}, expected one of {names}")
@@ -123,7 +134,8 @@ def _describe(path: Path) -> str:
     if path.is_dir():
         names = sorted(entry.name for entry in path.iterdir())[:4]
         logs = sorted(path.glob("*.log"))
-        hint = f" (did you mean {logs[0]}?)" if logs else ""
+        sequences = sorted((path / "sequences").glob("*"))  # as KITTI has them
+        hint = next((f" (did you mean {one}?)" for one in (*logs, *sequences)), "")
         return f"a folder with {', '.join(names)}{hint}" if names else "an empty folder"
     with path.open("rb") as file:
         begin = file.read(16)

@@ -71,10 +71,17 @@ def _info(found: dict[str, Any], path: Path) -> SessionInfo:
         motion=None if motion is None else mapping(motion, "robot.motion"),
         cameras=tuple(_camera(n, c) for n, c in mapping(found.get("cameras") or {}, "cameras").items()),
         start=None if start is None else np.array(numbers(start, 3, "start")),
-        survey=None if survey is None else (path.parent / text(survey, "survey")).resolve(),
+        survey=None if survey is None else _survey(path.parent, text(survey, "survey")),
         arena=None if arena is None else arena_from_json(arena),
         notes=tuple(text(n, "notes") for n in items(found.get("notes") or [], "notes")),
     )
+
+
+def _survey(folder: Path, name: str) -> Path:
+    try:
+        return (folder / name).resolve()
+    except (OSError, RuntimeError, ValueError):  # a zero in it, links in a ring
+        raise FieldError(f"found survey {show(name)}, expected the path of a log") from None
 
 
 def _units(value: Any) -> str:

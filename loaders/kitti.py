@@ -24,10 +24,15 @@ from .fields import MOST_T_S, show
 from .findings import Findings
 from .formats import Format, OpenOptions
 from .picture_lists import read_picture
+from .pose_files import first_file
 from .recording import Picture, Record, TruthPose
-from .text_rows import Row, begin_lines, number_of, rows
+from .text_rows import Row, begin_lines, number_of, rows, words_of
+from .time_bases import clock_s
 
 CAMERAS = ("image_2", "image_0", "image_3", "image_1")  # color before gray, left before right
+RAW = tuple(name.replace("_", "_0") for name in CAMERAS)  # as raw drives have them, pictures in `data`
+TIMES = ("times.txt", "timestamps.txt")
+WIDTHS = (6, 10)  # digits of a picture's name, in sequences and in raw drives
 PERIOD_S = 0.1  # of poses without times: KITTI's cameras take ten pictures a second
 NUMBERS = 12
 ENDINGS = (".png", ".jpg", ".jpeg")
@@ -47,7 +52,7 @@ class KittiRecording:
     def records(self, findings: Findings) -> Iterator[Record]:
         """Read times, pictures and poses row by row."""
         if self.times is None:
-            findings.warning(f"found no times.txt; {1 / PERIOD_S:g} poses a second are taken")
+            findings.warning(f"found no {TIMES[0]}: {1 / PERIOD_S:g} pictures or poses a second are taken")
         if self.poses is None:
             findings.warning("found no poses, so the truth is unknown")
         if not self.truth_offset_s:
@@ -59,7 +64,7 @@ class KittiRecording:
         yield from heapq.merge(shifted, others, key=lambda record: record.t_s)
 
     def _merged(self, findings: Findings) -> Iterator[Record]:
-        times = iter(()) if self.times is None else rows(self.times)
+        times = self._untimed() if self.times is None else rows(self.times)
         poses = iter(()) if self.poses is None else rows(self.poses)
         number, posed = -1, 0
         for number, (time, pose) in enumerate(zip_longest(times, poses)):
@@ -67,7 +72,7 @@ class KittiRecording:
                 if self.times is not None and time is None:
                     found = f"found more poses than the {number} times of {self.times}"
                     raise LogError(self._posed(), found, pose.number if pose else None)
-                t_s = number * PERIOD_S if time is None else self._time(time)
+                t_s = self._time(time) if time is not None and self.times else number * PERIOD_S
                 truth = None if pose is None else planar_pose(self._posed(), pose)
             except LogError as problem:
                 findings.problem(problem)
@@ -84,20 +89,34 @@ class KittiRecording:
         return self.poses or self.path
 
     def _time(self, row: Row) -> float:
-        return number_of(self.times or self.path, row, row.text, "time", MOST_T_S)
+        file = self.times or self.path
+        try:
+            return clock_s(row.text)
+        except ValueError:
+            return number_of(file, row, row.text, "time", MOST_T_S)
+
+    def _untimed(self) -> Iterator[Row]:
+        """Give a row a picture, as long as there are any."""
+        number = 0
+        while self.pictures is not None and self._file(number).is_file():
+            number += 1
+            yield Row(number, "")
+
+    def _file(self, number: int) -> Path:
+        """Find a picture by its number."""
+        folder = self.pictures or self.path
+        names = [f"{number:0{width}d}{end}" for width in WIDTHS for end in ENDINGS]
+        return next((folder / name for name in names if (folder / name).is_file()), folder / names[0])
 
     def _picture(self, number: int, t_s: float) -> Picture:
-        folder = self.pictures or self.path
-        stem = f"{number:06d}"
-        file = next((folder / (stem + end) for end in ENDINGS if (folder / (stem + end)).is_file()), None)
-        file = file or folder / f"{stem}.png"
-        name = f"{folder.name}/{file.name}"
+        file = self._file(number)
+        name = file.relative_to(self.path).as_posix()
         return Picture(t_s, partial(read_picture, file, name), name)
 
 
 def planar_pose(file: Path, row: Row) -> F64:
     """Give the pose (3,) of a row of twelve numbers. LogError for anything else."""
-    words = row.text.split()
+    words = words_of(row.text)
     if len(words) != NUMBERS:
         found = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
         raise LogError(file, found, row.number)
@@ -109,10 +128,9 @@ def planar_pose(file: Path, row: Row) -> F64:
 
 def open_sequence(path: Path, options: OpenOptions) -> KittiRecording:
     """Open a sequence; `options.camera` is image_0 to image_3. LogError where there are no pictures."""
-    found = [path / name for name in CAMERAS if (path / name).is_dir()]
-    times = path / "times.txt"
-    if not found or not times.is_file():
-        raise LogError(path, "found no times.txt with image_0 to image_3, expected a KITTI odometry sequence")
+    found = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
+    if not found:
+        raise LogError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
     folder = found[0]
     if options.camera is not None:
         folder = path / options.camera
@@ -120,10 +138,13 @@ def open_sequence(path: Path, options: OpenOptions) -> KittiRecording:
             names = ", ".join(one.name for one in found)
             raise LogError(path, f"found cameras {names}, expected {options.camera!r} among them")
     name = path.resolve().name
-    places = (path.resolve().parents[1] / "poses" / f"{name}.txt", path / "poses.txt")
+    above = path.resolve().parent.parent / "poses" / f"{name}.txt"
+    places = (above, *(path / one for one in (f"poses/{name}.txt", "poses.txt", f"{name}.txt")))
     poses = options.table or next((file for file in places if file.is_file()), None)
+    times = first_file(path, TIMES) or first_file(folder, TIMES)
     info = SessionInfo(f"KITTI {name}", cameras=(Camera(folder.name),))
-    return KittiRecording(path, info, times, folder, poses, options.truth_offset_s)
+    pictures = folder / "data" if (folder / "data").is_dir() else folder
+    return KittiRecording(path, info, times, pictures, poses, options.truth_offset_s)
 
 
 def open_poses(path: Path, options: OpenOptions) -> KittiRecording:
@@ -138,13 +159,13 @@ def open_poses(path: Path, options: OpenOptions) -> KittiRecording:
 
 
 def looks_like_sequence(path: Path) -> bool:
-    """Tell a sequence by its times and pictures."""
-    return (path / "times.txt").is_file() and any((path / name).is_dir() for name in CAMERAS)
+    """Tell a sequence by the folders of its cameras."""
+    return any((path / name).is_dir() for name in (*CAMERAS, *RAW))
 
 
 def looks_like_poses(path: Path) -> bool:
     """Tell poses alone by twelve numbers in each of the first rows."""
-    found = [line.split() for line in begin_lines(path)[:5] if line.strip()]
+    found = [words_of(line) for line in begin_lines(path)[:5] if line.strip()]
     try:
         return bool(found) and all(len(words) == NUMBERS and [float(w) for w in words] for words in found)
     except ValueError:
@@ -152,6 +173,6 @@ def looks_like_poses(path: Path) -> bool:
 
 
 FORMATS = (
-    Format("kitti", "a KITTI odometry sequence: times.txt, image_0 to 3", looks_like_sequence, open_sequence),
+    Format("kitti", "a KITTI odometry sequence: image_0 to 3, times.txt", looks_like_sequence, open_sequence),
     Format("kitti-poses", "poses alone: twelve numbers a line", looks_like_poses, open_poses),
 )

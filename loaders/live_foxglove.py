@@ -5,6 +5,7 @@ https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md
 
 from __future__ import annotations
 
+import base64
 import json
 import struct
 from collections.abc import Iterator
@@ -12,15 +13,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from .bag_source import Topic, short_type, sorted_topics
+from .bag_source import Message, Topic, short_type, sorted_topics
 from .fields import FieldError, items, mapping
-from .live_messages import Said, json_message
+from .live_messages import json_message
+from .mcap_proto import decode_proto
 from .ros_types import decode_cdr, decode_ros1, long_type
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 MESSAGE_DATA = 1  # first byte of a binary message
 HEAD = struct.Struct("<BIQ")  # opcode, subscription, time in ns
-ENCODINGS = ("cdr", "json", "ros1")
+ENCODINGS = ("cdr", "json", "ros1", "protobuf")
 MOST_CHANNELS = 5000
 
 
@@ -61,7 +63,7 @@ class Foxglove:
             parts = [{"id": number, "channelId": number} for number in new]
             yield json.dumps({"op": "subscribe", "subscriptions": parts})
 
-    def hear(self, message: str | bytes) -> Said | None:
+    def hear(self, message: str | bytes) -> Message | None:
         """Take in a message. FieldError for what is not of the protocol."""
         if isinstance(message, str):
             self._hear_text(message)
@@ -72,12 +74,13 @@ class Foxglove:
         channel = self._subscribed.get(number)
         if channel is None:
             return None
-        return Said(channel.topic, log_ns, partial(_decode, channel, message[HEAD.size :]))
+        decode = partial(_decode, channel, message[HEAD.size :])
+        return Message(channel.topic, short_type(channel.schema), log_ns, decode)
 
     def _hear_text(self, text: str) -> None:
         try:
             found = mapping(json.loads(text), "a message")
-        except (json.JSONDecodeError, RecursionError):
+        except (ValueError, RecursionError):
             raise FieldError("found a text that is not JSON, expected a message of the bridge") from None
         if found.get("op") == "advertise":
             for one in items(found.get("channels"), "channels"):
@@ -110,6 +113,8 @@ def _topic(channel: _Channel) -> Topic:
 def _decode(channel: _Channel, data: bytes) -> Any:
     if channel.encoding == "json":
         return json_message(data)
+    if channel.encoding == "protobuf":
+        return decode_proto(data, channel.schema, base64.b64decode(channel.definition))
     if channel.encoding == "ros1":
         return decode_ros1(data, long_type(channel.schema), channel.definition)
     return decode_cdr(data, long_type(channel.schema), channel.definition, channel.form)

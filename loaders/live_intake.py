@@ -193,4 +193,4 @@ def _is_header(line: Line) -> bool:
 
 
 def _line(value: dict[str, Any]) -> bytes:
-    return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return (json.dumps(value, allow_nan=False) + "\n").encode()  # ASCII: a note may hold half a character

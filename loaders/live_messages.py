@@ -6,9 +6,8 @@ import base64
 import json
 import re
 import time
-from bisect import insort
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -19,41 +18,50 @@ from maurice_mcl.typing import F64
 
 from .bag_clock import use_recorded
 from .bag_images import picture_of
-from .bag_messages import pose_of, stamp_ns
+from .bag_source import Message
+from .bag_topics import Route
 from .fields import FieldError
+from .live_poses import NO_POSE, Teller, Track, short, time_of
 from .pictures import encode_jpeg
-from .recording import TruthPose, interpolated, motion_between
+from .recording import motion_between
 
-MOST_KEPT = 2000  # poses of one topic that pictures are looked up in
 MOST_PICTURES = 8  # that wait for the odometry after them ...
 LONGEST_S = 1.0  # ... and for how long by our own clock
 MOST_UNDATED = 50  # messages held back until every topic has shown what its times are worth
 COMPRESSED = re.compile(r"jpe?g|png|webp", re.I)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Said:
-    """A message of a topic, not decoded yet."""
-
-    topic: str
-    log_ns: int  # when the bridge sent it, or it came
-    decode: Callable[[], Any]  # gives an object with the message's fields
+IMAGE, ODOMETRY, TRUTH = "image", "odometry", "truth"
 
 
 @dataclass(frozen=True, slots=True)
 class Topics:
-    """The topics that are read, by "image", "odometry" and "truth"; None for what there is none of."""
+    """What is read: a topic of pictures, and where poses come from."""
 
-    by_role: Mapping[str, str | None]
+    image: str | None
+    odometry: Route | None = None
+    truth: Route | None = None
+    transforms: tuple[str, ...] = ()  # topics of transforms, all of them, where frames are wanted
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All of them, each once."""
-        return tuple(dict.fromkeys(name for name in self.by_role.values() if name))
+        """All topics to listen to, each once."""
+        poses = [route.topic for route in self.routes.values()]
+        return tuple(dict.fromkeys(name for name in (self.image, *poses, *self.transforms) if name))
 
-    def role(self, topic: str) -> str:
-        """Tell what a topic is read for."""
-        return next((role for role, name in self.by_role.items() if name == topic), "")
+    @property
+    def routes(self) -> Mapping[str, Route]:
+        """Where poses come from, by "odometry" and "truth"."""
+        found = {ODOMETRY: self.odometry, TRUTH: self.truth}
+        return {role: route for role, route in found.items() if route is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """What a message says for one role; the stamp is the message's own."""
+
+    role: str
+    stamp_ns: int | None
+    log_ns: int
+    said: Any  # the message of a picture, or a pose (3,)
 
 
 def json_message(data: bytes | str) -> Any:
@@ -68,70 +76,47 @@ def as_object(found: dict[str, Any]) -> Any:
     return SimpleNamespace(**found)
 
 
-class Track:
-    """The poses that one topic has told lately, by their times."""
-
-    def __init__(self) -> None:
-        self.first: F64 | None = None
-        self._poses: deque[tuple[float, int, F64]] = deque()
-        self._number = 0
-
-    @property
-    def last_s(self) -> float:
-        """The latest time of a pose."""
-        return self._poses[-1][0] if self._poses else float("-inf")
-
-    def add(self, t_s: float, pose: F64) -> None:
-        """Take in a pose, also one that comes a little late."""
-        self._number += 1
-        self.first = pose if self.first is None else self.first
-        if t_s >= self.last_s:
-            self._poses.append((t_s, self._number, pose))
-        else:
-            insort(self._poses, (t_s, self._number, pose))
-        if len(self._poses) > MOST_KEPT:
-            self._poses.popleft()
-
-    def at(self, t_s: float, max_dt_s: float) -> F64 | None:
-        """Give the pose (3,) at a time: between two that near, or the only one that is."""
-        before = next((one for one in reversed(self._poses) if one[0] <= t_s), None)
-        after = next((one for one in self._poses if one[0] >= t_s), None) if self.last_s >= t_s else None
-        near = [one for one in (before, after) if one is not None and abs(one[0] - t_s) <= max_dt_s]
-        if len(near) == 2:
-            return interpolated(TruthPose(near[0][0], near[0][2]), TruthPose(near[1][0], near[1][2]), t_s)
-        return near[0][2] if near else None
-
-
 class Translator:
     """Turns messages into records of a session log, as objects to be written as lines."""
 
     def __init__(self, max_dt_s: float) -> None:
         self.problems: deque[FieldError] = deque(maxlen=100)  # pictures that were left out
         self._max_dt_s = max_dt_s
-        self._tracks = {"odometry": Track(), "truth": Track()}
-        self._undated: (
-            list[tuple[str, int, Any]] | None
-        ) = []  # role, log time, message; None once it is known
+        self._tracks = {ODOMETRY: Track(), TRUTH: Track()}
+        self._tellers: dict[Route, Teller] = {}
+        self._undated: list[_Item] | None = []  # None once it is known what times are worth
         self._recorded = False  # the times that messages carry are of no use
         self._pictures: deque[tuple[float, float, Any]] = deque()  # time, our own clock's, message
         self._last_pose: F64 | None = None
         self._last_s = float("-inf")
         self._has_odometry = False
 
-    def take(self, said: Said, topics: Topics) -> Iterator[dict[str, Any]]:
+    def take(self, message: Message, topics: Topics) -> Iterator[dict[str, Any]]:
         """Take in a message. FieldError for one that makes no sense."""
-        role = topics.role(said.topic)
-        if not role:
+        self._has_odometry = topics.odometry is not None
+        for item in self._items(message, topics):
+            if self._undated is None:
+                yield from self._sort(item)
+                continue
+            self._undated.append(item)
+            roles = {one.role for one in self._undated}
+            if roles >= {IMAGE, *topics.routes} or self._many_undated():
+                yield from self._settle_clock()
+
+    def _items(self, message: Message, topics: Topics) -> Iterator[_Item]:
+        """Give what a message says, for each role that it is read for."""
+        tellers = {
+            role: self._tellers.setdefault(route, Teller(route)) for role, route in topics.routes.items()
+        }
+        hearing = {role: one for role, one in tellers.items() if one.hears(message.topic, message.type)}
+        if message.topic != topics.image and not hearing:
             return
-        self._has_odometry = topics.by_role["odometry"] is not None
-        message = _decoded(said)
-        if self._undated is None:
-            yield from self._sort(role, said.log_ns, message)
-            return
-        self._undated.append((role, said.log_ns, message))
-        roles = {one for one, _, _ in self._undated}
-        if roles >= {one for one, name in topics.by_role.items() if name} or self._many_undated():
-            yield from self._settle_clock()
+        found = decoded(message)
+        if message.topic == topics.image:
+            yield _Item(IMAGE, _stamp(found), message.log_ns, found)
+        for role, teller in hearing.items():
+            for told in teller.tell(found, static="static" in message.topic):
+                yield _Item(role, told.stamp_ns, message.log_ns, told.pose)
 
     def idle(self) -> Iterator[dict[str, Any]]:
         """Give what has waited long enough, when nothing comes."""
@@ -141,34 +126,34 @@ class Translator:
 
     def _many_undated(self) -> bool:
         undated = self._undated or []
-        return len(undated) > MOST_UNDATED or sum(role == "image" for role, _, _ in undated) > MOST_PICTURES
+        return len(undated) > MOST_UNDATED or sum(one.role == IMAGE for one in undated) > MOST_PICTURES
 
     def _settle_clock(self) -> Iterator[dict[str, Any]]:
         undated, self._undated = self._undated or [], None
         stamps: dict[str, list[tuple[int | None, int]]] = {}
-        for role, log_ns, message in undated:
-            stamps.setdefault(role, []).append((stamp_ns(message), log_ns))
+        for one in undated:
+            stamps.setdefault(one.role, []).append((one.stamp_ns, one.log_ns))
         if why := use_recorded(stamps):
             self._recorded = True
-            t_s = undated[0][1] / 1e9
+            t_s = undated[0].log_ns / 1e9
             yield {"t": t_s, "event": f"clock: the bridge's times are used, because {why}"}
         for one in undated:
-            yield from self._sort(*one)
+            yield from self._sort(one)
 
-    def _sort(self, role: str, log_ns: int, message: Any) -> Iterator[dict[str, Any]]:
-        stamp = None if self._recorded else stamp_ns(message)
-        t_s = (log_ns if stamp is None else stamp) / 1e9
-        if role == "image":
-            self._pictures.append((t_s, time.monotonic(), message))
+    def _sort(self, item: _Item) -> Iterator[dict[str, Any]]:
+        stamp = None if self._recorded else item.stamp_ns
+        t_s = (item.log_ns if stamp is None else stamp) / 1e9
+        if item.role == IMAGE:
+            self._pictures.append((t_s, time.monotonic(), item.said))
         else:
-            self._tracks[role].add(t_s, _pose(message))
+            self._tracks[item.role].add(t_s, item.said)
         yield from self._ready()
 
     def _ready(self) -> Iterator[dict[str, Any]]:
         """Give the pictures about which nothing more will be known."""
         while self._pictures:
             t_s, since_s, message = self._pictures[0]
-            known = not self._has_odometry or self._tracks["odometry"].last_s >= t_s
+            known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
             waited = time.monotonic() - since_s > LONGEST_S or len(self._pictures) > MOST_PICTURES
             if not known and not waited:
                 return
@@ -182,36 +167,37 @@ class Translator:
         """Give the lines of one picture: what moved, the truth, the picture."""
         if t_s < self._last_s:
             raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
-        pose = self._tracks["odometry"].at(t_s, self._max_dt_s)
+        pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
         if pose is None and self._has_odometry:
             raise FieldError(f"found no odometry within {self._max_dt_s:g} s of a picture; see --max-dt")
         image = {"base64": _encoded(message)}
         self._last_s = t_s
         if pose is not None:
-            before = self._tracks["odometry"].first if self._last_pose is None else self._last_pose
+            before = self._tracks[ODOMETRY].first if self._last_pose is None else self._last_pose
             self._last_pose = pose
             if before is not None and not np.array_equal(before, pose):
                 yield {"t": t_s, "odometry": motion_between(before, pose).tolist()}
-        truth = self._tracks["truth"].at(t_s, self._max_dt_s)
+        truth = self._tracks[TRUTH].at(t_s, self._max_dt_s)
         if truth is not None:
             yield {"t": t_s, "truth": truth.tolist()}
         yield {"t": t_s, "image": image}
 
 
-def _decoded(said: Said) -> Any:
+def decoded(message: Message) -> Any:
+    """Decode a message. FieldError where that does not work."""
     try:
-        return said.decode()
+        return message.decode()
     except Exception as problem:  # decoders raise anything on what a broken peer sends
         raise FieldError(
-            f"found a message of {said.topic} that cannot be decoded ({_short(problem)})"
+            f"found a message of {message.topic} that cannot be decoded ({short(problem)})"
         ) from None
 
 
-def _pose(message: Any) -> F64:
+def _stamp(message: Any) -> int | None:
     try:
-        return pose_of(message)
-    except (AttributeError, TypeError, ValueError) as problem:
-        raise FieldError(f"found no pose in a message ({_short(problem)})") from None
+        return time_of(message)
+    except NO_POSE as problem:
+        raise FieldError(f"found a message whose time makes no sense ({short(problem)})") from None
 
 
 def _encoded(message: Any) -> str:
@@ -222,9 +208,5 @@ def _encoded(message: Any) -> str:
             return base64.b64encode(encode_jpeg(picture_of(message))).decode("ascii")
         data = message.data
         return data if isinstance(data, str) else base64.b64encode(bytes(data)).decode("ascii")
-    except (AttributeError, TypeError, ValueError) as problem:
-        raise FieldError(f"found a picture that cannot be used ({_short(problem)})") from None
-
-
-def _short(problem: Exception) -> str:
-    return " ".join(str(problem).split())[:200] or type(problem).__name__
+    except NO_POSE as problem:
+        raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None

@@ -8,10 +8,11 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from functools import partial
 
-from .bag_source import Topic, short_type, sorted_topics
+from .bag_source import Message, Topic, short_type, sorted_topics
 from .fields import FieldError, items, mapping
-from .live_messages import Said, as_object
+from .live_messages import as_object
 
 ASK = "/rosapi/topics"
 QUEUE = 10  # messages that the bridge keeps for us
@@ -41,15 +42,18 @@ class Rosbridge:
                 wish = {"op": "subscribe", "id": name, "topic": name, "queue_length": QUEUE}
                 yield json.dumps(wish | {"compression": "none"})
 
-    def hear(self, message: str | bytes) -> Said | None:
+    def hear(self, message: str | bytes) -> Message | None:
         """Take in a message. FieldError for what is not of the protocol."""
         try:
             found = mapping(json.loads(message), "a message")
         except (ValueError, RecursionError):
             raise FieldError("found a message that is not JSON, expected rosbridge's") from None
-        if found.get("op") == "publish" and found.get("topic") in self._subscribed:
+        name = found.get("topic")
+        if found.get("op") == "publish" and isinstance(name, str) and name in self._subscribed:
             text = json.dumps(found.get("msg"))
-            return Said(str(found["topic"]), time.time_ns(), lambda: json.loads(text, object_hook=as_object))
+            kind = next((topic.type for topic in self._topics if topic.name == name), "")
+            decode = partial(json.loads, text, object_hook=as_object)
+            return Message(name, kind, time.time_ns(), decode)
         if found.get("op") == "service_response" and found.get("id") == ASK:
             self._announce(found)
         return None

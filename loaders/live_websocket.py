@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from .bag_source import Topic
-from .bag_topics import Wishes, choose, nothing_to_read
+from .bag_messages import TRANSFORMS, known_type, links_of
+from .bag_source import Message, Topic
+from .bag_topics import Chosen, Wishes, choose, nothing_to_read, readable
+from .fields import FieldError
 from .formats import OpenOptions
 from .header import FORMAT, VERSION
 from .live_foxglove import SUBPROTOCOLS, Foxglove
-from .live_messages import Said, Topics, Translator
+from .live_messages import Topics, Translator, decoded
+from .live_poses import MOST_FRAMES, NO_POSE
 from .live_rosbridge import Rosbridge
 from .live_source import LiveError
 from .ros_extra import INSTALL
@@ -25,7 +29,9 @@ if TYPE_CHECKING:
 
 MOST_MESSAGE_BYTES = 64 * 2**20  # a raw picture of 20 megapixels
 OPEN_S = 5.0
-CHOOSE_S = 5.0  # topics may be announced one after the other for so long
+CHOOSE_S = 5.0  # topics may be announced one after the other for so long, and transforms may name frames
+Edges = frozenset[tuple[str, str]]  # parents and children of transforms
+SUPPOSED: Edges = frozenset((("odom", "base_link"),))  # frames that transforms may turn out to hold
 
 
 class Bridge(Protocol):
@@ -35,7 +41,7 @@ class Bridge(Protocol):
         """Give what is sent first."""
         ...
 
-    def hear(self, message: str | bytes) -> Said | None:
+    def hear(self, message: str | bytes) -> Message | None:
         """Take in a message: gives it when it is of a subscribed topic. FieldError when it is broken."""
         ...
 
@@ -65,12 +71,20 @@ def connect_websocket(name: str, options: OpenOptions) -> WebsocketChannel:
             open_timeout=OPEN_S,
             close_timeout=1,
             max_size=MOST_MESSAGE_BYTES,
+            logger=_quiet(),
             proxy=None,
         )
         connection = opened.enter_context(wish)
     except (InvalidHandshake, InvalidURI, EOFError) as problem:
         raise ConnectionError(0, f"is no WebSocket that we can use ({problem})") from None
     return WebsocketChannel(name, connection, opened.close, options)
+
+
+def _quiet() -> logging.Logger:
+    """Give a logger that says nothing: what a peer does wrong is told in our one line, not by a traceback."""
+    logger = logging.getLogger("maurice-replay.websockets")
+    logger.setLevel(logging.CRITICAL + 1)
+    return logger
 
 
 class WebsocketChannel:
@@ -83,7 +97,8 @@ class WebsocketChannel:
         self._bridge: Bridge = Foxglove() if connection.subprotocol in SUBPROTOCOLS else Rosbridge()
         self._topics: Topics | None = None
         self._translator = Translator(options.max_dt_s)
-        self._known: tuple[Topic, ...] = ()
+        self._edges: Edges = frozenset()
+        self._known: tuple[tuple[Topic, ...], Edges] = ((), frozenset())  # when topics were chosen last
         self._begun_s = time.monotonic()
         self._send(self._bridge.greet())
 
@@ -117,26 +132,48 @@ class WebsocketChannel:
         said = self._bridge.hear(message)
         if said is None:
             return self._choose(late=False)
+        learned = b""
+        if known_type(said.type) in TRANSFORMS and (self._topics is None or self._topics.odometry is None):
+            learned = self._learn(said)
         if self._topics is None:
-            return b""
-        return b"".join(map(_line, self._translator.take(said, self._topics)))
+            return learned
+        return learned + b"".join(map(_line, self._translator.take(said, self._topics)))
+
+    def _learn(self, said: Message) -> bytes:
+        """Learn from transforms which frames there are, as long as there is no odometry."""
+        try:
+            edges = {(link.parent, link.child) for link in links_of(decoded(said))}
+        except NO_POSE as problem:
+            raise FieldError(f"found transforms that make no sense ({problem})") from None
+        if len(self._edges) < MOST_FRAMES and not edges <= self._edges:
+            self._edges |= edges
+            return self._choose(late=False)
+        return b""
 
     def _choose(self, *, late: bool) -> bytes:
         """Choose topics as they are announced; gives the header once there are pictures to read."""
         known, taken = self._bridge.topics, self._topics
-        wishes = Wishes(self._options.image_topic, self._options.odometry_topic, self._options.truth_topic)
-        if taken is not None and (known == self._known or all(taken.by_role.values())):
+        if taken is not None and ((known, self._edges) == self._known or (taken.odometry and taken.truth)):
             return b""
-        self._known = known
-        chosen = choose(Path(self._name), known, wishes if late else _present(wishes, known))
+        self._known = (known, self._edges)
+        chosen, supposed = self._chosen(known, self._edges, late), self._chosen(known, SUPPOSED, late)
+        transforms = tuple(topic.name for topic in readable(known, TRANSFORMS))
+        if not late and _needs_frames(supposed) and not _needs_frames(chosen):
+            self._send(self._bridge.subscribe(transforms))
+            return b""
         if chosen.image is None:
             if late:
                 raise LiveError(self._name, nothing_to_read(known))
             return b""
-        poses = [one.topic if one and not one.frames else None for one in (chosen.odometry, chosen.truth)]
-        self._topics = Topics({"image": chosen.image, "odometry": poses[0], "truth": poses[1]})
+        needed = transforms if _needs_frames(chosen) else ()
+        self._topics = Topics(chosen.image, chosen.odometry, chosen.truth, needed)
         self._send(self._bridge.subscribe(self._topics.names))
         return b"" if taken else _line(_header(self._name, chosen.guess))
+
+    def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> Chosen:
+        options = self._options
+        wishes = Wishes(options.image_topic, options.odometry_topic, options.truth_topic)
+        return choose(Path(self._name), known, wishes if late else _present(wishes, known), edges)
 
     def _send(self, messages: Iterator[str]) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -148,11 +185,16 @@ class WebsocketChannel:
             raise ConnectionError(0, f"has hung up ({problem})") from None
 
 
+def _needs_frames(chosen: Chosen) -> bool:
+    return any(route is not None and route.frames is not None for route in (chosen.odometry, chosen.truth))
+
+
 def _present(wishes: Wishes, known: tuple[Topic, ...]) -> Wishes:
     """Leave out for now what was asked for and is not announced yet."""
     names = {one.name.lstrip("/") for one in known} | {"none"}
     asked = (wishes.image, wishes.odometry, wishes.truth)
-    return Wishes(*(one if one is None or one.lstrip("/") in names else "none" for one in asked))
+    there = [one is None or one.partition(":")[0].lstrip("/") in names for one in asked]
+    return Wishes(*(one if here else "none" for one, here in zip(asked, there, strict=True)))
 
 
 def _header(name: str, guess: str) -> dict[str, Any]:
@@ -161,4 +203,4 @@ def _header(name: str, guess: str) -> dict[str, Any]:
 
 
 def _line(value: dict[str, Any]) -> bytes:
-    return (json.dumps(value, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(value) + "\n").encode()  # ASCII: what a bridge says may hold half a character

@@ -36,6 +36,11 @@ class _McapBag:
         self._file = file
         self.topics = sorted_topics([self._topic(channel) for channel in file.channels.values()])
 
+    @property
+    def cut(self) -> str:
+        """What is missing of a cut file."""
+        return self._file.cut
+
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording."""
         wanted = {number for number, channel in self._file.channels.items() if channel.topic in names}

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import BinaryIO
 
+from .bag_file import BagCut, BagError, BagFile
 from .bag_merge import merged
 from .errors import LogError
 from .mcap_records import (
@@ -26,8 +26,6 @@ from .mcap_records import (
     Channel,
     ChunkIndex,
     Cursor,
-    McapCut,
-    McapError,
     Schema,
     inner_records,
     read_channel,
@@ -39,77 +37,28 @@ from .mcap_records import (
 )
 
 FOOTER_BYTES = 9 + 20 + len(MAGIC)
-Message = tuple[Channel, int, bytes]  # its channel, the time of recording in ns, its bytes
-Held = tuple[Channel, int, memoryview]  # the same, not yet copied out of its chunk
+Held = tuple[Channel, int, memoryview]  # a channel, the time of recording in ns, bytes within a chunk
 
 
-class McapFile:
-    """An MCAP file; a context manager, and read lazily as often as one likes.
+class McapFile(BagFile[Channel]):
+    """An MCAP file. `BagFile` says how it is used."""
 
-    Raises LogError for what is no MCAP file and for a file that is cut; with `keep_going` a cut file is read
-    as far as it goes, and `cut` says where it ends.
-    """
+    whole = "a whole MCAP file"
+    mends = "`mcap recover`"
+    advice = "`mcap recover` mends what can be mended"
 
     def __init__(self, path: Path, *, keep_going: bool = False) -> None:
-        self.path = path
+        super().__init__(path, keep_going=keep_going)
         self.profile = ""
         self.channels: dict[int, Channel] = {}
         self.counts: Counter[int] = Counter()  # messages, by the channel's number
-        self.cut: str | None = None  # what is missing, in words; None: the file is whole
         self._schemas: dict[int, Schema] = {}
         self._chunks: list[ChunkIndex] = []
-        self._keep_going = keep_going
-
-    def __enter__(self) -> McapFile:
-        """Open the file and read what it says of itself."""
-        try:
-            self._file: BinaryIO = self.path.open("rb")
-        except OSError as problem:
-            raise LogError(self.path, f"cannot be read: {problem.strerror}") from None
-        try:
-            self._open()
-        except (McapError, OSError, MemoryError) as problem:
-            self._file.close()
-            raise LogError(self.path, self._broken(problem)) from None
-        except LogError:
-            self._file.close()
-            raise
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
-        """Give the messages of these channels, by the time of recording where the file has an index.
-
-        LogError where the file is damaged, or cut and not kept going.
-        """
-        going = self._indexed(wanted) if self._chunks else self._scanned(wanted)
-        while True:
-            try:
-                message = next(going, None)
-            except McapCut as problem:
-                if self._keep_going:
-                    return
-                raise LogError(self.path, self._broken(problem)) from None
-            except (McapError, OSError, MemoryError) as problem:
-                raise LogError(self.path, self._broken(problem)) from None
-            if message is None:
-                return
-            channel, log_ns, data = message
-            yield channel, log_ns, bytes(data)
-
-    def _broken(self, problem: Exception) -> str:
-        advice = "`mcap recover` mends what can be mended"
-        if isinstance(problem, McapCut):
-            advice = f"--keep-going reads it as far as it goes, {advice}"
-        return f"{problem or type(problem).__name__}; expected a whole MCAP file; {advice}"
+        self._data_end = 0
 
     def _open(self) -> None:
         if self._file.read(len(MAGIC)) != MAGIC:
             raise LogError(self.path, "found no MCAP file, expected one; is it another format?")
-        self._size = self._file.seek(0, 2)
         self._data_end = self._size
         for kind, _, body in records(self._file, len(MAGIC), self._size):
             if kind == HEADER:
@@ -121,6 +70,9 @@ class McapFile:
         if not summary or not self.channels or (self._chunks and not self.counts):
             self._scan_whole()
 
+    def _held(self, wanted: Collection[int]) -> Iterator[Held]:
+        return self._indexed(wanted) if self._chunks else self._scanned(wanted)
+
     def _summary_start(self) -> int:
         """Give where the summary begins; 0 when there is none, or the file is cut."""
         at = self._size - FOOTER_BYTES
@@ -129,12 +81,12 @@ class McapFile:
         if at < len(MAGIC) or footer[-len(MAGIC) :] != MAGIC or footer[0] != FOOTER:
             self.cut = f"ends at byte {self._size} without the footer"
             if not self._keep_going:
-                raise McapCut(self.cut)
+                raise BagCut(self.cut)
             return 0
         self._data_end = at
         start = int.from_bytes(footer[9:17], "little")
         if start and not len(MAGIC) <= start <= at:
-            raise McapError(f"found a summary at byte {start} of {self._size}, expected it inside the file")
+            raise BagError(f"found a summary at byte {start} of {self._size}, expected it inside the file")
         return start
 
     def _read_summary(self, start: int) -> None:
@@ -164,7 +116,7 @@ class McapFile:
         try:
             for channel, _, _ in self._scanned(None):
                 self.counts[channel.id] += 1
-        except McapCut as problem:
+        except BagCut as problem:
             self.cut = str(problem)
             if not self._keep_going:
                 raise
@@ -182,7 +134,8 @@ class McapFile:
                 self._learn(kind, Cursor(body))
 
     def _indexed(self, wanted: Collection[int]) -> Iterator[Held]:
-        chunks = [(chunk.start_ns, chunk.offset) for chunk in self._chunks]
+        told = [one for one in self._chunks if not (one.channels and one.channels.isdisjoint(wanted))]
+        chunks = [(chunk.start_ns, chunk.offset) for chunk in told]
         return merged(
             chunks, lambda at: self._in_chunk(self._chunk_at(at), wanted), lambda message: message[1]
         )
@@ -190,7 +143,7 @@ class McapFile:
     def _chunk_at(self, offset: int) -> bytes:
         kind, _, body = next(records(self._file, offset, self._data_end), (0, 0, b""))
         if kind != CHUNK:
-            raise McapError(f"found no chunk at byte {offset}, expected the one of the index")
+            raise BagError(f"found no chunk at byte {offset}, expected the one of the index")
         return body
 
     def _in_chunk(self, body: bytes, wanted: Collection[int] | None) -> Iterator[Held]:
@@ -205,7 +158,7 @@ class McapFile:
         if wanted is not None and number not in wanted:
             return
         if number not in self.channels:
-            raise McapError(f"found a message of channel {number}, which is not described")
+            raise BagError(f"found a message of channel {number}, which is not described")
         record.take(4)
         log_ns = record.number(8)
         record.take(8)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -46,7 +46,7 @@ def decode_proto(data: bytes, kind: str, description: bytes) -> Any:
     return _decode(memoryview(data), _described(description), kind, 0)
 
 
-@cache
+@lru_cache(maxsize=100)  # a peer may announce new ones for ever
 def _described(description: bytes) -> dict[str, Fields]:
     """Read a FileDescriptorSet: the fields of every message by its full name."""
     messages: dict[str, Fields] = {}

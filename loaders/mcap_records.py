@@ -10,25 +10,20 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import BinaryIO
 
+from .bag_file import BagCut, BagError
+
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = (
     *range(1, 7),
     *(0x08, 0x0B, 0x0F),
 )
 KEPT = (HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END)
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 MOST_BYTES = 2**30  # of one record or one unpacked chunk; writers stay far below
 
 
-class McapError(ValueError):
-    """What is wrong with the bytes of an MCAP file."""
-
-
-class McapCut(McapError):
-    """The file ends in the middle of a record."""
-
-
 class Cursor:
-    """Reads the fields of one record from its beginning. McapCut where it ends too early."""
+    """Reads the fields of one record from its beginning. BagCut where it ends too early."""
 
     def __init__(self, data: bytes | memoryview) -> None:
         self._data = memoryview(data)
@@ -38,7 +33,7 @@ class Cursor:
         """Give so many bytes."""
         end = self.at + size
         if end > len(self._data):
-            raise McapCut(f"found {len(self._data) - self.at} bytes in a record, expected {size}")
+            raise BagCut(f"found {len(self._data) - self.at} bytes in a record, expected {size}")
         part, self.at = self._data[self.at : end], end
         return part
 
@@ -51,7 +46,7 @@ class Cursor:
         try:
             return str(self.take(self.number(4)), "utf-8")
         except UnicodeDecodeError:
-            raise McapError("found bytes that are no UTF-8, expected a name") from None
+            raise BagError("found bytes that are no UTF-8, expected a name") from None
 
     def rest(self) -> memoryview:
         """Give what is left."""
@@ -89,6 +84,7 @@ class ChunkIndex:
     start_ns: int
     end_ns: int
     offset: int  # of the chunk's record, with its first byte
+    channels: frozenset[int]  # that have messages in it; empty: not told
 
 
 NO_SCHEMA = Schema("", "", b"")
@@ -97,20 +93,20 @@ NO_SCHEMA = Schema("", "", b"")
 def records(file: BinaryIO, start: int, end: int) -> Iterator[tuple[int, int, bytes]]:
     """Give the records that stand between two places of a file: kind, place and body.
 
-    Only kinds that matter are read, others skipped. McapCut where the file ends within one.
+    Only kinds that matter are read, others skipped. BagCut where the file ends within one.
     """
     at = start
     while at < end:
         file.seek(at)
         head = file.read(9)
         if len(head) < 9:
-            raise McapCut(f"ends at byte {at + len(head)}, within a record")
+            raise BagCut(f"ends at byte {at + len(head)}, within a record")
         kind, size = head[0], int.from_bytes(head[1:], "little")
         if at + 9 + size > end:
-            raise McapCut(f"ends at byte {end}, within a record that begins at byte {at}")
+            raise BagCut(f"ends at byte {end}, within a record that begins at byte {at}")
         if kind in KEPT:
             if size > MOST_BYTES:
-                raise McapError(f"found a record of {size} bytes at byte {at}, expected at most {MOST_BYTES}")
+                raise BagError(f"found a record of {size} bytes at byte {at}, expected at most {MOST_BYTES}")
             yield kind, at, file.read(size)
         at += 9 + size
 
@@ -137,29 +133,37 @@ def read_channel(record: Cursor, schemas: dict[int, Schema]) -> Channel:
 
 def read_chunk_index(record: Cursor) -> ChunkIndex:
     """Read where a chunk is."""
-    return ChunkIndex(*struct.unpack("<QQQ", record.take(24)))
+    start_ns, end_ns, offset, _length = struct.unpack("<QQQQ", record.take(32))
+    return ChunkIndex(start_ns, end_ns, offset, frozenset(_by_channel(record)))
 
 
 def read_counts(record: Cursor) -> dict[int, int]:
     """Read how many messages each channel has, from the statistics."""
     record.take(42)
-    pairs = struct.iter_unpack("<HQ", bytes(record.take(record.number(4))))
-    return dict(pairs)
+    return _by_channel(record)
+
+
+def _by_channel(record: Cursor) -> dict[int, int]:
+    """Read a table with a number for every channel."""
+    table = bytes(record.take(record.number(4)))
+    if len(table) % 10:
+        raise BagError(f"found a table of {len(table)} bytes, expected 10 a channel")
+    return dict(struct.iter_unpack("<HQ", table))
 
 
 def unpack_chunk(data: bytes) -> bytes | memoryview:
-    """Give the records of a chunk. McapError where it is damaged or packed in an unknown way."""
+    """Give the records of a chunk. BagError where it is damaged or packed in an unknown way."""
     record = Cursor(data)
     record.take(16)
     size, checksum, packing = record.number(8), record.number(4), record.text()
     packed = record.take(record.number(8))
     if size > MOST_BYTES:
-        raise McapError(f"found a chunk of {size} bytes, expected at most {MOST_BYTES}")
+        raise BagError(f"found a chunk of {size} bytes, expected at most {MOST_BYTES}")
     unpacked = _unpack(packed, packing, size)
     if len(unpacked) != size:
-        raise McapError(f"found a chunk of {len(unpacked)} bytes, expected {size}")
+        raise BagError(f"found a chunk of {len(unpacked)} bytes, expected {size}")
     if checksum and zlib.crc32(unpacked) != checksum:
-        raise McapError("found a damaged chunk (checksum), expected a whole one")
+        raise BagError("found a damaged chunk (checksum), expected a whole one")
     return unpacked
 
 
@@ -171,13 +175,14 @@ def _unpack(packed: memoryview, packing: str, size: int) -> bytes | memoryview:
             frame = import_module("lz4.frame")  # which has no types
             return bytes(frame.LZ4FrameDecompressor().decompress(bytes(packed), max_length=size))
         if packing == "zstd":
-            return _unpack_zstd(packed, size)
+            return unpack_zstd(packed, size)
     except (RuntimeError, EOFError, ValueError, MemoryError) as problem:
-        raise McapError(f"found a chunk that cannot be unpacked ({problem})") from None
-    raise McapError(f"found a chunk packed with {packing!r}, expected lz4, zstd or none")
+        raise BagError(f"found a chunk that cannot be unpacked ({problem})") from None
+    raise BagError(f"found a chunk packed with {packing!r}, expected lz4, zstd or none")
 
 
-def _unpack_zstd(packed: memoryview, size: int) -> bytes:
+def unpack_zstd(packed: bytes | memoryview, size: int) -> bytes:
+    """Unpack to so many bytes at most. BagError where it is damaged."""
     if sys.version_info >= (3, 14):
         from compression import zstd
     else:
@@ -185,4 +190,4 @@ def _unpack_zstd(packed: memoryview, size: int) -> bytes:
     try:
         return bytes(zstd.ZstdDecompressor().decompress(packed, max_length=size))
     except zstd.ZstdError as problem:
-        raise McapError(f"found a chunk that cannot be unpacked ({problem})") from None
+        raise BagError(f"found packed data that cannot be unpacked ({problem})") from None

@@ -60,7 +60,8 @@ def looks_native(path: Path) -> bool:
             begin = file.read(LOOKED_AT)
     except OSError:
         return False
-    return FORMAT.encode() in begin or (path.suffix == ".log" and begin.lstrip()[:1] == b"{")
+    named = FORMAT.encode() in begin and b"\0" not in begin  # an MCAP file of ours carries a header as well
+    return named or (path.suffix == ".log" and begin.lstrip()[:1] == b"{")
 
 
 def _open(path: Path, options: OpenOptions) -> NativeRecording:

@@ -16,12 +16,14 @@ from maurice_mcl.session import Camera, SessionInfo
 from .errors import LogError
 from .formats import Format, OpenOptions
 from .picture_lists import PictureList
-from .pose_files import pose_file
+from .pose_files import first_file, pose_file
 from .recording import OdometryPose, TruthPose
 from .text_rows import begin_lines
 from .timed_folder import TimedFolder
 
-PICTURES = ("color.txt", "fisheye1.txt", "fisheye2.txt", "infra1.txt", "infra2.txt")
+NAMES = ("color", "fisheye1", "fisheye2", "infra1", "infra2")
+PICTURES = (*(f"{name}.txt" for name in NAMES), "d400_color.txt", "t265_fisheye1.txt", "t265_fisheye2.txt")
+TRUTH = ("groundtruth.txt", "groundtruth")
 OTHERS = ("odom.txt", "groundtruth.txt", "sensors.yaml", "trans_matrix.yaml")
 SENSORS = {
     "color": "d400_color_optical_frame",
@@ -47,7 +49,7 @@ def open_openloris(path: Path, options: OpenOptions) -> TimedFolder:
         SessionInfo(path.resolve().name, cameras=_cameras(path, chosen.stem)),
         PictureList(chosen, path, unit=unit),
         pose_file(path / "odom.txt", OdometryPose, unit, options.odometry_offset_s),
-        pose_file(path / "groundtruth.txt", TruthPose, unit, options.truth_offset_s),
+        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s),
     ).check()
 
 
@@ -59,7 +61,7 @@ def looks_openloris(path: Path) -> bool:
 
 def _cameras(path: Path, name: str) -> tuple[Camera, ...]:
     """Describe the camera as far as the YAML files do; what they do not hold stays unknown."""
-    sensor = SENSORS.get(name, name)
+    sensor = SENSORS.get(name.removeprefix("d400_").removeprefix("t265_"), name)
     try:
         described = _described(path / "sensors.yaml", name, sensor)
         return (replace(described, yaw_rad=_yaw(path / "trans_matrix.yaml", sensor)),)

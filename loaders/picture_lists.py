@@ -17,7 +17,7 @@ from .findings import Findings
 from .pictures import PictureError, decode_picture
 from .recording import Picture
 from .session_log import MAX_PICTURE_BYTES
-from .text_rows import Row, number_of, rows
+from .text_rows import Row, is_number, names_columns, number_of, rows, words_of
 from .time_bases import PER_SECOND, Span, detect_unit, seconds
 
 LOOKED_AT = 200  # rows from which the unit of the times is told
@@ -29,9 +29,8 @@ class PictureList:
 
     file: Path
     root: Path  # the folder that names start from
-    separator: str | None = None  # None: any blanks
-    header: int = 0  # lines at the beginning that are no rows; those that begin with # never are
-    unit: str | None = None  # of the times; None: told from them
+    column: int | None = None  # of the file names; None: all that follows the first column
+    unit: str | None = None  # of the times, which stand in the column before; None: told from them
 
     def pictures(self, findings: Findings) -> Iterator[Picture]:
         """Give the pictures in the file's order, not opened; broken rows and times that fall are problems."""
@@ -58,16 +57,19 @@ class PictureList:
 
     @cached_property
     def _unit(self) -> str:
-        words = [self._words(row)[0] for row in islice(self._rows(), LOOKED_AT)]
-        return self.unit or detect_unit([word for word in words if _is_number(word)] or ["0"])
+        words = [word for row in islice(self._rows(), LOOKED_AT) for word in self._words(row)[:1]]
+        return self.unit or detect_unit([word for word in words if is_number(word)] or ["0"])
 
     def _rows(self) -> Iterator[Row]:
         for number, row in enumerate(rows(self.file)):
-            if number >= self.header and not row.text.startswith("#"):
+            if not row.text.startswith("#") and (number or not names_columns(row.text)):
                 yield row
 
     def _words(self, row: Row) -> list[str]:
-        return [word.strip() for word in row.text.split(self.separator, 1)]
+        """Give time and name."""
+        if self.column is None:
+            return words_of(row.text, 1)
+        return words_of(row.text)[self.column - 1 : self.column + 1]
 
     def _picture(self, row: Row) -> Picture:
         words = self._words(row)
@@ -86,15 +88,8 @@ def read_picture(file: Path, name: str) -> U8:
         if file.stat().st_size > MAX_PICTURE_BYTES:
             raise PictureError(f"found a picture of more than {MAX_PICTURE_BYTES // 2**20} MiB")
         data = file.read_bytes()
-        return decode_frame(data) if data.startswith(BEGIN) else decode_picture(data)
+        return decode_frame(data) if data.startswith(BEGIN) else decode_picture(data, deep=True)
     except (OSError, ValueError) as problem:
         if isinstance(problem, PictureError):
             raise
         raise PictureError(f"cannot be read: {problem}") from None
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return abs(float(word)) < float("inf")
-    except ValueError:
-        return False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -14,21 +13,22 @@ import numpy as np
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64
 
-from .column_roles import MOTION, ODOMETRY, TRUTH, Column, factor, roles_of
+from .column_roles import MOTION, ODOMETRY, QUATERNIONS, TRUTH, Column, factor, roles_of
 from .errors import LogError
 from .fields import MOST_T_S, show
 from .file_names import natural_order
 from .findings import Findings
 from .formats import Format, OpenOptions
 from .picture_lists import read_picture
+from .planar import planar, rotation
 from .recording import Motion, OdometryPose, Picture, Record, TruthPose
-from .text_rows import Row, begin_lines, number_of, rows
+from .table_head import Head, head_of, split
+from .text_rows import Row, begin_lines, is_number, number_of, rows
 from .time_bases import PER_SECOND, detect_unit, seconds
 from .video import ENDINGS as VIDEOS
 from .video import Frames
 
 PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
-SEPARATORS = (",", ";", "\t")
 TABLES = (".csv", ".tsv")
 PERIOD_S = 1.0  # of rows without a time
 LOOKED_AT = 200  # rows from which the unit of times is told
@@ -42,7 +42,7 @@ class TableRecording:
     info: SessionInfo
     table: Path
     roles: dict[str, Column]
-    separator: str
+    head: Head
     frames: Sequence[Path] | Frames | None  # for tables that name no files
     unit: str | None
 
@@ -107,20 +107,33 @@ class TableRecording:
         file = self.frames[number]
         return Picture(t_s, partial(read_picture, file, file.name), file.name)
 
-    def _vector(self, group: Sequence[str], row: Row, words: list[str]) -> F64 | None:
+    def _vector(self, group: tuple[str, ...], row: Row, words: list[str]) -> F64 | None:
         """Give a pose (3,); None where the table has none, or the row leaves it empty."""
-        if not all(role in self.roles for role in group):
+        turned = [role for role in QUATERNIONS[group] if role in self.roles]
+        roles = [*group[:2], *(turned or group[2:])]
+        if not all(role in self.roles for role in roles):
             return None
-        if not any(self._word(role, row, words) for role in group):
+        if not any(self._word(role, row, words) for role in roles):
             return None
-        return np.array([self._value(role, row, words) for role in group])
+        values = np.array([self._value(role, row, words) for role in roles])
+        if not turned:
+            return values
+        try:
+            return planar(values[:2], rotation(values[2:]), "x")
+        except ValueError as problem:
+            raise LogError(self.table, str(problem), row.number) from None
 
     def _value(self, role: str, row: Row, words: list[str]) -> float:
         column = self.roles.get(role)
         if column is None:
             return 0.0
-        word = self._word(role, row, words)
+        word = self._number(role, row, words)
         return number_of(self.table, row, word, f"{column.name}", 1e9) * factor(role, column)
+
+    def _number(self, role: str, row: Row, words: list[str]) -> str:
+        """Give a word that is a number; where no comma separates, it may be a decimal one."""
+        word = self._word(role, row, words)
+        return word if self.head.separator == "," else word.replace(",", ".")
 
     def _word(self, role: str, row: Row, words: list[str]) -> str:
         at = self.roles[role].at
@@ -131,7 +144,7 @@ class TableRecording:
     def _time(self, number: int, row: Row, words: list[str]) -> float:
         if "time" not in self.roles:
             return number * PERIOD_S
-        word = self._word("time", row, words)
+        word = self._number("time", row, words)
         number_of(self.table, row, word, "time", MOST_T_S * PER_SECOND[self._unit])
         return seconds(word, self._unit)
 
@@ -140,13 +153,14 @@ class TableRecording:
         named = self.unit or self.roles["time"].unit
         if named in PER_SECOND:
             return str(named)
-        first = [self._word("time", row, words) for row, words in islice(self._rows(), LOOKED_AT)]
-        return detect_unit([word for word in first if _is_number(word)] or ["0"])
+        first = [self._number("time", row, words) for row, words in islice(self._rows(), LOOKED_AT)]
+        return detect_unit([word for word in first if is_number(word)] or ["0"])
 
     def _rows(self) -> Iterator[tuple[Row, list[str]]]:
-        for at, row in enumerate(rows(self.table)):
-            if at:
-                yield row, split(row.text, self.separator)
+        for row in rows(self.table):
+            words = split(row.text, self.head.separator) if row.number > self.head.lines else []
+            if any(word.strip() for word in words) and not row.text.startswith("#"):
+                yield row, words
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +173,10 @@ class FolderRecording:
     def records(self, findings: Findings) -> Iterator[Record]:
         """Give the pictures."""
         findings.warning("found pictures without a table: one a second is taken; see --table")
+        tables = [one.name for one in self.path.iterdir() if one.suffix.lower() in TABLES]
+        if tables:
+            why = "no table, or several, with columns of known names in UTF-8 text; see --table and --columns"
+            findings.warning(f"{', '.join(sorted(tables))} beside them is not used: {why}")
         for number, file in enumerate(pictures_in(self.path)):
             yield Picture(number * PERIOD_S, partial(read_picture, file, file.name), file.name)
 
@@ -168,17 +186,18 @@ def open_table(path: Path, options: OpenOptions) -> TableRecording:
     table = options.table or _table_of(path)
     if table is None or not table.is_file():
         raise LogError(table or path, "found no table (CSV); name one with --table")
-    first = next(rows(table), None)
-    if first is None:
+    head = head_of(rows(table))
+    if head is None:
         raise LogError(table, "found an empty file, expected a table")
-    separator = max(SEPARATORS, key=first.text.count)
-    roles = roles_of(table, split(first.text, separator), options.columns)
+    roles = roles_of(table, head.names, options.columns)
     if not roles:
-        found = show(first.text)
-        raise LogError(table, f"found columns {found}, none of a known name; name them with --columns", 1)
+        found = f"found columns {show(', '.join(head.names))}, none of a known name"
+        if not head.named:
+            found = f"found no names of columns, and {len(head.names)} columns; they are called 1, 2, 3 ..."
+        raise LogError(table, f"{found}; say what they are with --columns", head.lines or None)
     frames = _frames(path, "image" in roles)
     info = SessionInfo(table.stem if table == path else path.resolve().stem)
-    return TableRecording(path, info, table, roles, separator, frames, options.time_unit).check()
+    return TableRecording(path, info, table, roles, head, frames, options.time_unit).check()
 
 
 def open_folder(path: Path, options: OpenOptions) -> TableRecording | FolderRecording:
@@ -194,10 +213,11 @@ def looks_like_table(path: Path) -> bool:
     """Tell a table by the names of its columns: a file's, or those of the one table in a folder."""
     table = _table_of(path)
     lines = [] if table is None else begin_lines(table)
-    if table is None or not lines:
+    head = head_of(Row(number, line) for number, line in enumerate(lines, 1) if line.strip())
+    if table is None or head is None:
         return False
     try:
-        roles = roles_of(table, split(lines[0], max(SEPARATORS, key=lines[0].count)), {})
+        roles = roles_of(table, head.names, {})
     except LogError:
         return True  # columns without a unit: open_table says so
     return bool(set(roles) - {"time", "frame"})
@@ -214,11 +234,6 @@ def looks_like_pictures(path: Path) -> bool:
 def pictures_in(folder: Path) -> list[Path]:
     """Give the pictures of a folder in natural order."""
     return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
-
-
-def split(text: str, separator: str) -> list[str]:
-    """Split one line of a table, quoted values included."""
-    return next(csv.reader([text], delimiter=separator), [])
 
 
 def _table_of(path: Path) -> Path | None:
@@ -239,13 +254,6 @@ def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
     if path.is_dir():
         return pictures_in(path) or None
     return Frames(path) if path.suffix.lower() in VIDEOS else None
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return abs(float(word)) < float("inf")
-    except ValueError:
-        return False
 
 
 FORMATS = (

@@ -35,11 +35,12 @@ def encode_jpeg(image_rgb: U8) -> bytes:
     return data.tobytes()
 
 
-def decode_picture(data: bytes) -> U8:
+def decode_picture(data: bytes, *, deep: bool = False) -> U8:
     """Decode a whole JPEG, PNG, WebP or BMP to RGB uint8 (H, W, 3); gray becomes RGB, alpha is dropped.
 
     Raises PictureError for other formats, cut files (OpenCV would fill them with gray, silently) and
-    more than 8 bits a channel (often depth, which no scaling makes a color).
+    more than 8 bits a channel (often depth, which no scaling makes a color); `deep` takes the upper 8 of 16,
+    for lists that hold a camera's pictures only.
     """
     kind = picture_format(data)
     _WHOLE[kind](data)
@@ -49,6 +50,8 @@ def decode_picture(data: bytes) -> U8:
         image = None
     if image is None:
         raise PictureError(f"found a {kind} picture that cannot be decoded, expected a readable one")
+    if deep and image.dtype == np.uint16:
+        image = (image // 256).astype(np.uint8)
     if image.dtype != np.uint8:
         bits = 8 * image.dtype.itemsize
         raise PictureError(f"found {bits} bits a channel, expected 8; convert the picture to 8 bits")

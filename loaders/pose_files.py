@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -17,20 +17,20 @@ from .fields import MOST_T_S, show, up_to
 from .findings import Findings
 from .planar import LEANING_RAD, forward_axis, leaning, planar, rotation
 from .recording import OdometryPose, TruthPose
-from .text_rows import Row, number_of, rows
+from .text_rows import Row, is_number, names_columns, number_of, rows, words_of
 from .time_bases import PER_SECOND, Span, detect_unit, seconds
 
+COMMENTS = ("#", "%")
+MOST = 50_000  # poses that are held to compare two clocks
 LOOKED_AT = 200  # rows from which unit and forward axis are told
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where what stands in a row."""
+    """Where what stands in a row; the time comes first."""
 
-    separator: str | None = None  # None: any blanks
     position: tuple[int, int, int] = (1, 2, 3)
     quaternion: tuple[int, int, int, int] = (7, 4, 5, 6)  # of w, x, y, z
-    header: int = 0  # lines at the beginning that are no rows; those that begin with # never are
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,11 @@ class PoseFile:
             span.add(pose.t_s)
         return span
 
+    def track(self) -> tuple[F64, F64]:
+        """Give the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
+        found = list(islice(self.poses(Findings(keep_going=True)), MOST))
+        return np.array([one.t_s for one in found]), np.array([one.pose for one in found]).reshape(-1, 3)
+
     def check(self) -> None:
         """Read the first row. LogError where it is broken, or there is none."""
         first = next(self._rows(), None)
@@ -80,25 +85,37 @@ class PoseFile:
     @cached_property
     def _unit(self) -> str:
         words = [self._words(row)[0] for row in islice(self._rows(), LOOKED_AT)]
-        return self.unit or detect_unit([word for word in words if _is_number(word)] or ["0"])
+        return self.unit or detect_unit([word for word in words if is_number(word)] or ["0"])
+
+    @property
+    def body(self) -> tuple[F64, F64]:
+        """Which axes of the body (3,) look forward, as headings are told, and up, of length 1."""
+        forward = np.array([1.0, 0, 0] if self._axis == "x" else [0, 0, 1.0])
+        up = np.mean([turned[2] for turned in self._turned] or [[0, 0, 1.0]], axis=0)
+        return forward, up / max(float(np.linalg.norm(up)), 1e-9)
 
     @cached_property
     def _axis(self) -> str:
+        return forward_axis(self._turned) if self._turned else "x"
+
+    @cached_property
+    def _turned(self) -> list[F64]:
+        """The body's rotations in the first rows."""
         turned = []
         for row in islice(self._rows(), LOOKED_AT):
             try:
                 turned.append(self._pose(row)[1])
             except LogError:
                 continue
-        return forward_axis(turned) if turned else "x"
+        return turned
 
     def _rows(self) -> Iterator[Row]:
         for number, row in enumerate(rows(self.file)):
-            if number >= self.layout.header and not row.text.startswith("#"):
+            if not row.text.startswith(COMMENTS) and (number or not names_columns(row.text)):
                 yield row
 
     def _words(self, row: Row) -> list[str]:
-        return [word.strip() for word in row.text.split(self.layout.separator)]
+        return words_of(row.text)
 
     def _time(self, row: Row) -> float:
         word, per_s = self._words(row)[0], PER_SECOND[self._unit]
@@ -134,8 +151,27 @@ def pose_file(
     return PoseFile(file, kind, layout or Layout(), unit, offset_s)
 
 
-def _is_number(word: str) -> bool:
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False
+def first_file(folder: Path, names: Sequence[str]) -> Path | None:
+    """Give the first of some files that a folder has."""
+    return next((folder / name for name in names if (folder / name).is_file()), None)
+
+
+def layout_of(names: Sequence[str]) -> Layout | None:
+    """Tell by the columns' names where position and quaternion stand; None where they are not there."""
+    lower = [name.partition("[")[0].strip().lower() for name in names]
+    position = [_ending(lower, axis) for axis in "xyz"]
+    after = (position[2] or 0) + 1
+    quaternion = [_ending(lower[after:], axis) for axis in "wxyz"]
+    if None in position or None in quaternion:
+        return None
+    x, y, z = (at for at in position if at is not None)
+    w, qx, qy, qz = (after + at for at in quaternion if at is not None)
+    return Layout((x, y, z), (w, qx, qy, qz))
+
+
+def _ending(columns: Sequence[str], axis: str) -> int | None:
+    """Find the first column of an axis: `x`, `tx`, `p_RS_R_x`, `q_x`."""
+    for at, name in enumerate(columns):
+        if name == axis or name.endswith((f"_{axis}", f".{axis}", f"q{axis}", f"p{axis}", f"t{axis}")):
+            return at
+    return None

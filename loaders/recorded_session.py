@@ -33,6 +33,15 @@ class Pairing:
     keep_going: bool = False  # skip and count what is broken
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Glance:
+    """A moment without its picture."""
+
+    motions: F64  # (M, 3) as of a `Frame`
+    truth: F64 | None  # (3,)
+    events: tuple[str, ...]
+
+
 @dataclass(slots=True, eq=False)
 class _Update:
     """An update before its picture is decoded."""
@@ -94,12 +103,12 @@ class RecordedSession(Finder):
             count += 1
         return count, updates.truths > 0
 
-    def truths_known(self, findings: Findings) -> Iterator[bool]:
-        """Tell of every picture that makes a moment whether its true pose is known; decodes none."""
+    def glances(self, findings: Findings) -> Iterator[Glance]:
+        """Give what is known of every moment without its picture; decodes none."""
         updates = _Updates(self, findings)
         for update in updates:
             updates.used(update)
-            yield update.truth is not None
+            yield Glance(as_rows(update.motions), update.truth, tuple(updates.events_taken()))
 
     def count_pictures(self) -> int:
         """Count all pictures, used or not, without decoding any."""
@@ -172,11 +181,21 @@ class _Updates:
                 self._spans["odometry"].add(record.t_s)
             yield record
 
+    @property
+    def _advice(self) -> str:
+        if self.truths:
+            return "--odometry-from-truth makes some from the truth, for trying things out"
+        return (
+            "name a table of odometry or of true poses with --table, or a bag's topic with --odometry-topic"
+        )
+
     def _tell(self) -> None:
         """Say at the end how pairing went. LogError where no picture found its odometry."""
         pictures, odometry = self._spans["pictures"], self._spans["odometry"]
         if pictures.count and self._session.odometry is None:
-            self._findings.warning("found no odometry: the filter only has the pictures to go by")
+            self._findings.warning(
+                f"found no odometry: the filter only has the pictures to go by; {self._advice}"
+            )
         if not self._unpaired:
             return
         within = f"within {self._session.pairing.max_dt_s:g} s"

@@ -56,7 +56,7 @@ def _truth_share(session: RecordedSession, pictures: int, findings: Findings) ->
         return None
     kept = RecordedSession(session.recording, session.pairing)
     try:
-        with_truth = sum(known for known in kept.truths_known(findings))
+        with_truth = sum(glance.truth is not None for glance in kept.glances(findings))
     except LogError as problem:  # clocks disagree: worth saying, and the rest is still told
         findings.problem(problem)
         return None

@@ -32,6 +32,11 @@ class _Ros1Bag:
         found = [Topic(c.topic, short_type(c.type), file.counts[key]) for key, c in parts]
         self.topics = sorted_topics(found)
 
+    @property
+    def cut(self) -> str:
+        """What is missing of a cut file."""
+        return self._file.cut
+
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording."""
         wanted = {key for key, connection in self._file.connections.items() if connection.topic in names}

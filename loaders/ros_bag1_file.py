@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import BinaryIO
 
+from .bag_file import BagCut, BagError, BagFile
 from .bag_merge import merged
 from .errors import LogError
 from .ros_bag1_records import (
@@ -22,8 +22,6 @@ from .ros_bag1_records import (
     MAGIC,
     MESSAGE,
     BagConnection,
-    BagCut,
-    BagError,
     ChunkInfo,
     Fields,
     inner_records,
@@ -36,71 +34,31 @@ from .ros_bag1_records import (
     unpack_chunk,
 )
 
-MEND = "`rosbag reindex` mends it, --keep-going reads it as far as it goes"
-Message = tuple[BagConnection, int, bytes]  # who published it, the time of recording in ns, its bytes
 Data = bytes | memoryview
-Held = tuple[BagConnection, int, Data]  # the same, not yet copied out of its chunk
+Held = tuple[BagConnection, int, Data]  # who published it, the time of recording in ns, bytes in a chunk
 Records = Iterator[tuple[Fields, Data]]
 
 
-class Ros1File:
-    """A ROS 1 bag; a context manager, and read lazily as often as one likes.
+class Ros1File(BagFile[BagConnection]):
+    """A ROS 1 bag. `BagFile` says how it is used."""
 
-    Raises LogError for what is no bag or damaged, and for one that was never closed; with `keep_going` such
-    a bag is read as far as it goes.
-    """
+    whole = "a whole bag"
+    mends = "`rosbag reindex`"
+    advice = "was it copied whole?"
 
     def __init__(self, path: Path, *, keep_going: bool = False) -> None:
-        self.path = path
+        super().__init__(path, keep_going=keep_going)
         self.connections: dict[int, BagConnection] = {}
         self.counts: Counter[int] = Counter()  # messages, by the connection's number
         self._chunks: list[ChunkInfo] = []
-        self._keep_going = keep_going
+        self._begin = 0
 
-    def __enter__(self) -> Ros1File:
-        """Open the file and read its index."""
-        try:
-            self._file: BinaryIO = self.path.open("rb")
-        except OSError as problem:
-            raise LogError(self.path, f"cannot be read: {problem.strerror}") from None
-        try:
-            self._open()
-        except (BagError, OSError, MemoryError) as problem:
-            self._file.close()
-            raise LogError(self.path, _broken(problem)) from None
-        except LogError:
-            self._file.close()
-            raise
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def messages(self, wanted: Collection[int]) -> Iterator[Message]:
-        """Give the messages of these connections, by the time of recording where the bag has an index.
-
-        LogError where the bag is damaged, or cut and not kept going.
-        """
-        going = self._indexed(wanted) if self._chunks else self._scanned(wanted)
-        while True:
-            try:
-                message = next(going, None)
-            except BagCut as problem:
-                if self._keep_going:
-                    return
-                raise LogError(self.path, _broken(problem)) from None
-            except (BagError, OSError, MemoryError) as problem:
-                raise LogError(self.path, _broken(problem)) from None
-            if message is None:
-                return
-            connection, log_ns, data = message
-            yield connection, log_ns, bytes(data)
+    def _held(self, wanted: Collection[int]) -> Iterator[Held]:
+        return self._indexed(wanted) if self._chunks else self._scanned(wanted)
 
     def _open(self) -> None:
         if self._file.read(len(MAGIC)) != MAGIC:
             raise LogError(self.path, "found no ROS 1 bag of version 2.0, expected one")
-        self._size = self._file.seek(0, 2)
         fields, _, self._begin = record_at(self._file, len(MAGIC), self._size)
         if kind(fields) != BAG_HEADER:
             raise BagError("found no bag header, expected one")
@@ -108,9 +66,10 @@ class Ros1File:
             raise LogError(self.path, "found an encrypted bag, expected one that was decrypted")
         try:
             self._read_index(number(fields, "index_pos", 8))
-        except BagCut:
+        except BagCut as problem:
             if not self._keep_going:
                 raise
+            self.cut = str(problem)
             self._chunks.clear()
             self._count()
 
@@ -173,8 +132,3 @@ class Ros1File:
         for fields, data in records:
             if kind(fields) == MESSAGE and (key := number(fields, "conn", 4)) in wanted:
                 yield self.connections[key], time_ns(fields, "time"), data
-
-
-def _broken(problem: Exception) -> str:
-    said = str(problem) or type(problem).__name__
-    return f"{said}; expected a whole bag; {MEND if isinstance(problem, BagCut) else 'was it copied whole?'}"

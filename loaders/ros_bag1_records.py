@@ -9,18 +9,12 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import BinaryIO
 
+from .bag_file import BagCut, BagError
+
 MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = range(2, 8)
 MOST_BYTES = 2**30  # of one record or one unpacked chunk; writers stay far below
 Fields = dict[str, bytes]
-
-
-class BagError(ValueError):
-    """What is wrong with the bytes of a bag."""
-
-
-class BagCut(BagError):
-    """The file ends in the middle of a record."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,37 +1,50 @@
-"""ROS 2 bags, a folder with metadata.yaml or one .db3, through `rosbags`."""
+"""ROS 2 bags, a folder with metadata.yaml or one file of messages, through `rosbags`."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .bag_source import BagSource, Message, Topic, short_type, sorted_topics
-from .ros_extra import bag_errors, each, require_ros
+from .errors import LogError
+from .mcap_bag import open_mcap
+from .mcap_records import MAGIC as MCAP_MAGIC
+from .ros_bag2_files import message_files, opened_as
+from .ros_extra import bag_errors, require_ros
+from .ros_sqlite import BrokenDatabase
 from .ros_types import decode_cdr
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 SQLITE_MAGIC = b"SQLite format 3\0"
-METADATA = "metadata.yaml"
+ADVICE = "--keep-going reads one file as far as it goes"
 
 
 @contextmanager
 def open_ros2(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
-    """Open a ROS 2 bag. LogError when it is damaged, which keeping going does not help."""
-    del keep_going
+    """Open a ROS 2 bag. LogError when it is damaged; with `keep_going` one file is read until it breaks."""
     require_ros(path)
-    with bag_errors(path):
-        reader = _reader(path)
-        reader.open()
+    with _opening(path, keep_going=keep_going) as bag:
+        yield bag
+
+
+def _opening(path: Path, *, keep_going: bool) -> AbstractContextManager[BagSource]:
+    opened = opened_as(path)
+    if starts_with(opened, MCAP_MAGIC):
+        return open_mcap(opened, keep_going=keep_going)
     try:
-        yield _Ros2Bag(path, reader)
-    finally:
-        with suppress(Exception):
-            reader.close()
+        return closing(_Ros2Bag(opened, keep_going=keep_going))
+    except LogError:
+        files = message_files(opened) if opened.is_dir() else [opened]
+        if not keep_going or len(files) != 1:
+            raise
+    if starts_with(files[0], MCAP_MAGIC):
+        return open_mcap(files[0], keep_going=True)
+    return closing(BrokenDatabase(files[0]))
 
 
 def starts_with(path: Path, magic: bytes) -> bool:
@@ -57,24 +70,42 @@ def _reader(path: Path) -> Any:
 
 
 class _Ros2Bag:
-    """An open bag."""
+    """A bag, opened by `rosbags`."""
 
-    def __init__(self, path: Path, reader: Any) -> None:
+    def __init__(self, path: Path, *, keep_going: bool) -> None:
         self._path = path
-        self._reader = reader
-        found = [Topic(c.topic, short_type(c.msgtype), c.msgcount) for c in reader.connections]
-        self.topics = sorted_topics(found)
+        self._keep_going = keep_going
+        self.cut = ""
+        with bag_errors(path, ADVICE):
+            self._reader = _reader(path)
+            self._reader.open()
+            found = [Topic(c.topic, short_type(c.msgtype), c.msgcount) for c in self._reader.connections]
+            self.topics = sorted_topics(found)
+
+    def close(self) -> None:
+        """Close it."""
+        with suppress(Exception):
+            self._reader.close()
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording."""
         wanted = [c for c in self._reader.connections if c.topic in names]
-        if not wanted:
-            return
-        with bag_errors(self._path):
-            going = self._reader.messages(connections=wanted)
-        for connection, log_ns, data in each(self._path, going):
-            decode = partial(self._decode, connection, bytes(data))
-            yield Message(connection.topic, short_type(connection.msgtype), log_ns, decode)
+        read = 0
+        try:
+            for connection, log_ns, data in self._raw(wanted):
+                read += 1
+                decode = partial(self._decode, connection, data)
+                yield Message(connection.topic, short_type(connection.msgtype), log_ns, decode)
+        except LogError:
+            if not self._keep_going:
+                raise
+            self.cut = f"breaks off after {read} messages"
+
+    def _raw(self, wanted: list[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        if wanted:  # with none, it would give all
+            with bag_errors(self._path, ADVICE):
+                for connection, log_ns, data in self._reader.messages(connections=wanted):
+                    yield connection, int(log_ns), bytes(memoryview(data))  # a damaged row may hold anything
 
     def _decode(self, connection: Connection, data: bytes) -> Any:
         definition, form = connection.msgdef.data, connection.msgdef.format.name.lower()

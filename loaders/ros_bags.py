@@ -11,7 +11,8 @@ from .mcap_bag import open_mcap
 from .mcap_records import MAGIC
 from .recording import Recording
 from .ros_bag1 import open_ros1
-from .ros_bag2 import METADATA, SQLITE_MAGIC, open_ros2, starts_with
+from .ros_bag2 import SQLITE_MAGIC, open_ros2, starts_with
+from .ros_bag2_files import PACKED, is_bag_folder
 
 ROS1_MAGIC = b"#ROSBAG V"  # of any version
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
@@ -32,8 +33,8 @@ def looks_like_rosbag1(path: Path) -> bool:
 def looks_like_rosbag2(path: Path) -> bool:
     """Tell whether a folder is a ROS 2 bag, or a file is its database."""
     if path.is_dir():
-        return (path / METADATA).is_file()
-    return path.suffix == ".db3" or starts_with(path, SQLITE_MAGIC)
+        return is_bag_folder(path)
+    return path.name.endswith((".db3", *PACKED)) or starts_with(path, SQLITE_MAGIC)
 
 
 def looks_like_mcap(path: Path) -> bool:

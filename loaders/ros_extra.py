@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from .errors import LogError
 
@@ -20,7 +19,7 @@ def require_ros(path: Path) -> None:
 
 
 @contextmanager
-def bag_errors(path: Path) -> Iterator[None]:
+def bag_errors(path: Path, advice: str = "was the recording ended properly?") -> Iterator[None]:
     """Turn whatever a reader stumbles over in a damaged file into a LogError.
 
     The readers raise anything, from their own errors to an assertion or a number that does not fit, so
@@ -33,15 +32,4 @@ def bag_errors(path: Path) -> Iterator[None]:
     except Exception as problem:
         said = " ".join(str(problem).split())[:200] or type(problem).__name__
         found = f"found a damaged or unreadable bag ({said}), expected a whole one"
-        raise LogError(path, f"{found}; was the recording ended properly?") from None
-
-
-def each(path: Path, messages: Iterable[tuple[Any, int, bytes]]) -> Iterator[tuple[Any, int, bytes]]:
-    """Go through a reader's messages; errors as in `bag_errors`."""
-    going = iter(messages)
-    while True:
-        with bag_errors(path):
-            message = next(going, None)
-        if message is None:
-            return
-        yield message
+        raise LogError(path, f"{found}; {advice}") from None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
+
+from .mcap_records import MOST_BYTES, ZSTD_MAGIC, unpack_zstd
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -15,7 +17,12 @@ NAV2 = {  # not among the standard types; bags of ROS 2 before Iron carry no def
 
 
 def decode_cdr(data: bytes, kind: str, definition: str = "", form: str = "msg") -> Any:
-    """Decode a ROS 2 message of type `nav_msgs/msg/Odometry`. `form` of the definition: msg or idl."""
+    """Decode a ROS 2 message of type `nav_msgs/msg/Odometry`. `form` of the definition: msg or idl.
+
+    A message may be packed, as those are of bags that were packed message by message.
+    """
+    if data.startswith(ZSTD_MAGIC):  # else the first byte is 0 (CDR)
+        data = unpack_zstd(data, MOST_BYTES)
     return _store(kind, definition, form, ros1=False).deserialize_cdr(data, kind)
 
 
@@ -30,7 +37,7 @@ def long_type(name: str) -> str:
     return name if "/" in rest or not rest else f"{package}/msg/{rest}"
 
 
-@cache
+@lru_cache(maxsize=100)  # a peer may announce new ones for ever
 def _store(kind: str, definition: str, form: str, *, ros1: bool) -> Typestore:
     """Make what decodes one type. Each type has its own, so that bags of mixed versions do no harm."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -22,28 +21,17 @@ from maurice_mcl.library import Library
 
 from .errors import LogError
 from .fields import FieldError, flag, items, mapping, numbers, show, text
-from .library_files import MANIFEST, hash_file
+from .formats import OpenOptions
+from .library_files import MANIFEST
+from .run_store_sources import Source, reading_from_json, reading_to_json, whole
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
-VERSION = 1
+VERSION = 2
+VERSIONS = (1, VERSION)  # that can be read; 1 has no `reading` and no `table`
 CONFIGURATION = "configuration.toml"
 MAP = "map.json"
 SHARED = ("world", "session", "compare")  # in a recording these stand for what runs share
 STATES = ("writing", "complete", "stopped", "failed")  # a killed process leaves "writing"
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """A file or folder that a run was made from, and what it held."""
-
-    path: str  # absolute, at the time
-    beside: str  # the same seen from the run's folder, for when both were moved together
-    sha256: str  # of the log, or of a library folder's manifest
-
-    def find(self, folder: Path) -> Path | None:
-        """Give where it is now; None when it is in neither place."""
-        places = (Path(self.path), folder / self.beside)
-        return next((place for place in places if place.exists()), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,18 +55,8 @@ class RunManifest:
     versions: Mapping[str, str]
     state: str = "writing"
     steps: int | None = None  # written when it ended; None while writing
-
-
-def source_of(path: Path, folder: Path) -> Source:
-    """Describe a log or a library folder as seen from a run's folder."""
-    whole = path.resolve()
-    beside = Path(os.path.relpath(whole, folder.resolve())).as_posix()
-    return Source(str(whole), beside, source_hash(whole))
-
-
-def source_hash(path: Path) -> str:
-    """Give the SHA-256 of a log, or of a library folder's manifest, which has those of all its parts."""
-    return hash_file(path / MANIFEST if path.is_dir() else path)
+    reading: OpenOptions = field(default_factory=OpenOptions)  # all but its `table` and `keep_going`
+    table: Source | None = None  # what --table named
 
 
 def library_hash(library: Library, channels: Sequence[str]) -> str:
@@ -107,7 +85,8 @@ def versions_now() -> dict[str, str]:
 
 def write_manifest(folder: Path, manifest: RunManifest) -> None:
     """Write it at once or not at all."""
-    put(folder / MANIFEST, to_bytes({"format": FORMAT, "version": VERSION, **asdict(manifest)}))
+    found = asdict(manifest) | {"reading": reading_to_json(manifest.reading)}
+    put(folder / MANIFEST, to_bytes({"format": FORMAT, "version": VERSION, **found}))
 
 
 def ended(manifest: RunManifest, state: str, steps: int) -> RunManifest:
@@ -149,8 +128,8 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
         raise LogError(file, f"is no manifest ({problem}); is it damaged?") from None
     if found.get("format") not in formats:
         raise LogError(file, f"found format {show(found.get('format'))}, expected {formats[0]!r}")
-    if found.get("version") != VERSION:
-        known = f"expected {VERSION}; replay the session again with --run"
+    if found.get("version") not in VERSIONS:
+        known = f"expected {VERSION} at most; replay the session again with --run"
         raise LogError(file, f"found version {show(found.get('version'))} of the format, {known}")
     return found
 
@@ -161,13 +140,13 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
         raise FieldError(f"found state {show(state)}, expected one of {', '.join(STATES)}")
     return RunManifest(
         label=_label(found.get("label")),
-        seed=_count(found.get("seed"), "seed"),
+        seed=whole(found.get("seed"), "seed"),
         start=None if start is None else tuple(numbers(start, 3, "start")),
         channels=tuple(text(name, "channels") for name in items(found.get("channels"), "channels")),
         origin_m=tuple(numbers(found.get("origin_m"), 2, "origin_m")),
         name=text(found.get("name"), "name"),
         display_units=_units(found.get("display_units")),
-        pictures=_count(found.get("pictures"), "pictures"),
+        pictures=whole(found.get("pictures"), "pictures"),
         has_truth=flag(found.get("has_truth"), "has_truth"),
         keep_going=flag(found.get("keep_going"), "keep_going"),
         session=_source(found.get("session"), "session"),
@@ -176,7 +155,9 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
         configuration_sha256=text(found.get("configuration_sha256"), "configuration_sha256"),
         versions={k: text(v, k) for k, v in mapping(found.get("versions"), "versions").items()},
         state=str(state),
-        steps=None if steps is None else _count(steps, "steps"),
+        steps=None if steps is None else whole(steps, "steps"),
+        reading=reading_from_json(found.get("reading", {})),
+        table=None if found.get("table") is None else _source(found["table"], "table"),
     )
 
 
@@ -196,9 +177,3 @@ def _units(value: Any) -> str:
     if value not in ("m", "in"):
         raise FieldError(f"found display_units {show(value)}, expected 'm' or 'in'")
     return str(value)
-
-
-def _count(value: Any, what: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
-        raise FieldError(f"found {what} {show(value)}, expected a whole number from 0")
-    return value

@@ -82,6 +82,26 @@ def rows(file: Path) -> Iterator[Row]:
         raise LogError(file, f"cannot be read: {problem.strerror}") from None
 
 
+def words_of(text: str, most: int = -1) -> list[str]:
+    """Split a row at commas, else semicolons, else blanks and tabs; after `most` cuts the rest is whole."""
+    separator = next((one for one in (",", ";") if one in text), None)
+    return [word.strip() for word in text.split(separator, most)]
+
+
+def names_columns(text: str) -> bool:
+    """Tell whether a row names columns: it begins with a word, not with a number."""
+    first = words_of(text)[0]
+    return first[:1].isalpha() and not is_number(first) and not any(one.isdigit() for one in first)
+
+
+def is_number(word: str) -> bool:
+    """Tell whether a word is a finite number."""
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
 def number_of(file: Path, row: Row, word: str, what: str, most: float = MOST) -> float:
     """Read a finite number of sensible size. LogError naming file and line otherwise."""
     try:

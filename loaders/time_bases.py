@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -52,6 +53,12 @@ def detect_unit(stamps: Sequence[str]) -> str:
     return fitting[0] if fitting else "ns"
 
 
+def unit_in(name: str) -> str | None:
+    """Give the unit that the name of a column holds, as in "timestamp [ns]"."""
+    unit = name.partition("[")[2].rstrip("] ")
+    return unit if unit in PER_SECOND else None
+
+
 def seconds(stamp: str, unit: str) -> float:
     """Give a stamp in seconds; whole numbers of nanoseconds keep all the digits that a float can hold."""
     per_s = PER_SECOND[unit]
@@ -59,6 +66,17 @@ def seconds(stamp: str, unit: str) -> float:
         return int(stamp) / per_s
     except ValueError:
         return float(stamp) / per_s
+
+
+def clock_s(text: str) -> float:
+    """Give Unix seconds of a date and time of day, UTC unless it says otherwise. ValueError for others."""
+    if ":" not in text:
+        raise ValueError(f"found {text!r:.60}, expected a date and a time of day")
+    whole, dot, rest = text.strip().partition(".")
+    digits = len(rest) - len(rest.lstrip("0123456789"))
+    moment = datetime.fromisoformat(whole + rest[digits:])
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return moment.timestamp() + (float(f"0.{rest[:digits]}") if dot and digits else 0.0)
 
 
 def apart(name: str, span: Span, other_name: str, other: Span) -> str:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from maurice_mcl.session import SessionInfo
 
+from .clock_offset import offset_between
 from .errors import LogError
 from .findings import Findings
 from .picture_lists import PictureList
 from .pose_files import PoseFile
 from .recording import Record
-from .time_bases import apart
+from .time_bases import Span, apart
 
 SLACK_S = 1.0  # spans that miss each other by less are of one clock
 
@@ -59,7 +60,18 @@ class TimedFolder:
             return True
         name = "pictures" if self.pictures is not None else "odometry"
         where = apart(name, main.span, "truth", truth.span)
-        offset = f"--truth-offset {main.span.first_s - truth.span.first_s + truth.offset_s:.6f}"
-        advice = f"the clocks disagree, so truth is left out; if both begin together, use {offset}"
+        advice = f"the clocks disagree, so truth is left out; {self._offset(truth, main.span)}"
         findings.warning(f"{truth.file}: {where}; {advice}")
         return False
+
+    def _offset(self, truth: PoseFile, main: Span) -> str:
+        """Say what would bring the truth's clock to the other: by the movement, else by the beginnings."""
+        odometry = self.odometry
+        if odometry is not None and (odometry.span.overlaps(main, SLACK_S)):
+            found = offset_between(*odometry.track(), *truth.track())
+            if found is not None:
+                alike = f"its movement is most like the odometry's (correlation {found.correlation:.2f}) with"
+                return f"{alike} --truth-offset {found.offset_s + truth.offset_s:.6f}"
+        together = f"--truth-offset {main.first_s - truth.span.first_s + truth.offset_s:.6f}"
+        no_help = "" if odometry is None else "movement does not tell how far; "
+        return f"{no_help}if both begin together, use {together}"

@@ -20,7 +20,8 @@ from .recording import Picture, Record
 from .text_rows import begin_of
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said in one line, by us
-ENDINGS = (".mp4", ".avi", ".mkv", ".webm", ".mov", ".mpg", ".mpeg", ".m4v")
+ENDINGS = (".mp4", ".avi", ".mkv", ".webm", ".mov", ".mpg", ".mpeg", ".m4v", ".mjpeg", ".mjpg")
+ROW_OF_JPEGS = (".mjpeg", ".mjpg")  # pictures one after the other: nothing in them says so, or when
 
 
 class Frames:
@@ -70,6 +71,8 @@ class VideoRecording:
 
     def records(self, findings: Findings) -> Iterator[Record]:
         """Give the frames in order."""
+        if self.path.suffix.lower() in ROW_OF_JPEGS:
+            findings.warning("found JPEG pictures one after the other, without times: 25 a second are taken")
         reading = Frames(self.path)
         for number, t_s in Frames(self.path).times(findings):
             yield Picture(t_s, _Frame(reading, number).read, f"{self.path.name}, frame {number}")
@@ -96,6 +99,8 @@ def looks_like_video(path: Path) -> bool:
     """Tell a video by the first bytes: MP4 and MOV, AVI, Matroska and WebM, MPEG."""
     begin = begin_of(path, 16)
     riff = begin[:4] == b"RIFF" and begin[8:12] == b"AVI "
+    if begin[:3] == b"\xff\xd8\xff":
+        return path.suffix.lower() in ROW_OF_JPEGS
     return begin[4:8] == b"ftyp" or riff or begin[:4] in (b"\x1aE\xdf\xa3", b"\x00\x00\x01\xba")
 
 

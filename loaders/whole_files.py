@@ -22,8 +22,10 @@ def write_whole(file: Path, data: bytes, *, force: bool = False) -> None:
 
 
 def expect_absent(file: Path, *, force: bool) -> None:
-    """Raise LogError where a file to be written exists and may not be overwritten, or is a folder."""
+    """Raise LogError where a file to be written exists and may not be overwritten, or is no regular file."""
     if file.is_dir() or not file.name:
         raise LogError(file, "found a folder, expected the name of a file to write")
+    if file.exists() and not file.is_file():  # a device would be replaced by a file
+        raise LogError(file, "found a device or pipe, expected the name of a file to write")
     if file.exists() and not force:
         raise LogError(file, "exists already; write elsewhere, or replace it with --force")

@@ -10,7 +10,7 @@ from maurice_mcl.pairing import APART_FOR, APART_M, PairedStep, Step
 
 from .layouts.plots import COLOR_WORDS
 from .look import Scale, Units
-from .narrate import errors
+from .narrate_parts import errors
 from .replaying import RunResult
 from .summary import say_difference
 

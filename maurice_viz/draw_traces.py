@@ -14,7 +14,7 @@ from .entities import RunPaths
 from .keys import line_key
 from .legible import legible
 from .look import BAR, RGB, RUN_COLORS, Scale
-from .narrate import errors
+from .narrate_parts import errors
 from .places import Places
 from .raster import png
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
+from maurice_mcl.arena import Arena
 from maurice_mcl.library import Library
 from maurice_mcl.typing import F64, U8
 
@@ -56,20 +57,20 @@ def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 
 def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth: bool) -> None:
     """Log the keys that stand above the map views, static."""
-    extent = map_extent(library.arena, scale)
     for path, strip in (
         (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
         (entities.MATCH_KEY, keys.circle_key()),
         (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
         (entities.EXPLAIN_KEY, keys.explain_key(has_truth)),
     ):
-        _log_image(
-            rec,
-            path,
-            strip,
-            extent,
-            min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX),
-        )
+        draw_key(rec, path, strip, library.arena, scale)
+
+
+def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:
+    """Log one key (H, W, 3) above the map, static."""
+    extent = map_extent(arena, scale)
+    width = min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX)
+    _log_image(rec, path, strip, extent, width)
 
 
 def distinct_places(poses: F64) -> F64:

@@ -103,3 +103,11 @@ def circle_key() -> U8:
     parts = [_strip(INSET_PX), _disk(CIRCLE, 20), _text("area: likelihood of a reference  ")]
     parts += [_disk(RANK, 13), _text("best five  "), _disk(TRUTH, 6), _text("particles")]
     return np.concatenate(parts, axis=1)
+
+
+def way_key(moves: bool, has_truth: bool) -> U8:
+    """Draw the key of a drive by itself: the true way, and the one by odometry alone."""
+    parts = [_strip(INSET_PX)]
+    parts += [_disk(TRUTH, 13), _text("truth  ")] if has_truth else []
+    parts += [_disk(ESTIMATE, 13), _text("odometry alone")] if moves else []
+    return np.concatenate(parts, axis=1)

@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 
 from . import sinks
 from .console import note
+from .open_viewers import remember, remember_recording
 from .viewer import address, ends_within, free_port, start_viewer, viewer_binary
 
 
@@ -26,16 +27,20 @@ def to_file_and_viewers(
     with sinks.to_file(path, name, blueprint, force=force, serve=port) as rec:
         note(f"live; to look at it, also from another shell: {viewer} --connect {address(port)}")
         if window:
-            _bring_up(port)
+            _bring_up(port, name, rec.get_recording_id() or "")
         yield rec
 
 
-def _bring_up(port: int) -> None:
-    """Start a viewer that follows; where none comes up that is said, and no more."""
+def _bring_up(port: int, name: str, recording: str) -> None:
+    """Start a viewer that follows, and that `jump` finds; where none comes up that is said, and no more."""
+    own = free_port()
     try:
-        process = start_viewer(free_port(), ["--connect", address(port)])
+        process = start_viewer(own, ["--connect", address(port)])
     except OSError as problem:
         note(f"{viewer_binary()}: does not start ({problem.strerror}); going on without")
         return
     if ends_within(process, sinks.SETTLE_S):
         note(f"{viewer_binary()}: opened no window on this display; going on without")
+        return
+    remember(process.pid, own)
+    remember_recording(own, name, recording)

@@ -4,47 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from maurice_mcl.belief import Belief
-from maurice_mcl.geometry import angle_between, circular_mean
-from maurice_mcl.records import Estimate, StepRecord
+from maurice_mcl.geometry import circular_mean
+from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
-from maurice_mcl.typing import F64, Bool
+from maurice_mcl.typing import Bool
 
+from . import narrate_recorded
 from .entities import SLOTS, Slot
 from .look import Scale
+from .narrate_parts import effective, estimated, motion, spread_m
 
-STILL_RAD = np.radians(0.05)  # a turn that would be written "0.0 deg" is not mentioned
-STILL_M = 5e-4
 NOT_COMPARED = "What the picture was compared with is not at hand."  # of some saved runs
 LEAST_TOLD = 0.01  # a group of fewer particles is not told of
 ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is no longer about any one heading
-
-
-def motion(motions: F64, scale: Scale) -> str:
-    """Say what the robot measured: "drove 18.0 in forward and turned 45 deg left (2 movements)"."""
-    forward, left, turn = motions.sum(axis=0) if len(motions) else np.zeros(3)
-    parts = []
-    if abs(forward) > STILL_M:
-        parts.append(f"drove {scale.say(abs(forward))} {'forward' if forward > 0 else 'backward'}")
-    if abs(left) > STILL_M:
-        parts.append(f"slid {scale.say(abs(left))} to the {'left' if left > 0 else 'right'}")
-    if abs(turn) > STILL_RAD:
-        parts.append(f"turned {np.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
-    count = f" ({len(motions)} movements)" if len(motions) > 1 else ""
-    return (" and ".join(parts) or "stood still") + count
-
-
-def spread_m(belief: Belief) -> float:
-    """Give the radial standard deviation of a whole cloud, by weight, in metres."""
-    weights = belief.weights
-    xy = belief.poses[:, :2].astype(np.float64)
-    return float(np.sqrt(weights @ ((xy - weights @ xy) ** 2).sum(axis=1)))
-
-
-def errors(estimate: Estimate, truth: F64) -> tuple[float, float]:
-    """Give the distance in metres and the unsigned angle in radians between estimate and truth."""
-    apart = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
-    return apart, angle_between(float(estimate.pose[2]), float(truth[2]))
 
 
 def predicted(record: StepRecord, scale: Scale) -> str:
@@ -116,13 +88,6 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def effective(record: StepRecord) -> str:
-    """Say how many particles really count."""
-    size = record.weighted.size
-    share = record.effective_sample_size / size
-    return f"Effective sample size {record.effective_sample_size:.0f} of {size} ({share:.0%})."
-
-
 def resampled(record: StepRecord) -> str:
     """Say who survived."""
     if record.parents is None:
@@ -146,16 +111,6 @@ def reseeded(record: StepRecord) -> str:
     return f"{drawn} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
 
 
-def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
-    """Say where the robot is thought to be, how surely, and how wrong that is."""
-    estimate = record.estimate
-    text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
-    if truth is None:
-        return f"{text} (truth not known)."
-    apart, angle = errors(estimate, truth)
-    return f"{text}; **error {scale.say(apart)}, {np.degrees(angle):.0f} deg**."
-
-
 def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
     """Say what one phase of an update did: a heading and a sentence or two."""
     says = {
@@ -166,11 +121,22 @@ def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
         Slot.RESEED: lambda: reseeded(record),
     }
     title = f"Phase {slot + 1} of {SLOTS}: {slot.name.lower()}"
-    return f"**{_when(moment)} · {title}**\n\n{says[slot]()}"
+    recorded = narrate_recorded.is_recorded(record)
+    said = narrate_recorded.phase(record, slot, scale) if recorded else says[slot]()
+    return f"**{_when(moment)} · {title}**\n\n{said}"
 
 
 def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Say what a whole step did, for the last phase and for timelines without phases."""
+    events = [*moment.events, *(event for event in record.events if event != "resampled")]
+    title = f"**{_when(moment)}**" + "".join(f" · {event}" for event in events)
+    if narrate_recorded.is_recorded(record):
+        return "\n\n".join([title, *narrate_recorded.summary(record, moment.truth, scale)])
+    return "\n\n".join([title, estimated(record, moment.truth, scale), _done(record, scale)])
+
+
+def _done(record: StepRecord, scale: Scale) -> str:
+    """Say how the robot moved, what matched, how many particles count, and what became of them."""
     seen = record.sighting.comparison
     first = int(seen.quality.argmax()) if len(seen.quality) else None
     match = (
@@ -179,13 +145,7 @@ def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     kept = "Resampled." if record.parents is not None else "Not resampled."
     if record.injected is not None:
         kept = f"{kept} {int(record.injected.sum())} particles drawn afresh."
-    events = [*moment.events, *(event for event in record.events if event != "resampled")]
-    lines = [
-        f"**{_when(moment)}**" + "".join(f" · {event}" for event in events),
-        estimated(record, moment.truth, scale),
-        f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}",
-    ]
-    return "\n\n".join(lines)
+    return f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
 
 
 def _when(moment: Moment) -> str:

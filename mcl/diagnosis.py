@@ -7,7 +7,7 @@ numbers can be what they are called, and `diagnosis_pictures` asks a library.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -82,6 +82,12 @@ class Drive:
             self.size_m,
             self.turn_gain,
         )
+
+
+def in_radians(drive: Drive) -> Drive:
+    """Give a drive whose odometry turns in degrees as one that turns in radians."""
+    odometry = drive.odometry
+    return replace(drive, odometry=replace(odometry, values=odometry.values * [1, 1, DEGREE]))
 
 
 def motions_of(odometry: Odometry, turn: float = 1.0) -> F64:

@@ -18,6 +18,7 @@ MAX_GAP_S = 1.0  # truth is interpolated across no more
 FEWEST = 8  # records that move
 MOST_OF_ONE = 10.0  # times the median way, that one record counts
 STEP_M = 0.05  # poses are compared over steps of so much
+ONE_WAY, OFF_RAD = 0.8, 0.44  # share of the way that goes one way, and how far off forward that is told
 ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the way that goes sideways: too much, and hardly any
 
 
@@ -115,9 +116,12 @@ def odometry_doubts(drive: Drive) -> list[Complaint]:
     elif turn > FASTEST_RAD_S:
         evidence = f"the robot would turn at {turn:.3g} rad/s; in degrees it is {turn * TURNS['degrees']:.2g}"
         complaints.append(words.turn_complaint("degrees", evidence, rad_s=turn))
-    elif aside > 1 - NOT_ASIDE:
-        evidence = f"{aside:.0%} of the way goes sideways; a robot that can do so on purpose is well"
-        complaints.append(words.direction_complaint(_side(odometry), evidence, aside=aside))
+    elif abs(np.sin(side := _direction(odometry))) > np.sin(OFF_RAD):
+        evidence = (
+            f"nearly all of the way goes {np.degrees(side):+.0f} deg off what is called forward, "
+            f"{aside:.0%} of it sideways; a robot that can do so on purpose is well"
+        )
+        complaints.append(words.direction_complaint(-side, evidence, aside=aside))
     if way > FASTEST_M_S and reading.frame != "absolute":
         complaints.append(_too_fast(way, drive.size_m))
     return complaints
@@ -127,7 +131,9 @@ def best_reading(odometry: Odometry) -> Reading:
     """Find the reading by which a robot that cannot go sideways does not; the usual one where that does."""
     if aside_share(odometry, Reading()) < ASIDE:
         return Reading()
+    small = odometry.poses and np.abs(odometry.values[:, 2]).max() <= np.pi  # headings of quaternions are
     tried = [one for one in readings(odometry) if one.frame or odometry.poses]
+    tried = [one for one in tried if not (small and "degrees" in one.turn)]
     best = min(tried, key=lambda one: aside_share(odometry, one))
     return best if aside_share(odometry, best) < NOT_ASIDE else Reading()
 
@@ -155,10 +161,12 @@ def _steps(poses: F64) -> F64:
     return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
 
 
-def _side(odometry: Odometry) -> float:
-    """Give the way round: which direction what is called left would have to be."""
-    left = float(motions_of(odometry)[:, 1].sum())
-    return -np.pi / 2 if left > 0 else np.pi / 2
+def _direction(odometry: Odometry) -> float:
+    """Give the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
+    motions = _steps(odometry.values) if odometry.poses else odometry.values
+    x, y = motions[:, 0].sum(), motions[:, 1].sum()
+    whole = np.hypot(motions[:, 0], motions[:, 1]).sum()
+    return float(np.arctan2(y, x)) if np.hypot(x, y) > ONE_WAY * whole else 0.0
 
 
 def _too_fast(way: float, size_m: float) -> Complaint:

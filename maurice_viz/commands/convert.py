@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,12 +12,13 @@ import numpy as np
 import typer
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.export_records import records_to_log, records_to_mcap
-from maurice_loaders.export_session import Converted, PictureKind, convert_to_log, convert_to_mcap
+from maurice_loaders.export_drive import convert_to_mcap
+from maurice_loaders.export_records import records_to_log
+from maurice_loaders.export_session import Converted, PictureKind, convert_to_log
 from maurice_loaders.findings import Findings
 from maurice_loaders.formats import OpenOptions, open_recording
+from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Picture, Recording
-from maurice_loaders.session_log import SessionLog
 
 from ..console import note, progress, results
 from .failing import one_line_errors
@@ -71,10 +72,13 @@ def convert(
     target = target if target.suffix else target / "session.log"
     wanted = Wanted(target, "jpeg" if pictures == "jpeg" else "png", t_offset, force)
     with one_line_errors():
+        opening = replace(opening, keep_going=keep_going)
         session = open_session(source, keep_going=keep_going, opening=opening)
+        if target.suffix == MCAP:
+            session = _recorded(session, opening)
         findings = Findings(keep_going)
         done = _count(_going(session, wanted, findings, opening), target)
-        _remark(session.path, findings if not done.pictures else session)
+        _remark(session.path, session if done.pictures or target.suffix == MCAP else findings)
     if json_output:
         results.print_json(json.dumps({"file": str(target)} | asdict(done)))
     else:
@@ -101,21 +105,26 @@ def _begin(recording: Recording) -> tuple[float, bool]:
     return first_s or 0.0, False
 
 
+def _recorded(session: AnySession, opening: OpenOptions) -> RecordedSession:
+    """Give the same session as one whose records can be had as well."""
+    if isinstance(session, RecordedSession):
+        return session
+    return RecordedSession(open_recording(session.path, opening), opening.pairing)
+
+
 def _going(
     session: AnySession, wanted: Wanted, findings: Findings, opening: OpenOptions
 ) -> Iterator[Converted]:
     """Convert as a replay sees it, or, where there are no pictures, record by record."""
-    if isinstance(session, SessionLog):
-        recording = open_recording(session.path, opening)
-    else:
-        recording = session.recording
-    begin_s, pictures = _begin(recording)
-    mcap, force = wanted.target.suffix == MCAP, wanted.force
+    target, kind, offset_s, force = wanted.target, wanted.pictures, wanted.t_offset_s, wanted.force
+    recorded = _recorded(session, opening)
+    if target.suffix == MCAP:
+        camera = opening.camera
+        return convert_to_mcap(recorded, target, camera=camera, kind=kind, t_offset_s=offset_s, force=force)
+    begin_s, pictures = _begin(recorded.recording)
     if not pictures:
-        to_records = records_to_mcap if mcap else records_to_log
-        return to_records(recording, wanted.target, findings, t_offset_s=wanted.t_offset_s, force=force)
-    to_session, offset_s = convert_to_mcap if mcap else convert_to_log, begin_s + wanted.t_offset_s
-    return to_session(session, wanted.target, kind=wanted.pictures, t_offset_s=offset_s, force=force)
+        return records_to_log(recorded.recording, target, findings, t_offset_s=offset_s, force=force)
+    return convert_to_log(session, target, kind=kind, t_offset_s=begin_s + offset_s, force=force)
 
 
 def _count(going: Iterator[Converted], target: Path) -> Converted:

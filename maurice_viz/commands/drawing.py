@@ -22,7 +22,8 @@ def layout_of(runs: Sequence[Drawn], scene: Scene, first: str | None = None) -> 
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
     drawn = [Run(run.label, tuple(run.channels), run.own_drive) for run in runs]
-    return for_runs(drawn, Shown(arena, scale, scene.has_truth, height), first)
+    shown = Shown(arena, scale, scene.has_truth, scene.has_pictures, height)
+    return for_runs(drawn, shown, first, live=scene.live)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,15 +14,18 @@ import typer
 
 from maurice_loaders.errors import LogError
 from maurice_loaders.export_evo import EvoSink, evo_sink
-from maurice_loaders.export_mcap import mcap_sink
 from maurice_loaders.export_paths import PathSink, kitti_line, path_files, path_sink, tum_line
+from maurice_loaders.export_run import mcap_sink
+from maurice_loaders.export_scene import Scene, scene_of
 from maurice_loaders.export_steps import PATHS, ExportStep, Sink, export_steps
 from maurice_loaders.export_tables import csv_sink, parquet_sink
 from maurice_loaders.run_store import SavedRun, open_runs
+from maurice_loaders.session_clock import begin_of
 
 from ..console import note, progress, results
 from ..restoring import Pictures
 from .failing import one_line_errors
+from .opening import AnySession
 from .options import ForceOption, JsonOption
 from .saved import session_of
 
@@ -87,7 +90,7 @@ def export(
     ] = False,
     t_offset: Annotated[
         float,
-        typer.Option(metavar="SECONDS", help="Add this to every time; 0 is the session's first record."),
+        typer.Option(metavar="SECONDS", help="Add this to every time; the clock is the session's."),
     ] = 0.0,
     run_label: Annotated[
         str | None, typer.Option("--run-label", metavar="LABEL", help="Which run of a comparison.")
@@ -100,6 +103,8 @@ def export(
     _check(targets, only, t_offset)
     with one_line_errors():
         run = chosen_run(folder, run_label)
+        if only == "truth" and not run.manifest.has_truth:
+            raise LogError(run.folder, "knows no truth, and --only truth asks for nothing else; leave it out")
         exported = _export(run, targets, Wanted(only, t_offset, scored, force))
     if json_output:
         results.print_json(json.dumps({"runs": [exported]}))
@@ -132,11 +137,13 @@ def chosen_run(folder: Path, label: str | None) -> SavedRun:
 def _export(run: SavedRun, targets: Targets, wanted: Wanted) -> dict[str, Any]:
     """Go through the run once and write every file; say what came of it."""
     manifest, steps, errors = run.manifest, 0, EvoSink(run.manifest.label)
-    pictures = _pictures(run) if targets.mcap else None
+    session, begin_s = _session(run, targets)
+    pictures = Pictures(session, note) if targets.mcap else None
     with ExitStack() as stack, progress("export") as advance:
         files = _files(targets, wanted.only)
-        sinks = _open(stack, run, targets, wanted)
-        for number, step in enumerate(export_steps(run, t_offset_s=wanted.t_offset_s), start=1):
+        sinks = _open(stack, run, targets, wanted, session)
+        going = export_steps(run, t_offset_s=begin_s + wanted.t_offset_s)
+        for number, step in enumerate(going, start=1):
             image = None if pictures is None else pictures.of(step.rows)
             if step.scored or not wanted.scored:
                 _add(step, image, [*sinks, errors])
@@ -159,7 +166,9 @@ def _add(step: ExportStep, image: Any, sinks: Sequence[Sink]) -> None:
         sink.add(step, image)
 
 
-def _open(stack: ExitStack, run: SavedRun, targets: Targets, wanted: Wanted) -> list[Sink]:
+def _open(
+    stack: ExitStack, run: SavedRun, targets: Targets, wanted: Wanted, session: AnySession | None
+) -> list[Sink]:
     """Open all files that were asked for; they appear together at the end."""
     channels, label, force = run.manifest.channels, run.manifest.label, wanted.force
     paths = _paths(wanted.only)
@@ -172,7 +181,7 @@ def _open(stack: ExitStack, run: SavedRun, targets: Targets, wanted: Wanted) -> 
         ),
         targets.csv: lambda file: csv_sink(file, channels, force=force),
         targets.parquet: lambda file: parquet_sink(file, channels, force=force),
-        targets.mcap: lambda file: mcap_sink(file, origin, force=force),
+        targets.mcap: lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
         targets.evo: lambda file: evo_sink(file, label, force=force),
     }
     return [stack.enter_context(make(file)) for file, make in opening.items() if file is not None]
@@ -190,13 +199,23 @@ def _files(targets: Targets, only: str | None) -> list[Path]:
     return [*several, *(file for file in others if file is not None)]
 
 
-def _pictures(run: SavedRun) -> Pictures | None:
-    """Give the session's pictures, or say that they are left out."""
+def _session(run: SavedRun, targets: Targets) -> tuple[AnySession | None, float]:
+    """Give the session and when it began on its own clock, or say what is missing without it."""
     try:
-        return Pictures(session_of(run), note)
+        session = session_of(run)
+        return session, begin_of(session)
     except LogError as problem:
-        note(f"{str(problem).split(';')[0]}: pictures are left out")
-        return None
+        missing = "pictures are left out and times" if targets.mcap else "times"
+        note(f"{str(problem).split(';')[0]}: {missing} count from its first record")
+        return None, 0.0
+
+
+def _scene(run: SavedRun, session: AnySession | None) -> Scene:
+    """Give what is told once; the map is the one that the run was made with."""
+    if session is None:
+        return Scene(None, run.arena(), None)
+    found = scene_of(session.info, run.manifest.reading.camera)
+    return replace(found, arena=run.arena())
 
 
 def _remark(run: SavedRun, sinks: Sequence[Sink], targets: Targets) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import typer
 
-from maurice_loaders.errors import LogError
 from maurice_loaders.formats import OpenOptions
 from maurice_loaders.gating import Gate
 from maurice_loaders.library_store import open_library
@@ -84,7 +83,7 @@ def _library(session: LiveSession) -> Library:
     path = session.info.survey
     if path is None or not path.exists():
         where = "no library" if path is None else f"no library or survey at {path}"
-        raise LogError(session.path, f"found {where}; say which with --library")
+        raise LiveError(session.source.name, f"found {where}; say which with --library")
     with progress("library") as advance:
         return open_library(path, keep_going=False, progress=advance, warn=note)
 

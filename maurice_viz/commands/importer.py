@@ -144,16 +144,22 @@ def _play(playing: Playing, recording_id: str | None) -> None:
 
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     """Draw a log that no library goes with."""
-    from ..bare_session import blueprint, draw_session, moments_of
     from ..console import note
+    from ..draw_drive import Drive, draw_drive
+    from ..drive_ways import ways_of
+    from ..layouts.drive import blueprint
+    from ..log_moments import glances_of, moments_of
     from ..sinks import recording
 
+    advice = "This is a survey: a library is built from it."
     if log.kind == "session":
         missing = log.info.survey or 'no "survey" in its header'
-        note(f"{log.path}: its library is not there ({missing}), so that only the drive itself is shown")
+        advice = f"Its library is not there ({missing}), so that only the drive itself is shown."
+        note(f"{log.path}: {advice[0].lower()}{advice[1:]}")
+    drive = Drive(log.info, ways_of(glances_of(log), log.info), log.count_pictures() > 0, advice)
     rec = recording(log.info.name, recording_id)
-    rec.stdout(default_blueprint=blueprint())
-    draw_session(rec, log.info, moments_of(log))
+    rec.stdout(default_blueprint=blueprint(drive))
+    draw_drive(rec, drive, moments_of(log))
     _finish(rec)
 
 

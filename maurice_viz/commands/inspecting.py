@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from maurice_loaders.formats import NATIVE, OpenOptions, chosen
+from maurice_loaders.formats import NATIVE, OpenOptions, chosen, open_recording
 from maurice_loaders.inspection import Inspection, inspect_session
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording_inspection import inspect_recording
@@ -37,9 +37,10 @@ def inspect(session: SessionArgument, *, json_output: JsonOption = False, openin
 def _inspected(path: Path, opening: OpenOptions) -> tuple[str, Inspection]:
     """Look a file over by its format, and name that."""
     one = chosen(path, opening)
-    if one.name == NATIVE:
+    if one.name == NATIVE and not opening.odometry_from_truth:
         return one.name, inspect_session(path)
-    return one.name, inspect_recording(RecordedSession(one.open(path, opening), opening.pairing))
+    recording = open_recording(path, replace(opening, format=one.name))
+    return one.name, inspect_recording(RecordedSession(recording, opening.pairing))
 
 
 def _table(found: Inspection, format_name: str) -> Table:

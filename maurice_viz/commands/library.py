@@ -89,9 +89,11 @@ def build(
         save_library(built, output, force=force)
         reach_m = (spaced or EVERY).distance_m
         covered = [] if isinstance(source, SessionLog) else coverage_lines(built, reach_m)
-    results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}", markup=False)
+    results.print(
+        f"{output}: {built.size} entries, channels {', '.join(built.index)}", markup=False, soft_wrap=True
+    )
     for line in covered:
-        results.print(line, markup=False)
+        results.print(line, markup=False, soft_wrap=True)
 
 
 def _every(text: str | None) -> Every | None:

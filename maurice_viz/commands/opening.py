@@ -13,9 +13,11 @@ import numpy as np
 
 from maurice_loaders.config_file import configuration_of, to_toml
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import NATIVE, OpenOptions, chosen
+from maurice_loaders.first_truth import first_truth
+from maurice_loaders.formats import NATIVE, OpenOptions, chosen, open_recording
 from maurice_loaders.formats import open_session as open_any
 from maurice_loaders.library_store import open_library
+from maurice_loaders.made_odometry import MadeOdometry
 from maurice_loaders.motion_toml import read_motion
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.session_log import SessionLog
@@ -30,7 +32,8 @@ from maurice_mcl.typing import F64
 from ..console import note, progress
 from ..entities import RESERVED
 from ..replaying import Run
-from .options import RunOptions, start_pose
+from .options import RunOptions
+from .starting import start_pose
 
 COMMANDS = (
     "calibrate",
@@ -57,6 +60,10 @@ COMMANDS = (
 )
 
 
+NONE_YET = (
+    "If you have none, make one from a drive with true poses: "
+    "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
+)
 AnySession = SessionLog | RecordedSession
 
 
@@ -80,26 +87,22 @@ def open_session(path: Path, *, keep_going: bool, opening: OpenOptions | None = 
     session = open_any(path, replace(options, format=one.name))
     if one.name != NATIVE:
         note(f"{path}: read as {one.name}, {one.what}")
+    if isinstance(session, RecordedSession) and isinstance(session.recording, MadeOdometry):
+        note(session.recording.said)
     if session.kind != "session":
         advice = "build a library from it, or replay the session that belongs to it"
         raise LogError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
     return session
 
 
-def check_can_be_saved(session: AnySession, opening: OpenOptions | None) -> None:
-    """Refuse `--run` for what a saved run could not find again. LogError says what to do."""
-    if isinstance(session, RecordedSession) or (opening is not None and opening.camera is not None):
-        found = "only runs of session logs, with every picture of the first camera, are saved"
-        raise LogError(session.path, f"{found}; write one first: maurice-replay convert {session.path} DIR")
-
-
 def open_library_for(session: AnySession, library: Path | None, *, keep_going: bool) -> Library:
     """Open the library that was asked for, or the one that the session's header names."""
     path = library or session.info.survey
     if path is None:
-        if isinstance(session, RecordedSession):
-            raise LogError(session.path, "a recording names no library; say which with --library")
-        raise LogError(session.path, 'found no "survey" in the header; say which with --library', 1)
+        where = "" if isinstance(session, RecordedSession) else ' (no "survey" in the header)'
+        raise LogError(
+            session.path, f"found no library that goes with it{where}; say which with --library. {NONE_YET}"
+        )
     if not path.exists():
         raise LogError(path, "found no such library or survey; say which with --library")
     with progress("library") as advance:
@@ -144,7 +147,7 @@ def make_runs(session: Drive, library: Library, wanted: Sequence[Wanted], option
     if not reference.grid.free.any():
         found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
         raise LogError(session.path, f"{found}; mend the map in the survey's header")
-    start = start_pose(options.start, session.info, session.path)
+    start = start_pose(options.start, session.info, session.path, lambda: _first_truth(session))
     if start is not None:
         _check_start(session, library, reference, start)
     seeds = [options.seed if one.seed is None else one.seed for one in wanted]
@@ -160,6 +163,13 @@ def make_runs(session: Drive, library: Library, wanted: Sequence[Wanted], option
     labels = unique_labels([one.label(options.config) for one in wanted])
     parts = zip(labels, localizers, configurations, strict=True)
     return [Run(label, made, start, to_toml(one)) for label, made, one in parts]
+
+
+def _first_truth(session: Drive) -> F64 | None:
+    """Give the pose (3,) at which a recorded drive really began; a live one has yet to tell."""
+    if isinstance(session, RecordedSession):
+        return first_truth(session.recording)
+    return first_truth(open_recording(session.path)) if isinstance(session, SessionLog) else None
 
 
 def _check_start(session: Drive, library: Library, reference: NearestReference, start: F64) -> None:

@@ -6,19 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
-from maurice_loaders.errors import LogError
 from maurice_mcl.channels import CHANNELS
 from maurice_mcl.features import FEATURES
 from maurice_mcl.presets import PRESETS
 from maurice_mcl.resampling import RESAMPLERS
-from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import F64
 
 from ..layouts.names import DETAILS, LAYOUT_NAMES
-from ..look import Units, units_named
 
 
 def _one_of(known: list[str], what: str, value: str) -> str:
@@ -143,8 +138,9 @@ StartOption = Annotated[
     str | None,
     typer.Option(
         "--start",
-        help="tracking (the header's start pose), global (anywhere), or X,Y,HEADING in the session's display "
-        "units and degrees. [default: tracking where the header has a start pose, else global]",
+        help="tracking (the header's start pose), truth (the first true pose), global (anywhere), or "
+        "X,Y,HEADING in the session's display units and degrees. [default: tracking where the header has a "
+        "start pose, else global]",
     ),
 ]
 ResamplerOption = Annotated[
@@ -266,32 +262,3 @@ class OutputOptions:
     def __post_init__(self) -> None:
         if self.no_recording and self.save is not None:
             raise typer.BadParameter("--save and --no-recording exclude each other")
-
-
-def start_pose(text: str | None, info: SessionInfo, log: Path) -> F64 | None:
-    """Read `--start`: a pose (3,) in the map's frame, or None for anywhere.
-
-    LogError when tracking is asked for and the header has no start pose; a usage error for other words.
-    """
-    if text is None:
-        return info.start
-    if text == "global":
-        return None
-    if text == "tracking":
-        if info.start is None:
-            raise LogError(log, 'found no "start" pose in the header; give --start X,Y,HEADING or global', 1)
-        return info.start
-    return _typed_pose(text, units_named(info.display_units))
-
-
-def _typed_pose(text: str, units: Units) -> F64:
-    try:
-        x, y, heading_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = heading_deg = np.nan
-    pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
-    if not (np.abs(pose) <= FARTHEST_M).all():
-        raise typer.BadParameter(
-            f"--start is tracking, global or X,Y,HEADING in {units.name} and degrees, found {text!r}"
-        )
-    return pose

@@ -74,6 +74,10 @@ OPTIONS = (
     _option(float, "--max-dt", "Most seconds between a picture and its odometry.", MAX_DT_S, min=0.0),
     _option(float, "--min-distance", "Metres to go before a picture is used.", 0.0, min=0.0),
     _option(float, "--min-angle", "Degrees to turn before a picture is used.", 0.0, min=0.0),
+    _option(
+        bool, "--odometry-from-truth", "Where there is none: make odometry from the truth, with noise.", False
+    ),
+    _option(int, "--odometry-seed", "Of that noise.", 0, min=0, max=2**32 - 1),
 )
 
 
@@ -93,6 +97,8 @@ def open_options(given: Mapping[str, Any], *, keep_going: bool = False) -> OpenO
         max_dt_s=given["max_dt"],
         min_distance_m=given["min_distance"],
         min_angle_rad=float(np.deg2rad(given["min_angle"])),
+        odometry_from_truth=given["odometry_from_truth"],
+        odometry_seed=given["odometry_seed"],
         keep_going=keep_going,
     )
 

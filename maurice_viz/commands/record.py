@@ -94,7 +94,7 @@ def _tell(session: LiveSession, json_output: bool) -> None:
     if json_output:
         found = {"records": counts.records, "pictures": counts.pictures, "broken": counts.broken}
         results.print_json(json.dumps({"session": str(session.path), **found, "gaps": counts.gaps}))
-    else:
+    elif session.info_if_any is not None:
         results.print(
             f"{session.path}: {counts.records} records, {counts.pictures} of them pictures", markup=False
         )

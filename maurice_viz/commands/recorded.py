@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import typer
+
 from maurice_loaders.bag_localizer import RecordedLocalizer
 from maurice_loaders.errors import LogError
 from maurice_loaders.findings import Findings
@@ -12,16 +14,18 @@ from maurice_loaders.ros_bags import BAGS
 
 from ..as_recorded import AFTER_RESAMPLING, AsRecorded, map_of
 from ..console import note
+from ..layouts.names import RECORDED_LAYOUT_NAMES
 from .failing import one_line_errors
 from .options import OutputOptions
 from .running import Playing, play
 from .showing import Drawn, Scene
 
-NO_CHANNELS = ("color",)  # layouts want one; its panels stay empty
-
 
 def replay_as_recorded(path: Path, options: OpenOptions, output: OutputOptions) -> None:
     """Show the clouds of a bag; what is wrong with it ends in one line and status 1."""
+    if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
+        names = " and ".join(RECORDED_LAYOUT_NAMES)
+        raise typer.BadParameter(f"--as-recorded has the layouts {names}, found {output.layout!r}")
     with one_line_errors():
         play(playing_of(open_as_recorded(path, options)), output)
 
@@ -39,9 +43,11 @@ def open_as_recorded(path: Path, options: OpenOptions) -> AsRecorded:
 def playing_of(recorded: AsRecorded) -> Playing:
     """Get the updates ready to be gone through."""
     seen = recorded.overview
-    drawn = Drawn(recorded.label, NO_CHANNELS, None, seen.most_particles)
+    drawn = Drawn(recorded.label, (), None, seen.most_particles)
     library = map_of(recorded.localizer, seen)
-    scene = Scene(recorded.localizer.info, library, seen.has_truth, seen.updates)
+    scene = Scene(
+        recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
+    )
     return Playing(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded))
 
 

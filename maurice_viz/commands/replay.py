@@ -82,9 +82,13 @@ def replay(
             raise typer.BadParameter(
                 "--as-recorded runs no filter: only options of reading and of the output apply"
             )
+        if live.wanted_for(session):
+            raise typer.BadParameter("--as-recorded reads a bag that is finished, not a live source")
         replay_as_recorded(session, opening, output)
         return
     if live.wanted_for(session):
+        if opening.odometry_from_truth:
+            raise typer.BadParameter("--odometry-from-truth needs a recording, not a live source")
         from .following import follow_source
 
         follow_source(session, library, Wanted(preset, feature), options, output, live, opening)
@@ -97,6 +101,14 @@ def replay(
             )
         replay_saved(session, output)
         return
+    figures = options != RunOptions() or preset or feature or run or no_recording or json_output or layout
     replay_runs(
-        session, library, [Wanted(preset, feature)], options, output, keep_going=keep_going, opening=opening
+        session,
+        library,
+        [Wanted(preset, feature)],
+        options,
+        output,
+        keep_going=keep_going,
+        opening=opening,
+        shown_alone=not figures,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ from ..look import scale_for, units_named
 from ..replaying import ResultCollector, run_together, shared
 from ..summary import to_json, to_table
 from .failing import INTERRUPTED, TERMINATED, one_line_errors
-from .opening import AnySession, Wanted, check_can_be_saved, make_runs, open_library_for, open_session
+from .opening import AnySession, Wanted, make_runs, open_library_for, open_session
 from .options import OutputOptions, RunOptions
 from .saving import Inputs, saving
 from .showing import Drawn, Scene, recording
@@ -61,18 +61,26 @@ def replay_runs(
     *,
     keep_going: bool,
     opening: OpenOptions | None = None,
+    shown_alone: bool = False,
 ) -> None:
-    """Replay a session once for each run wanted; what is wrong with a file ends in one line and status 1."""
+    """Replay a session once for each run wanted; what is wrong with a file ends in one line and status 1.
+
+    A session without a library is an error, or where nothing of the filter was asked for is `shown_alone`.
+    """
     with one_line_errors():
         if output.run is not None:
             check_run_target(output.run, force=output.force)
         session = open_session(path, keep_going=keep_going, opening=opening)
-        if output.run is not None:
-            check_can_be_saved(session, opening)
+        if shown_alone and library is None and session.info.survey is None:
+            from .drive_alone import replay_alone
+
+            replay_alone(path, replace(opening or OpenOptions(), keep_going=keep_going), output)
+            return
         references = open_library_for(session, library, keep_going=keep_going)
         runs = make_runs(session, references, wanted, options)
         pictures, has_truth = session.overview()
-        inputs = Inputs(session, library or session.info.survey or path, pictures, has_truth, keep_going)
+        survey, how = library or session.info.survey or path, opening or OpenOptions()
+        inputs = Inputs(session, survey, pictures, has_truth, keep_going, how)
         playing = Playing(
             shared(run_together(runs, session)),
             pictures,
@@ -165,7 +173,8 @@ def report(collector: ResultCollector, playing: Playing, output: OutputOptions) 
     playing.remarks(collector)
     done, info = collector.results(), playing.scene.info
     if output.json:
-        results.print_json(json.dumps(to_json(done)))
+        told = {"notes": list(info.notes)} if info.notes else {}
+        results.print_json(json.dumps(to_json(done) | told))
     else:
         results.print(to_table(done, units_named(info.display_units), info.name))
 

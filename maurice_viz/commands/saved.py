@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from maurice_loaders.errors import LogError
+from maurice_loaders.formats import open_session
 from maurice_loaders.library_store import open_library
+from maurice_loaders.made_odometry import NAMED
 from maurice_loaders.run_store import SavedRun, open_runs
-from maurice_loaders.run_store_manifest import Source, library_hash, source_hash
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.run_store_manifest import library_hash
+from maurice_loaders.run_store_sources import Source, source_hash
 from maurice_mcl.assembly import make_localizer
 from maurice_mcl.library import Library
 from maurice_mcl.localizer import Localizer
@@ -26,6 +28,7 @@ from ..replaying import ResultCollector, shared
 from ..restoring import Pictures, Restored, restored_together
 from ..run_events import find_notes
 from .failing import one_line_errors
+from .opening import AnySession
 from .options import OutputOptions
 from .running import Playing, play, remark_zeros
 from .showing import Drawn, Scene
@@ -41,10 +44,12 @@ def unchanged(source: Source, folder: Path, what: str) -> Path:
     return path
 
 
-def session_of(run: SavedRun) -> SessionLog:
-    """Open the session of a run. LogError when it is gone or was changed."""
+def session_of(run: SavedRun) -> AnySession:
+    """Open the session of a run as it was read then. LogError when it is gone or was changed."""
     path = unchanged(run.manifest.session, run.folder, "session")
-    return SessionLog(path, keep_going=run.manifest.keep_going)
+    table = run.manifest.table
+    found = None if table is None else unchanged(table, run.folder, "table")
+    return open_session(path, replace(run.manifest.reading, table=found, keep_going=run.manifest.keep_going))
 
 
 def library_of(run: SavedRun) -> Library:
@@ -59,7 +64,7 @@ def library_of(run: SavedRun) -> Library:
     return library
 
 
-def localizer_of(run: SavedRun, session: SessionLog, library: Library) -> Localizer:
+def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Localizer:
     """Put the filter of a run together again. LogError when its parameters are refused today."""
     parameters = run.configuration.parameters
     try:
@@ -77,7 +82,7 @@ class Opened:
 
     runs: list[SavedRun]
     restored: list[Restored]
-    session: SessionLog | None
+    session: AnySession | None
     scene: Scene  # its library has no entries where pictures or comparisons cannot be made again
 
     def updates(self) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
@@ -93,7 +98,9 @@ def open_saved(folder: Path) -> Opened:
     first = runs[0].manifest
     whole = found.session is not None and found.library is not None
     library = found.library if whole and found.library is not None else _map_alone(runs[0])
-    info = found.session.info if found.session else SessionInfo(first.name, first.display_units)
+    notes_then = (NAMED,) if first.reading.odometry_from_truth else ()
+    gone = SessionInfo(first.name, first.display_units, notes=notes_then)
+    info = found.session.info if found.session else gone
     notes = find_notes(folder, runs)
     for problem in notes.problems:
         note(problem)
@@ -122,7 +129,7 @@ def playing_of(opened: Opened) -> Playing:
 class _Found:
     """What is still there of what a run was made from."""
 
-    session: SessionLog | None
+    session: AnySession | None
     library: Library | None
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from maurice_loaders.run_store_manifest import RunManifest, library_hash, source_of, versions_now
+from maurice_loaders.formats import OpenOptions, chosen
+from maurice_loaders.run_store_manifest import RunManifest, library_hash, versions_now
+from maurice_loaders.run_store_sources import source_of
 from maurice_loaders.run_store_write import RunWriter, begin_comparison
 
 from ..errors import SinkError
@@ -26,6 +28,7 @@ class Inputs:
     pictures: int
     has_truth: bool
     keep_going: bool
+    opening: OpenOptions  # how the session was read
 
 
 @contextmanager
@@ -71,7 +74,7 @@ def _writers(runs: Sequence[Run], inputs: Inputs, target: Path, force: bool) -> 
 
 def manifest_of(run: Run, inputs: Inputs, folder: Path) -> RunManifest:
     """Say what a run is made from, as its manifest does before the first step."""
-    localizer, info = run.localizer, inputs.session.info
+    localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
     channels = tuple(localizer.sensor.distances)
     return RunManifest(
         label=run.label,
@@ -89,6 +92,8 @@ def manifest_of(run: Run, inputs: Inputs, folder: Path) -> RunManifest:
         library_content=library_hash(localizer.library, channels),
         configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
         versions=versions_now(),
+        reading=replace(opening, format=chosen(inputs.session.path, opening).name),
+        table=None if opening.table is None else source_of(opening.table, folder),
     )
 
 

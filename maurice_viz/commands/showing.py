@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,10 +26,8 @@ if TYPE_CHECKING:
 
     from ..observe import Observer
 
-KEYS = (
-    "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data; "
-    "choose the timeline `phase` to walk through one update."
-)
+NEXT_KEYS = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
+KEYS = f"{NEXT_KEYS}; choose the timeline `phase` to walk through one update."
 
 LARGE = 50_000_000  # bytes of a recording that one is told about beforehand
 
@@ -42,6 +40,7 @@ class Scene:
     library: Library
     has_truth: bool
     updates: int = 0  # how many there will be; 0 when that is not known
+    has_pictures: bool = True
     live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
 
 
@@ -50,7 +49,7 @@ class Drawn:
     """One run as it is drawn."""
 
     label: str
-    channels: Sequence[str]  # one histogram panel each
+    channels: Sequence[str]  # one histogram panel each; none: another localizer's, as recorded
     sensor: SensorModel | None  # None: comparisons are not at hand, and their panels stay empty
     particles: int = 0
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
@@ -80,30 +79,52 @@ def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Ite
 
 @contextmanager
 def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
-    from .. import sinks
     from .drawing import layout_of
 
     info, layout = scene.info, layout_of(runs, scene, output.layout)
-    path = output.save or Path(f"{output.stem}.rrd")
     if scene.live:
+        path = _path(output)
         with _live(path, info.name, layout, output) as rec:
             yield rec
         _say_written(path)
         return
+    with opened(output, info.name, layout, lambda path: _say_size(runs, scene, output, path)) as rec:
+        yield rec
+
+
+@contextmanager
+def opened(
+    output: OutputOptions,
+    name: str,
+    layout: rrb.Blueprint,
+    beforehand: Callable[[Path], None] = lambda path: None,
+    keys: str = KEYS,
+) -> Iterator[rr.RecordingStream]:
+    """Open a viewer where there is a display, else a file, of which something is said `beforehand`.
+
+    At the end which `keys` to press in the viewer.
+    """
+    from .. import sinks
+
     if output.save is None and not output.headless and sinks.has_display():
         try:
             port = sinks.bring_up_viewer()
         except SinkError as problem:
             note(f"{problem}; writing a file instead")
         else:
-            with sinks.to_viewer(port, info.name, layout) as rec:
+            with sinks.to_viewer(port, name, layout) as rec:
                 yield rec
-            note(KEYS)
+            note(keys)
             return
-    _say_size(runs, scene, output, path)
-    with sinks.to_file(path, info.name, layout, force=output.force) as rec:
+    path = _path(output)
+    beforehand(path)
+    with sinks.to_file(path, name, layout, force=output.force) as rec:
         yield rec
-    _say_written(path)
+    _say_written(path, keys)
+
+
+def _path(output: OutputOptions) -> Path:
+    return output.save or Path(f"{output.stem}.rrd")
 
 
 def _live(
@@ -117,9 +138,9 @@ def _live(
     )
 
 
-def _say_written(path: Path) -> None:
+def _say_written(path: Path, keys: str = KEYS) -> None:
     note(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
-    note(KEYS)
+    note(keys)
 
 
 def _say_size(runs: Sequence[Drawn], scene: Scene, output: OutputOptions, path: Path) -> None:

@@ -123,7 +123,8 @@ def _labelled(folder: Path, label: str) -> Opened:
 
 
 def _drive(opened: Opened) -> str:
-    return opened.runs[0].manifest.session.sha256
+    manifest = opened.runs[0].manifest
+    return f"{manifest.session.sha256} {manifest.reading}"
 
 
 def _scene(opened: Sequence[Opened]) -> Scene:

@@ -1,4 +1,5 @@
 """Names of layouts and details, apart from what they mean: the command line lists them without Rerun."""
 
 LAYOUT_NAMES = ("overview", "inside-a-step", "explain", "compare", "traces")
+RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
 DETAILS = ("full", "events", "light")

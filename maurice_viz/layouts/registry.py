@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from .. import entities
 from ..legible import legible_names
-from . import compare, explain, inside_a_step, overview, traces
+from . import compare, explain, inside_a_step, overview, recorded, traces
 from .shown import Run, Shown
 
 Layout = Callable[[Sequence[Run], Shown], rrb.Container]
@@ -40,6 +40,7 @@ LAYOUTS: Mapping[str, Layout] = {
     "compare": compare.layout,
     "traces": traces.layout,
 }
+RECORDED: Mapping[str, Layout] = {"overview": recorded.overview, "traces": recorded.traces}
 
 
 def usual(runs: Sequence[Run]) -> str:
@@ -54,9 +55,10 @@ def for_runs(
 
     `live` lets the viewer go along with what comes.
     """
-    names = [name for name in LAYOUTS if name != "compare" or len(runs) > 1]
+    layouts = LAYOUTS if any(run.channels for run in runs) else RECORDED
+    names = [name for name in layouts if name != "compare" or len(runs) > 1]
     chosen = first or usual(runs)
-    tabs = [_named(LAYOUTS[name](runs, shown), name) for name in names]
+    tabs = [_named(layouts[name](runs, shown), name) for name in names]
     for tab in tabs:
         legible_names(tab)
     return rrb.Blueprint(

@@ -17,6 +17,7 @@ class Shown:
     arena: Arena
     scale: Scale
     has_truth: bool
+    has_pictures: bool = True  # whether the robot has a camera at all
     picture_height: int = CELL_PX * 3 // 4  # of a reference on the contact sheet, in pixels
 
 
@@ -25,5 +26,5 @@ class Run:
     """One run: its label, and the channels whose histograms there are."""
 
     label: str
-    channels: tuple[str, ...]
+    channels: tuple[str, ...]  # none: another localizer's, as recorded
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.run_store import SavedRun
-from maurice_loaders.run_store_manifest import CONFIGURATION, Source, versions_now
+from maurice_loaders.run_store_manifest import CONFIGURATION, versions_now
+from maurice_loaders.run_store_sources import Source
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 

@@ -15,7 +15,7 @@ from maurice_mcl.typing import F64
 
 from ..console import Advance
 from ..look import Scale
-from ..narrate import errors
+from ..narrate_parts import errors
 from ..replaying import ResultCollector, RunResult
 from ..restoring import Restored
 

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -38,9 +38,9 @@ class Said:
 class Ros:
     """Makes messages of one ROS."""
 
-    def __init__(self, version: int) -> None:
+    def __init__(self, version: int, distro: str = "ROS2_HUMBLE") -> None:
         self.version = version
-        self.store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+        self.store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores[distro])
         for name, text in NAV2.items():
             if name not in self.store.types:
                 self.store.register(get_types_from_msg(text, name))
@@ -83,10 +83,13 @@ class Ros:
         inner = self.new("geometry_msgs/PoseWithCovariance", pose=self.pose(*pose), covariance=covariance)
         return self.new("geometry_msgs/PoseWithCovarianceStamped", header=self.header(t_ns), pose=inner)
 
-    def transforms(self, t_ns: int, parent: str, child: str, pose: Sequence[float]) -> Any:
+    def transforms(
+        self, t_ns: int, parent: str, child: str, pose: Sequence[float], rotation: Any = None
+    ) -> Any:
         x, y, heading = pose
         moved = self.new("geometry_msgs/Vector3", x=x, y=y, z=0.0)
-        transform = self.new("geometry_msgs/Transform", translation=moved, rotation=self.turned(heading))
+        turned = rotation or self.turned(heading)
+        transform = self.new("geometry_msgs/Transform", translation=moved, rotation=turned)
         one = self.new(
             "geometry_msgs/TransformStamped",
             header=self.header(t_ns, parent),
@@ -156,21 +159,28 @@ def write_ros1(path: Path, said: Sequence[Said], compression: str = "none") -> P
     if compression != "none":
         writer.set_compression(Writer1.CompressionFormat[compression.upper()])
     with writer:
-        known: dict[str, Any] = {}
+        known: dict[tuple[str, str], Any] = {}
         for one in said:
             kind = _long(one.type)
-            if one.topic not in known:
-                known[one.topic] = writer.add_connection(one.topic, kind, typestore=store)
-            writer.write(known[one.topic], one.log_ns, store.serialize_ros1(one.message, kind))
+            key = (one.topic, kind)
+            if key not in known:
+                known[key] = writer.add_connection(one.topic, kind, typestore=store)
+            writer.write(known[key], one.log_ns, store.serialize_ros1(one.message, kind))
     return path
 
 
 def write_ros2(
-    path: Path, said: Sequence[Said], *, storage: str = "sqlite3", compression: str | None = None
+    path: Path,
+    said: Sequence[Said],
+    *,
+    storage: str = "sqlite3",
+    compression: str | None = None,
+    ros: Ros | None = None,
+    version: Literal[8, 9] = 9,
 ) -> Path:
     """Write a ROS 2 bag, which is a folder; `compression`: message, file or (MCAP alone) storage."""
-    store = Ros(2).store
-    writer = Writer2(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
+    store = (ros or Ros(2)).store
+    writer = Writer2(path, version=version, storage_plugin=StoragePlugin[storage.upper()])
     if compression:
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     with writer:
@@ -194,13 +204,13 @@ def write_json_mcap(
     chunks: int = 0,
     encoding: str = "json",
     schemas: Mapping[str, str] | None = None,
+    schema_encoding: str = "jsonschema",
 ) -> Path:
     """Write a plain MCAP file of JSON messages, or bytes as they are: in chunks with an index, or without.
 
     `schemas` by type; with none all are empty.
     """
     described_as = schemas or {}
-    schema_encoding = "ros1msg" if encoding == "ros1" else "jsonschema"
     topics = {one.topic: number for number, one in enumerate({s.topic: s for s in said}.values())}
     kinds = {s.topic: s.type for s in said}
     described = b"".join(

@@ -7,16 +7,26 @@ from pathlib import Path
 import bag_making as making
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
 from bag_making import BEGIN_NS, Ros, Said
+from typer.testing import CliRunner
 
 from maurice_loaders.bag_localizer import RecordedLocalizer, RecordedUpdate
 from maurice_loaders.errors import LogError
 from maurice_loaders.findings import Findings
 from maurice_loaders.formats import OpenOptions, guess
 from maurice_loaders.ros_bags import BAGS
+from maurice_mcl.arena import open_arena
+from maurice_viz import narrate
 from maurice_viz.as_recorded import AFTER_RESAMPLING
+from maurice_viz.cli import app
+from maurice_viz.commands.drawing import layout_of
 from maurice_viz.commands.options import OutputOptions
-from maurice_viz.commands.recorded import open_as_recorded, replay_as_recorded
+from maurice_viz.commands.recorded import open_as_recorded, playing_of, replay_as_recorded
+from maurice_viz.entities import Slot
+from maurice_viz.look import scale_for
+
+ARENA = open_arena(np.array([[0.0, 0.0], [5.0, 4.0]]))
 
 
 def updates(path: Path) -> list[RecordedUpdate]:
@@ -119,3 +129,79 @@ def test_all_views_are_drawn(detail: str, nav2: Path, tmp_path: Path) -> None:
     output = OutputOptions("out", file, True, False, False, True, detail=detail)
     replay_as_recorded(nav2, OpenOptions(), output)
     assert file.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("pictures", [True, False])
+def test_no_view_is_of_what_a_bag_does_not_hold(pictures: bool, tmp_path: Path) -> None:
+    """References, histograms and likelihoods are our own filter's; a robot may have no camera."""
+    said = [one for one in making.amcl_drive(Ros(2)) if pictures or "camera" not in one.topic]
+    path = making.write_ros2(tmp_path / "bag", said)
+    playing = playing_of(open_as_recorded(path, OpenOptions()))
+    titles = _titles(layout_of(playing.drawn, playing.scene).root_container)
+    assert ("Camera (px)" in titles) == pictures
+    assert {"Cloud from near", "What this step did"} <= titles
+    for word in (
+        "Match",
+        "reference",
+        "histogram",
+        "picture blue",
+        "Likelihood",
+        "Edges",
+        "vidence",
+        "urvivors",
+    ):
+        assert not any(word in title for title in titles)
+
+
+def _titles(part: rrb.Container | rrb.View) -> set[str]:
+    if isinstance(part, rrb.View):
+        return {str(part.name)}
+    return set().union(*(_titles(inner) for inner in part.contents))
+
+
+def test_words_are_only_of_what_a_bag_holds(nav2: Path) -> None:
+    scale = scale_for("m", ARENA)
+    for step in open_as_recorded(nav2, OpenOptions()).updates():
+        for moment, record in step.values():
+            said = [narrate.phase(moment, record, slot, scale) for slot in tuple(Slot)[:5]]
+            said.append(narrate.summary(moment, record, scale))
+            assert "The published cloud spreads over" in said[-1]
+            for text in said:
+                for wrong in (
+                    "ot resampled",
+                    "ot reseeded",
+                    "was compared",
+                    "Every particle",
+                    "nan",
+                    "not at hand",
+                ):
+                    assert wrong not in text
+
+
+def test_without_odometry_nothing_is_said_of_how_the_robot_moved(tmp_path: Path) -> None:
+    said = [one for one in making.amcl_drive(Ros(2)) if one.topic != "/odom"]
+    path = making.write_ros2(tmp_path / "bag", said)
+    for step in open_as_recorded(path, OpenOptions()).updates():
+        for moment, record in step.values():
+            assert "The robot" not in narrate.summary(moment, record, scale_for("m", ARENA))
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (["--follow"], "not a live source"),
+        (["--layout", "explain"], "has the layouts overview and traces"),
+        (["--particles", "10"], "runs no filter"),
+    ],
+)
+def test_options_that_do_not_go_with_it(more: list[str], told: str, nav2: Path) -> None:
+    result = CliRunner().invoke(app, ["replay", str(nav2), "--as-recorded", "--headless", *more])
+    assert result.exit_code == 2
+    assert told in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize("source", ["-", "tcp://127.0.0.1:1", "ws://127.0.0.1:1"])
+def test_live_sources_are_refused(source: str) -> None:
+    result = CliRunner().invoke(app, ["replay", source, "--as-recorded", "--headless"])
+    assert result.exit_code == 2
+    assert "not a live source" in " ".join(result.output.split())

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import random
+import sqlite3
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import bag_making as making
@@ -131,3 +132,56 @@ def test_chunks_may_overlap_in_time(tmp_path: Path) -> None:
 def pad(t_ns: int) -> object:
     """A picture large enough to fill chunks."""
     return Ros(1).image(t_ns, np.zeros((300, 600), np.uint8), "rgb8", width=200)
+
+
+def _database(folder: Path) -> Path:
+    return next(making.write_ros2(folder / "bag", making.drive(Ros(2), 100)).glob("*.db3"))
+
+
+def _said(path: Path) -> tuple[int, tuple[str, ...]]:
+    session = open_session(path, OpenOptions(keep_going=True))
+    return len(list(session.moments())), session.warnings
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_cut_database_is_read_until_it_breaks(alone: bool, tmp_path: Path) -> None:
+    file = _database(tmp_path)
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 2])
+    path = file if alone else file.parent
+    with pytest.raises(LogError, match="--keep-going reads one file as far as it goes"):
+        _read(path)
+    count, said = _said(path)
+    assert 30 <= count <= 60  # of 100, as half of the file is there
+    assert any("breaks off after" in text for text in said)
+
+
+@pytest.mark.parametrize("value", ["NULL", "7", "'text'", "3000000000"])
+def test_a_row_that_holds_no_bytes_is_one_line(value: str, tmp_path: Path) -> None:
+    file = _database(tmp_path)
+    with closing(sqlite3.connect(file)) as base:
+        base.execute("CREATE TABLE loose AS SELECT * FROM messages")  # which may hold anything
+        base.execute("DROP TABLE messages")
+        base.execute("ALTER TABLE loose RENAME TO messages")
+        base.execute(f"UPDATE messages SET data = {value} WHERE id = 250")
+        base.commit()
+    with pytest.raises(LogError):
+        _read(file)
+    count, said = _said(file)
+    assert 40 <= count <= 60
+    assert any("breaks off after" in text for text in said)
+
+
+def test_a_database_without_readable_topics_is_refused_all_the_same(tmp_path: Path) -> None:
+    file = _database(tmp_path)
+    file.write_bytes(file.read_bytes()[:4096])
+    with pytest.raises(LogError):
+        _read(file, keep_going=True)
+
+
+def test_a_cut_file_says_so(tmp_path: Path) -> None:
+    path = WRITERS["plain.bag"](tmp_path)
+    path.write_bytes(path.read_bytes()[:-40])
+    session = open_session(path, OpenOptions(keep_going=True))
+    assert len(list(session.moments())) == 3
+    assert any("read as far as it goes" in text for text in session.warnings)

@@ -94,7 +94,8 @@ def test_ros1_messages_in_mcap_come_back(tmp_path: Path) -> None:
         schemas[one.type] = ros.store.generate_msgdef(kind)[0]
         data = bytes(ros.store.serialize_ros1(one.message, kind))
         said.append(Said(one.topic, one.type, one.log_ns, data))
-    path = making.write_json_mcap(tmp_path / "drive.mcap", said, encoding="ros1", schemas=schemas, chunks=2)
+    how: dict[str, Any] = {"encoding": "ros1", "schema_encoding": "ros1msg", "chunks": 2}
+    path = making.write_json_mcap(tmp_path / "drive.mcap", said, schemas=schemas, **how)
     session = open_session(path)
     assert session.overview() == (5, True)
     assert all(

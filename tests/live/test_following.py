@@ -14,11 +14,13 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from live_peers import Act, peer, says
+from live_peers import HEADER, Act, line, peer, says
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner, Result
 
+from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log import SessionLog
 from maurice_viz.cli import app
 
@@ -121,8 +123,8 @@ def test_a_file_that_grows_gives_the_same_figures(small_session: Path, tmp_path:
 
 def slowly(lines: list[bytes], pause_s: float) -> Act:
     def say(connection: socket.socket) -> None:
-        for line in lines:
-            connection.sendall(line)
+        for one in lines:
+            connection.sendall(one)
             time.sleep(pause_s)
 
     return say
@@ -158,6 +160,33 @@ def test_kill_9_leaves_a_log_that_can_be_read(inline: list[bytes], library: Path
         process.kill()
         process.wait()
     assert SessionLog(log).count_pictures() > 3
+
+
+def test_being_ended_while_trying_again_is_no_failure(refused: str) -> None:
+    words = [*MAIN, "record", refused, "-o", "rec", "--patience", "60"]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    first = process.stderr.readline()
+    process.terminate()
+    out, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 143
+    assert not out
+    assert first == f"{refused}: Connection refused; trying again\n"
+    assert err == "stopped before a header came; nothing was written\n"
+    assert list(Path("rec").iterdir()) == []
+
+
+def test_pictures_may_change_their_size(library: Path) -> None:
+    said = [HEADER.encode() + b"\n"]
+    for t, size in enumerate([(30, 40), (60, 80), (1, 1), (480, 640), (31, 17)]):
+        data = base64.b64encode(encode_jpeg(np.full((*size, 3), 40 * t, np.uint8))).decode()
+        said.append(line(t, image={"base64": data}))
+    words = ["--library", library, "--start", "global", "--every-picture", "--patience", "0.3"]
+    with peer(says(b"".join(said))) as address:
+        done = run(address, *words, "--save", "a.rrd", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert figures(done)["updates"] == 5
+    assert steps_in(Path("a.rrd")) == {1, 2, 3, 4, 5}
 
 
 def wait_until(true: Any, process: subprocess.Popen[Any]) -> None:
@@ -202,7 +231,7 @@ def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, i
     assert last.startswith(f"maurice-replay: {refused}: found no session log there")
     assert notes == [f"{refused}: Connection refused; trying again"]
     with peer(says(b"".join(inline[:1]))) as address:
-        done = run(address, "--patience", "0.3")
+        done = run(address, "--library", library, "--patience", "0.3")
     assert done.exit_code == 1
     assert (
         done.stderr.strip().splitlines()[-1].endswith("ended before a picture came, so nothing was localized")
@@ -224,7 +253,7 @@ def test_options_that_do_not_fit_are_usage_errors(words: list[str]) -> None:
 def test_the_simulated_robot_is_followed(tmp_path: Path) -> None:
     """The whole way, with the real simulator and a library made of its survey."""
     environment = os.environ | {"MAURICE_CACHE": str(tmp_path / "cache")}
-    serve = ["simulate", "tracking", "--updates", "12", "--rate", "20", "--serve", "tcp://127.0.0.1:0"]
+    serve = ["simulate", "tracking", "--updates", "6", "--rate", "20", "--serve", "tcp://127.0.0.1:0"]
     pipe = subprocess.PIPE
     robot = subprocess.Popen([*MAIN, *serve], stdout=pipe, stderr=pipe, text=True, env=environment)
     assert robot.stdout is not None

@@ -10,6 +10,8 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +20,14 @@ import pytest
 from live_peers import peer
 
 from maurice_loaders import live_listening, live_websocket
+from maurice_loaders.bag_source import Message
+from maurice_loaders.bag_topics import Route
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats import OpenOptions
+from maurice_loaders.live_foxglove import HEAD, SUBPROTOCOLS
 from maurice_loaders.live_listening import Patience
-from maurice_loaders.live_messages import Said, Topics, Track, Translator, json_message
+from maurice_loaders.live_messages import Topics, Translator, json_message
+from maurice_loaders.live_poses import Track
 from maurice_loaders.live_recorder import LiveRecorder
 from maurice_loaders.live_session import Listen, LiveSession
 from maurice_loaders.live_source import live_source
@@ -57,19 +63,28 @@ def robot(encoding: str, port: int = 0, count: int = COUNT) -> Iterator[tuple[st
         process.stdout.close()
 
 
-@pytest.mark.parametrize("encoding", ["cdr", "json"])
+ODOMETRY = {
+    "cdr": "/odom",
+    "json": "/odom",
+    "proto": "/odom",
+    "proto-raw": "/odom",
+    "cdr-tf": "/tf:odom.base_link",
+    "proto-tf": "/tf:odom.base_link",
+}
+
+
+@pytest.mark.parametrize("encoding", ODOMETRY)
 def test_a_robot_behind_a_foxglove_bridge_is_followed_and_recorded(encoding: str, tmp_path: Path) -> None:
-    with robot(encoding) as (address, process):
+    with robot(encoding) as (address, _):
         listen = Listen(keep_up=False, patience=SOON)
         with LiveSession(live_source(address), listen, LiveRecorder(tmp_path)) as session:
-            moments = []
-            for moment in session.moments():
-                moments.append(moment)
-                if len(moments) == COUNT:
-                    process.kill()
+            moments = list(islice(session.moments(), COUNT))
     assert len(moments) == COUNT
     assert session.counts.broken == 0
-    assert "guessed pictures from /camera/image, odometry from /odom" in session.info.notes[0]
+    assert (
+        f"guessed pictures from /camera/image, odometry from {ODOMETRY[encoding]}," in session.info.notes[0]
+    )
+    assert "also there: /rear/image" in session.info.notes[0]
     assert moments[0].frame.motions.shape == (0, 3)
     for number, moment in enumerate(moments[1:], start=1):
         np.testing.assert_allclose(moment.frame.motions, [[0.05, 0.0, 0.1]], atol=1e-9)
@@ -106,11 +121,55 @@ def test_a_topic_that_is_not_there_is_told_with_those_that_are() -> None:
     assert "found no topic /nowhere; it holds /camera/image" in str(told.value)
 
 
+def test_the_truth_may_be_transforms_of_the_same_topic() -> None:
+    with robot("cdr-tf", count=6) as (address, _):
+        asked = OpenOptions(odometry_topic="/tf:odom.base_link", truth_topic="/tf:map.base_link")
+        with LiveSession(live_source(address, asked), Listen(keep_up=False, patience=SOON)) as session:
+            moments = list(islice(session.moments(), 6))
+    truths = [moment.truth for moment in moments if moment.truth is not None]
+    assert len(truths) >= 5
+    np.testing.assert_allclose(truths[1] - truths[0], [0.0, -0.05, 0.1], atol=1e-9)
+    np.testing.assert_allclose(moments[1].frame.motions, [[0.05, 0.0, 0.1]], atol=1e-9)
+
+
+def test_messages_without_times_are_taken_when_the_bridge_says() -> None:
+    listen = Listen(keep_up=False, patience=SOON)
+    with (
+        robot("proto-timeless", count=6) as (address, _),
+        LiveSession(live_source(address), listen) as session,
+    ):
+        moments = list(islice(session.moments(), 6))
+    assert moments[0].events[0].startswith("clock: the bridge's times are used, because messages of")
+    assert [len(moment.frame.motions) for moment in moments] == [0, 1, 1, 1, 1, 1]
+    assert moments[5].frame.time_s == pytest.approx(0.25, abs=1e-6)
+
+
+@pytest.mark.parametrize("offered", SUBPROTOCOLS)
+def test_old_and_new_bridges_are_spoken_to_in_foxglove_s_protocol(offered: str) -> None:
+    """The SDK's own server, as used above, takes the new one alone; older bridges only the old one."""
+    heard = []
+
+    def serve(connection: Any) -> None:
+        heard.append(connection.subprotocol)
+        channel = {"id": 7, "topic": "/image", "encoding": "json", "schemaName": "foxglove.CompressedImage"}
+        connection.send(json.dumps({"op": "advertise", "channels": [channel | {"schema": ""}]}))
+        wish = json.loads(connection.recv())
+        heard.append(wish["subscriptions"])
+        data = base64.b64encode(encode_jpeg(np.full((6, 8, 3), 90, np.uint8))).decode()
+        message = {"timestamp": {"sec": 5, "nsec": 0}, "format": "jpeg", "data": data}
+        connection.send(HEAD.pack(1, 7, 5 * 10**9) + json.dumps(message).encode())
+
+    listen = Listen(keep_up=False, patience=SOON)
+    with rosbridge(serve, [offered]) as address, LiveSession(live_source(address), listen) as session:
+        assert next(session.moments()).frame.image.shape == (6, 8, 3)
+    assert heard[:2] == [offered, [{"id": 7, "channelId": 7}]]
+
+
 @contextmanager
-def rosbridge(serve: Callable[[Any], None]) -> Iterator[str]:
+def rosbridge(serve: Callable[[Any], None], offered: list[Any] | None = None) -> Iterator[str]:
     from websockets.sync.server import serve as serve_websocket
 
-    with serve_websocket(serve, "127.0.0.1", 0) as server:
+    with serve_websocket(serve, "127.0.0.1", 0, subprotocols=offered) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
@@ -185,6 +244,34 @@ def test_what_is_no_websocket_is_told_in_one_line() -> None:
     assert "\n" not in str(told.value)
 
 
+NO_WEBSOCKETS: dict[str, bytes] = {
+    "an endless line": b"x" * 200_000,
+    "random bytes": np.random.default_rng(0).bytes(3000) + b"\n\r\n\r\n",
+    "another answer": b"HTTP/1.1 200 OK\r\nContent-Length: 5\r\n\r\nhello",
+    "TLS": bytes.fromhex("16030100c8010000c40303") + bytes(190),
+    "nothing": b"",
+}
+
+
+@pytest.mark.parametrize("name", NO_WEBSOCKETS)
+def test_a_hostile_server_is_told_in_one_line_and_nothing_is_printed(
+    name: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(live_websocket, "OPEN_S", 0.3)
+
+    def answer(connection: socket.socket) -> None:
+        connection.recv(65536)
+        connection.sendall(NO_WEBSOCKETS[name])
+
+    with peer(answer) as address:
+        source = live_source(address.replace("tcp", "ws"))
+        with LiveSession(source, Listen(patience=Patience(0.0))) as session, pytest.raises(LogError) as told:
+            list(session.moments())
+    assert "found no session log there" in str(told.value)
+    assert "\n" not in str(told.value)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_without_the_extra_the_message_is_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_websocket.importlib.util, "find_spec", lambda name: None)
     session = LiveSession(live_source("ws://127.0.0.1:1"))
@@ -192,13 +279,14 @@ def test_without_the_extra_the_message_is_the_command(monkeypatch: pytest.Monkey
         list(session.moments())
 
 
-TOPICS = Topics({"image": "/image/compressed", "odometry": "/odom", "truth": None})
+TOPICS = Topics("/image/compressed", Route("/odom"))
 
 
 def translated(*messages: str) -> tuple[list[dict[str, Any]], Translator]:
     translator, found = Translator(0.1), []
     for message in map(json.loads, messages):
-        said = Said(message["topic"], 5 * 10**9, lambda m=message: json_message(json.dumps(m["msg"])))
+        decode = partial(json_message, json.dumps(message["msg"]))
+        said = Message(message["topic"], "nav_msgs/Odometry", 5 * 10**9, decode)
         found += list(translator.take(said, TOPICS))
     return found, translator
 

@@ -14,7 +14,8 @@ import pytest
 
 from maurice_loaders.config_file import to_toml
 from maurice_loaders.library_build import build_library
-from maurice_loaders.run_store_manifest import RunManifest, library_hash, source_of, versions_now
+from maurice_loaders.run_store_manifest import RunManifest, library_hash, versions_now
+from maurice_loaders.run_store_sources import source_of
 from maurice_loaders.run_store_write import RunWriter
 from maurice_loaders.session_log import SessionLog
 from maurice_loaders.session_writer import SessionWriter
@@ -26,13 +27,12 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
 from maurice_mcl.typing import U8
 
-_spec = importlib.util.spec_from_file_location(
-    "format_samples", Path(__file__).with_name("format_samples.py")
-)
-assert _spec is not None
-assert _spec.loader is not None
-sys.modules["format_samples"] = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(sys.modules["format_samples"])
+for _name in ("format_samples", "dialect_files"):  # what tests import from beside them
+    _spec = importlib.util.spec_from_file_location(_name, Path(__file__).with_name(f"{_name}.py"))
+    assert _spec is not None
+    assert _spec.loader is not None
+    sys.modules[_name] = importlib.util.module_from_spec(_spec)
+    _spec.loader.exec_module(sys.modules[_name])
 
 HEADER = {"format": "maurice-session-log", "version": 1, "kind": "session", "name": "test"}
 PIXEL = "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAIAAAB7QOjdAAAADUlEQVQIHWPkEpEDAgAB2gCYpjaFTAAAAABJRU5ErkJggg=="

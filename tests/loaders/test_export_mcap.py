@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,17 @@ import numpy as np
 import pytest
 
 from maurice_loaders import export_mcap
+from maurice_loaders.bag_messages import matrix_of
 from maurice_loaders.errors import LogError
-from maurice_loaders.export_mcap import CLOUD, IMAGE, ODOMETRY, POSES, TF, TYPES, mcap_file, mcap_sink
+from maurice_loaders.export_mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file
+from maurice_loaders.export_run import mcap_sink
+from maurice_loaders.export_scene import scene_of
 from maurice_loaders.export_steps import export_steps
 from maurice_loaders.pictures import decode_picture
 from maurice_loaders.run_store import open_runs
+from maurice_loaders.session_log import SessionLog
+from maurice_loaders.session_topics import MOTIONS
+from maurice_mcl.session import Camera
 
 pytest.importorskip("rosbags")
 
@@ -42,11 +49,16 @@ def pose_of(pose: Any) -> list[float]:
 
 
 @pytest.fixture
-def exported(save_run: Save, tmp_path: Path) -> tuple[list[Any], dict[str, list[tuple[int, Any]]]]:
+def exported(
+    save_run: Save, small_session: Path, tmp_path: Path
+) -> tuple[list[Any], dict[str, list[tuple[int, Any]]]]:
     """What a run was, and what its MCAP holds, by topic."""
     folder, played = save_run()
     (run,) = open_runs(folder)
-    with mcap_sink(tmp_path / "run.mcap", np.array(run.manifest.origin_m)) as sink:
+    info = SessionLog(small_session).info
+    camera = Camera("eye", horizontal_fov_rad=0.8, yaw_rad=0.5, height_m=0.25)
+    scene = scene_of(replace(info, arena=run.arena(), cameras=(camera,)))
+    with mcap_sink(tmp_path / "run.mcap", np.array(run.manifest.origin_m), scene) as sink:
         for step, (moment, _) in zip(export_steps(run, t_offset_s=1e9), played, strict=True):
             sink.add(step, moment.frame.image)
     by_topic: dict[str, list[tuple[int, Any]]] = {}
@@ -59,7 +71,8 @@ def test_every_update_has_every_message(exported) -> None:
     played, by_topic = exported
     counts = Counter({topic: len(found) for topic, found in by_topic.items() if topic != export_mcap.EVENTS})
     assert set(counts) == set(TYPES) - {export_mcap.EVENTS}
-    assert set(counts.values()) == {len(played)}
+    motions = sum(len(moment.frame.motions) for moment, _ in played)
+    assert counts == {t: 1 if t in ONCE else motions if t == MOTIONS else len(played) for t in counts}
     texts = [message.data for _, message in by_topic.get(export_mcap.EVENTS, [])]
     assert texts == [text for moment, record in played for text in (*moment.events, *record.events)]
 
@@ -108,6 +121,32 @@ def test_transforms_lead_from_the_map_over_odometry_to_the_estimate(exported) ->
 
 def _planar(transform: Any) -> list[float]:
     return [transform.translation.x, transform.translation.y, heading(transform.rotation)]
+
+
+def test_map_and_paths_are_there_from_the_first_record(exported) -> None:
+    played, by_topic = exported
+    first_ns = by_topic[ODOMETRY][0][0]
+    assert {t_ns for topic in ONCE for t_ns, _ in by_topic[topic]} == {first_ns}
+    path = by_topic[export_mcap.TRUE_PATH][0][1].poses
+    assert [pose_of(one.pose) for one in path] == [
+        pytest.approx(moment.truth.tolist()) for moment, _ in played
+    ]
+    grid = by_topic[export_mcap.GRID][0][1]
+    assert len(grid.data) == grid.info.width * grid.info.height
+    assert set(grid.data.tolist()) <= {0, 100}
+
+
+def test_the_camera_looks_where_the_header_says(exported) -> None:
+    _, by_topic = exported
+    (mount,) = by_topic[export_mcap.MOUNT][0][1].transforms
+    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "camera")
+    along, right = (matrix_of(mount)[:3, k] for k in (2, 0))
+    assert along == pytest.approx([np.cos(0.5), np.sin(0.5), 0])
+    assert right == pytest.approx([np.sin(0.5), -np.cos(0.5), 0])
+    assert mount.transform.translation.z == 0.25
+    _, view = by_topic[export_mcap.CAMERA_INFO][0]
+    assert (view.width, view.height) == (40, 30)
+    assert 2 * np.arctan2(20, view.k[0]) == pytest.approx(0.8)
 
 
 def test_pictures_are_jpeg_of_the_same_size(exported) -> None:

@@ -1,4 +1,4 @@
-"""A session as a native log and as ROS 2 messages: what replays of them see."""
+"""A session as a native log: what a replay of it sees."""
 
 import json
 from collections.abc import Iterable, Iterator
@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.export_session import Converted, convert_to_log, convert_to_mcap
+from maurice_loaders.export_session import Converted, convert_to_log
 from maurice_loaders.session_log import SessionLog
 from maurice_mcl.session import Frame, Moment, Session, SessionInfo
 
@@ -124,39 +124,7 @@ def test_somebody_elses_folder_of_pictures_is_not_removed(small_session: Path, t
     assert not (tmp_path / "b.log").exists()
 
 
-@pytest.mark.parametrize("name", ["a.log", "a.mcap"])
-def test_a_session_without_pictures_is_refused(tmp_path: Path, name: str) -> None:
-    if name == "a.mcap":
-        pytest.importorskip("rosbags")
-    convert = convert_to_mcap if name == "a.mcap" else convert_to_log
+def test_a_session_without_pictures_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="no picture"):
-        finished(convert(Made(()), tmp_path / name))
+        finished(convert_to_log(Made(()), tmp_path / "a.log"))
     assert not list(tmp_path.iterdir())
-
-
-def test_mcap_holds_pictures_odometry_truth_and_events(small_session: Path, tmp_path: Path) -> None:
-    pytest.importorskip("rosbags")
-    from rosbags.highlevel import AnyReader
-
-    drive = tuple(SessionLog(small_session).moments())
-    finished(convert_to_mcap(Made(drive), tmp_path / "a.mcap", t_offset_s=5.0))
-    with AnyReader([tmp_path / "a.mcap"]) as reader:
-        counts = {connection.topic: connection.msgcount for connection in reader.connections}
-        times = [t_ns for _, t_ns, _ in reader.messages()]
-    assert counts == {"/camera/image/compressed": 14, "/odom": 15, "/truth": 14}
-    assert times == sorted(times)
-    assert times[-1] == round((drive[-1].frame.time_s + 5.0) * 1e9)
-
-
-def test_what_was_written_as_mcap_is_read_back(small_session: Path, tmp_path: Path) -> None:
-    pytest.importorskip("rosbags")
-    from maurice_loaders.formats import open_session
-
-    drive = tuple(SessionLog(small_session).moments())
-    finished(convert_to_mcap(Made(drive), tmp_path / "a.mcap"))
-    again = list(open_session(tmp_path / "a.mcap").moments())
-    assert [one.frame.time_s for one in again] == [one.frame.time_s for one in drive]
-    for one, other in zip(drive[1:], again[1:], strict=True):  # a bag's first pose says nothing of a motion
-        assert other.frame.motions == pytest.approx(one.frame.motions, abs=1e-9)
-        assert other.frame.image.tolist() == one.frame.image.tolist()
-        assert other.truth == pytest.approx(one.truth, abs=1e-9)

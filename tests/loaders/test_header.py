@@ -108,6 +108,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         "found map.obstacles.polygon_m .* up to 1e9",
     ),
     "survey": ({"survey": 1}, "found survey 1, expected a text"),
+    "survey with a zero": ({"survey": "a\0b"}, "found survey 'a.x00b', expected the path of a log"),
     "notes": ({"notes": "hello"}, "found notes 'hello', expected a list"),
     "map without bounds": ({"map": {}}, "found map.bounds_m nothing, expected a list of 4"),
     "map turned over": ({"map": {"bounds_m": [1, 0, 0, 1]}}, "expected x_min < x_max and y_min < y_max"),

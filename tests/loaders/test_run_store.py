@@ -19,7 +19,6 @@ from maurice_loaders.run_store_manifest import (
     library_hash,
     put,
     read_manifest,
-    source_of,
     write_manifest,
 )
 from maurice_loaders.run_store_rows import (
@@ -32,6 +31,7 @@ from maurice_loaders.run_store_rows import (
     rows_of,
     steps_schema,
 )
+from maurice_loaders.run_store_sources import source_of
 from maurice_loaders.run_store_write import PART_STEPS, RunWriter, begin_comparison
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -28,3 +29,11 @@ def test_what_cannot_be_written_whole_leaves_what_was_there(
 def test_a_folder_is_no_file(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="found a folder"):
         write_whole(tmp_path, b"", force=True)
+
+
+def test_a_device_or_pipe_is_never_replaced_by_a_file(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(LogError, match="device or pipe"):
+        write_whole(pipe, b"data", force=True)
+    assert pipe.is_fifo()

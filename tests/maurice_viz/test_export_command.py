@@ -70,6 +70,32 @@ def test_one_path_alone_has_the_name_asked_for(saved: Path, tmp_path: Path) -> N
     assert [file.name for file in tmp_path.glob("*.tum")] == ["t.tum"]
 
 
+def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session: Path, tmp_path: Path) -> None:
+    assert run(APP, "convert", small_session, tmp_path / "c", "--t-offset", "1000").exit_code == 0
+    log, kept = tmp_path / "c" / "session.log", tmp_path / "kept"
+    words = ("--library", small_session.parent / "survey.log", "--particles", "60", "--no-recording")
+    assert run(app, "replay", log, *words, "--run", kept).exit_code == 0
+
+    def first_s(*options: str) -> float:
+        done = run(APP, "export", kept, "--tum", tmp_path / "a.tum", "--force", *options)
+        assert done.exit_code == 0, done.output
+        return float((tmp_path / "a.tum").read_text().split()[0])
+
+    assert first_s() == 1002.0
+    assert first_s("--t-offset", "-1000") == 2.0
+    log.unlink()
+    assert first_s() == 1.0
+
+
+def test_the_truth_alone_of_a_run_without_any_is_one_line(small_session: Path, tmp_path: Path) -> None:
+    lines = small_session.read_text().splitlines()
+    small_session.write_text("\n".join(line for line in lines if '"truth"' not in line) + "\n")
+    words = ("--particles", "60", "--no-recording", "--run", tmp_path / "kept")
+    assert run(app, "replay", small_session, *words).exit_code == 0
+    options = ("--tum", tmp_path / "t.tum", "--only", "truth")
+    assert "knows no truth" in failure(run(APP, "export", tmp_path / "kept", *options))
+
+
 def test_mcap_without_the_session_has_no_pictures_and_says_so(saved: Path, small_session: Path) -> None:
     reading = pytest.importorskip("rosbags.highlevel")
     for name, topics in (("with.mcap", 1), ("without.mcap", 0)):
@@ -182,7 +208,8 @@ def test_odometry_without_pictures_becomes_a_path_in_mcap(tmp_path: Path) -> Non
     assert run(APP, "convert", source, tmp_path / "a.mcap").exit_code == 0
     with reading.AnyReader([tmp_path / "a.mcap"]) as reader:
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
-    assert counts == {"/odom": 2, "/truth": 1, "/events": 1}
+    told = {name: counts[name] for name in ("/session/motions", "/truth", "/events")}
+    assert told == {"/session/motions": 2, "/truth": 1, "/events": 1}
 
 
 def test_a_recording_of_nothing_is_refused(tmp_path: Path) -> None:

@@ -83,3 +83,12 @@ def test_key_and_cloud_of_the_other_view_are_left_out() -> None:
             assert entities.MATCH_KEY not in list(view.contents)
         if "circles" in str(view.name):
             assert entities.WEIGHT_KEY not in list(view.contents)
+
+
+@pytest.mark.parametrize("has_truth", [True, False])
+def test_a_run_without_channels_has_no_views_of_comparisons(has_truth: bool) -> None:
+    """As another localizer's, of which nothing was compared here."""
+    found = titles(for_runs([Run("amcl", ())], shown(has_truth)))
+    assert all(found)
+    assert any("error" in title for title in found) == has_truth
+    assert not any("Match" in title or "vidence" in title or "reference" in title for title in found)

@@ -6,7 +6,7 @@ import viz_fakes as fakes
 
 from maurice_mcl.belief import Belief, uniform_log_weights
 from maurice_mcl.records import Estimate
-from maurice_viz import narrate
+from maurice_viz import narrate, narrate_parts
 from maurice_viz.entities import Slot
 from maurice_viz.look import UNITS, Scale
 
@@ -28,21 +28,22 @@ def estimate(x_in: float, y_in: float, heading_deg: float) -> Estimate:
         ([[0, 0, np.pi / 4]], "turned 45 deg left"),
         ([[0, 0, -np.pi / 4], [INCH, 0, 0]], "drove 1.0 in forward and turned 45 deg right (2 movements)"),
         ([[0, -INCH, 0]], "slid 1.0 in to the right"),
+        ([[INCH, 0.04 * INCH, np.radians(0.4)]], "drove 1.0 in forward"),  # what would be written as 0
     ],
 )
 def test_motion(motions: list[list[float]], said: str) -> None:
-    assert narrate.motion(np.array(motions), INCHES) == said
+    assert narrate_parts.motion(np.array(motions), INCHES) == said
 
 
 def test_spread_is_the_radial_standard_deviation_by_weight() -> None:
     poses = np.array([[3, 0, 0], [-3, 0, 0], [0, 4, 0], [0, -4, 0]], np.float32)
-    assert narrate.spread_m(Belief(poses, uniform_log_weights(4), np.zeros(2))) == pytest.approx(
+    assert narrate_parts.spread_m(Belief(poses, uniform_log_weights(4), np.zeros(2))) == pytest.approx(
         np.sqrt(12.5)
     )
 
 
 def test_errors_go_the_short_way_round() -> None:
-    apart, angle = narrate.errors(estimate(3, 4, 179), np.array([0, 0, np.radians(-179)]))
+    apart, angle = narrate_parts.errors(estimate(3, 4, 179), np.array([0, 0, np.radians(-179)]))
     assert apart == pytest.approx(5 * INCH)
     assert np.degrees(angle) == pytest.approx(2)
 
@@ -62,7 +63,9 @@ def test_summary_says_numbers_in_the_sessions_units() -> None:
 
 
 def test_without_truth_no_error_is_claimed() -> None:
-    said = narrate.estimated(fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES)
+    said = narrate_parts.estimated(
+        fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES
+    )
     assert "truth not known" in said
     assert "error" not in said
 

@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 
 from maurice_mcl.distances import contributions
 from maurice_mcl.library import Library
-from maurice_viz import draw_belief, entities, narrate
+from maurice_viz import draw_belief, entities, narrate, narrate_parts
 from maurice_viz.entities import RunPaths, Slot
 from maurice_viz.look import scale_for, weight_colors
 from maurice_viz.observe import RerunObserver
@@ -119,7 +119,7 @@ def test_traces_are_those_of_the_records(drawn: tuple[Path, recordings.Played]) 
     }
     for moment, record in played:
         assert moment.truth is not None
-        apart, angle = narrate.errors(record.estimate, moment.truth)
+        apart, angle = narrate_parts.errors(record.estimate, moment.truth)
         expected["position_error"].append(apart / 0.0254)
         expected["heading_error"].append(float(np.degrees(angle)))
         expected["confidence"].append(record.estimate.confidence)

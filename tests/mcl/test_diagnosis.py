@@ -179,3 +179,12 @@ def test_clocks_without_a_common_time() -> None:
     found = clocks_apart(replace(drive, picture_t_s=drive.picture_t_s + 1e9))
     assert [one.code for one in found] == ["odometry-clock", "truth-clock"]
     assert "--odometry-offset 1000000000.000" in found[0].mend
+
+
+def test_headings_within_half_a_turn_are_never_degrees() -> None:
+    """A drone that flies sideways along x: read as degrees, its headings would be next to none."""
+    t_s = np.arange(200) / RATE_HZ
+    values = np.column_stack([0.3 * t_s, 0.02 * np.sin(t_s), np.full(200, -np.pi / 2)])
+    drive = dense_drive(20.0)
+    still = Drive(Odometry(t_s, values, poses=True), drive.truth, drive.picture_t_s)
+    assert "turn-degrees" not in [one.code for one in odometry_doubts(still)]

@@ -1,38 +1,42 @@
-"""Whatever a peer sends, in whatever portions: no crash, a log that can be read, nothing unbounded.
-
-`MAURICE_FUZZ=200000` sets how many inputs are tried; by default a few.
-"""
+"""Whatever a peer sends, made by hypothesis: laws of what is recorded and understood."""
 
 from __future__ import annotations
 
 import itertools
 import json
-import os
 import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from fuzz_seeds import HEADER as HEADER_OBJECT
+from fuzz_seeds import PICTURE
+from fuzz_watch import in_time
+from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
-from live_peers import HEADER, PICTURE, line
 
 from maurice_loaders import live_listening
+from maurice_loaders.bag_topics import Route
 from maurice_loaders.errors import LogError
 from maurice_loaders.fields import FieldError
 from maurice_loaders.findings import Findings
 from maurice_loaders.live_foxglove import HEAD, Foxglove
 from maurice_loaders.live_intake import Heard, Intake
 from maurice_loaders.live_listening import Listening, Patience
-from maurice_loaders.live_messages import Said, Topics, Translator
+from maurice_loaders.live_messages import Topics, Translator
 from maurice_loaders.live_recorder import LiveRecorder
 from maurice_loaders.live_rosbridge import ASK, Rosbridge
 from maurice_loaders.live_source import LiveSource
 from maurice_loaders.log_records import read_header, read_records
 
-INPUTS = int(os.environ.get("MAURICE_FUZZ", "150"))
-QUICK = settings(max_examples=INPUTS, deadline=None, suppress_health_check=list(HealthCheck))
+HEADER = json.dumps(HEADER_OBJECT)
+
+
+def line(t_s: float, **record: object) -> bytes:
+    return (json.dumps({"t": t_s} | record) + "\n").encode()
+
 
 NUMBERS = st.one_of(
     st.floats(), st.integers(), st.floats(-100, 100), st.sampled_from([1e9, 4e9, -4e9, 1e400])
@@ -90,11 +94,8 @@ class Scripted:
                 at += size
 
 
-@QUICK
-@given(st.lists(st.tuples(PORTIONS, CUTS, st.booleans()), min_size=1, max_size=3))
-def test_whatever_comes_the_recording_is_a_log_that_is_right(
-    connections: list[tuple[list[bytes | None], list[int], bool]],
-) -> None:
+def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]]) -> None:
+    """Whatever comes, over however many connections, what is recorded is a log that is right."""
     stop = threading.Event()
     scripts = [
         Scripted([HEADER.encode() + b"\n", *portions] if greets else portions, cuts)
@@ -172,18 +173,45 @@ SAID = st.one_of(
 )
 
 
-@QUICK
-@given(st.sampled_from([Foxglove, Rosbridge]), st.lists(SAID, max_size=10))
-def test_whatever_a_bridge_says_is_a_message_or_one_complaint(bridge_of: type, said: list[object]) -> None:
+def check_bridge(bridge_of: type, said: list[object]) -> None:
+    """Whatever a bridge says is a message, or one complaint."""
     bridge, translator = bridge_of(), Translator(0.1)
-    topics = Topics({"image": "/camera", "odometry": "/odom", "truth": None})
+    topics = Topics("/camera", Route("/odom"))
     for one in said:
         message = one if isinstance(one, bytes | str) else json.dumps(one)
         try:
             heard = bridge.hear(message)
             list(bridge.subscribe(topics.names))
-            if isinstance(heard, Said):
+            if heard is not None:
                 assert all(isinstance(found["t"], float) for found in translator.take(heard, topics))
         except FieldError:
             continue
         assert len(bridge.topics) < 10_000
+
+
+ARGUMENTS = {
+    "drawn streams": (
+        check_recording,
+        (st.lists(st.tuples(PORTIONS, CUTS, st.booleans()), min_size=1, max_size=3),),
+    ),
+    "drawn bridges": (check_bridge, (st.sampled_from([Foxglove, Rosbridge]), st.lists(SAID, max_size=10))),
+}
+SHARES = {"drawn streams": 0.05, "drawn bridges": 0.05}  # of all inputs of `make fuzz`
+
+
+def try_drawn(name: str, number: int, count: int) -> int:
+    """Try so many inputs of a kind, the ones of this number; give how many there were."""
+    check, drawn = ARGUMENTS[name]
+    tried = 0
+
+    def one(values: tuple[Any, ...]) -> None:
+        nonlocal tried
+        tried += 1
+        with in_time():
+            check(*values)
+
+    quiet = settings(
+        max_examples=count, database=None, deadline=None, suppress_health_check=list(HealthCheck)
+    )
+    seed(number)(quiet(given(st.tuples(*drawn))(one)))()
+    return tried

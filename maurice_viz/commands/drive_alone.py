@@ -1,0 +1,102 @@
+"""A drive that no library goes with: shown by itself, and what is missing said."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.fewer_pictures import FewerPictures
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, open_recording
+from maurice_loaders.recorded_session import RecordedSession
+from maurice_loaders.stand_ins import StandIns
+from maurice_mcl.session import Moment
+
+from ..console import Advance, note, progress
+from ..drive_ways import Ways, ways_of
+from ..errors import Terminated
+from .failing import INTERRUPTED, TERMINATED
+from .options import OutputOptions
+from .running import remark_skipped
+from .showing import NEXT_KEYS, opened
+
+if TYPE_CHECKING:
+    from ..draw_drive import Drive
+
+MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
+MISSING = "Nothing was localized: there is no library"
+
+
+def advice_for(path: Path, drive: Drive) -> str:
+    """Say how to localize on a drive that has no library."""
+    if not drive.pictures:
+        return "The drive has no pictures either, and the filter needs them."
+    named = shlex.quote(str(path)) if len(drive.ways.true) else "DRIVE"
+    return (
+        f"One is made from a drive with true poses: maurice-replay library build {named} -o LIBRARY --every "
+        "0.4m,45deg. Then replay another drive with --library LIBRARY."
+    )
+
+
+def replay_alone(path: Path, opening: OpenOptions, output: OutputOptions) -> None:
+    """Draw a drive by itself. LogError where there is nothing to draw."""
+    from ..draw_drive import Drive, draw_drive
+    from ..layouts.drive import blueprint
+
+    session, ways = _looked_over(path, opening)
+    drive = Drive(session.info, ways, not isinstance(session.recording, StandIns))
+    advice = advice_for(path, drive)
+    drive = replace(drive, advice=f"**{MISSING}.** {advice}")
+    session = _drawn_of(session, ways.moments)
+    layout = blueprint(drive)
+    stopped: KeyboardInterrupt | None = None
+    with opened(output, session.info.name, layout, keys=f"{NEXT_KEYS}.") as rec, progress("draw") as advance:
+        try:
+            draw_drive(rec, drive, _counted(session, min(ways.moments, MOST_DRAWN), advance))
+        except KeyboardInterrupt as stop:
+            stopped = stop
+    remark_skipped(session)
+    note(f"{MISSING}, so only the drive itself is shown. {advice}")
+    if stopped is not None:
+        note("stopped; the recording goes as far as it got")
+        raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)
+
+
+def _looked_over(path: Path, opening: OpenOptions) -> tuple[RecordedSession, Ways]:
+    """Go through a drive once without its pictures; one without any gets gray ones."""
+    session = RecordedSession(open_recording(path, opening), opening.pairing)
+    ways = _ways(session)
+    if not ways.moments:
+        session = RecordedSession(StandIns(session.recording), opening.pairing)
+        ways = _ways(session)
+    if not ways.moments:
+        raise LogError(
+            path, "found neither pictures nor odometry nor true poses, so there is nothing to show"
+        )
+    return session, ways
+
+
+def _ways(session: RecordedSession) -> Ways:
+    findings = Findings(session.pairing.keep_going)
+    return ways_of(session.glances(findings), session.info)
+
+
+def _drawn_of(session: RecordedSession, moments: int) -> RecordedSession:
+    """Leave out pictures of a long drive."""
+    stride = -(-moments // MOST_DRAWN)
+    if stride <= 1:
+        return session
+    note(f"drawing one of every {stride} of {moments} moments; --min-distance and --min-angle choose others")
+    return RecordedSession(FewerPictures(session.recording, stride), session.pairing)
+
+
+def _counted(session: RecordedSession, count: int, advance: Advance) -> Iterator[Moment]:
+    for number, moment in enumerate(session.moments()):
+        advance(number, count)
+        yield moment

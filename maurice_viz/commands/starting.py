@@ -1,0 +1,53 @@
+"""`--start`: where the particles begin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from maurice_loaders.errors import LogError
+from maurice_mcl.session import SessionInfo
+from maurice_mcl.typing import F64
+
+from ..look import Units, units_named
+from .options import FARTHEST_M
+
+
+def start_pose(
+    text: str | None, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
+) -> F64 | None:
+    """Read `--start`: a pose (3,) in the map's frame, or None for anywhere.
+
+    LogError when tracking or the truth is asked for and there is no such pose; a usage error for other words.
+    """
+    if text is None:
+        return info.start
+    if text == "global":
+        return None
+    if text == "tracking":
+        if info.start is None:
+            found = 'found no "start" pose in a header'
+            raise LogError(log, f"{found}; give --start truth, X,Y,HEADING or global")
+        return info.start
+    if text == "truth":
+        pose = first_truth()
+        if pose is None:
+            raise LogError(log, "found no truth to start from; give --start X,Y,HEADING or global")
+        return pose
+    return _typed_pose(text, units_named(info.display_units))
+
+
+def _typed_pose(text: str, units: Units) -> F64:
+    try:
+        x, y, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = heading_deg = np.nan
+    pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
+    if not (np.abs(pose) <= FARTHEST_M).all():
+        raise typer.BadParameter(
+            f"--start is tracking, truth, global or X,Y,HEADING in {units.name} and degrees, found {text!r}"
+        )
+    return pose

@@ -1,0 +1,272 @@
+"""Bags as other programs leave them: without metadata, packed, of other distributions, with odd topics."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import bag_making as making
+import numpy as np
+import pytest
+from bag_making import BEGIN_NS, Ros, Said
+
+from maurice_loaders import mcap_file
+from maurice_loaders.errors import LogError
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, guess, open_recording
+from maurice_loaders.mcap_bag import open_mcap
+
+DRIVE = {"Picture": 5, "OdometryPose": 10, "TruthPose": 10}
+
+
+def counts(path: Path, options: OpenOptions | None = None) -> dict[str, int]:
+    records = open_recording(path, options).records(Findings(keep_going=False))
+    return dict(Counter(type(record).__name__ for record in records))
+
+
+def written(folder: Path, **how: str) -> Path:
+    return making.write_ros2(folder / "drive", making.drive(Ros(2)), **how)  # type: ignore[arg-type]  # as named
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+@pytest.mark.parametrize("compression", ["none", "message"])
+def test_the_one_file_of_a_recording_that_was_not_ended(
+    storage: str, compression: str, tmp_path: Path
+) -> None:
+    how = {"compression": compression} if compression != "none" else {}
+    bag = written(tmp_path, storage=storage, **how)
+    (bag / "metadata.yaml").unlink()
+    assert guess(bag).name == "rosbag2"
+    assert counts(bag) == DRIVE
+    (file,) = bag.iterdir()
+    assert counts(file) == DRIVE
+
+
+def test_several_files_without_metadata_are_refused_with_the_command(tmp_path: Path) -> None:
+    bag = written(tmp_path)
+    (bag / "metadata.yaml").unlink()
+    shutil.copy(bag / "drive.db3", bag / "more.db3")
+    with pytest.raises(LogError, match=r"found 2 files .* `ros2 bag reindex drive` makes it anew"):
+        open_recording(bag)
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_packed_file_alone_is_refused_with_the_command(storage: str, tmp_path: Path) -> None:
+    bag = written(tmp_path, storage=storage, compression="file")
+    assert counts(bag) == DRIVE
+    (packed,) = bag.glob("*.zstd")
+    with pytest.raises(LogError, match=rf"`zstd -d {packed.name}` does that"):
+        open_recording(packed)
+
+
+def test_other_folders_are_no_bags(tmp_path: Path) -> None:
+    bag = written(tmp_path)
+    (bag / "metadata.yaml").unlink()
+    (bag / "notes.txt").write_text("more than a bag\n")
+    with pytest.raises(LogError, match="expected one of these formats"):
+        guess(bag)
+
+
+@pytest.mark.parametrize("version", [8, 9])
+@pytest.mark.parametrize("distro", ["ROS2_FOXY", "ROS2_JAZZY", "ROS2_KILTED"])
+def test_messages_of_other_distributions(distro: str, version: int, tmp_path: Path) -> None:
+    ros = Ros(2, distro)
+    bag = making.write_ros2(tmp_path / "drive", making.drive(ros), ros=ros, version=version)  # type: ignore[arg-type]  # 8 or 9
+    assert counts(bag) == DRIVE
+
+
+def test_a_topic_that_carries_several_types(tmp_path: Path) -> None:
+    ros, said = Ros(1), []
+    for number in range(4):
+        t_ns = BEGIN_NS + number * 10**8
+        said.append(Said("/x", "nav_msgs/Odometry", t_ns, ros.odometry(t_ns, (0.1 * number, 0, 0))))
+        image = ros.compressed(t_ns, making.picture(number))
+        said.append(Said("/x", "sensor_msgs/CompressedImage", t_ns, image))
+    assert counts(making.write_ros1(tmp_path / "a.bag", said)) == {"OdometryPose": 4, "Picture": 4}
+
+
+def test_stamps_of_one_topic_may_be_zero(tmp_path: Path) -> None:
+    said = making.drive(Ros(1))
+    for one in said:
+        if "camera" in one.topic:
+            one.message.header.stamp.sec = one.message.header.stamp.nanosec = 0
+    assert counts(making.write_ros1(tmp_path / "a.bag", said)) == DRIVE
+
+
+def test_definitions_in_idl(tmp_path: Path) -> None:
+    kind = "geometry_msgs/msg/Pose2D"
+    idl = "module geometry_msgs { module msg { struct Pose2D { double x; double y; double theta; }; }; };"
+    said = [
+        Said("/odom", kind, BEGIN_NS + i, b"\x00\x01\x00\x00" + struct.pack("<3d", i, 0, 0)) for i in range(3)
+    ]
+    path = making.write_json_mcap(
+        tmp_path / "a.mcap",
+        said,
+        encoding="cdr",
+        schema_encoding="ros2idl",
+        schemas={kind: f"{'=' * 80}\nIDL: {kind}\n{idl}\n"},
+    )
+    assert counts(path) == {"OdometryPose": 3}
+
+
+def test_an_empty_bag_says_that_it_holds_nothing(tmp_path: Path) -> None:
+    for path in (
+        making.write_ros1(tmp_path / "a.bag", []),
+        making.write_ros2(tmp_path / "b", []),
+        making.write_ros2(tmp_path / "c", [], storage="mcap"),
+    ):
+        with pytest.raises(LogError, match="it holds no topic at all"):
+            open_recording(path)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [OpenOptions(time_unit="ns"), OpenOptions(table=Path("poses.csv")), OpenOptions(columns={"x": "px"})],
+)
+def test_options_of_tables_are_refused(options: OpenOptions, tmp_path: Path) -> None:
+    path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
+    with pytest.raises(LogError, match=r"found --(time-unit|table|columns), expected none with a bag"):
+        open_recording(path, options)
+
+
+def _protobuf_drive(path: Path, **how: object) -> Path:
+    """A drive in Foxglove's own types, by Foxglove's own writer."""
+    foxglove = pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
+    from foxglove import channels, messages
+    from foxglove.mcap import MCAPWriteOptions
+
+    context = foxglove.Context()
+    with foxglove.open_mcap(str(path), writer_options=MCAPWriteOptions(**how), context=context):
+        images = channels.RawImageChannel("/image", context=context)
+        links = channels.FrameTransformChannel("/tf", context=context)
+        for number in range(6):
+            t_ns = BEGIN_NS + number * 10**8
+            stamp = messages.Timestamp(sec=t_ns // 10**9, nsec=t_ns % 10**9)
+            data = making.picture(number).tobytes()
+            size = {"width": 16, "height": 12, "step": 48}
+            images.log(messages.RawImage(timestamp=stamp, encoding="rgb8", data=data, **size), log_time=t_ns)
+            links.log(
+                messages.FrameTransform(
+                    timestamp=stamp,
+                    parent_frame_id="odom",
+                    child_frame_id="base_link",
+                    translation=messages.Vector3(x=0.1 * number, y=0, z=0),
+                    rotation=messages.Quaternion(x=0, y=0, z=0, w=1),
+                ),
+                log_time=t_ns,
+            )
+    return path
+
+
+NOTHING_MORE = ("emit_statistics", "emit_chunk_indexes", "emit_message_indexes", "repeat_channels")
+WAYS: dict[str, dict[str, object]] = {
+    "not packed": {"compression": None},
+    "many chunks": {"chunk_size": 1},
+    "no chunks": {"use_chunks": False},
+    "no statistics": {"emit_statistics": False},
+    "no index": dict.fromkeys((*NOTHING_MORE, "repeat_schemas"), False),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_foxgloves_own_writer(way: str, tmp_path: Path) -> None:
+    path = _protobuf_drive(tmp_path / "a.mcap", **WAYS[way])
+    assert counts(path) == {"Picture": 6, "OdometryPose": 6}
+
+
+def test_chunks_without_a_wanted_topic_are_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = _protobuf_drive(tmp_path / "a.mcap", chunk_size=1)
+    unpacked = []
+    unpack: Callable[[bytes], bytes | memoryview] = mcap_file.unpack_chunk
+    monkeypatch.setattr(mcap_file, "unpack_chunk", lambda data: unpacked.append(1) or unpack(data))
+    with open_mcap(path) as bag:
+        assert len(list(bag.messages({"/image"}))) == 6
+    assert len(unpacked) <= 7  # of 11 or 12
+
+
+@pytest.mark.parametrize(
+    ("kind", "transport"),
+    [("ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "ffmpeg"), ("foxglove.CompressedVideo", "foxglove")],
+)
+def test_video_is_refused_with_the_command(kind: str, transport: str, tmp_path: Path) -> None:
+    said = [Said("/cam/video", kind, BEGIN_NS, {})]
+    path = making.write_json_mcap(tmp_path / "a.mcap", said)
+    want = (
+        f"in_transport:={transport} -p out_transport:=raw -r in/{transport}:=/cam/video -r out:=/cam/decoded"
+    )
+    with pytest.raises(LogError, match=want):
+        open_recording(path)
+    with pytest.raises(LogError, match=want):
+        open_recording(path, OpenOptions(image_topic="/cam/video"))
+    mixed = making.write_json_mcap(tmp_path / "b.mcap", [*said, *making.foxglove_drive()[:1]])
+    assert want in open_recording(mixed).info.notes[0]
+
+
+def _looking(tmp_path: Path, frame: str, x: float, y: float, z: float, w: float) -> Path:
+    """A bag whose camera's frame stands on a mount with this quaternion; the mount is turned 0.5 rad left."""
+    ros = Ros(2)
+    image = ros.compressed(BEGIN_NS, making.picture(0))
+    image.header.frame_id = frame
+    rotation = ros.new("geometry_msgs/Quaternion", x=x, y=y, z=z, w=w)
+    links = [
+        ros.transforms(0, "base_link", "mount", (0.1, 0.0, 0.5)),
+        ros.transforms(0, "mount", frame, (0.0, 0.0, 0.0), rotation),
+    ]
+    said = [Said("/tf_static", "tf2_msgs/TFMessage", BEGIN_NS, link) for link in links]
+    said.append(Said("/camera/image/compressed", "sensor_msgs/CompressedImage", BEGIN_NS, image))
+    return making.write_ros2(tmp_path / "bag", said)
+
+
+OPTICAL = (-0.5, 0.5, -0.5, 0.5)  # z forward, x right, y down (REP-103)
+
+
+@pytest.mark.parametrize(
+    ("frame", "rotation"), [("camera_optical_frame", OPTICAL), ("eye", OPTICAL), ("camera", (0, 0, 0, 1))]
+)
+def test_the_camera_looks_where_static_transforms_say(
+    frame: str, rotation: tuple[float, float, float, float], tmp_path: Path
+) -> None:
+    info = open_recording(_looking(tmp_path, frame, *rotation)).info
+    assert info.cameras[0].yaw_rad == pytest.approx(0.5)
+    assert f"camera yaw 28.6 deg by the static transform base_link to {frame}" in info.notes[0]
+
+
+def test_a_camera_that_looks_at_the_floor_has_no_yaw(tmp_path: Path) -> None:
+    down = (1.0, 0.0, 0.0, 0.0)  # of an optical frame: z points down
+    info = open_recording(_looking(tmp_path, "floor_optical_frame", *down)).info
+    assert info.cameras == ()
+    assert "yaw" not in info.notes[0]
+
+
+def test_moving_transforms_say_nothing_of_the_camera(tmp_path: Path) -> None:
+    ros = Ros(2)
+    image = ros.compressed(BEGIN_NS, making.picture(0))
+    said = [
+        Said("/tf", "tf2_msgs/TFMessage", BEGIN_NS, ros.transforms(1, "base_link", "camera", (0, 0, 0.5))),
+        Said("/camera/image/compressed", "sensor_msgs/CompressedImage", BEGIN_NS, image),
+    ]
+    assert open_recording(making.write_ros2(tmp_path / "bag", said)).info.cameras == ()
+
+
+def test_odometry_from_transforms_alone(tmp_path: Path) -> None:
+    ros, said = Ros(2), []
+    said.append(
+        Said("/tf_static", "tf2_msgs/TFMessage", BEGIN_NS, ros.transforms(0, "base_link", "lidar", (0, 0, 0)))
+    )
+    for number in range(6):
+        t_ns = BEGIN_NS + number * 10**8
+        for link in (("base_link", "wheel"), ("odom", "base_link"), ("map", "odom")):
+            said.append(
+                Said("/tf", "tf2_msgs/TFMessage", t_ns, ros.transforms(t_ns, *link, (0.1 * number, 0.0, 0.0)))
+            )
+        image = ros.compressed(t_ns, making.picture(number))
+        said.append(Said("/camera/image/compressed", "sensor_msgs/CompressedImage", t_ns, image))
+    path = making.write_ros2(tmp_path / "bag", said)
+    records = list(open_recording(path).records(Findings(keep_going=False)))
+    poses = [record.pose for record in records if type(record).__name__ == "OdometryPose"]  # type: ignore[union-attr]  # as named
+    np.testing.assert_allclose(np.array(poses)[:, 0], 0.1 * np.arange(6), atol=1e-9)

@@ -1,0 +1,131 @@
+"""Wrong inputs out of right ones: bytes, lines and JSON values changed, by a generator that has a seed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from random import Random
+from typing import Any
+
+MOST_BYTES = 200_000  # of a mutated input
+TOKENS = [
+    *(
+        b"NaN",
+        b"Infinity",
+        b"-1e999",
+        b"1e400",
+        b"null",
+        b"true",
+        b'""',
+        b"{}",
+        b"[]",
+        b"{",
+        b"[",
+        b"\\ud800",
+    ),
+    *(b"\0", b"\xff", b"\xef\xbb\xbf", b"\r", b"\n", b"\1", b"\2", b"\3", b"\xff\xd8\xff", b"\xe2\x80\xa8"),
+    *(b'"t": 1e308, ', b'"image": "../a.jpg", ', b'"format": "maurice-session-log", ', b"9" * 5000),
+    *(b"[" * 3000, b'{"a":' * 3000, b"\1\2\3" * 50),
+]
+VALUES: list[Any] = [
+    *(None, True, False, 0, -1, 1, 0.5, 3, 255, 1e9, 4e9, 4.1e9, -4e9, 1e308, -1e308, 5e-324, 10**30, 2**64),
+    *("", "a", "a.jpg", ".", "/", "../a.jpg", "NaN", "\0", "\ud800", "x" * 300, "session", "survey", "none"),
+    *([], {}, [0, 0, 0], [1e9] * 3, [1, 2], [[]], [[0, 0], [1, 0], [1, 1]], [0, 0, 0, 0], ["a"], {"": {}}),
+    *({"base64": ""}, {"base64": "AAAA"}, {"base64": "/9j/"}, {"base64": "####"}, {"base64": None}),
+    *("jpeg", "h264", "rgb8", "bayer_rggb8", "/odom", "odom", "protobuf", "advertise", "foxglove.RawImage"),
+]
+
+
+def mutated(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    """Give a changed copy, by one to four changes."""
+    for _ in range(random.choice((1, 1, 1, 2, 2, 4))):
+        data = random.choice(CHANGES)(data, others, random)[:MOST_BYTES]
+    return data
+
+
+def _span(data: bytes, random: Random) -> tuple[int, int]:
+    begin = random.randint(0, len(data))
+    return begin, min(len(data), begin + random.choice((1, 1, 2, 4, 16, 100)))
+
+
+def _flip(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    if not data:
+        return data
+    changed = bytearray(data)
+    for _ in range(random.choice((1, 1, 3, 20))):
+        changed[random.randrange(len(changed))] ^= 1 << random.randrange(8)
+    return bytes(changed)
+
+
+def _overwrite(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    begin, end = _span(data, random)
+    return data[:begin] + random.randbytes(end - begin) + data[end:]
+
+
+def _delete(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    begin, end = _span(data, random)
+    return data[:begin] + data[end:]
+
+
+def _insert(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    at = random.randint(0, len(data))
+    return data[:at] + random.choice(TOKENS) + data[at:]
+
+
+def _repeat(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    begin, end = _span(data, random)
+    return data[:begin] + data[begin:end] * random.choice((2, 5, 100)) + data[end:]
+
+
+def _cut(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    return data[: random.randint(0, len(data))]
+
+
+def _splice(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    other = random.choice(others)
+    return data[: random.randint(0, len(data))] + other[random.randint(0, len(other)) :]
+
+
+def _shuffle_lines(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    lines = data.splitlines(keepends=True)
+    if len(lines) < 2:
+        return data
+    one, other = random.randrange(len(lines)), random.randrange(len(lines))
+    if random.random() < 0.5:
+        lines[one], lines[other] = lines[other], lines[one]
+    else:
+        lines.insert(one, lines[other])
+    return b"".join(lines)
+
+
+def _value(data: bytes, others: Sequence[bytes], random: Random) -> bytes:
+    """Put another value somewhere into the JSON of a line."""
+    lines = data.splitlines(keepends=True) or [b"{}"]
+    at = random.randrange(len(lines))
+    try:
+        found = json.loads(lines[at])
+    except (ValueError, RecursionError):
+        return _flip(data, others, random)
+    lines[at] = json.dumps(_with_another_value(found, random)).encode() + b"\n"
+    return b"".join(lines)
+
+
+def _with_another_value(found: Any, random: Random) -> Any:
+    if random.random() < 0.25 or not found or not isinstance(found, dict | list):
+        return random.choice(VALUES)
+    changed: Any = found.copy()
+    if isinstance(changed, list):
+        at = random.randrange(len(changed))
+        changed[at] = _with_another_value(changed[at], random)
+        return changed
+    key = random.choice(list(changed))
+    if random.random() < 0.1:
+        del changed[key]
+    else:
+        changed[key] = _with_another_value(changed[key], random)
+    return changed
+
+
+Change = Callable[[bytes, Sequence[bytes], Random], bytes]
+CHANGES: list[Change] = [_flip, _overwrite, _delete, _insert, _repeat, _cut, _splice, _shuffle_lines]
+CHANGES += [_value] * 6

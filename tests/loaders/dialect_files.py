@@ -1,0 +1,50 @@
+"""Small files as other programs write them, and what is read from them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, open_recording
+from maurice_loaders.recording import Picture, Record
+
+BEGIN_S = 1305031102.1753
+BEGIN_NS = 1403636579763555584
+STAMPS = [f"{BEGIN_S + 0.1 * k:.6f}" for k in range(3)]
+QUARTER = math.sqrt(0.5)
+COUNTS = {"Picture": 3, "TruthPose": 3}
+
+
+def read(path: Path, options: OpenOptions | None = None) -> tuple[list[Record], tuple[str, ...]]:
+    findings = Findings(keep_going=False)
+    return list(open_recording(path, options).records(findings)), findings.warnings
+
+
+def counts(path: Path, options: OpenOptions | None = None) -> dict[str, int]:
+    """Count the records, and decode every picture."""
+    found, _ = read(path, options)
+    assert all(one.read().shape == (4, 6, 3) for one in found if isinstance(one, Picture))
+    return dict(Counter(type(one).__name__ for one in found))
+
+
+def image(file: Path, value: int = 100, bits: int = 8) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    deep = np.full((4, 6), value * 256 + 99, np.uint16)
+    cv2.imwrite(str(file), deep if bits == 16 else np.full((4, 6, 3), value, np.uint8))
+
+
+def write(file: Path, text: str | bytes) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def poses(separator: str = " ", stamp: str = "{:.4f}") -> str:
+    """Three poses a decimetre apart, looking along +y."""
+    rows = [(stamp.format(BEGIN_S + 0.1 * k), 0.1 * k, 2, 0.5, 0, 0, QUARTER, QUARTER) for k in range(3)]
+    return "\n".join(separator.join(map(str, row)) for row in rows) + "\n"

@@ -1,0 +1,175 @@
+"""CARMEN logs, tables and videos as other programs write them: all open, or say what is wrong."""
+
+from __future__ import annotations
+
+import gzip
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from dialect_files import COUNTS, QUARTER, counts, image, read, write
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions, guess
+from maurice_loaders.recording import OdometryPose, Picture, TruthPose
+
+# CARMEN
+
+
+def odom(k: int) -> str:
+    return f"ODOM {0.1 * k} 0 0 0.1 0 0 {k}.0 host {k}.0"
+
+
+def laser(k: int, word: str = "FLASER") -> str:
+    return f"{word} 3 1 nan 3 {0.1 * k} 0 0 {0.1 * k} 0 0 {k}.1 host {k}.1"
+
+
+def robotlaser(k: int, number: int = 1) -> str:
+    ranges = "3 1 2 3 0"
+    pose = f"{0.1 * k} 0 0"
+    end = f"0 0 0.3 0.3 1e6 {k}.1 host {k}.1"
+    return f"ROBOTLASER{number} 0 -1.57 3.14 0.0174 81.9 0.01 0 {ranges} {pose} {pose} {end}"
+
+
+HEAD = "# CARMEN Logfile\n# file format is one message per line\n"
+CARMEN = {
+    "odometry": "\n".join(map(odom, range(3))),
+    "head, parameters, comments": HEAD
+    + "PARAM a 0 h 0\nSYNC l 0 h 0\n"
+    + "\n# stop\n".join(map(odom, range(3))),
+    "scans": "\n".join(map(laser, range(3))),
+    "rear scans as well": "\n".join(f"{odom(k)}\n{laser(k)}\n{laser(k, 'RLASER')}" for k in range(3)),
+    "robotlaser": "\n".join(f"{robotlaser(k)}\n{robotlaser(k, 2)}" for k in range(3)),
+    "corrections": "\n".join(f"{odom(k)}\nNEFF {k} 0.5\n{laser(k)}" for k in range(3)),
+    "unknown words first": "IMU 0 0 0 h 0\nGPSGGA 1 2 h 0\n" + "\n".join(map(odom, range(3))),
+    "many parameters": "PARAM some_parameter 0.123456 nohost 0\n" * 2000 + "\n".join(map(odom, range(3))),
+    "windows": "\r\n".join(map(odom, range(3))) + "\r\n",
+}
+
+
+@pytest.mark.parametrize("name", CARMEN)
+@pytest.mark.parametrize("ending", [".log", ".clf", ".log.gz"])
+def test_carmen_dialects(name: str, ending: str, tmp_path: Path) -> None:
+    data = CARMEN[name].encode()
+    file = write(tmp_path / f"drive{ending}", gzip.compress(data) if ending.endswith("gz") else data)
+    assert guess(file).name == "carmen"
+    assert counts(file) == {"OdometryPose": 3}
+
+
+def test_carmen_truth_beside_odometry(tmp_path: Path) -> None:
+    text = "\n".join(f"{odom(k)}\nTRUEPOS {k} 0 0 {k} 0 0 {k}.05 host {k}.05" for k in range(3))
+    assert counts(write(tmp_path / "a.log", text)) == {"OdometryPose": 3, "TruthPose": 3}
+
+
+def test_text_that_only_shouts_is_no_carmen_log(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="expected one of these formats"):
+        read(write(tmp_path / "a.log", "HELLO WORLD\nODOM"[:11]))
+
+
+# tables
+
+NAMES = "time_s,image,x_m,y_m,heading_deg"
+
+
+def table(folder: Path, text: str | bytes, name: str = "drive.csv") -> Path:
+    for k in range(3):
+        image(folder / f"{k}.png")
+    return write(folder / name, text).parent
+
+
+def rows(separator: str = ",", decimal: str = ".") -> str:
+    made = [
+        (f"{0.5 * k}".replace(".", decimal), f"{k}.png", f"{1.5 * k}".replace(".", decimal), "2", "90")
+        for k in range(3)
+    ]
+    return "".join(separator.join(row) + "\n" for row in made)
+
+
+TABLES = {
+    "plain": f"{NAMES}\n{rows()}",
+    "semicolons": f"{NAMES}\n{rows()}".replace(",", ";"),
+    "decimal commas": NAMES.replace(",", ";") + "\n" + rows(";", ","),
+    "decimal commas, tabs": NAMES.replace(",", "\t") + "\n" + rows("\t", ","),
+    "quoted": '"' + f"{NAMES}\n{rows()}".strip().replace(",", '","').replace("\n", '"\n"') + '"\n',
+    "windows": "\ufeff" + f"{NAMES}\n{rows()}".replace("\n", "\r\n"),
+    "blanks": f"{NAMES}\n{rows()}".replace(",", ", "),
+    "trailing commas": f"{NAMES}\n{rows()}".replace("\n", ",\n"),
+    "a comment first": f"# made by a program, in 2026\n{NAMES}\n{rows()}",
+    "names in a comment": f"# made by a program\n#{NAMES}\n{rows()}",
+    "excel": "sep=;\n" + f"{NAMES}\n{rows()}".replace(",", ";"),
+    "empty cells at the end": f"{NAMES}\n{rows()},,,,\n,,,,\n",
+    "capitals": f"{NAMES.upper()}\n{rows()}",
+    "quaternion": "timestamp,filename,x,y,z,qx,qy,qz,qw\n"
+    + "".join(f"{0.5 * k},{k}.png,{1.5 * k},2,0,0,0,{QUARTER},{QUARTER}\n" for k in range(3)),
+    "pose names": "time,image,pose_x,pose_y,pose_theta_deg\n" + rows(),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables(name: str, tmp_path: Path) -> None:
+    folder = table(tmp_path, TABLES[name])
+    assert counts(folder) == COUNTS
+    found, _ = read(folder)
+    got = np.array([one.pose for one in found if isinstance(one, TruthPose)])
+    np.testing.assert_allclose(got, [[1.5 * k, 2, math.pi / 2] for k in range(3)], atol=1e-6)
+    assert [one.t_s for one in found if isinstance(one, Picture)] == [0, 0.5, 1]
+
+
+def test_a_table_without_names_by_the_numbers_of_its_columns(tmp_path: Path) -> None:
+    folder = table(tmp_path, rows())
+    columns = {"time": "1:s", "image": "2", "x": "3:m", "y": "4:m", "heading": "5:deg"}
+    assert counts(folder, OpenOptions(columns=columns)) == COUNTS
+    found, said = read(folder)  # the pictures alone, and a word of it
+    assert len(found) == 3
+    assert any("drive.csv beside them is not used" in text for text in said)
+    with pytest.raises(
+        LogError, match=r"no names of columns, and 5 columns; they are called 1, 2, 3 .*--columns"
+    ):
+        read(folder / "drive.csv", OpenOptions(format="table"))
+
+
+def test_odometry_by_quaternions(tmp_path: Path) -> None:
+    names = "t_s,image,odom_x,odom_y,odom_qw,odom_qx,odom_qy,odom_qz"
+    made = "".join(f"{k},{k}.png,{k},0,{QUARTER},0,0,{QUARTER}\n" for k in range(3))
+    found, _ = read(table(tmp_path, f"{names}\n{made}"))
+    assert [one.pose.tolist() for one in found if isinstance(one, OdometryPose)] == [
+        [k, 0, pytest.approx(math.pi / 2)] for k in range(3)
+    ]
+    bad = made.replace(str(QUARTER), "0")
+    with pytest.raises(LogError, match=r"drive\.csv:2: found a quaternion of length 0"):
+        read(table(tmp_path, f"{names}\n{bad}"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_a_table_in_another_encoding_is_named(encoding: str, tmp_path: Path) -> None:
+    folder = table(tmp_path, f"{NAMES}\n{rows()}".replace("0.png", "ä.png").encode(encoding))
+    assert any("is not used" in text for text in read(folder)[1])
+    with pytest.raises(LogError, match=r"not UTF-8|binary data"):
+        read(folder / "drive.csv", OpenOptions(format="table"))
+
+
+# videos
+
+
+def test_pictures_one_after_the_other_are_a_video(tmp_path: Path) -> None:
+    jpeg = cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
+    found, said = read(write(tmp_path / "camera.mjpeg", jpeg * 4))
+    assert len(found) == 4
+    assert "without times" in said[0]
+    with pytest.raises(LogError, match="expected one of these formats"):
+        read(write(tmp_path / "one.jpg", jpeg))
+
+
+@pytest.mark.parametrize(
+    ("ending", "code"), [("mp4", "mp4v"), ("mov", "mp4v"), ("mkv", "MJPG"), ("avi", "MJPG")]
+)
+def test_containers(ending: str, code: str, tmp_path: Path) -> None:
+    file = tmp_path / f"drive.{ending}"
+    video = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*code), 10, (64, 48))
+    for value in range(4):
+        video.write(np.full((48, 64, 3), 50 * value, np.uint8))
+    video.release()
+    found, _ = read(file)
+    assert [one.t_s for one in found] == pytest.approx([0, 0.1, 0.2, 0.3], abs=2e-3)

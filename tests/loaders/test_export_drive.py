@@ -1,0 +1,191 @@
+"""Any recording as MCAP: what is read back is what the filter would have been given before."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("rosbags")
+
+from rosbags.highlevel import AnyReader
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.export_drive import convert_to_mcap
+from maurice_loaders.export_session import Converted, convert_to_log
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, open_recording, open_session
+from maurice_loaders.header import header_to_json
+from maurice_loaders.recorded_session import Pairing, RecordedSession
+from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
+from maurice_loaders.session_log import SessionLog
+from maurice_mcl.arena import Arena, Region
+from maurice_mcl.session import Camera, Moment, Session, SessionInfo
+from maurice_mcl.typing import U8
+
+TRIANGLE = Region("sofa", np.array([[0.1, 0.2], [0.9, 0.2], [0.5, 1.7]]))
+INFO = SessionInfo(
+    "made",
+    "in",
+    "Maurice",
+    {"model": "maurice", "turn_gain": 0.7302},
+    (Camera("front", 4, 3, 0.785, 0.1, 0.25), Camera("rear")),
+    np.array([0.1, 0.2, 1 / 3]),
+    Path("survey.log"),
+    Arena((0.0, -1.0, 3.0, 2.0), np.array([[0.0, 0.0, 1.0, 1.0]]), (TRIANGLE,)),
+    ("an example",),
+)
+
+
+@dataclass(frozen=True)
+class Made:
+    """A recording of records that were put together here."""
+
+    held: tuple[Record, ...]
+    info: SessionInfo = INFO
+    path: Path = Path("made")
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        return iter(self.held)
+
+
+def painted(seed: int) -> U8:
+    return np.random.default_rng(seed).integers(0, 256, (3, 4, 3), dtype=np.uint8)
+
+
+NUMBER = st.floats(-1e3, 1e3)
+POSE = st.tuples(NUMBER, NUMBER, st.floats(-3, 3)).map(np.array)
+STEP_S = st.sampled_from([0.0, 0.0, 0.1, 0.25, 1.5])
+BEGIN_S = st.sampled_from([0.0, 12.5, 1403636591.25])
+
+
+@st.composite
+def recordings(draw: st.DrawFn, odometry: type[Motion | OdometryPose]) -> Made:
+    t_s, records = draw(BEGIN_S), []
+    for number, kind in enumerate(draw(st.lists(st.sampled_from("oooptn"), min_size=1, max_size=20))):
+        t_s += draw(STEP_S)
+        if kind == "o":
+            records.append(odometry(t_s, draw(POSE)))
+        elif kind == "t":
+            records.append(TruthPose(t_s, draw(POSE)))
+        elif kind == "n":
+            records.append(Note(t_s, draw(st.sampled_from(["bump", "kidnapped", "lights off"]))))
+        else:
+            records.append(Picture(t_s, partial(painted, number), f"{number}"))
+    return Made(tuple(records))
+
+
+def finished(session: RecordedSession, file: Path, **options: object) -> Converted:
+    (*_, done) = convert_to_mcap(session, file, **options)  # type: ignore[arg-type]  # passed on
+    return done
+
+
+def assert_same(ours: Session, theirs: Session, odometry: float = 0) -> None:
+    """Expect what the filter is given to be the same, motions to the last bit where `odometry` is 0."""
+    for one, other in zip(ours.moments(), theirs.moments(), strict=True):
+        assert other.frame.step == one.frame.step
+        assert other.frame.time_s == pytest.approx(one.frame.time_s, abs=1e-6)
+        assert other.frame.motions.shape == one.frame.motions.shape
+        assert np.abs(other.frame.motions - one.frame.motions).max(initial=0) <= odometry
+        assert other.frame.image.tolist() == one.frame.image.tolist()
+        assert other.events == one.events
+        assert (other.truth is None) == (one.truth is None)
+        if one.truth is not None and other.truth is not None:
+            assert other.truth == pytest.approx(one.truth, abs=1e-6)
+
+
+def assert_same_header(ours: SessionInfo, theirs: SessionInfo, folder: Path) -> None:
+    assert header_to_json(theirs, "session", folder) == header_to_json(ours, "session", folder)
+
+
+KEEP = settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@given(recordings(Motion))
+@KEEP
+def test_a_drive_of_motions_is_read_back_to_the_last_bit(tmp_path: Path, made: Made) -> None:
+    session, file = RecordedSession(made), tmp_path / "a.mcap"
+    done = finished(session, file, force=True)
+    kinds = [sum(isinstance(r, kind) for r in made.held) for kind in (Picture, Motion, TruthPose, Note)]
+    assert [done.pictures, done.motions, done.truths, done.events] == kinds
+    if any(not isinstance(record, Note) for record in made.held):
+        again = open_session(file)
+        assert_same(session, again)
+        assert_same_header(replace(INFO, survey=tmp_path / "survey.log"), again.info, tmp_path)
+
+
+@given(recordings(OdometryPose))
+@KEEP
+def test_a_drive_of_poses_is_read_back(tmp_path: Path, made: Made) -> None:
+    if not any(isinstance(record, OdometryPose) for record in made.held):
+        return
+    session, file = RecordedSession(made, Pairing(max_dt_s=1e6)), tmp_path / "a.mcap"
+    finished(session, file, force=True)
+    assert_same(session, open_session(file, OpenOptions(max_dt_s=1e6)), odometry=1e-6)
+
+
+def test_a_log_comes_back_from_mcap_as_it_was(small_session: Path, tmp_path: Path) -> None:
+    finished(RecordedSession(open_recording(small_session)), tmp_path / "a.mcap", t_offset_s=1.4e9)
+    again = open_session(tmp_path / "a.mcap")
+    list(convert_to_log(again, tmp_path / "back" / "b.log"))
+    assert_same(SessionLog(small_session), SessionLog(tmp_path / "back" / "b.log"))
+    assert_same_header(SessionLog(small_session).info, SessionLog(tmp_path / "back" / "b.log").info, tmp_path)
+
+
+def test_several_motions_stay_apart_at_their_own_times(tmp_path: Path) -> None:
+    motions = [np.array([0.1 * k, 0.0, 0.3]) for k in (1, 2, 3)]
+    drive = [Motion(5.0 + k, motion) for k, motion in enumerate(motions)]
+    made = Made((*drive, Picture(9.0, partial(painted, 1), "1")))
+    finished(RecordedSession(made), tmp_path / "a.mcap")
+    (moment,) = open_session(tmp_path / "a.mcap").moments()
+    assert moment.frame.motions.tolist() == [motion.tolist() for motion in motions]
+    assert moment.frame.time_s == 4.0
+    with AnyReader([tmp_path / "a.mcap"]) as reader:
+        found = [(c.topic, t_ns) for c, t_ns, _ in reader.messages() if c.topic == "/odom"]
+        latched = {c.topic for c in reader.connections if c.ext.offered_qos_profiles}
+    assert [t_ns // 10**9 for _, t_ns in found] == [5, 5, 6, 7, 9]
+    assert latched == {"/session/header", "/map", "/tf_static"}
+
+
+def test_the_robot_stands_at_the_start_and_then_at_the_truth(tmp_path: Path) -> None:
+    truth = np.array([2.0, 1.0, -0.5])
+    held = (OdometryPose(0.0, np.array([9.0, 9.0, 1.0])), TruthPose(1.0, truth))
+    finished(RecordedSession(Made(held)), tmp_path / "a.mcap")
+    believed = OpenOptions(odometry_topic="/tf:map.base_link", truth_topic="none")
+    poses = [r.pose for r in open_recording(tmp_path / "a.mcap", believed).records(Findings(False))]
+    assert poses[0] == pytest.approx(INFO.start)
+    assert poses[-1] == pytest.approx(truth)
+
+
+def test_only_pictures_that_make_an_update_are_written(tmp_path: Path) -> None:
+    held: list[Record] = []
+    for k in range(6):
+        held += [Motion(k, np.array([0.1, 0, 0])), Picture(k, partial(painted, k), f"{k}")]
+    session = RecordedSession(Made(tuple(held)), Pairing(min_distance_m=0.25))
+    done = finished(session, tmp_path / "a.mcap")
+    assert (done.pictures, done.motions) == (2, 6)
+    assert_same(session, open_session(tmp_path / "a.mcap"))
+
+
+def test_motions_give_way_to_an_odometry_that_is_asked_for(small_session: Path, tmp_path: Path) -> None:
+    finished(RecordedSession(open_recording(small_session)), tmp_path / "a.mcap")
+    asked = OpenOptions(odometry_topic="/odom")
+    drive: list[Moment] = list(open_session(tmp_path / "a.mcap", asked).moments())
+    for one, other in zip(SessionLog(small_session).moments(), drive, strict=True):
+        assert other.frame.motions == pytest.approx(one.frame.motions, abs=1e-9)
+
+
+def test_nothing_to_write_and_a_damaged_session_leave_nothing(small_session: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    with pytest.raises(LogError, match="nothing to write"):
+        finished(RecordedSession(Made(())), out / "a.mcap")
+    with small_session.open("a") as log:
+        log.write("{broken}\n")
+    with pytest.raises(LogError, match="broken JSON"):
+        finished(RecordedSession(open_recording(small_session)), out / "a.mcap")
+    assert not list(out.iterdir())

@@ -1,0 +1,181 @@
+"""A drive that no library goes with is shown by itself: every log opens."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rerun.chunk import RrdReader
+from typer.testing import CliRunner, Result
+
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import open_recording
+from maurice_loaders.recorded_session import Glance, RecordedSession
+from maurice_loaders.recording import moved
+from maurice_loaders.stand_ins import STAND_IN, StandIns
+from maurice_mcl.session import SessionInfo
+from maurice_viz import drive_ways
+from maurice_viz.cli import app
+from maurice_viz.commands import drive_alone
+from maurice_viz.drive_ways import ways_of
+
+Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
+
+
+def replay(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def drawn(path: Path) -> dict[str, set[int]]:
+    """The steps at which each entity was drawn."""
+    found: dict[str, set[int]] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        steps = set(batch.column("step").to_pylist()) if "step" in batch.schema.names else {0}
+        found.setdefault(str(chunk.entity_path), set()).update(steps)
+    return found
+
+
+@pytest.fixture
+def bare(small_session: Path) -> Path:
+    """The small session, whose header names no survey."""
+    header, *rest = small_session.read_text().splitlines()
+    kept = {key: value for key, value in json.loads(header).items() if key != "survey"}
+    path = small_session.with_name("bare.log")
+    path.write_text("\n".join([json.dumps(kept), *rest]) + "\n")
+    return path
+
+
+def carmen(folder: Path) -> Path:
+    """Two metres forward, then a turn, by odometry alone."""
+    ways = [(k / 10, 0.0, 0.0) for k in range(21)] + [(2.0, 0.0, k / 10) for k in range(1, 16)]
+    rows = [f"ODOM {x} {y} {turn} 0 0 0 {k}.0 robot {k}.0" for k, (x, y, turn) in enumerate(ways)]
+    path = folder / "drive.log"
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare: Path, tmp_path: Path) -> None:
+    done = replay(bare, "--save", tmp_path / "a.rrd")
+    assert done.exit_code == 0, done.output
+    assert f"maurice-replay library build {bare}" in done.output
+    found = drawn(tmp_path / "a.rrd")
+    pictures = RecordedSession(open_recording(bare)).overview()[0]
+    for path in ("camera", "edges", "histogram/color/2", "odometry", "truth", "trace/forward/odometry"):
+        assert found[f"/session/{path}"] >= set(range(1, pictures + 1)), path
+    assert "/session/trace/apart" in found
+    assert not any("belief" in path for path in found)
+
+
+@pytest.mark.parametrize("asked", [["--feature", "color"], ["--no-recording"], ["--json"], ["--seed", "3"]])
+def test_who_asks_for_a_filter_or_figures_is_told_that_a_library_is_missing(
+    bare: Path, tmp_path: Path, asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = replay(bare, *asked)
+    assert done.exit_code == 1
+    assert "--library" in done.output
+    assert not list(tmp_path.glob("*.rrd"))
+
+
+def test_odometry_alone_has_moments_where_the_robot_moved(tmp_path: Path) -> None:
+    path = carmen(tmp_path)
+    moments = list(RecordedSession(StandIns(open_recording(path))).moments())
+    assert {moment.frame.picture for moment in moments} == {STAND_IN}
+    gone = [float(moment.frame.motions[:, 0].sum()) for moment in moments[1:]]
+    turned = [float(moment.frame.motions[:, 2].sum()) for moment in moments[1:]]
+    assert all(0.25 <= way < 0.35 or turn >= 0.26 for way, turn in zip(gone, turned, strict=True))
+    done = replay(path, "--save", tmp_path / "a.rrd")
+    assert done.exit_code == 0, done.output
+    assert "no pictures" in done.output
+    found = drawn(tmp_path / "a.rrd")
+    assert len(found["/session/odometry"] - {0}) == len(moments)
+    assert "/session/histogram/color/0" not in found
+
+
+def test_pictures_alone_are_drawn(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    rows = ["t,file"]
+    for k in range(3):
+        cv2.imwrite(str(folder / f"{k}.png"), np.full((20, 30, 3), 40 * k, np.uint8))
+        rows.append(f"{k}.0,{k}.png")
+    (folder / "list.csv").write_text("\n".join(rows) + "\n")
+    columns = ["--columns", "time=t:s,image=file"]
+    done = replay(folder, "--table", folder / "list.csv", *columns, "--save", tmp_path / "a.rrd")
+    assert done.exit_code == 0, done.output
+    found = drawn(tmp_path / "a.rrd")
+    assert found["/session/camera"] >= {1, 2, 3}
+    assert "/world/floors" not in found
+
+
+def test_a_recording_of_nothing_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    path.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session", "name": "a"}\n')
+    done = replay(path, "--save", tmp_path / "a.rrd")
+    assert done.exit_code == 1
+    assert "nothing to show" in done.output
+
+
+def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(
+    bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(drive_alone, "MOST_DRAWN", 5)
+    done = replay(bare, "--save", tmp_path / "a.rrd")
+    assert "drawing one of every" in done.output
+    session = RecordedSession(open_recording(bare))
+    fewer = list(drive_alone._drawn_of(session, session.overview()[0]).moments())
+    every = list(session.moments())
+    assert 1 < len(fewer) <= 5
+    together = np.concatenate([moment.frame.motions for moment in fewer])
+    np.testing.assert_array_equal(
+        together, np.concatenate([one.frame.motions for one in every])[: len(together)]
+    )
+    assert fewer[1].frame.picture != every[1].frame.picture
+
+
+@given(start=Poses, steps=st.lists(Poses, min_size=1, max_size=8), known=st.integers(0, 8))
+def test_perfect_odometry_lies_on_the_truth(start: np.ndarray, steps: list[np.ndarray], known: int) -> None:
+    """Wherever the truth begins to be known."""
+    poses = [start]
+    for step in steps:
+        poses.append(moved(poses[-1], step))
+    known = min(known, len(steps))
+    glances = [
+        Glance(np.array(motions).reshape(-1, 3), pose if k >= known else None, ())
+        for k, (motions, pose) in enumerate(zip([[], *([step] for step in steps)], poses, strict=True))
+    ]
+    ways = ways_of(glances, SessionInfo("a"))
+    np.testing.assert_allclose(ways.measured, [pose[:2] for pose in poses], atol=1e-9)
+    np.testing.assert_allclose(ways.true, [pose[:2] for pose in poses[known:]], atol=1e-9)
+
+
+def test_ways_are_held_with_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drive_ways, "MOST", 100)
+    glances = (Glance(np.array([[1.0, 0.0, 0.0]]), None, ()) for _ in range(10_000))
+    ways = ways_of(glances, SessionInfo("a"))
+    assert ways.moments == 10_000
+    assert 50 <= len(ways.measured) <= 100
+    assert np.ptp(np.diff(ways.measured[:, 0])) == 0
+    assert ways.measured[-1, 0] > 9_700
+
+
+def test_the_bare_map_holds_the_ways_with_some_room() -> None:
+    glances = [Glance(np.array([[3.0, 0.0, 0.0]]), None, ()) for _ in range(2)]
+    arena = ways_of(glances, SessionInfo("a")).arena
+    assert arena is not None
+    assert arena.bounds == (2.0, -1.0, 7.0, 1.0)
+    assert ways_of([Glance(np.zeros((0, 3)), None, ())], SessionInfo("a")).arena is None
+
+
+def test_glances_are_moments_without_their_pictures(small_session: Path) -> None:
+    session = RecordedSession(open_recording(small_session))
+    for glance, moment in zip(session.glances(Findings(False)), session.moments(), strict=True):
+        np.testing.assert_array_equal(glance.motions, moment.frame.motions)
+        assert glance.events == moment.events
+        assert (glance.truth is None) == (moment.truth is None)

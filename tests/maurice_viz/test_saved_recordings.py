@@ -1,0 +1,173 @@
+"""`--run` of recordings that are no session logs: what is saved is shown and verified as it was read."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.fields import FieldError
+from maurice_loaders.formats import OpenOptions
+from maurice_loaders.recording import moved
+from maurice_loaders.run_store_manifest import read_manifest
+from maurice_loaders.run_store_sources import reading_from_json, reading_to_json, source_hash
+from maurice_loaders.session_log import SessionLog
+from maurice_viz.cli import app
+
+COMMON = ("--no-recording", "--json", "--particles", 100, "--start", "global")
+
+
+def maurice(*words: object) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def samples() -> ModuleType:
+    """What writes the same small drive in every format."""
+    file = Path(__file__).parents[1] / "loaders" / "format_samples.py"
+    spec = importlib.util.spec_from_file_location("format_samples_for_runs", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def views(session: Path, folder: Path) -> tuple[Path, Path]:
+    """Write a drive's pictures to a folder, and a table with odd names beside it."""
+    folder.mkdir()
+    rows, pose = ["ms;px;py;yaw"], None
+    for number, moment in enumerate(SessionLog(session).moments()):
+        cv2.imwrite(str(folder / f"v{number}.png"), moment.frame.image[..., ::-1])
+        for motion in moment.frame.motions:
+            pose = motion * 0 if pose is None else moved(pose, motion)
+        assert pose is not None
+        rows.append(f"{500 * number};{pose[0]};{pose[1]};{pose[2]}")
+    table = folder.with_name("beside.csv")
+    table.write_text("\n".join(rows))
+    return folder, table
+
+
+def kept_and_shown(run: Path, recording: Path, survey: Path, options: Sequence[object]) -> None:
+    """Save a run, and have it shown, verified and drawn again."""
+    code, saved, said = maurice(recording, "--library", survey, *COMMON, *options, "--run", run)
+    assert code == 0, said
+    assert json.loads(saved)["runs"][0]["updates"] > 0
+    code, shown, said = maurice(run, "--no-recording", "--json")
+    assert (code, shown) == (0, saved), said
+    assert "stay empty" not in said
+    code, out, said = maurice("verify", run)
+    assert code == 0, said
+    assert "to the last bit" in out
+
+
+@pytest.mark.parametrize("name", ["tum", "rosbag1", "rosbag2", "euroc", "cmucam"])
+def test_a_run_of_a_recording_is_shown_and_verified(name: str, small_session: Path, tmp_path: Path) -> None:
+    recording = samples().sample(name, tmp_path / "made")
+    kept_and_shown(tmp_path / "kept", recording, small_session.with_name("survey.log"), ("--max-dt", 0.2))
+    manifest = read_manifest(tmp_path / "kept")
+    assert (manifest.reading.format, manifest.reading.max_dt_s) == (name, 0.2)
+
+
+def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(
+    small_session: Path, tmp_path: Path
+) -> None:
+    folder, table = views(small_session, tmp_path / "views")
+    columns = "time=ms:ms,odometry_x=px,odometry_y=py,odometry_heading=yaw:rad"
+    options = ("--table", table, "--columns", columns, "--min-distance", 0.2)
+    survey = small_session.with_name("survey.log")
+    kept_and_shown(tmp_path / "kept", folder, survey, options)
+    assert read_manifest(tmp_path / "kept").pictures == 7
+    for command in (("explain",), ("events",), ("export", "--tum", tmp_path / "path.tum")):
+        words = [command[0], tmp_path / "kept", *command[1:]]
+        words += ["--no-recording"] if command[0] == "explain" else []
+        code, _, said = maurice(*words)
+        assert code == 0, said
+    table.write_text(table.read_text().replace("0.12", "0.13"))
+    code, _, said = maurice("verify", tmp_path / "kept")
+    assert code == 1
+    assert "beside.csv: the table was changed after the run was made" in said
+
+
+def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: Path, tmp_path: Path) -> None:
+    recording = samples().sample("tum", tmp_path / "made")
+    survey = small_session.with_name("survey.log")
+    kept_and_shown(recording / "kept", recording, survey, ())
+    (recording / "odometry.txt").write_text((recording / "odometry.txt").read_text() + "\n# more")
+    code, _, said = maurice("verify", recording / "kept")
+    assert code == 1
+    assert "the session was changed" in said
+
+
+def test_recording_and_run_may_be_moved_together(small_session: Path, tmp_path: Path) -> None:
+    recording = samples().sample("tum", tmp_path / "a" / "made") if (tmp_path / "a").mkdir() is None else None
+    assert recording is not None
+    for name in ("survey.log", "pictures"):
+        shutil.move(small_session.with_name(name), tmp_path / "a" / name)
+    kept_and_shown(tmp_path / "a" / "kept", recording, tmp_path / "a" / "survey.log", ())
+    (tmp_path / "a").rename(tmp_path / "b")
+    assert maurice("verify", tmp_path / "b" / "kept")[0] == 0
+
+
+def test_another_camera_of_a_session_log_is_saved(small_session: Path, tmp_path: Path) -> None:
+    """Pictures that name no camera are everybody's."""
+    kept_and_shown(
+        tmp_path / "kept", small_session, small_session.with_name("survey.log"), ("--camera", "left")
+    )
+    assert read_manifest(tmp_path / "kept").reading.camera == "left"
+
+
+def test_a_manifest_of_the_version_before_is_read(small_session: Path, tmp_path: Path) -> None:
+    assert maurice(small_session, *COMMON, "--run", tmp_path / "kept")[0] == 0
+    file = tmp_path / "kept" / "manifest.json"
+    found = json.loads(file.read_text())
+    assert found["version"] == 2
+    file.write_text(
+        json.dumps({k: v for k, v in found.items() if k not in ("reading", "table")} | {"version": 1})
+    )
+    assert read_manifest(tmp_path / "kept").reading == OpenOptions()
+    assert maurice("verify", tmp_path / "kept")[0] == 0
+    file.write_text(json.dumps(found | {"version": 3}))
+    with pytest.raises(LogError, match="found version 3"):
+        read_manifest(tmp_path / "kept")
+
+
+def test_options_of_reading_are_kept_and_strange_ones_refused() -> None:
+    options = OpenOptions(
+        "table", "left", columns={"x": "px:mm"}, time_unit="ms", min_angle_rad=0.25, odometry_seed=7
+    )
+    assert reading_from_json(json.loads(json.dumps(reading_to_json(options)))) == options
+    for bad in (
+        {"speed": 1},
+        {"format": 3},
+        {"columns": {"x": 3}},
+        {"max_dt_s": "a"},
+        {"odometry_seed": 0.5},
+        [],
+    ):
+        with pytest.raises(FieldError):
+            reading_from_json(bad)
+
+
+def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "rgb").mkdir()
+    (tmp_path / "rgb.txt").write_text("1 a.png")
+    (tmp_path / "rgb" / "a.png").write_bytes(b"123")
+    before = source_hash(tmp_path)
+    (tmp_path / "out.rrd").write_bytes(b"drawn")
+    (tmp_path / ".hidden.txt").write_text("x")
+    assert source_hash(tmp_path) == before
+    (tmp_path / "rgb" / "a.png").write_bytes(b"1234")
+    assert (other := source_hash(tmp_path)) != before
+    (tmp_path / "rgb.txt").write_text("2 a.png")
+    assert source_hash(tmp_path) not in (before, other)
