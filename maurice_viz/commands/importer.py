@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 NOT_MINE = 66
 MANIFEST = "manifest.json"  # stands for a saved run: Rerun opens a folder file by file
+GONE = "the viewer went away before everything was shown"
 LOOK_S = 0.5  # between two looks whether the viewer is still there
 HEADER_BYTES = 2**20  # a header with a large map is a few hundred kB
 LOG, RUNS = b'"maurice-session-log"', ("maurice-run", "maurice-runs")
@@ -38,7 +39,7 @@ def main() -> None:
     if sys.stdout.isatty():
         sys.stderr.write("rerun-importer-maurice: rerun starts this itself; type: rerun FILE\n")
         sys.exit(2)
-    if hasattr(select, "poll"):  # not on Windows
+    if hasattr(select, "poll"):
         threading.Thread(target=_end_with_reader, daemon=True).start()
     try:
         status = _import(path, recording_id)
@@ -168,16 +169,22 @@ def _finish(rec: rr.RecordingStream) -> None:
     try:
         rec.flush()
     except (RuntimeError, ValueError):
-        raise OSError("not everything could be written to standard output") from None
+        raise OSError(GONE if _is_left() else "not everything could be written to standard output") from None
+    if _is_left():
+        raise OSError(GONE)
 
 
 def _end_with_reader() -> None:
     """End this process when the viewer has gone away: the SDK would wait for a closed pipe without end."""
     while not _nobody_reads():
         time.sleep(LOOK_S)
-    sys.stderr.write("maurice-replay: the viewer went away before everything was shown\n")
+    sys.stderr.write(f"maurice-replay: {GONE}\n")
     sys.stderr.flush()
     os._exit(1)
+
+
+def _is_left() -> bool:
+    return hasattr(select, "poll") and _nobody_reads()  # not on Windows
 
 
 def _nobody_reads() -> bool:

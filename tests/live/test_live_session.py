@@ -317,8 +317,8 @@ def test_only_pictures_after_enough_movement_make_updates_and_all_are_recorded(t
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full to write to")
 def test_a_full_disk_is_told_in_one_line(tmp_path: Path) -> None:
+    recorder = LiveRecorder(tmp_path)
     (tmp_path / "session.log").symlink_to("/dev/full")
-    recorder = LiveRecorder(tmp_path, force=True)
     with (
         peer(says(log(range(5)))) as address,
         LiveSession(live_source(address), Listen(keep_up=False, patience=SOON), recorder) as session,
