@@ -66,6 +66,14 @@ def drive_alone(demo: Path, folder: Path) -> Path:
     return folder / "alone.rrd"
 
 
+def as_recorded(run: str, folder: Path) -> Path:
+    """Record a run as another localizer's: from the particles in its MCAP export."""
+    bag, recording = folder / "run.mcap", folder / "recorded.rrd"
+    maurice("export", run, "--mcap", str(bag))
+    maurice(str(bag), "--as-recorded", "--save", str(recording))
+    return recording
+
+
 def main() -> None:
     HERE.mkdir(exist_ok=True)
     session = str(demo_paths(0).session)
@@ -79,6 +87,8 @@ def main() -> None:
         maurice("replay", session, "--feature", "blended", "--run", kept, "--save", one)
         maurice("explain", kept, "--step", str(ASTRAY), "-o", explained)
         keep("explain.png", Path(explained).read_bytes())
+        with headless_viewer(as_recorded(kept, Path(name))) as viewer:
+            keep("as-recorded.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(both)) as viewer:
             keep("compare.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(one)) as viewer:
