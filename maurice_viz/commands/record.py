@@ -64,11 +64,12 @@ def record(
     with one_line_errors():
         listen = Listen(patience=patience_of(patience), only_record=True, library=library)
         recorder = LiveRecorder(output, force=force)
-        with LiveSession(live_source(source, topics), listen, recorder, note) as session:
-            try:
+        session = LiveSession(live_source(source, topics), listen, recorder, note)
+        try:
+            with session:
                 _listen(session)
-            except KeyboardInterrupt as stop:
-                stopped = stop
+        except KeyboardInterrupt as stop:
+            stopped = stop
         _tell(session, json_output)
     if stopped is not None:
         raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)
