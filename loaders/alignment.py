@@ -5,12 +5,23 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from maurice_mcl.typing import F64
 
-from .recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, interpolated, motion_between
+from .recording import (
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Record,
+    TruthPose,
+    interpolated,
+    motion_between,
+    together,
+)
 from .truth import MAX_GAP_S
 
 MOST_WAITING = 64  # pictures held back while poses after them are awaited; a second of a fast camera
@@ -135,8 +146,10 @@ class Steps:
     """The motions from one used picture to the next, from poses and from motions; nothing is lost between."""
 
     def __init__(self) -> None:
+        self.way: F64 = np.zeros(3)  # (3,) where the motions lead together since the last picture used
         self._last: F64 | None = None
         self._pending: list[F64] = []
+        self._pending_way: F64 = np.zeros(3)
 
     def add(self, motions: list[F64], pose: F64 | None, first: F64 | None) -> list[F64]:
         """Take in what came up to a picture; gives all motions (3,) since the last picture used.
@@ -144,14 +157,17 @@ class Steps:
         The way from the `first` odometry pose to the first picture counts as well.
         """
         self._pending += motions
+        self.way = self._pending_way = reduce(together, motions, self._pending_way)
         self._last = first if self._last is None else self._last
         if pose is None or self._last is None or np.array_equal(pose, self._last):
             return list(self._pending)
-        return [*self._pending, motion_between(self._last, pose)]
+        motion = motion_between(self._last, pose)
+        self.way = together(self._pending_way, motion)
+        return [*self._pending, motion]
 
     def used(self, pose: F64 | None) -> None:
         """Begin anew after a picture that was used."""
-        self._pending = []
+        self._pending, self._pending_way = [], np.zeros(3)
         self._last = self._last if pose is None else pose
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import BinaryIO, ClassVar, Generic, Self, TypeVar
+from typing import Any, BinaryIO, ClassVar, Generic, Self, TypeVar
 
 from .errors import LogError
 
 Source = TypeVar("Source")  # what a message came from: a channel, a connection
+Held = TypeVar("Held")
 
 
 class BagError(ValueError):
@@ -20,14 +21,18 @@ class BagCut(BagError):
     """The file ends in the middle of a record, or without its index."""
 
 
+class ChunkDamaged(BagError):
+    """One chunk makes no sense; the others may."""
+
+
 BROKEN = (BagError, OSError, MemoryError)  # what a damaged file leads to
 
 
 class BagFile(ABC, Generic[Source]):
     """A bag; a context manager, and read lazily as often as one likes.
 
-    Raises LogError for what is no such file or damaged, and for one that is cut; with `keep_going` a cut file
-    is read as far as it goes.
+    Raises LogError for what is no such file, is damaged or cut. With `keep_going` chunks that are damaged are
+    left out, without an index the file is read from its beginning, and a cut one as far as it goes.
     """
 
     whole: ClassVar[str]  # what was expected, for errors
@@ -37,6 +42,9 @@ class BagFile(ABC, Generic[Source]):
     def __init__(self, path: Path, *, keep_going: bool = False) -> None:
         self.path = path
         self.cut = ""  # what is missing of a file that is read all the same
+        self.damaged: dict[
+            int, str
+        ] = {}  # chunks that were left out: the byte where each begins, what is wrong
         self._keep_going = keep_going
         self._size = 0
 
@@ -71,12 +79,22 @@ class BagFile(ABC, Generic[Source]):
         try:
             for source, log_ns, data in self._held(wanted):
                 yield source, log_ns, bytes(data)
-        except BagCut as problem:
+        except BagError as problem:
             if not self._keep_going:
                 raise self._refusal(problem) from None
             self.cut = str(problem)
         except BROKEN as problem:
             raise self._refusal(problem) from None
+
+    def _sound(self, at: int, messages: Iterator[Held]) -> Iterator[Held]:
+        """Give the messages of the chunk at a byte, up to where it is damaged."""
+        try:
+            yield from messages
+        except BagError as problem:
+            what = f"the chunk at byte {at} is damaged ({problem})"
+            if not self._keep_going:
+                raise ChunkDamaged(what) from None
+            self.damaged[at] = f"{what} and was left out"
 
     @abstractmethod
     def _open(self) -> None:
@@ -88,8 +106,26 @@ class BagFile(ABC, Generic[Source]):
 
     def _refusal(self, problem: Exception) -> LogError:
         advice = self.advice
-        if isinstance(problem, BagCut):
+        if isinstance(problem, ChunkDamaged):
+            advice = "--keep-going leaves it out and reads on"
+        elif isinstance(problem, BagCut):
             advice = f"{self.mends} mends it, --keep-going reads it as far as it goes"
         return LogError(
             self.path, f"{str(problem) or type(problem).__name__}; expected {self.whole}; {advice}"
         )
+
+
+class FileDamage:
+    """What a `BagSource` that reads a `BagFile` says of its damage."""
+
+    _file: BagFile[Any]
+
+    @property
+    def cut(self) -> str:
+        """What is missing of a cut file."""
+        return self._file.cut
+
+    @property
+    def damaged(self) -> tuple[str, ...]:
+        """The chunks that were left out."""
+        return tuple(self._file.damaged.values())

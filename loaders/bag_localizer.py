@@ -31,7 +31,7 @@ from .bag_topics import listed, readable
 from .errors import LogError
 from .findings import Findings
 from .formats import OpenOptions
-from .recording import OdometryPose, Picture, Record, TruthPose
+from .recording import Motion, OdometryPose, Picture, Record, TruthPose
 
 NEAR_S = 0.5  # pose and cloud of one update are no further apart
 MAX_DT_S = 1.0  # odometry this near to an update tells how the robot moved
@@ -171,7 +171,7 @@ def _passed(held: deque[Timed], last: list[Picture | BelievedPose | None]) -> It
         last[0] = record
     elif isinstance(record, BelievedPose):
         last[1] = record
-    elif isinstance(record, OdometryPose | TruthPose):
+    elif isinstance(record, Motion | OdometryPose | TruthPose):
         yield record
     elif isinstance(record, Cloud) and len(record.poses):
         near = [p for p in (last[1], *held) if isinstance(p, BelievedPose)]

@@ -89,6 +89,8 @@ def read_parts(
             for part in parts:
                 going = part.records(message, number[message.topic], recorded=recorded)
                 yield from _sound(path, going, message, number[message.topic], findings)
+        for text in bag.damaged:
+            findings.damage(LogError(path, text))
         if bag.cut:
             findings.warning(f"{bag.cut}: read as far as it goes")
 

@@ -41,7 +41,8 @@ class BagRecording:
         with open_bag(path, keep_going=options.keep_going) as bag:
             self.chosen = choose(path, bag.topics, _wishes(options), _edges(bag))
             if not self.chosen.topics and not nothing_will_do:
-                raise LogError(path, nothing_to_read(bag.topics))
+                cut = f"{bag.cut}; " if bag.cut else ""
+                raise LogError(path, f"{cut}{nothing_to_read(bag.topics)}")
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
             self.recorded_times = use_recorded(first)  # why the times of recording are used; "": they are not
             self.counts = {t.name: t.count for t in bag.topics}

@@ -42,6 +42,11 @@ class BagSource(Protocol):
         """What is missing of a damaged bag that is read all the same, as far as that is known so far."""
         ...
 
+    @property
+    def damaged(self) -> tuple[str, ...]:
+        """What was left out in the middle of it, as far as that is known so far."""
+        ...
+
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording. LogError where the bag is damaged."""
         ...

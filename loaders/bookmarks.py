@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import LogError
-from .fields import show
+from .fields import read_json, show
 from .whole_files import write_whole
 
 BOOKMARKS = "bookmarks.jsonl"
@@ -93,7 +93,7 @@ def _parsed(line: bytes) -> Bookmark | None:
     if not line.strip():
         return None
     try:
-        found: Any = json.loads(line)
+        found: Any = read_json(line)
     except ValueError:
         raise ValueError(
             f"found {show(line.decode(errors='replace').strip())}, expected a bookmark"

@@ -10,10 +10,9 @@ from maurice_mcl.typing import U8
 from .errors import LogError
 from .findings import Findings
 from .log_records import PictureRecord, read_header, read_records
+from .picture_files import PICTURES
 from .pictures import PictureError, decode_picture
 from .session_log import picture_bytes
-
-SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
 
 
 def covered_pictures(path: Path) -> Iterator[U8]:
@@ -51,7 +50,7 @@ def _of_log(log: Path) -> Iterator[U8]:
 
 
 def _of_folder(folder: Path) -> Iterator[U8]:
-    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES and file.is_file())
     if not files:
         raise LogError(
             folder, "found neither pictures nor a log, expected pictures taken with the lens cap on"

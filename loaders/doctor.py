@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from maurice_mcl.assembly import make_localizer
 from maurice_mcl.diagnosis import Complaint, Drive, in_radians
+from maurice_mcl.diagnosis_clocks import clocks_apart, truth_apart
 from maurice_mcl.diagnosis_compare import compared_with_truth
 from maurice_mcl.diagnosis_evidence import doubted_by_pictures
 from maurice_mcl.diagnosis_pictures import Looks, seen_with_truth
-from maurice_mcl.diagnosis_plausible import clocks_apart, odometry_doubts, time_unit, truth_apart
+from maurice_mcl.diagnosis_plausible import odometry_doubts, time_unit
 from maurice_mcl.diagnosis_words import turn_complaint
 from maurice_mcl.features import FEATURES
 from maurice_mcl.library import Library
 from maurice_mcl.parameters import of_feature
 from maurice_mcl.session import Moment, SessionInfo
 
-from .doctor_reading import Gathered, gather, raw_records
+from .doctor_mending import mendable, mended
+from .doctor_reading import Gathered, gather, movement_apart, raw_records
 from .errors import LogError
 from .fields import MOST
 from .findings import Findings
-from .formats import OpenOptions
+from .formats import OpenOptions, chosen
 from .pictures import PictureError
 from .recording import Picture
 
@@ -50,6 +52,7 @@ class Diagnosis:
     checks: tuple[str, ...]  # what could be asked
     not_asked: tuple[str, ...]  # what could not, and why
     complaints: tuple[Complaint, ...]
+    mended: OpenOptions  # what to read it with; as it was read where no option mends anything
 
 
 def diagnose(
@@ -64,14 +67,17 @@ def diagnose(
     complaints = _about_reading(found)
     factor, units = time_unit(found.drive)
     drive = found.drive.slowed(factor)
-    apart = clocks_apart(drive)
+    if library is not None and not np.isfinite(drive.size_m):
+        drive = replace(drive, size_m=max(library.arena.size_m))
+    movement_s = movement_apart(drive)
+    apart = clocks_apart(drive, movement_s)
     complaints += [*units, *(apart or truth_apart(drive))]
     checks = ["times", "odometry by itself"]
     not_asked: list[str] = []
-    with_truth = compared_with_truth(drive, native=found.native)
+    with_truth = compared_with_truth(drive, movement_s)
     asked_truth = drive.truth.size > 1 and drive.odometry.size > 1
     (checks if asked_truth else not_asked).append(
-        "odometry against truth" if asked_truth else "truth: there is none"
+        "odometry against truth" if asked_truth else f"{_lacking(drive)}: there is none"
     )
     complaints += with_truth if asked_truth else odometry_doubts(drive)
     if library is None:
@@ -84,6 +90,8 @@ def diagnose(
         complaints = _about_pictures(looks, drive, found, complaints)
     if any(one.code == "picture-delay" for one in complaints):  # that is why truth passes them by
         complaints = [one for one in complaints if one.code != "truth-apart"]
+    format_name = chosen(path, options).name
+    complaints = [mendable(one, format_name) for one in complaints]
     return Diagnosis(
         path,
         found.info.name,
@@ -95,7 +103,13 @@ def diagnose(
         tuple(checks),
         tuple(not_asked),
         tuple(complaints),
+        mended(options, complaints),
     )
+
+
+def _lacking(drive: Drive) -> str:
+    """Name what a comparison of odometry with truth lacks."""
+    return "truth" if drive.truth.size <= 1 else "odometry"
 
 
 def _about_reading(found: Gathered) -> list[Complaint]:
@@ -125,13 +139,13 @@ def _about_pictures(looks: Looks, drive: Drive, found: Gathered, known: list[Com
     """
     if drive.truth.size > 1:
         truthful = not any(one.code in WRONG_TRUTH for one in known)
-        return known + (seen_with_truth(looks, drive.truth, native=found.native) if truthful else [])
+        return known + (seen_with_truth(looks, drive.truth) if truthful else [])
     doubts = [one for one in known if one.code not in HARMLESS]
     in_degrees = [one.code for one in doubts] == ["turn-degrees"]
     if not drive.odometry.size or (doubts and not in_degrees):
         return known
     asked = in_radians(drive) if in_degrees else drive
-    more = doubted_by_pictures(looks, asked, found.info.start, native=found.native)
+    more = doubted_by_pictures(looks, asked, found.info.start)
     if in_degrees and [one.code for one in more] == ["turn-clockwise"]:
         evidence = f"{doubts[0].evidence}; {more[0].evidence}"
         both = turn_complaint("clockwise degrees", evidence, **doubts[0].numbers)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.diagnosis import Drive, Odometry, Track
+from maurice_mcl.diagnosis import Drive, Odometry, Track, joined
 from maurice_mcl.motion import MauriceParameters
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64, U8
 
+from .clock_offset import offset_between
+from .corrected import corrected
 from .errors import LogError
 from .fields import FieldError
 from .findings import Findings
@@ -22,8 +24,9 @@ from .formats import NATIVE, OpenOptions, chosen, open_recording
 from .log_lines import parse_object, read_lines
 from .log_records import PictureRecord, read_header
 from .pictures import decode_picture
-from .recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
+from .recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
 from .session_log import CameraChoice, picture_bytes
+from .time_bases import PER_SECOND
 
 MOST_RAW = 1e25  # of any number; nanoseconds since 1970 are 2e18, and squares of it can be added up
 MOST = 50_000  # records of one kind that are looked at: an hour and a half of odometry at 10 Hz
@@ -34,7 +37,6 @@ class Gathered:
     """A recording without its pictures' content."""
 
     info: SessionInfo
-    native: bool
     drive: Drive
     falls: int  # times that fall, which the reader refuses
     skipped: int  # records that cannot be read at all
@@ -64,8 +66,7 @@ class _Lists:
 
 def gather(path: Path, options: OpenOptions) -> Gathered:
     """Read all but the pictures. LogError where there is nothing to diagnose."""
-    native = chosen(path, options).name == NATIVE
-    info = read_header(path)[0] if native else open_recording(path, options).info
+    info = opened(path, options).info
     findings = Findings(keep_going=True)
     moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
     falls, part, last_s, cut = 0, 0, -math.inf, False
@@ -94,29 +95,57 @@ def gather(path: Path, options: OpenOptions) -> Gathered:
         _gain(path, info),
     )
     first = str(findings.problems[0]) if findings.problems else ""
-    return Gathered(info, native, drive, falls, findings.count, first, cut, findings.warnings)
+    return Gathered(info, drive, falls, findings.count, first, cut, findings.warnings)
+
+
+def movement_apart(drive: Drive) -> float | None:
+    """Give what the truth's times need to move when the odometry does; None where that cannot be told."""
+    truth, odometry = drive.truth, drive.odometry
+    if truth.size < 2 or odometry.size < 2 or (np.diff(odometry.t_s) < 0).any() or truth.part.any():
+        return None
+    poses = odometry.values if odometry.poses else joined(odometry.values)
+    found = offset_between(odometry.t_s, poses, truth.t_s, truth.poses)
+    return None if found is None else found.offset_s
 
 
 def raw_records(path: Path, options: OpenOptions, findings: Findings) -> Iterator[Record]:
     """Give a recording's records without checking that their numbers may be what they are."""
+    return opened(path, options).records(findings)
+
+
+def opened(path: Path, options: OpenOptions) -> Recording:
+    """Open a recording; a native log as it stands, put right by the options alone."""
     if chosen(path, options).name != NATIVE:
-        yield from open_recording(path, options).records(findings)
-        return
-    info, kind = read_header(path)
-    if kind != "session":
-        raise LogError(path, f"found a {kind} log, expected a session log; `library check` is for those", 1)
-    taken = CameraChoice(options.camera or next((one.name for one in info.cameras), None), findings)
-    for line in read_lines(path):
-        if line.number == 1 or not line.data.strip():
-            continue
-        try:
-            record = _raw(parse_object(line), line.number, path, taken)
-        except (FieldError, TypeError, ValueError, OverflowError) as problem:
-            if line.ended:
-                findings.problem(LogError(path, str(problem), line.number))
-            continue
-        if record is not None:
-            yield record
+        return open_recording(path, options)
+    return corrected(_RawLog(path, options), options.correction)
+
+
+class _RawLog:
+    """A native log whose numbers may break the rules."""
+
+    def __init__(self, path: Path, options: OpenOptions) -> None:
+        self.path = path
+        self.info, kind = read_header(path)
+        if kind != "session":
+            advice = "expected a session log; `library check` is for those"
+            raise LogError(path, f"found a {kind} log, {advice}", 1)
+        self._camera = options.camera or next((one.name for one in self.info.cameras), None)
+        self._per_s = PER_SECOND[options.time_unit or "s"]
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Give what can be read at all, in the order of the lines."""
+        taken = CameraChoice(self._camera, findings)
+        for line in read_lines(self.path):
+            if line.number == 1 or not line.data.strip():
+                continue
+            try:
+                record = _raw(parse_object(line), line.number, self.path, taken)
+            except (FieldError, TypeError, ValueError, OverflowError) as problem:
+                if line.ended:
+                    findings.problem(LogError(self.path, str(problem), line.number))
+                continue
+            if record is not None:
+                yield replace(record, t_s=record.t_s / self._per_s)
 
 
 def _raw(found: dict[str, object], number: int, path: Path, taken: CameraChoice) -> Record | None:

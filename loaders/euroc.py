@@ -15,6 +15,7 @@ from maurice_mcl.session import Camera, SessionInfo
 from .errors import LogError
 from .euroc_camera import camera_of
 from .formats import Format, OpenOptions
+from .picture_files import PICTURES
 from .picture_lists import PictureList
 from .pose_files import Layout, PoseFile, layout_of
 from .recording import OdometryPose, TruthPose
@@ -26,7 +27,6 @@ TRUTHS = ("state_groundtruth_estimate0", "groundtruth", "gt", "vicon", "mocap", 
 ODOMETRY = ("odom",)
 DEPTH, TABLE, DESCRIBED = 2, "data.csv", "sensor.yaml"
 ASIDE_RAD = math.radians(10)  # a camera that looks further off is worth a word
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
 USUAL = ("timestamp", "p_x", "p_y", "p_z", "q_w", "q_x", "q_y", "q_z")  # of poses without a header
 
 
@@ -178,5 +178,11 @@ def _remarks(
 
 
 FORMATS = (
-    Format("euroc", "an EuRoC / ASL folder: a data.csv for each sensor, pictures", looks_euroc, open_euroc),
+    Format(
+        "euroc",
+        "an EuRoC / ASL folder: a data.csv for each sensor, pictures",
+        looks_euroc,
+        open_euroc,
+        shifts=True,
+    ),
 )

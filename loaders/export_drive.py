@@ -28,7 +28,7 @@ from .export_mcap import (
     McapFile,
     mcap_file,
 )
-from .export_scene import Scene, Thinned, scene_of, write_paths
+from .export_scene import Scene, new_path, scene_of, write_paths
 from .export_session import Converted, PictureKind
 from .findings import Findings
 from .recorded_session import RecordedSession
@@ -91,13 +91,12 @@ class Drive:
         start = None if scene.info is None else scene.info.start
         self._odometry = np.zeros(3)
         self._correction = np.zeros(3) if start is None else np.asarray(start)  # odometry's frame in the map
-        self._links = (
-            (ODOM, ROBOT) if odometry else (ROBOT,)
-        )  # a frame without odometry would be taken for it
+        # without odometry there is no frame of it, which readers would take for odometry
+        self._links = (ODOM, ROBOT) if odometry else (ROBOT,)
         self._moved = self._in_motions = False  # whether any odometry came, and whether as motions
         self._odometry_s = -math.inf  # when it was written last
         self._due_s: float | None = None  # when the transforms changed that are not written yet
-        self._path = Thinned()
+        self._path = new_path()
 
     def begin(self, begin_s: float) -> None:
         """Write what is told once, and where the robot begins."""

@@ -29,7 +29,7 @@ from .export_mcap import (
     McapFile,
     mcap_file,
 )
-from .export_scene import Scene, Thinned, write_paths
+from .export_scene import Scene, new_path, write_paths
 from .export_steps import ExportStep
 from .recording import motion_between, moved
 from .run_store_rows import weighted_of
@@ -45,7 +45,7 @@ class RunSink:
     def __init__(self, mcap: McapFile, origin: F64, scene: Scene) -> None:
         self._mcap, self._origin, self._scene = mcap, origin, scene
         self._begin_s: float | None = None
-        self._paths = {TRUE_PATH: Thinned(), ESTIMATED_PATH: Thinned()}
+        self._paths = {TRUE_PATH: new_path(), ESTIMATED_PATH: new_path()}
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
         """Write the messages of one update, all with its time."""

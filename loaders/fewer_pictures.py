@@ -4,30 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-
-from maurice_mcl.session import SessionInfo
 
 from .findings import Findings
-from .recording import Picture, Record, Recording
+from .recording import Picture, Record
+from .wrapped import Wrapped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FewerPictures:
+class FewerPictures(Wrapped):
     """A recording of which one picture of every `stride` is there, the first among them."""
 
-    measured: Recording
     stride: int
-
-    @property
-    def path(self) -> Path:
-        """The file or folder."""
-        return self.measured.path
-
-    @property
-    def info(self) -> SessionInfo:
-        """What is known before the first record."""
-        return self.measured.info
 
     def records(self, findings: Findings) -> Iterator[Record]:
         """Give the recording's records but the pictures between."""

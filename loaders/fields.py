@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 MOST = 1e9  # metres, radians, pixels: more is a slip, and squares of it still fit into float32
@@ -10,6 +11,14 @@ MOST_T_S = 4e9  # Unix time until 2096; the time between any two is still one th
 
 class FieldError(ValueError):
     """A value of the wrong type or shape; the message says what was found and expected."""
+
+
+def read_json(data: bytes | str) -> Any:
+    """Give the value of a JSON text. ValueError for what is none, also where it is nested too deeply."""
+    try:
+        return json.loads(data)
+    except RecursionError:
+        raise ValueError("found JSON that is nested too deeply") from None
 
 
 def show(value: Any) -> str:

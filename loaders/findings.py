@@ -18,6 +18,7 @@ class Findings:
         self._problems: list[LogError] = []
         self._warnings: dict[str, None] = {}  # in order, each once
         self.count = 0  # problems found, kept or not
+        self._told: set[str] = set()  # of those that are found again and again
 
     def problem(self, error: LogError) -> None:
         """Count a broken line, or raise the error when not keeping going."""
@@ -26,6 +27,12 @@ class Findings:
         self.count += 1
         if len(self._problems) < MOST_KEPT:
             self._problems.append(error)
+
+    def damage(self, error: LogError) -> None:
+        """Count a part of the file that was left out: once, though several passes find it."""
+        if str(error) not in self._told:
+            self._told.add(str(error))
+            self.problem(error)
 
     def warning(self, text: str) -> None:
         """Note something worth saying; the same text is kept once."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 
+from .corrected import corrected
+from .correction import Correction
 from .errors import LogError
 from .made_odometry import odometry_from_truth
 from .recorded_session import MAX_DT_S, Pairing, RecordedSession
@@ -28,6 +30,7 @@ MODULES = (  # in the order in which they are asked whether a file looks like th
     "cmucam",
     "video",
     "picture_table",
+    "picture_folder",
 )
 
 
@@ -45,6 +48,15 @@ class OpenOptions:
     time_unit: str | None = None  # "s", "ms", "us" or "ns"
     odometry_offset_s: float = 0.0  # added to odometry's times, so that its clock is the pictures'
     truth_offset_s: float = 0.0  # added to truth's times
+    picture_offset_s: float = 0.0  # added to the pictures' times
+    odometry_scale: float = 1.0  # these and those below: see `Correction`
+    turn_scale: float = 1.0
+    turn_gain: float = 1.0
+    odometry_forward_rad: float = 0.0
+    odometry_are: str | None = None
+    truth_scale: float = 1.0
+    truth_turn_scale: float = 1.0
+    camera_yaw_rad: float = 0.0
     max_dt_s: float = MAX_DT_S
     min_distance_m: float = 0.0
     min_angle_rad: float = 0.0
@@ -57,6 +69,18 @@ class OpenOptions:
         """What of it is about pairing."""
         return Pairing(self.max_dt_s, self.min_distance_m, self.min_angle_rad, self.keep_going)
 
+    @property
+    def correction(self) -> Correction:
+        """What of it puts right what was written."""
+        return Correction(**{one.name: getattr(self, one.name) for one in fields(Correction)})
+
+    @property
+    def as_it_is(self) -> bool:
+        """Whether a session log is read as it stands: nothing paired, made or put right."""
+        paired = self.min_distance_m or self.min_angle_rad or self.odometry_from_truth
+        unit = self.time_unit not in (None, "s")
+        return not (paired or unit) and self.correction == Correction()
+
 
 @dataclass(frozen=True, slots=True)
 class Format:
@@ -67,6 +91,7 @@ class Format:
     looks_like: Callable[[Path], bool]  # by content before name; quick, never raises
     open: Callable[[Path, OpenOptions], Recording]  # LogError for what cannot be read
     extra: str | None = None  # the extra that has to be installed for it
+    shifts: bool = False  # whether it adds the offsets of odometry and truth itself
 
 
 @cache
@@ -79,12 +104,16 @@ def formats() -> dict[str, Format]:
 
 def guess(path: Path) -> Format:
     """Tell the format of a file or folder. LogError says what was found, and which formats there are."""
+    one = _guess(path)
+    if one is None:
+        names = ", ".join(formats())
+        raise LogError(path, f"found {_describe(path)}, expected one of these formats: {names}; see --format")
+    return one
+
+
+def _guess(path: Path) -> Format | None:
     _expect_there(path)
-    for one in formats().values():
-        if one.looks_like(path):
-            return one
-    names = ", ".join(formats())
-    raise LogError(path, f"found {_describe(path)}, expected one of these formats: {names}; see --format")
+    return next((one for one in formats().values() if one.looks_like(path)), None)
 
 
 def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
@@ -94,17 +123,19 @@ def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
 
 
 def open_session(path: Path, options: OpenOptions | None = None) -> SessionLog | RecordedSession:
-    """Open any recording as a session; a native log without pairing options as a SessionLog."""
+    """Open any recording as a session; a native log as it is as a SessionLog."""
     options = options or OpenOptions()
     one = chosen(path, options)
-    as_it_is = not (options.min_distance_m or options.min_angle_rad or options.odometry_from_truth)
-    if one.name == NATIVE and as_it_is:
+    if one.name == NATIVE and options.as_it_is:
         return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
     return RecordedSession(_opened(one, path, options), options.pairing)
 
 
 def _opened(one: Format, path: Path, options: OpenOptions) -> Recording:
-    recording = one.open(path, options)
+    correction = options.correction
+    if one.shifts:
+        correction = replace(correction, odometry_offset_s=0.0, truth_offset_s=0.0)
+    recording = corrected(one.open(path, options), correction)
     if not options.odometry_from_truth:
         return recording
     return odometry_from_truth(recording, options.odometry_seed)
@@ -113,8 +144,10 @@ def _opened(one: Format, path: Path, options: OpenOptions) -> Recording:
 def chosen(path: Path, options: OpenOptions) -> Format:
     """Give the format that was named, or the guess. LogError for a name that is none."""
     if options.format is None:
-        one = guess(path)
-        return formats()["table"] if (options.table or options.columns) and one.name in BARE else one
+        if not (options.table or options.columns):
+            return guess(path)
+        one = _guess(path)  # a table whose columns have other names looks like nothing
+        return formats()["table"] if one is None or one.name in BARE else one
     if options.format not in formats():
         names = ", ".join(formats())
         raise LogError(path, f"there is no format {options.format!r}, expected one of {names}")
@@ -135,8 +168,16 @@ def _describe(path: Path) -> str:
         names = sorted(entry.name for entry in path.iterdir())[:4]
         logs = sorted(path.glob("*.log"))
         sequences = sorted((path / "sequences").glob("*"))  # as KITTI has them
-        hint = next((f" (did you mean {one}?)" for one in (*logs, *sequences)), "")
+        hint = next((f" (did you mean {one}?)" for one in (*logs, *sequences)), "") or _table_hint(path)
         return f"a folder with {', '.join(names)}{hint}" if names else "an empty folder"
     with path.open("rb") as file:
         begin = file.read(16)
-    return f"a file that begins with {begin!r}" if begin else "an empty file"
+    return f"a file that begins with {begin!r}{_table_hint(path)}" if begin else "an empty file"
+
+
+def _table_hint(path: Path) -> str:
+    """Say how a table is read whose columns have names of its own; empty where there is none."""
+    tables = sorted(path.glob("*.[ct]sv")) if path.is_dir() else [path]
+    if not tables or tables[0].suffix.lower() not in (".csv", ".tsv"):
+        return ""
+    return f" (if {tables[0].name} is a table, say what its columns are with --columns)"

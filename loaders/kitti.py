@@ -173,6 +173,12 @@ def looks_like_poses(path: Path) -> bool:
 
 
 FORMATS = (
-    Format("kitti", "a KITTI odometry sequence: image_0 to 3, times.txt", looks_like_sequence, open_sequence),
+    Format(
+        "kitti",
+        "a KITTI odometry sequence: image_0 to 3, times.txt",
+        looks_like_sequence,
+        open_sequence,
+        shifts=True,
+    ),
     Format("kitti-poses", "poses alone: twelve numbers a line", looks_like_poses, open_poses),
 )

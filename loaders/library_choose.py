@@ -17,7 +17,9 @@ METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
 FEWEST_JUDGED = 12  # pictures; fewer do not tell what is usual
 NOISE_PX = 1.0  # sd of the smoothing that takes noise away
 BLUR_PX = 9  # width of the blurring
-BLURRED_SDS = 3.5  # robust standard deviations below the median, of the logarithm
+BLURRED_SDS = 3.5  # robust standard deviations below the median, of the logarithm ...
+LESS_SHARP_SDS = 2.0  # ... or so few, where the picture is ...
+ONE_WAY_SDS = 3.0  # ... sharper across than along, or along than across, than is usual by so many
 LEAST_SD = 0.06  # of the logarithm, where nearly all pictures are equally sharp
 
 
@@ -42,15 +44,15 @@ def read_every(text: str) -> Every:
     return every
 
 
-def sharpness(image: U8) -> float:
-    """Give the logarithm of the share of a picture's detail (H, W, 3) that blurring it takes away.
+def sharpness(image: U8) -> F64:
+    """Give the logarithm (2,) of the share of a picture's detail (H, W, 3) that blurring it takes away.
 
     After Crete et al. (2007): what is blurred already loses little by being blurred again, whatever it shows.
-    Across and along count apart, as motion blurs one of them; noise is smoothed away first.
+    Down and across count apart, as motion blurs one of them; noise is smoothed away first.
     """
     gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     smooth = cv2.GaussianBlur(gray, (0, 0), NOISE_PX)
-    return float(np.log(min(_lost(smooth, axis) for axis in (0, 1)) + 1e-6))
+    return np.log(np.array([_lost(smooth, axis) for axis in (0, 1)]) + 1e-6)
 
 
 def _lost(gray: NDArray[Any], axis: int) -> float:
@@ -61,12 +63,18 @@ def _lost(gray: NDArray[Any], axis: int) -> float:
 
 
 def blurred(sharpnesses: F64) -> Bool:
-    """Mark the pictures (n,) that are far less sharp than usual: by median and median deviation."""
+    """Mark the pictures that are far less sharp (n, 2) than usual, or less sharp and that one way."""
     if len(sharpnesses) < FEWEST_JUDGED:
         return np.zeros(len(sharpnesses), bool)
-    middle = float(np.median(sharpnesses))
-    sd = max(1.4826 * float(np.median(np.abs(sharpnesses - middle))), LEAST_SD)
-    return np.asarray(sharpnesses < middle - BLURRED_SDS * sd)
+    below = -_deviations(sharpnesses.min(axis=1))
+    one_way = np.abs(_deviations(sharpnesses[:, 0] - sharpnesses[:, 1])) > ONE_WAY_SDS
+    return np.asarray((below > BLURRED_SDS) | ((below > LESS_SHARP_SDS) & one_way))
+
+
+def _deviations(values: F64) -> F64:
+    """Give how many robust standard deviations values (n,) are above their median, by median deviation."""
+    above = values - np.median(values)
+    return np.asarray(above / max(1.4826 * float(np.median(np.abs(above))), LEAST_SD))
 
 
 def choose(poses: F64, sharpnesses: F64, every: Every) -> NDArray[np.intp]:

@@ -21,7 +21,7 @@ from maurice_mcl.typing import F64
 from .arena_json import arena_from_json, arena_to_json
 from .errors import LogError
 from .extent import check_span
-from .fields import MOST, FieldError, items, mapping, show, text, up_to
+from .fields import MOST, FieldError, items, mapping, read_json, show, text, up_to
 from .folders import new_folder
 
 FORMAT = "maurice-library"
@@ -64,7 +64,7 @@ def load_library(folder: Path) -> Library:
             poses=poses,
             pictures=pictures,
             index=_read_channels(folder, manifest, len(poses)),
-            arena=arena_from_json(json.loads((folder / "map.json").read_bytes())),
+            arena=arena_from_json(read_json((folder / "map.json").read_bytes())),
             display_units=text(manifest.get("display_units"), "display_units"),
         )
     except (
@@ -87,7 +87,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise LogError(
             folder, f"found no {MANIFEST} in it, expected a library folder; build one from a survey"
         )
-    manifest = mapping(json.loads(file.read_bytes()), MANIFEST)
+    manifest = mapping(read_json(file.read_bytes()), MANIFEST)
     if manifest.get("format") != FORMAT:
         raise LogError(file, f"found format {show(manifest.get('format'))}, expected {FORMAT!r}")
     if manifest.get("version") != VERSION:

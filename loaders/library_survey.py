@@ -162,7 +162,7 @@ class Picked:
 
     def _choose(self, every: Every, progress: Progress | None) -> tuple[Bool, Chosen]:
         poses: list[F64] = []
-        sharp: list[float] = []
+        sharp: list[F64] = []
         covered: list[bool] = []
         total = self._source.count_pictures() if progress else 0
         for done, picture in enumerate(self._pictures(), 1):
@@ -171,7 +171,7 @@ class Picked:
             covered.append(picture.covered)
             if progress:
                 progress(done, total)
-        rows, values = np.array(poses).reshape(-1, 3), np.array(sharp)
+        rows, values = np.array(poses).reshape(-1, 3), np.array(sharp).reshape(-1, 2)
         taken = np.array(covered, bool)
         known = np.flatnonzero(np.isfinite(rows).all(axis=1))
         if not len(known):
@@ -181,7 +181,7 @@ class Picked:
             raise LogError(self.path, f"{found}; see --truth-topic, --table and --truth-offset")
         unsharp = blurred(values[known])
         left = known[~unsharp]
-        entries = left[choose(rows[left], values[left], every)]
+        entries = left[choose(rows[left], values[left].min(axis=1), every)]
         taken[entries] = True
         pictures = int((~np.array(covered, bool)).sum())
         return taken, Chosen(pictures, pictures - len(known), int(unsharp.sum()), len(entries))

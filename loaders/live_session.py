@@ -11,6 +11,8 @@ from threading import Thread
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
 from maurice_mcl.session import Frame, Moment, SessionInfo
 from maurice_mcl.typing import F64, U8
 
@@ -25,6 +27,7 @@ from .live_recorder import LiveRecorder
 from .live_source import LiveError, LiveSource
 from .log_records import Event, Odometry, PictureRecord, Record
 from .pictures import PictureError, decode_picture
+from .recording import together
 from .session_log import CameraChoice, picture_bytes
 from .truth import with_truth
 
@@ -166,24 +169,26 @@ class LiveSession(Finder):
     def _take_in(self) -> None:
         taken: CameraChoice | None = None
         motions: list[F64] = []
+        way: F64 = np.zeros(3)  # where they lead together
         events: list[str] = []
         for record, truth in with_truth(self._records()):
             if isinstance(record, Odometry):
                 motions.append(record.motion)
+                way = together(way, record.motion)
                 motions = joined(motions) if len(motions) > 2 * MOST_MOTIONS else motions
             elif isinstance(record, Event) and record is not NOTHING_COMES:
                 events = [*events[-MOST_EVENTS:], record.text]
             elif isinstance(record, PictureRecord) and not record.covered:
                 taken = taken or self._camera()
-                if taken(record) and self._makes_an_update(motions):
+                if taken(record) and self._makes_an_update(way):
                     self._backlog.put(Waiting(record, truth, motions, events), self._stop)
-                    motions, events = [], []
+                    motions, way, events = [], np.zeros(3), []
 
-    def _makes_an_update(self, motions: list[F64]) -> bool:
-        """Tell whether a picture is for the filter, by what moved since the last one that was."""
+    def _makes_an_update(self, way: F64) -> bool:
+        """Tell whether a picture is for the filter, by the way (3,) since the last one that was."""
         if self._listen.only_record:
             return False
-        if self._first or self._listen.gate.open_after(motions):
+        if self._first or self._listen.gate.open_after(way):
             self._first = False
             return True
         return False

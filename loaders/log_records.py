@@ -76,14 +76,17 @@ def read_header(path: Path) -> tuple[SessionInfo, Kind]:
         raise LogError(path, str(problem), 1) from None
 
 
-def read_records(path: Path, kind: Kind, findings: Findings) -> Iterator[Record]:
-    """Read the checked records of a log in order, times never falling; broken lines go to `findings`."""
+def read_records(path: Path, kind: Kind, findings: Findings, per_s: int = 1) -> Iterator[Record]:
+    """Read the checked records of a log in order, times never falling; broken lines go to `findings`.
+
+    `per_s` is how many units of the log's times make a second.
+    """
     last_t_s = -np.inf
     for line in read_lines(path):
         if line.number == 1 or not line.data.strip():
             continue
         try:
-            record = record_of(line, kind)
+            record = record_of(line, kind, per_s)
             if record.t_s < last_t_s:
                 raise FieldError(
                     f"found t {record.t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
@@ -108,10 +111,10 @@ def _parses(line: Line) -> bool:
     return True
 
 
-def record_of(line: Line, kind: Kind) -> Record:
+def record_of(line: Line, kind: Kind, per_s: int = 1) -> Record:
     """Read the record that a line is. FieldError for anything else."""
     found = parse_object(line)
-    t_s = number(found.get("t"), "t", MOST_T_S)
+    t_s = number(found.get("t"), "t", MOST_T_S * per_s) / per_s
     keys = [key for key in RECORD_KEYS if key in found]
     if len(keys) != 1:
         raise FieldError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -27,23 +26,18 @@ from .recording import (
     moved,
 )
 from .synthetic_odometry import OdometryNoise
+from .wrapped import Wrapped
 
 NAMED = "odometry made from the truth"  # in the session's name: every table and picture says it
 MOVEMENT_M, MOVEMENT_RAD = 0.5, math.pi / 4  # errors stay the same over so much, as over a movement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MadeOdometry:
+class MadeOdometry(Wrapped):
     """A recording with an odometry pose beside every true pose, in a frame of the odometry's own."""
 
-    measured: Recording
     seed: int
     noise: OdometryNoise = field(default_factory=OdometryNoise)
-
-    @property
-    def path(self) -> Path:
-        """The file or folder."""
-        return self.measured.path
 
     @property
     def info(self) -> SessionInfo:

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from .bag_file import FileDamage
 from .bag_source import BagSource, Message, Topic, short_type, sorted_topics
 from .mcap_file import McapFile
 from .mcap_proto import decode_proto
@@ -29,17 +30,14 @@ def open_mcap(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
         yield _McapBag(file)
 
 
-class _McapBag:
+class _McapBag(FileDamage):
     """An open MCAP file."""
+
+    _file: McapFile
 
     def __init__(self, file: McapFile) -> None:
         self._file = file
         self.topics = sorted_topics([self._topic(channel) for channel in file.channels.values()])
-
-    @property
-    def cut(self) -> str:
-        """What is missing of a cut file."""
-        return self._file.cut
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording."""

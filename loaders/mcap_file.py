@@ -64,9 +64,15 @@ class McapFile(BagFile[Channel]):
             if kind == HEADER:
                 self.profile = Cursor(body).text()
             break
-        summary = self._summary_start()
-        if summary:
-            self._read_summary(summary)
+        try:
+            summary = self._summary_start()
+            if summary:
+                self._read_summary(summary)
+        except BagError as problem:
+            if not self._keep_going:
+                raise
+            self.cut, summary = str(problem), 0
+            self._chunks.clear()
         if not summary or not self.channels or (self._chunks and not self.counts):
             self._scan_whole()
 
@@ -74,15 +80,12 @@ class McapFile(BagFile[Channel]):
         return self._indexed(wanted) if self._chunks else self._scanned(wanted)
 
     def _summary_start(self) -> int:
-        """Give where the summary begins; 0 when there is none, or the file is cut."""
+        """Give where the summary begins; 0 when there is none. BagCut where the file is cut."""
         at = self._size - FOOTER_BYTES
         self._file.seek(max(at, 0))
         footer = self._file.read()
         if at < len(MAGIC) or footer[-len(MAGIC) :] != MAGIC or footer[0] != FOOTER:
-            self.cut = f"ends at byte {self._size} without the footer"
-            if not self._keep_going:
-                raise BagCut(self.cut)
-            return 0
+            raise BagCut(f"ends at byte {self._size} without the footer")
         self._data_end = at
         start = int.from_bytes(footer[9:17], "little")
         if start and not len(MAGIC) <= start <= at:
@@ -116,18 +119,18 @@ class McapFile(BagFile[Channel]):
         try:
             for channel, _, _ in self._scanned(None):
                 self.counts[channel.id] += 1
-        except BagCut as problem:
+        except BagError as problem:
             self.cut = str(problem)
             if not self._keep_going:
                 raise
 
     def _scanned(self, wanted: Collection[int] | None) -> Iterator[Held]:
         """Go through the data in the order in which it was written."""
-        for kind, _, body in records(self._file, len(MAGIC), self._data_end):
+        for kind, at, body in records(self._file, len(MAGIC), self._data_end):
             if kind == DATA_END:
                 return
             if kind == CHUNK:
-                yield from self._in_chunk(body, wanted)
+                yield from self._sound(at, self._in_chunk(body, wanted))
             elif kind == MESSAGE:
                 yield from self._message(Cursor(body), wanted)
             else:
@@ -136,15 +139,16 @@ class McapFile(BagFile[Channel]):
     def _indexed(self, wanted: Collection[int]) -> Iterator[Held]:
         told = [one for one in self._chunks if not (one.channels and one.channels.isdisjoint(wanted))]
         chunks = [(chunk.start_ns, chunk.offset) for chunk in told]
-        return merged(
-            chunks, lambda at: self._in_chunk(self._chunk_at(at), wanted), lambda message: message[1]
-        )
+        return merged(chunks, lambda at: self._chunk_at(at, wanted), lambda message: message[1])
 
-    def _chunk_at(self, offset: int) -> bytes:
+    def _chunk_at(self, offset: int, wanted: Collection[int]) -> Iterator[Held]:
+        return self._sound(offset, self._indexed_chunk(offset, wanted))
+
+    def _indexed_chunk(self, offset: int, wanted: Collection[int]) -> Iterator[Held]:
         kind, _, body = next(records(self._file, offset, self._data_end), (0, 0, b""))
         if kind != CHUNK:
-            raise BagError(f"found no chunk at byte {offset}, expected the one of the index")
-        return body
+            raise BagError("found another record there, expected the chunk of the index")
+        yield from self._in_chunk(body, wanted)
 
     def _in_chunk(self, body: bytes, wanted: Collection[int] | None) -> Iterator[Held]:
         for kind, record in inner_records(unpack_chunk(body)):

@@ -170,12 +170,12 @@ def unpack_chunk(data: bytes) -> bytes | memoryview:
 def _unpack(packed: memoryview, packing: str, size: int) -> bytes | memoryview:
     if packing == "":
         return packed
+    if packing == "zstd":
+        return unpack_zstd(packed, size)
     try:
         if packing == "lz4":
             frame = import_module("lz4.frame")  # which has no types
             return bytes(frame.LZ4FrameDecompressor().decompress(bytes(packed), max_length=size))
-        if packing == "zstd":
-            return unpack_zstd(packed, size)
     except (RuntimeError, EOFError, ValueError, MemoryError) as problem:
         raise BagError(f"found a chunk that cannot be unpacked ({problem})") from None
     raise BagError(f"found a chunk packed with {packing!r}, expected lz4, zstd or none")

@@ -17,6 +17,7 @@ from .log_records import Odometry, PictureRecord, Truth, read_records
 from .pictures import decode_picture
 from .recording import Motion, Note, Picture, Record, TruthPose
 from .session_log import CameraChoice, SessionLog, picture_bytes
+from .time_bases import PER_SECOND
 
 LOOKED_AT = 4096  # bytes of the header in which the format's name is looked for
 
@@ -24,8 +25,9 @@ LOOKED_AT = 4096  # bytes of the header in which the format's name is looked for
 class NativeRecording:
     """A session log; covered pictures are no part of a drive and are left out."""
 
-    def __init__(self, path: Path, camera: str | None = None) -> None:
+    def __init__(self, path: Path, camera: str | None = None, time_unit: str = "s") -> None:
         self.path = path
+        self._per_s = PER_SECOND[time_unit]
         log = SessionLog(path, camera=camera)  # checks the header and the camera's name
         if log.kind != "session":
             raise LogError(path, f"found a {log.kind} log, expected a session log", 1)
@@ -40,7 +42,7 @@ class NativeRecording:
     def records(self, findings: Findings) -> Iterator[Record]:
         """Read the log's records in order."""
         taken, number = CameraChoice(self._camera, findings), 0
-        for record in read_records(self.path, "session", findings):
+        for record in read_records(self.path, "session", findings, self._per_s):
             if isinstance(record, Odometry):
                 yield Motion(record.t_s, record.motion)
             elif isinstance(record, Truth):
@@ -65,7 +67,7 @@ def looks_native(path: Path) -> bool:
 
 
 def _open(path: Path, options: OpenOptions) -> NativeRecording:
-    return NativeRecording(path, options.camera)
+    return NativeRecording(path, options.camera, options.time_unit or "s")
 
 
 def _read(record: PictureRecord, log: Path) -> U8:

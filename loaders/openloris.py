@@ -103,5 +103,6 @@ FORMATS = (
         "an OpenLORIS-Scene folder: color.txt, odom.txt, pictures",
         looks_openloris,
         open_openloris,
+        shifts=True,
     ),
 )

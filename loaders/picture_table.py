@@ -1,4 +1,4 @@
-"""A folder or a video of pictures with a CSV table of poses or odometry, and a folder of pictures alone."""
+"""A folder or a video of pictures with a CSV table of poses or odometry."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from maurice_mcl.typing import F64
 from .column_roles import MOTION, ODOMETRY, QUATERNIONS, TRUTH, Column, factor, roles_of
 from .errors import LogError
 from .fields import MOST_T_S, show
-from .file_names import natural_order
 from .findings import Findings
 from .formats import Format, OpenOptions
+from .picture_files import pictures_in
 from .picture_lists import read_picture
 from .planar import planar, rotation
 from .recording import Motion, OdometryPose, Picture, Record, TruthPose
@@ -28,7 +28,6 @@ from .time_bases import PER_SECOND, detect_unit, seconds
 from .video import ENDINGS as VIDEOS
 from .video import Frames
 
-PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")
 TABLES = (".csv", ".tsv")
 PERIOD_S = 1.0  # of rows without a time
 LOOKED_AT = 200  # rows from which the unit of times is told
@@ -92,7 +91,7 @@ class TableRecording:
             if not name:
                 return None
             roots = (self.path, self.table.parent)
-            root = next((one for one in roots if (one / name).is_file()), self.table.parent)
+            root = next((one for one in roots if _is_file(one / name)), self.table.parent)
             return Picture(t_s, partial(read_picture, root / name, name), name)
         if self.frames is None:
             return None
@@ -158,27 +157,11 @@ class TableRecording:
 
     def _rows(self) -> Iterator[tuple[Row, list[str]]]:
         for row in rows(self.table):
-            words = split(row.text, self.head.separator) if row.number > self.head.lines else []
-            if any(word.strip() for word in words) and not row.text.startswith("#"):
+            if row.number <= self.head.lines or row.text.startswith("#"):
+                continue
+            words = split(row.text, self.head.separator)
+            if not words or any(word.strip() for word in words):  # without any it is broken, not empty
                 yield row, words
-
-
-@dataclass(frozen=True, eq=False)
-class FolderRecording:
-    """Pictures in the order of their names, a second apart."""
-
-    path: Path
-    info: SessionInfo
-
-    def records(self, findings: Findings) -> Iterator[Record]:
-        """Give the pictures."""
-        findings.warning("found pictures without a table: one a second is taken; see --table")
-        tables = [one.name for one in self.path.iterdir() if one.suffix.lower() in TABLES]
-        if tables:
-            why = "no table, or several, with columns of known names in UTF-8 text; see --table and --columns"
-            findings.warning(f"{', '.join(sorted(tables))} beside them is not used: {why}")
-        for number, file in enumerate(pictures_in(self.path)):
-            yield Picture(number * PERIOD_S, partial(read_picture, file, file.name), file.name)
 
 
 def open_table(path: Path, options: OpenOptions) -> TableRecording:
@@ -200,15 +183,6 @@ def open_table(path: Path, options: OpenOptions) -> TableRecording:
     return TableRecording(path, info, table, roles, head, frames, options.time_unit).check()
 
 
-def open_folder(path: Path, options: OpenOptions) -> TableRecording | FolderRecording:
-    """Open a folder of pictures, with `options.table` when there is one. LogError where it has none."""
-    if options.table is not None:
-        return open_table(path, options)
-    if not path.is_dir() or not pictures_in(path):
-        raise LogError(path, f"found no pictures ({', '.join(PICTURES)}), expected a folder of them")
-    return FolderRecording(path, SessionInfo(path.resolve().name))
-
-
 def looks_like_table(path: Path) -> bool:
     """Tell a table by the names of its columns: a file's, or those of the one table in a folder."""
     table = _table_of(path)
@@ -223,19 +197,6 @@ def looks_like_table(path: Path) -> bool:
     return bool(set(roles) - {"time", "frame"})
 
 
-def looks_like_pictures(path: Path) -> bool:
-    """Tell a folder by a picture in it."""
-    try:
-        return path.is_dir() and any(one.suffix.lower() in PICTURES for one in path.iterdir())
-    except OSError:
-        return False
-
-
-def pictures_in(folder: Path) -> list[Path]:
-    """Give the pictures of a folder in natural order."""
-    return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
-
-
 def _table_of(path: Path) -> Path | None:
     """Give the table itself, or the only one of a folder; None where there is none or there are several."""
     try:
@@ -247,16 +208,21 @@ def _table_of(path: Path) -> Path | None:
         return None
 
 
+def _is_file(file: Path) -> bool:
+    try:
+        return file.is_file()
+    except OSError:  # no file can have such a name
+        return False
+
+
 def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
     """Give what rows are paired with by number, where the table names no files."""
     if named:
         return None
     if path.is_dir():
-        return pictures_in(path) or None
+        videos = [one for one in path.iterdir() if one.suffix.lower() in VIDEOS]
+        return pictures_in(path) or (Frames(videos[0]) if len(videos) == 1 else None)
     return Frames(path) if path.suffix.lower() in VIDEOS else None
 
 
-FORMATS = (
-    Format("table", "a CSV table of pictures with poses or odometry", looks_like_table, open_table),
-    Format("pictures", "a folder of pictures, in the order of their names", looks_like_pictures, open_folder),
-)
+FORMATS = (Format("table", "a CSV table of pictures with poses or odometry", looks_like_table, open_table),)

@@ -154,7 +154,7 @@ class _Updates:
             if pose is None and self._session.odometry is OdometryPose:
                 self._unpaired += 1
                 continue
-            if not self._used or self._gate.open_after(motions):
+            if not self._used or self._gate.open_after(self._steps.way):
                 begin_s = aligned.picture.t_s if self._begin_s is None else self._begin_s
                 time_s = aligned.picture.t_s - begin_s
                 yield _Update(aligned, time_s, motions, aligned.truth_at(), pose)

@@ -116,6 +116,15 @@ def moved(pose: F64, motion: F64) -> F64:
     return compose(pose, motion)
 
 
+def together(first: F64, second: F64) -> F64:
+    """Give the motion (3,) that leads where two (3,) lead one after the other; its turn is their sum.
+
+    So a robot that turned once around has turned by 2 pi, not by nothing.
+    """
+    x, y, _ = moved(first, second)
+    return np.array([x, y, first[2] + second[2]])
+
+
 def short_way(angle_rad: float) -> float:
     """Bring an angle into [-pi, pi)."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi

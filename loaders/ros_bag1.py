@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from .bag_file import FileDamage
 from .bag_source import BagSource, Message, Topic, short_type, sorted_topics
 from .ros_bag1_file import Ros1File
 from .ros_bag1_records import BagConnection
@@ -23,19 +24,16 @@ def open_ros1(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
         yield _Ros1Bag(file)
 
 
-class _Ros1Bag:
+class _Ros1Bag(FileDamage):
     """An open ROS 1 bag."""
+
+    _file: Ros1File
 
     def __init__(self, file: Ros1File) -> None:
         self._file = file
         parts = file.connections.items()
         found = [Topic(c.topic, short_type(c.type), file.counts[key]) for key, c in parts]
         self.topics = sorted_topics(found)
-
-    @property
-    def cut(self) -> str:
-        """What is missing of a cut file."""
-        return self._file.cut
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording."""

@@ -7,7 +7,7 @@ bags that were not closed; it decodes the messages (`ros_types`).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
 from .bag_file import BagCut, BagError, BagFile
@@ -66,7 +66,7 @@ class Ros1File(BagFile[BagConnection]):
             raise LogError(self.path, "found an encrypted bag, expected one that was decrypted")
         try:
             self._read_index(number(fields, "index_pos", 8))
-        except BagCut as problem:
+        except BagError as problem:
             if not self._keep_going:
                 raise
             self.cut = str(problem)
@@ -89,46 +89,59 @@ class Ros1File(BagFile[BagConnection]):
     def _learn(self, fields: Fields, data: Data) -> None:
         """Take in a connection; one that comes again is the same."""
         if kind(fields) == CONNECTION:
-            key, connection = read_connection(fields, data)
-            self.connections.setdefault(key, connection)
+            connection = read_connection(fields, data)
+            self.connections.setdefault(connection.id, connection)
 
     def _count(self) -> None:
-        """Count the messages of a bag without an index, as far as it goes."""
+        """Count the messages of a bag without a sound index, as far as it goes."""
         self.counts.clear()
         try:
-            for fields, _ in self._scan():
-                self.counts[number(fields, "conn", 4)] += 1
-        except BagCut:
+            for connection, _, _ in self._scanned(None):
+                self.counts[connection.id] += 1
+        except BagError:
             return
 
     def _indexed(self, wanted: Collection[int]) -> Iterator[Held]:
         chunks = [
             (info.start_ns, info.at) for info in self._chunks if not info.counts.keys().isdisjoint(wanted)
         ]
-        return merged(chunks, lambda at: self._in_chunk(at, wanted), lambda message: message[1])
+        return merged(chunks, lambda at: self._chunk_at(at, wanted), lambda message: message[1])
 
-    def _in_chunk(self, at: int, wanted: Collection[int]) -> Iterator[Held]:
+    def _chunk_at(self, at: int, wanted: Collection[int]) -> Iterator[Held]:
+        return self._sound(at, self._messages(self._indexed_records(at), wanted))
+
+    def _indexed_records(self, at: int) -> Records:
         fields, data, _ = record_at(self._file, at, self._size)
         if kind(fields) != CHUNK:
-            raise BagError(f"found no chunk at byte {at}, expected the one of the index")
-        yield from self._wanted(inner_records(unpack_chunk(fields, data)), wanted)
+            raise BagError("found another record there, expected the chunk of the index")
+        yield from _unpacked(fields, data)
 
-    def _scanned(self, wanted: Collection[int]) -> Iterator[Held]:
-        return self._wanted(self._scan(), wanted)
-
-    def _scan(self) -> Records:
+    def _scanned(self, wanted: Collection[int] | None) -> Iterator[Held]:
         """Go through all messages in the order in which they were written."""
-        at = self._begin
-        while at < self._size:
-            fields, data, at = record_at(self._file, at, self._size, skip=(INDEX, CHUNK_INFO))
-            is_chunk = kind(fields) == CHUNK
-            alone: list[tuple[Fields, Data]] = [] if is_chunk else [(fields, data)]
-            for inner in inner_records(unpack_chunk(fields, data)) if is_chunk else alone:
-                self._learn(*inner)
-                if kind(inner[0]) == MESSAGE:
-                    yield inner
+        following = self._begin
+        while following < self._size:
+            at = following
+            fields, data, following = record_at(self._file, at, self._size, skip=(INDEX, CHUNK_INFO))
+            if kind(fields) == CHUNK:
+                yield from self._sound(at, self._messages(_unpacked(fields, data), wanted))
+            else:
+                yield from self._messages([(fields, data)], wanted)
 
-    def _wanted(self, records: Records, wanted: Collection[int]) -> Iterator[Held]:
+    def _messages(
+        self, records: Iterable[tuple[Fields, Data]], wanted: Collection[int] | None
+    ) -> Iterator[Held]:
+        """Give the messages among some records, and take in the connections."""
         for fields, data in records:
-            if kind(fields) == MESSAGE and (key := number(fields, "conn", 4)) in wanted:
+            self._learn(fields, data)
+            if kind(fields) != MESSAGE:
+                continue
+            key = number(fields, "conn", 4)
+            if key not in self.connections:
+                raise BagError(f"found a message of connection {key}, which is not described")
+            if wanted is None or key in wanted:
                 yield self.connections[key], time_ns(fields, "time"), data
+
+
+def _unpacked(fields: Fields, data: bytes) -> Records:
+    """Give the records of a chunk, which is unpacked when the first is asked for."""
+    yield from inner_records(unpack_chunk(fields, data))

@@ -21,6 +21,7 @@ Fields = dict[str, bytes]
 class BagConnection:
     """One publisher of a topic."""
 
+    id: int
     topic: str
     type: str  # "nav_msgs/Odometry"
     definition: str  # of the type, with all that it is made of
@@ -99,14 +100,13 @@ def inner_records(data: bytes) -> Iterator[tuple[Fields, memoryview]]:
         yield parse_fields(bytes(parts[0])), parts[1]
 
 
-def read_connection(fields: Fields, data: bytes | memoryview) -> tuple[int, BagConnection]:
-    """Read a connection and its number."""
+def read_connection(fields: Fields, data: bytes | memoryview) -> BagConnection:
+    """Read a connection."""
     about = parse_fields(bytes(data))
     parts = text(fields, "topic").split("/")
     topic = ("/" if parts[0] == "" else "") + "/".join(part for part in parts if part)
-    return number(fields, "conn", 4), BagConnection(
-        topic, text(about, "type"), text(about, "message_definition")
-    )
+    key = number(fields, "conn", 4)
+    return BagConnection(key, topic, text(about, "type"), text(about, "message_definition"))
 
 
 def read_chunk_info(fields: Fields, data: bytes) -> ChunkInfo:

@@ -36,15 +36,19 @@ def _opening(path: Path, *, keep_going: bool) -> AbstractContextManager[BagSourc
     opened = opened_as(path)
     if starts_with(opened, MCAP_MAGIC):
         return open_mcap(opened, keep_going=keep_going)
+    files = message_files(opened) if opened.is_dir() else [opened]
+    alone = files[0] if len(files) == 1 else None
     try:
-        return closing(_Ros2Bag(opened, keep_going=keep_going))
+        bag = _Ros2Bag(opened, keep_going=keep_going)
+        if alone is None or bag.packed or not starts_with(alone, MCAP_MAGIC):
+            return closing(bag)
+        bag.close()  # `rosbags` ends at the first damaged chunk, and does not say where that is
     except LogError:
-        files = message_files(opened) if opened.is_dir() else [opened]
-        if not keep_going or len(files) != 1:
+        if alone is None or not keep_going:
             raise
-    if starts_with(files[0], MCAP_MAGIC):
-        return open_mcap(files[0], keep_going=True)
-    return closing(BrokenDatabase(files[0]))
+    if starts_with(alone, MCAP_MAGIC):
+        return open_mcap(alone, keep_going=keep_going)
+    return closing(BrokenDatabase(alone))
 
 
 def starts_with(path: Path, magic: bytes) -> bool:
@@ -76,11 +80,17 @@ class _Ros2Bag:
         self._path = path
         self._keep_going = keep_going
         self.cut = ""
+        self.damaged: tuple[str, ...] = ()  # it breaks off instead
         with bag_errors(path, ADVICE):
             self._reader = _reader(path)
             self._reader.open()
             found = [Topic(c.topic, short_type(c.msgtype), c.msgcount) for c in self._reader.connections]
             self.topics = sorted_topics(found)
+
+    @property
+    def packed(self) -> bool:
+        """Tell whether messages or files are packed one by one."""
+        return bool(self._reader.metadata.compression_mode)
 
     def close(self) -> None:
         """Close it."""

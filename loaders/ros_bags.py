@@ -22,7 +22,7 @@ def _opening(name: str) -> Format:
     def open_one(path: Path, options: OpenOptions) -> Recording:
         return BagRecording(path, BAGS[name], options)
 
-    return Format(name, WHAT[name], LOOKS[name], open_one, "ros")
+    return Format(name, WHAT[name], LOOKS[name], open_one, "ros", shifts=True)
 
 
 def looks_like_rosbag1(path: Path) -> bool:

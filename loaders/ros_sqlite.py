@@ -28,6 +28,7 @@ class BrokenDatabase:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.cut = ""  # where it breaks; "" as long as it does not
+        self.damaged: tuple[str, ...] = ()  # nothing is left out before that
         self._base = sqlite3.connect(
             f"file:{quote(str(path.absolute()))}?immutable=1", uri=True, check_same_thread=False
         )

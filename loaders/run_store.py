@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from maurice_mcl.configuration import Configuration, configure
 from .arena_json import arena_from_json
 from .config_file import read_config
 from .errors import LogError
-from .fields import FieldError, items
+from .fields import FieldError, items, read_json
 from .library_files import MANIFEST, hash_file
 from .run_store_manifest import (
     COMPARISON,
@@ -43,7 +42,7 @@ class SavedRun:
         """Read the map. LogError when it is damaged."""
         file = self.folder / MAP
         try:
-            return arena_from_json(json.loads(file.read_bytes()))
+            return arena_from_json(read_json(file.read_bytes()))
         except (OSError, ValueError) as problem:
             raise LogError(file, f"is no map ({problem}); is the run damaged?") from None
 

@@ -20,14 +20,15 @@ from numpy.typing import NDArray
 from maurice_mcl.library import Library
 
 from .errors import LogError
-from .fields import FieldError, flag, items, mapping, numbers, show, text
-from .formats import OpenOptions
+from .fields import FieldError, flag, items, mapping, numbers, read_json, show, text
+from .formats import NATIVE, OpenOptions
 from .library_files import MANIFEST
 from .run_store_sources import Source, reading_from_json, reading_to_json, whole
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
 VERSION = 2
 VERSIONS = (1, VERSION)  # that can be read; 1 has no `reading` and no `table`
+READING_1 = {"format": NATIVE}  # only session logs could be saved then
 CONFIGURATION = "configuration.toml"
 MAP = "map.json"
 SHARED = ("world", "session", "compare")  # in a recording these stand for what runs share
@@ -123,7 +124,7 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
             folder, f"found no {MANIFEST} in it, expected a saved run's folder; make one with --run"
         )
     try:
-        found = mapping(json.loads(file.read_bytes()), "manifest")
+        found = mapping(read_json(file.read_bytes()), "manifest")
     except ValueError as problem:
         raise LogError(file, f"is no manifest ({problem}); is it damaged?") from None
     if found.get("format") not in formats:
@@ -156,7 +157,7 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
         versions={k: text(v, k) for k, v in mapping(found.get("versions"), "versions").items()},
         state=str(state),
         steps=None if steps is None else whole(steps, "steps"),
-        reading=reading_from_json(found.get("reading", {})),
+        reading=reading_from_json(found.get("reading", READING_1)),
         table=None if found.get("table") is None else _source(found["table"], "table"),
     )
 

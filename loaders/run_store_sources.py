@@ -13,7 +13,7 @@ from .cmucam import ENDINGS as DUMPS
 from .fields import FieldError, flag, mapping, number, show, text
 from .formats import OpenOptions
 from .library_files import MANIFEST, hash_file
-from .picture_table import PICTURES
+from .picture_files import PICTURES
 from .video import ENDINGS as VIDEOS
 
 # what a folder is read from, beside pictures

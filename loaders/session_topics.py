@@ -6,55 +6,58 @@ motions between two pictures apart nor keeps their last bits.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from maurice_mcl.session import SessionInfo
 
-from .bag_parts import OneTopic, Timed, time_s
+from .bag_messages import TEXT
+from .bag_parts import NO_VALUE, OneTopic, Timed, time_s
 from .bag_source import BagSource, Message
 from .bag_topics import readable
 from .errors import LogError
-from .fields import FieldError
+from .fields import read_json
 from .header import header_from_json
 from .recording import Motion
 
 HEADER = "/session/header"  # std_msgs/String: the first line of the native log
-MOTIONS = "/session/motions"  # geometry_msgs/Vector3Stamped: forward_m, left_m, turn_rad
+MOTIONS = "/session/motions"  # of the type VECTOR: forward_m, left_m, turn_rad
+VECTOR = "geometry_msgs/Vector3Stamped"
 
 
 def header_of(path: Path, bag: BagSource) -> SessionInfo | None:
     """Read the header that our own files carry; None in others' files. LogError for one that is damaged."""
-    if not any(topic.name == HEADER for topic in readable(bag.topics, {"std_msgs/String"})):
+    if not any(topic.name == HEADER for topic in readable(bag.topics, {TEXT})):
         return None
     for message in islice(bag.messages({HEADER}), 1):
         try:
-            return header_from_json(json.loads(str(message.decode().data)), path)[0]
-        except (FieldError, ValueError, AttributeError) as problem:
+            return header_from_json(read_json(str(message.decode().data)), path)[0]
+        except NO_VALUE as problem:
             raise LogError(path, f"{HEADER}: {problem}; is it damaged?") from None
     return None
 
 
 def has_motions(bag: BagSource) -> bool:
     """Tell whether motions are there as such."""
-    return any(topic.name == MOTIONS for topic in readable(bag.topics, {"geometry_msgs/Vector3Stamped"}))
+    return any(topic.name == MOTIONS for topic in readable(bag.topics, {VECTOR}))
 
 
 @dataclass(frozen=True, slots=True)
 class Motions(OneTopic):
     """Makes motions of their topic's messages."""
 
-    offset_s: float
+    types: ClassVar[Collection[str]] = (VECTOR,)
+    offset_s: float  # added to the times
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the motion of one message."""
         del number
-        if message.topic == self.topic:
+        if self.hears(message):
             found = message.decode()
             vector = found.vector
             t_s = time_s(found, message.log_ns, recorded=recorded) + self.offset_s

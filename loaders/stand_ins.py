@@ -5,36 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64, U8
 
 from .findings import Findings
 from .gating import Gate
-from .recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, motion_between
+from .recording import (
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Record,
+    TruthPose,
+    motion_between,
+    together,
+)
+from .wrapped import Wrapped
 
 STAND_IN = "no picture"
 GATE = Gate(0.25, math.radians(15))  # a moment after so much movement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StandIns:
+class StandIns(Wrapped):
     """A recording without pictures that has a gray one at its beginning and whenever the robot has moved."""
-
-    measured: Recording
-
-    @property
-    def path(self) -> Path:
-        """The file or folder."""
-        return self.measured.path
-
-    @property
-    def info(self) -> SessionInfo:
-        """What is known before the first record."""
-        return self.measured.info
 
     def records(self, findings: Findings) -> Iterator[Record]:
         """Give the recording's records, and gray pictures by whichever tells of movement first."""
@@ -51,7 +47,7 @@ class _Moved:
     def __init__(self) -> None:
         self._kind: type[Record] | None = None
         self._pose: F64 | None = None  # of the last record that had one
-        self._motions: list[F64] = []
+        self._way: F64 = np.zeros(3)  # since the last moment
 
     def enough(self, record: Record) -> bool:
         """Take in a record, and tell whether a moment is due."""
@@ -59,14 +55,14 @@ class _Moved:
             return False
         first, self._kind = self._kind is None, type(record)
         if isinstance(record, Motion):
-            self._motions.append(record.motion)
+            self._way = together(self._way, record.motion)
         elif isinstance(record, OdometryPose | TruthPose):
             if self._pose is not None:
-                self._motions.append(motion_between(self._pose, record.pose))
+                self._way = together(self._way, motion_between(self._pose, record.pose))
             self._pose = record.pose
-        if not first and not GATE.open_after(self._motions):
+        if not first and not GATE.open_after(self._way):
             return False
-        self._motions = []
+        self._way = np.zeros(3)
         return True
 
 

@@ -42,8 +42,14 @@ def head_of(rows: Iterable[Row]) -> Head | None:
 
 
 def split(text: str, separator: str) -> list[str]:
-    """Split one line of a table, quoted values included."""
-    return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+    """Split one line of a table, quoted values included; nothing where it is no such line.
+
+    That is one with a carriage return in its middle, or with a value of more than 128 KiB.
+    """
+    try:
+        return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:
+        return []
 
 
 def _head(first: Row, comment: Row | None, separator: str | None) -> Head:

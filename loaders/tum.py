@@ -99,8 +99,12 @@ def _is_poses(names: list[str]) -> bool:
 
 
 FORMATS = (
-    Format("tum", "a TUM RGB-D folder: rgb.txt, groundtruth.txt, pictures", looks_tum, open_tum),
+    Format("tum", "a TUM RGB-D folder: rgb.txt, groundtruth.txt, pictures", looks_tum, open_tum, shifts=True),
     Format(
-        "tum-trajectory", "poses alone: t x y z qx qy qz qw a line", looks_like_trajectory, open_trajectory
+        "tum-trajectory",
+        "poses alone: t x y z qx qy qz qw a line",
+        looks_like_trajectory,
+        open_trajectory,
+        shifts=True,
     ),
 )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 import rerun as rr
 
-from maurice_loaders.recording import motion_between, moved
+from maurice_loaders.recording import motion_between, moved, together
 from maurice_loaders.stand_ins import STAND_IN
 from maurice_mcl.arena import Arena
 from maurice_mcl.channels import CHANNELS
@@ -153,7 +154,7 @@ class _Pen:
                 self._pose = moved(self._pose, motion)
             self._measured.draw(self.rec, self._pose, scale, self._arrow)
         if len(motions):
-            self._draw_way("odometry", _together(motions))
+            self._draw_way("odometry", reduce(together, motions))
         if truth is None:
             return
         self._true.draw(self.rec, truth, scale, self._arrow)
@@ -182,15 +183,6 @@ class _Pen:
         if self.drive.pictures and frame.picture:
             parts.append(f"`{frame.picture}`, {frame.image.shape[1]} x {frame.image.shape[0]} px")
         return "\n\n".join([*parts, self.drive.advice])
-
-
-def _together(motions: F64) -> F64:
-    """Join the motions (M, 3) of one moment into one (3,); the turn is the whole one, not the short way."""
-    pose = np.zeros(3)
-    for motion in motions:
-        pose = moved(pose, motion)
-    pose[2] = motions[:, 2].sum()
-    return pose
 
 
 def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from maurice_loaders.recording import motion_between, moved
+from maurice_loaders.thinned_path import ThinnedPath
 from maurice_mcl.arena import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64
@@ -67,7 +68,7 @@ class Ways:
 
 def ways_of(known: Iterable[Known], info: SessionInfo) -> Ways:
     """Go through a drive once. The way by odometry is laid so that it meets the truth where that begins."""
-    own, measured, true = np.zeros(3), _Way(), _Way()
+    own, measured, true = np.zeros(3), ThinnedPath(MOST), ThinnedPath(MOST)
     begins, count, events, moves = info.start, 0, 0, False
     for one in known:
         count, events, moves = count + 1, events + len(one.events), moves or len(one.motions) > 0
@@ -78,33 +79,16 @@ def ways_of(known: Iterable[Known], info: SessionInfo) -> Ways:
             true.add(one.truth)
             begins = moved(one.truth, motion_between(own, np.zeros(3))) if begins is None else begins
     if not moves:
-        return Ways(count, events, False, begins, np.zeros((0, 2)), true.points)
+        return Ways(count, events, False, begins, np.zeros((0, 2)), _points(true))
     begins = np.zeros(3) if begins is None else begins
-    return Ways(count, events, True, begins, _laid(measured.points, begins), true.points)
+    return Ways(count, events, True, begins, _laid(_points(measured), begins), _points(true))
+
+
+def _points(path: ThinnedPath) -> F64:
+    return path.poses()[:, :2]
 
 
 def _laid(points: F64, begins: F64) -> F64:
     """Turn and shift points (K, 2) from the odometry's own frame onto the map."""
     cos, sin = np.cos(begins[2]), np.sin(begins[2])
     return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + begins[:2])
-
-
-@dataclass(slots=True)
-class _Way:
-    """Points as they come, never more than `MOST`."""
-
-    _kept: list[F64] = field(default_factory=list)
-    _stride: int = 1
-    _seen: int = 0
-
-    def add(self, pose: F64) -> None:
-        if self._seen % self._stride == 0:
-            self._kept.append(pose[:2])
-            if len(self._kept) > MOST:
-                self._kept, self._stride = self._kept[::2], 2 * self._stride
-        self._seen += 1
-
-    @property
-    def points(self) -> F64:
-        """All that were kept, (K, 2)."""
-        return np.array(self._kept, np.float64).reshape(-1, 2)

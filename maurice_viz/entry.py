@@ -28,6 +28,13 @@ def main() -> None:
         sys.stderr.write("maurice-replay: stopped\n")
         sys.exit(TERMINATED if asked else INTERRUPTED)
     except SystemExit as end:  # typer takes whatever stops a command for Ctrl-C
+        if _unsaid(end):
+            sys.stderr.write("maurice-replay: stopped\n")
         if asked and end.code == INTERRUPTED:
             sys.exit(TERMINATED)
         raise
+
+
+def _unsaid(end: SystemExit) -> bool:
+    """Tell whether typer ended a command for a Ctrl-C that the command itself did not see."""
+    return end.__context__ is not None and isinstance(end.__context__.__cause__, KeyboardInterrupt)

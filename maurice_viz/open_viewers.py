@@ -19,6 +19,7 @@ from typing import Any
 import platformdirs
 
 from maurice_loaders.errors import LogError
+from maurice_loaders.fields import read_json
 from maurice_loaders.whole_files import write_whole
 
 from .viewer import is_listening
@@ -82,7 +83,7 @@ def _write(viewer: OpenViewer) -> None:
 def _read(file: Path) -> OpenViewer | None:
     """Read one file; None where it is gone or is not one of ours."""
     with suppress(OSError, ValueError, TypeError):
-        found: Mapping[str, Any] = json.loads(file.read_bytes())
+        found: Mapping[str, Any] = read_json(file.read_bytes())
         viewer = OpenViewer(**found)
         numbers = (viewer.pid, viewer.port, viewer.opened_s)
         if all(isinstance(value, (int, float)) for value in numbers):

@@ -13,6 +13,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 
 import rerun as rr
@@ -24,6 +25,7 @@ from .viewer import HOST, address, ends_within, free_port, start_viewer, viewer_
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
+FILE_BATCH_S = 1.0  # of a file that nobody follows: fewer batches, smaller, and a shorter list of them
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
@@ -33,9 +35,15 @@ SERVED = (
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 
-def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
-    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows."""
-    rec = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+def recording(name: str, recording_id: str | None = None, batch_s: float | None = None) -> rr.RecordingStream:
+    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows.
+
+    What is logged within `batch_s` seconds is written together; None: at once, as far as the eye can tell.
+    """
+    batches = rr.ChunkBatcherConfig()
+    if batch_s is not None:
+        batches.flush_tick = timedelta(seconds=batch_s)
+    rec = rr.RecordingStream(APPLICATION, recording_id=recording_id, batcher_config=batches)
     rec.set_log_time_enabled(False)  # the wall clock of drawing says nothing about the drive
     rec.set_log_tick_enabled(False)
     rec.send_recording_name(name)
@@ -68,7 +76,7 @@ def to_file(
     """
     _check_target(path, force)
     part = part_of(path)
-    rec = recording(name)
+    rec = recording(name, batch_s=FILE_BATCH_S if serve is None else None)
     if serve is None:
         rec.save(part, default_blueprint=blueprint)
     else:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
-from .grid import make_grid
+from .grid import Grid, make_grid
 from .library import Library
 from .selection import distinct_places
 from .typing import F64, Bool
@@ -34,6 +35,7 @@ class Coverage:
     """What a library covers."""
 
     reach_m: float  # an entry stands for what is so near
+    mapped: bool  # whether walls or obstacles are known; else free is what lies between the poses
     free_m2: float
     covered: float  # share of the free space that has an entry within reach
     directions: float  # share of eight directions that some entry within reach looks in, where there is one
@@ -42,21 +44,34 @@ class Coverage:
 
 def coverage_of(library: Library, reach_m: float) -> Coverage:
     """Measure how free space is covered; walls between entry and place are not looked at."""
-    grid = make_grid(library.arena, distinct_places(library.poses[:, :2])[0])
-    free = grid.free.ravel()
-    points = grid.centers()[free]
+    places = distinct_places(library.poses[:, :2])[0]
+    grid = make_grid(library.arena, places)
+    mapped = len(library.arena.walls) > 0 or len(library.arena.obstacles) > 0
+    free = grid.free if mapped else grid.free & _between(places, grid)
+    points = grid.centers()[free.ravel()]
     cell_m2 = grid.cell_m**2
     if not len(points):
-        return Coverage(reach_m, 0.0, 0.0, 0.0, ())
+        return Coverage(reach_m, mapped, 0.0, 0.0, 0.0, ())
     distance = np.asarray(cKDTree(library.poses[:, :2]).query(points)[0], np.float64)
     near = distance <= reach_m
     return Coverage(
         reach_m,
+        mapped,
         float(len(points) * cell_m2),
         float(near.mean()),
         _directions(library.poses, points[near], reach_m),
-        _gaps(points, distance, grid.free, reach_m, cell_m2),
+        _gaps(points, distance, free, reach_m, cell_m2),
     )
+
+
+def _between(places: F64, grid: Grid) -> Bool:
+    """Tell the cells (rows, columns) within the convex hull of places (P, 2), or under its border."""
+    near_zero = (places - places[0]).astype(np.float32)
+    hull = places[cv2.convexHull(near_zero, returnPoints=False).ravel()]
+    corners = np.round(((hull - grid.corner) / grid.cell_m - 0.5) * 256).astype(np.int32)
+    inside = np.zeros(grid.shape, np.uint8)
+    cv2.fillConvexPoly(inside, corners, 1, lineType=cv2.LINE_8, shift=8)
+    return inside > 0
 
 
 def _directions(poses: F64, points: F64, reach_m: float) -> float:

@@ -23,8 +23,9 @@ class Complaint:
     code: str  # a word for machines, see docs/doctor.md
     what: str  # one sentence
     evidence: str  # the numbers that speak for it
-    mend: str  # an option, or what has to be changed in what wrote the log
+    mend: str  # in words, for what wrote the log, or what else can be done
     numbers: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, float | str] = field(default_factory=dict)  # of reading, by field, that mend it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +103,13 @@ def motions_between(poses: F64) -> F64:
     before = np.concatenate([poses[:1, 2], poses[:-1, 2]])
     ahead, aside = rotated(step[:, 0], step[:, 1], -before)
     return np.column_stack([ahead, aside, short_way(step[:, 2])])
+
+
+def joined(motions: F64) -> F64:
+    """Give the poses (K, 3) that K motions lead to, from zero on; headings are counted on."""
+    heading = np.cumsum(motions[:, 2])
+    x, y = rotated(motions[:, 0], motions[:, 1], heading - motions[:, 2])
+    return np.column_stack([np.cumsum(x), np.cumsum(y), heading])
 
 
 def rotated(x: F64, y: F64, angle_rad: F64 | float) -> tuple[F64, F64]:

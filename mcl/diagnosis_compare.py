@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from . import diagnosis_words as words
-from .diagnosis import DEGREE, Complaint, Drive
+from .diagnosis import DEGREE, Complaint, Drive, short_way
+from .diagnosis_plausible import FASTEST_M_S, direction_of
 from .diagnosis_truth import Agreement, Legs, Reading, agreement, legs_of, readings, shifts
 
 GOOD = 0.2  # unexplained share up to which a reading is believed as it stands (healthy drives: under 0.02)
@@ -17,8 +18,11 @@ FAR_GAIN = 0.2  # natural log of a ratio of gains
 WORTH_S = 0.15  # a smaller delay is not told
 
 
-def compared_with_truth(drive: Drive, *, native: bool) -> list[Complaint]:
-    """Say what is wrong with the odometry, or with the truth, by the other."""
+def compared_with_truth(drive: Drive, movement_s: float | None = None) -> list[Complaint]:
+    """Say what is wrong with the odometry, or with the truth, by the other.
+
+    `movement_s` is what would be added to the truth's times by how both move, for a delay of any length.
+    """
     if drive.truth.size < 2 or drive.odometry.size < 2:
         return []
     complaints: list[Complaint] = []
@@ -29,10 +33,13 @@ def compared_with_truth(drive: Drive, *, native: bool) -> list[Complaint]:
     if usual is None:
         return complaints
     best = best_agreement(drive, legs, usual)
+    if best.unexplained > POOR and movement_s is not None:
+        late = agreement(drive.odometry, legs, Reading(), round(movement_s, 1))
+        best = late if late and late.unexplained < FAR_BETTER * best.unexplained else best
     if best.unexplained > POOR:
         return [*complaints, _no_agreement(best)]
     if best.shift_s:
-        complaints.append(words.delay_complaint(best, usual, native=native))
+        complaints.append(words.delay_complaint(best, usual))
     return [*complaints, *_about(best, usual, drive)]
 
 
@@ -42,7 +49,8 @@ def best_agreement(drive: Drive, legs: Legs, usual: Agreement) -> Agreement:
     best = min(found, key=lambda one: one.unexplained)
     if best.unexplained > GOOD:  # a delay may hide which reading is right
         best = min((_shifted(drive, legs, one) for one in found), key=lambda one: one.unexplained)
-    if usual.unexplained <= GOOD or best.unexplained > FAR_BETTER * usual.unexplained:
+    as_it_stands = usual.unexplained <= GOOD and abs(usual.offset_rad) <= FAR_OFF
+    if as_it_stands or best.unexplained > FAR_BETTER * usual.unexplained:
         best = usual
     return _shifted(drive, legs, best) if not best.shift_s else best
 
@@ -78,7 +86,8 @@ def _in_degrees(drive: Drive, legs: Legs) -> tuple[Legs, list[Complaint]]:
     )
     mend = words.IN_LOG + "multiply the truth's heading by pi / 180"
     what = "the truth's headings are in degrees"
-    return other, [Complaint("truth-degrees", what, evidence, mend, {"largest": largest})]
+    options = {"truth_turn_scale": DEGREE}
+    return other, [Complaint("truth-degrees", what, evidence, mend, {"largest": largest}, options)]
 
 
 def _about(best: Agreement, usual: Agreement, drive: Drive) -> list[Complaint]:
@@ -87,15 +96,24 @@ def _about(best: Agreement, usual: Agreement, drive: Drive) -> list[Complaint]:
     if best.reading.turn:
         complaints.append(words.turn_complaint(best.reading.turn, evidence, unexplained=best.unexplained))
     if best.reading.frame:
-        complaints.append(words.frame_complaint(best.reading.frame, evidence, unexplained=best.unexplained))
+        offset = _offset(best, drive) if best.reading.frame == "world" else 0.0
+        numbers = {"unexplained": best.unexplained}
+        complaints.append(words.frame_complaint(best.reading.frame, evidence, offset, **numbers))
     if abs(best.offset_rad) > FAR_OFF and best.reading.frame != "world" and best.way_unexplained < POOR:
         turned = f"true travel is {np.degrees(best.offset_rad):+.0f} deg off the measured one; {evidence}"
-        complaints.append(words.direction_complaint(best.offset_rad, turned))
+        complaints.append(words.direction_complaint(_offset(best, drive), turned))
     if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < POOR:
         complaints.append(_scale(best, drive, evidence))
     if not complaints and best.turn_unexplained < POOR and _gains_apart(best, drive):
         complaints.append(words.gain_complaint(best.gain, drive.turn_gain, evidence))
     return complaints
+
+
+def _offset(best: Agreement, drive: Drive) -> float:
+    """Give where forward is: by the odometry alone if that is near, as a drift of the robot is not in it."""
+    own = -direction_of(drive.odometry, best.reading)
+    near = own and abs(short_way(np.array(own - best.offset_rad))) < FAR_OFF
+    return own if near else best.offset_rad
 
 
 def _gains_apart(best: Agreement, drive: Drive) -> bool:
@@ -105,10 +123,18 @@ def _gains_apart(best: Agreement, drive: Drive) -> bool:
 def _scale(best: Agreement, drive: Drive, evidence: str) -> Complaint:
     """Say whose lengths are wrong: truth that spans far more than the map is."""
     span = float(np.ptp(drive.truth.poses[:, :2], axis=0).max())
-    if best.scale > 1 and span > 3 * drive.size_m:
-        wide = f"truth spans {span:.4g}, the map {drive.size_m:.2f} m; {evidence}"
+    if best.scale > 1 and (span > 3 * drive.size_m or _too_fast(drive)):
+        map_m = f", the map {drive.size_m:.2f} m" if np.isfinite(drive.size_m) else ""
+        wide = f"truth spans {span:.4g}{map_m}; {evidence}"
         return words.scale_complaint(1 / best.scale, wide, truth=True)
     return words.scale_complaint(best.scale, evidence)
+
+
+def _too_fast(drive: Drive) -> bool:
+    """Tell whether no robot goes as the truth does."""
+    legs = legs_of(drive.truth)
+    speeds = np.hypot(legs.moved[:, 0], legs.moved[:, 1]) / np.maximum(legs.end_s - legs.begin_s, 1e-3)
+    return bool(np.median(speeds) > FASTEST_M_S)
 
 
 def _no_agreement(best: Agreement) -> Complaint:

@@ -12,8 +12,9 @@ import numpy as np
 
 from . import diagnosis_words as words
 from .belief import Belief, normalize, uniform_log_weights
-from .diagnosis import Complaint, Drive, rotated
+from .diagnosis import Complaint, Drive, Odometry, rotated
 from .diagnosis_pictures import Looks
+from .diagnosis_plausible import direction_of
 from .diagnosis_truth import Reading, motions_read
 from .geometry import compose
 from .randomness import Domain, Purpose, normals, stream
@@ -41,11 +42,16 @@ class Hypothesis:
     late: int = 0  # by how many pictures they come too late
 
 
-def hypotheses(poses: bool) -> list[Hypothesis]:
+def hypotheses(odometry: Odometry) -> list[Hypothesis]:
     """List what is tried; the first one is that all is well."""
     turns = [Hypothesis(f"turn-{t.replace(' ', '-')}", Reading(t)) for t in ("clockwise", "degrees")]
     turns.append(Hypothesis("turn-clockwise-degrees", Reading("clockwise degrees")))
-    frames = [] if poses else [Hypothesis(f"frame-{f}", Reading("", f)) for f in ("world", "absolute")]
+    frames: list[Hypothesis] = []
+    if not odometry.poses:
+        steps = Reading("", "world")
+        begin_rad = direction_of(odometry, steps)  # the heading that steps are counted from
+        frames = [Hypothesis("frame-world", steps, -begin_rad)]
+        frames.append(Hypothesis("frame-absolute", Reading("", "absolute")))
     offsets = [Hypothesis("direction", offset_rad=k * np.pi / 4) for k in (1, 2, 3, 4, -3, -2, -1)]
     scales = [Hypothesis("scale", scale=s) for s in (0.001, 0.01, 0.0254, 0.3048)]
     late = [Hypothesis("pictures-late", late=k) for k in (-2, -1, 1, 2)]
@@ -53,11 +59,11 @@ def hypotheses(poses: bool) -> list[Hypothesis]:
     return [Hypothesis(""), *turns, *frames, *offsets, *scales, *gains, *late]
 
 
-def doubted_by_pictures(looks: Looks, drive: Drive, start: F64 | None, *, native: bool) -> list[Complaint]:
+def doubted_by_pictures(looks: Looks, drive: Drive, start: F64 | None) -> list[Complaint]:
     """Say under which other hypothesis the pictures are foreseen far better; nothing where there is none."""
     if len(looks.t_s) < FEWEST_PICTURES:
         return []
-    usual, *others = hypotheses(drive.odometry.poses)
+    usual, *others = hypotheses(drive.odometry)
     foreseen = evidence(looks, drive, usual, start)
     found = [(evidence(looks, drive, one, start), one) for one in others]
     best, better = max(found, key=lambda one: one[0])
@@ -71,20 +77,20 @@ def doubted_by_pictures(looks: Looks, drive: Drive, start: F64 | None, *, native
     if better.gain != 1:
         gain = better.gain * drive.turn_gain
         return [words.gain_complaint(gain, drive.turn_gain, told)]
-    return [complaint_of(better, told, spacing, native=native)]
+    return [complaint_of(better, told, spacing)]
 
 
-def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float, *, native: bool) -> Complaint:
+def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float) -> Complaint:
     """Put a hypothesis into words."""
     if hypothesis.reading.turn:
         return words.turn_complaint(hypothesis.reading.turn, evidence)
     if hypothesis.reading.frame:
-        return words.frame_complaint(hypothesis.reading.frame, evidence)
+        return words.frame_complaint(hypothesis.reading.frame, evidence, hypothesis.offset_rad)
     if hypothesis.offset_rad:
         return words.offset_complaint(hypothesis.offset_rad, evidence)
     if hypothesis.late:
         late_s = hypothesis.late * spacing_s
-        found = words.picture_delay_complaint(late_s, evidence, native=native)
+        found = words.picture_delay_complaint(late_s, evidence)
         other = f"or the odometry as much too {'early' if late_s > 0 else 'late'}"
         return replace(found, what=f"{found.what}, {other}")
     return words.scale_complaint(hypothesis.scale, evidence)

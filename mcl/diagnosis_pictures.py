@@ -13,18 +13,21 @@ import numpy as np
 
 from . import diagnosis_words as words
 from .diagnosis import Complaint, Track, short_way
+from .diagnosis_clocks import same_moments
 from .localizer import Localizer
 from .records import Comparison
 from .typing import F64, Bool
 
 YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # where the camera may look
 DELAYS = 41
+COARSE: F64 = np.arange(2.5, 15.1, 0.5)  # further delays, in seconds, of truth that comes often
 DENSE_S = 0.5  # truth that comes more often than this tells delays of less than an update
 MAX_GAP_S = 1.0  # truth is interpolated across no more
 FEWEST_PICTURES = 8
 LEAST_NATS, LEAST_SIGMAS = 0.3, 2.5  # a mean gain a picture that is worth a complaint, and how sure it is
 LEAST_YAW_RAD = float(np.radians(20))
 MOST_NATS = 3.0  # that one picture may say for or against, where it is asked how sure all are
+STANDS_S = 3.5  # a robot that stands to look sees the same for so long
 FLAT = 0.15  # share of the gain that counts as nearly as high
 
 
@@ -71,11 +74,12 @@ def best_delay(looks: Looks, track: Track) -> Gained | None:
 
 
 def delays_tried(track: Track) -> F64:
-    """List delays: two seconds of dense truth, or two updates and a half where the robot stops to look."""
+    """List delays: to two seconds and more coarsely to fifteen, or two updates and a half of sparse truth."""
     steps = np.diff(track.t_s)
     spacing = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    most = 2.0 if spacing < DENSE_S else 2.5 * spacing
-    return np.linspace(-most, most, DELAYS)
+    if spacing >= DENSE_S:
+        return np.linspace(-2.5 * spacing, 2.5 * spacing, DELAYS)
+    return np.concatenate([-COARSE[::-1], np.linspace(-2.0, 2.0, DELAYS), COARSE])
 
 
 def truth_at(track: Track, t_s: F64) -> F64:
@@ -106,7 +110,8 @@ def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
         around = values[middle] + short_way(values - values[middle])
         value = float(short_way(np.array(around[_run(turned, middle)].mean())))
     else:
-        value = float(values[_run(mean, top)].mean())
+        high = values[_run(mean, top)]
+        value = float(high[0] + high[-1]) / 2
     bounded = np.clip(gains[:, top], -MOST_NATS, MOST_NATS)
     scatter = max(float(bounded.std(ddof=1)) / len(gains) ** 0.5, 1e-9)
     return Gained(value, float(mean[top]), float(bounded.mean()) / scatter, len(gains))
@@ -122,16 +127,18 @@ def _run(mean: F64, top: int) -> Bool:
     return marks
 
 
-def seen_with_truth(looks: Looks, track: Track, *, native: bool) -> list[Complaint]:
+def seen_with_truth(looks: Looks, track: Track) -> list[Complaint]:
     """Say whether the camera looks elsewhere, or pictures are stamped late: the one that explains more."""
     yaw, delay = best_yaw(looks, track), best_delay(looks, track)
     elsewhere = yaw is not None and _sure(yaw) and abs(yaw.value) >= LEAST_YAW_RAD
     late = delay is not None and _sure(delay)
+    exact = same_moments(looks.t_s, track.t_s)
     if elsewhere and yaw is not None and not (late and delay is not None and delay.nats > yaw.nats):
         return [words.yaw_complaint(yaw.value, words.told_gain(yaw.nats, yaw.sigmas, yaw.pictures))]
     if late and delay is not None:
         evidence = words.told_gain(delay.nats, delay.sigmas, delay.pictures)
-        return [words.picture_delay_complaint(delay.value, evidence, native=native)]
+        near = exact is not None and abs(exact - delay.value) <= STANDS_S
+        return [words.picture_delay_complaint(exact if near and exact else round(delay.value, 2), evidence)]
     return []
 
 

@@ -13,8 +13,6 @@ SLOWEST_M_S, FASTEST_M_S = 0.002, 12.0  # what a robot that looks about drives a
 FASTEST_RAD_S = 12.0  # two turns a second
 USUAL_M_S = 0.3
 PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
-FEW = 0.2  # share of the pictures
-MAX_GAP_S = 1.0  # truth is interpolated across no more
 FEWEST = 8  # records that move
 MOST_OF_ONE = 10.0  # times the median way, that one record counts
 STEP_M = 0.05  # poses are compared over steps of so much
@@ -53,49 +51,9 @@ def time_unit(drive: Drive) -> tuple[float, list[Complaint]]:
         f"in {unit} it is {way * factor:.2g} m/s and {turn * factor:.2g} rad/s"
     )
     short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
-    mend = f"divide t by {factor:.0e}, or read with --time-unit {short} where the format takes it"
-    return 1 / factor, [Complaint("time-unit", f"times are in {unit}", evidence, mend, {"per_s": factor})]
-
-
-def clocks_apart(drive: Drive) -> list[Complaint]:
-    """Tell whether pictures, odometry and truth have no time in common."""
-    complaints = []
-    for name, times in (("odometry", drive.odometry.t_s), ("truth", drive.truth.t_s)):
-        ours = drive.picture_t_s
-        if not len(times) or not len(ours) or (times.min() <= ours.max() and ours.min() <= times.max()):
-            continue
-        late = float(times.min() - ours.min())
-        evidence = (
-            f"pictures go from {ours.min():.3f} to {ours.max():.3f} s, "
-            f"{name} from {times.min():.3f} to {times.max():.3f} s"
-        )
-        mend = f"--{name}-offset {-late:.3f} puts their beginnings together"
-        what = f"pictures and {name} have no time in common"
-        complaints.append(Complaint(f"{name}-clock", what, evidence, mend, {"late_s": late}))
-    return complaints
-
-
-def truth_apart(drive: Drive) -> list[Complaint]:
-    """Tell whether the truth passes the pictures by: none at their times, though it goes on beside them."""
-    truth, pictures = drive.truth, drive.picture_t_s
-    if truth.size < FEWEST or len(pictures) < FEWEST:
-        return []
-    after = np.clip(np.searchsorted(truth.t_s, pictures), 1, truth.size - 1)
-    before = after - 1
-    exact = (truth.t_s[after] == pictures) | (truth.t_s[before] == pictures)
-    between = (truth.t_s[after] - truth.t_s[before] <= MAX_GAP_S) & (truth.t_s[before] <= pictures)
-    known = float((exact | (between & (pictures <= truth.t_s[after]))).mean())
-    if known >= FEW:
-        return []
-    late = float(np.median(pictures - truth.t_s[before]))
-    evidence = (
-        f"{known:.0%} of {len(pictures)} pictures have truth at their time or within {MAX_GAP_S:g} s before "
-        f"and after; the truth before a picture is {late:.2g} s old (median)"
-    )
-    mend = "--truth-offset, or the same in the log, if one of the clocks is late; else more frequent truth"
-    return [
-        Complaint("truth-apart", "pictures have no truth", evidence, mend, {"share": known, "age_s": late})
-    ]
+    mend, numbers = f"{words.IN_LOG}divide times by {factor:.0e}", {"per_s": factor}
+    what, options = f"times are in {unit}", {"time_unit": short}
+    return 1 / factor, [Complaint("time-unit", what, evidence, mend, numbers, options)]
 
 
 def odometry_doubts(drive: Drive) -> list[Complaint]:
@@ -111,12 +69,14 @@ def odometry_doubts(drive: Drive) -> list[Complaint]:
             f"{aside:.0%} of the way would go sideways, and {aside_share(odometry, reading):.0%} does "
             "if this is so"
         )
-        complaints += [words.frame_complaint(reading.frame, evidence)] if reading.frame else []
+        if reading.frame:
+            offset = -direction_of(odometry, reading) if reading.frame == "world" else 0.0
+            complaints.append(words.frame_complaint(reading.frame, evidence, offset))
         complaints += [words.turn_complaint(reading.turn, evidence)] if reading.turn else []
     elif turn > FASTEST_RAD_S:
         evidence = f"the robot would turn at {turn:.3g} rad/s; in degrees it is {turn * TURNS['degrees']:.2g}"
         complaints.append(words.turn_complaint("degrees", evidence, rad_s=turn))
-    elif abs(np.sin(side := _direction(odometry))) > np.sin(OFF_RAD):
+    elif abs(np.sin(side := direction_of(odometry, Reading()))) > np.sin(OFF_RAD):
         evidence = (
             f"nearly all of the way goes {np.degrees(side):+.0f} deg off what is called forward, "
             f"{aside:.0%} of it sideways; a robot that can do so on purpose is well"
@@ -161,9 +121,15 @@ def _steps(poses: F64) -> F64:
     return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
 
 
-def _direction(odometry: Odometry) -> float:
+def direction_of(odometry: Odometry, reading: Reading) -> float:
     """Give the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
-    motions = _steps(odometry.values) if odometry.poses else odometry.values
+    if odometry.poses:
+        return main_direction(_steps(odometry.values * [1, 1, TURNS[reading.turn]]))
+    return main_direction(motions_read(odometry, reading))
+
+
+def main_direction(motions: F64) -> float:
+    """Give the direction in which nearly all of the way of motions (K, 3) goes; 0 for no direction."""
     x, y = motions[:, 0].sum(), motions[:, 1].sum()
     whole = np.hypot(motions[:, 0], motions[:, 1]).sum()
     return float(np.arctan2(y, x)) if np.hypot(x, y) > ONE_WAY * whole else 0.0

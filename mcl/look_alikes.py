@@ -24,7 +24,8 @@ Index = NDArray[np.intp]
 NEAR = 1.6  # spacings: a neighbor, diagonal ones included
 SAME_WAY_RAD = float(np.radians(46))  # a neighbor's heading may be one of eight further
 FAR = 3.0  # spacings: what is further off is another place
-LEAST_SPACING_M = 0.25  # entries of a drive that are nearer are at one place
+LEAST_SPACING_M = 0.25  # from a place to the next one
+ONE_PLACE = 0.75  # of the distance to the next place: entries that are nearer are at one place
 CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
 
 Progress = Callable[[int, int], None]
@@ -34,7 +35,7 @@ Progress = Callable[[int, int], None]
 class SelfCheck:
     """What came of comparing a library's L entries with each other, over P distinct places."""
 
-    spacing_m: float  # from a place to the next one
+    spacing_m: float  # from an entry to the next one that looks the same way: the median
     places: F64  # (P, 2) the middle of the entries at each place
     place_of: I32  # (L,)
     retrieved: I32  # (L,) the most similar entry at another place; -1 where there is none
@@ -71,6 +72,7 @@ def check_library(library: Library, sensor: SensorModel, progress: Progress | No
     """Compare every entry with all that are elsewhere."""
     between = max(spacing(distinct_places(library.poses[:, :2])[0]), LEAST_SPACING_M)
     places, place_of = places_of(library.poses[:, :2], between)
+    between = max(between, _spacing(library, place_of))
     found: list[tuple[int, float, float, int, float, float]] = []
     curve: list[F64] = []
     for entry in range(library.size):
@@ -98,15 +100,31 @@ def check_library(library: Library, sensor: SensorModel, progress: Progress | No
 
 
 def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
-    """Gather positions (L, 2) into cells: their middles (P, 2), and the place of each (L,).
+    """Gather positions (L, 2) around the first of those near each other: middles (P, 2), place of each (L,).
 
-    A survey's nodes, evenly spaced by the size, stay apart.
+    A survey's nodes, about evenly spaced by the size, stay apart.
     """
-    cells = np.floor((xy - xy.min(axis=0)) / size_m + 0.5).astype(np.int64)
-    place_of = np.asarray(np.unique(cells, axis=0, return_inverse=True)[1], np.int32).ravel()
+    firsts, place_of = np.empty((0, 2)), np.empty(len(xy), np.int32)
+    for number, at in enumerate(xy):
+        apart = np.hypot(*(firsts - at).T)
+        if not len(firsts) or apart.min() > ONE_PLACE * size_m:
+            place_of[number] = len(firsts)
+            firsts = np.vstack([firsts, at])
+        else:
+            place_of[number] = apart.argmin()
     count = np.bincount(place_of)
     middles = [np.bincount(place_of, xy[:, k]) / count for k in (0, 1)]
     return np.column_stack(middles), place_of
+
+
+def _spacing(library: Library, place_of: I32) -> float:
+    """Give the median distance from an entry to the nearest elsewhere that looks the same way; 0 for none."""
+    nearest = []
+    for entry in range(library.size):
+        apart_m, turned = _apart(library, entry, np.flatnonzero(place_of != place_of[entry]))
+        if (turned <= SAME_WAY_RAD).any():
+            nearest.append(apart_m[turned <= SAME_WAY_RAD].min())
+    return float(np.median(nearest)) if nearest else 0.0
 
 
 def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:

@@ -1,6 +1,8 @@
 """The four folders depend on each other in one direction, and every package is in the wheel."""
 
 import ast
+import fnmatch
+import re
 import tomllib
 from pathlib import Path
 
@@ -76,3 +78,11 @@ def test_constraints_name_versions_and_nothing_else() -> None:
         assert name, pin
         assert version, pin
         assert " " not in pin, pin
+
+
+def test_files_that_the_architecture_names_exist() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(?:[\w/]+/)?([\w*]+\.py)`", text))
+    there = {file.name for _, file in SOURCES} | {file.name for file in (ROOT / "tests").glob("*.py")}
+    assert len(named) > 50
+    assert not [name for name in named if not fnmatch.filter(there, name)]

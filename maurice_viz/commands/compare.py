@@ -10,28 +10,8 @@ import typer
 
 from maurice_loaders.formats import OpenOptions
 
-from .options import (
-    ConfigsOption,
-    FeaturesOption,
-    ForceOption,
-    HeadlessOption,
-    JsonOption,
-    KeepGoingOption,
-    LayoutOption,
-    LibraryOption,
-    MotionOption,
-    NoRecordingOption,
-    OutputOptions,
-    ParticlesOption,
-    PresetsOption,
-    ResamplersOption,
-    RunOption,
-    RunOptions,
-    SaveOption,
-    SeedsOption,
-    SharpnessOption,
-    StartOption,
-)
+from .common_options import CommonOptions, runs_a_filter
+from .options import ConfigsOption, FeaturesOption, PresetsOption, ResamplersOption, RunOptions, SeedsOption
 from .reading import reads_recordings
 
 COLOR_AND_BLENDED = ("color", "blended")
@@ -49,27 +29,16 @@ PathsArgument = Annotated[
 
 
 @reads_recordings
+@runs_a_filter
 def compare(
     paths: PathsArgument,
     features: FeaturesOption = None,
     presets: PresetsOption = None,
     config: ConfigsOption = None,
-    library: LibraryOption = None,
-    particles: ParticlesOption = None,
     seed: SeedsOption = None,
-    start: StartOption = None,
     resampler: ResamplersOption = None,
-    sharpness: SharpnessOption = None,
-    motion: MotionOption = None,
-    save: SaveOption = None,
-    run: RunOption = None,
-    layout: LayoutOption = None,
-    headless: HeadlessOption = False,
-    no_recording: NoRecordingOption = False,
-    force: ForceOption = False,
-    keep_going: KeepGoingOption = False,
-    json_output: JsonOption = False,
     *,
+    common: CommonOptions,
     opening: OpenOptions,
 ) -> None:
     """Replay two to four runs side by side in one recording, and say how they differ.
@@ -88,9 +57,9 @@ def compare(
         "seed": seed or (),
         "config": config or (),
     }
-    options = RunOptions(0, start, particles, None, sharpness, motion, None)
-    stem = paths[0].absolute().stem if len(paths) == 1 else SEVERAL
-    output = OutputOptions(stem, save, headless, no_recording, force, json_output, run, layout)
+    library, run, keep_going = common.library, common.run, common.keep_going
+    options = common.of_runs()
+    output = common.of_output(paths[0].absolute().stem if len(paths) == 1 else SEVERAL)
     saved, reading = [is_saved(path) for path in paths], opening != OpenOptions()
     if any(saved):
         _check_saved(saved, options != RunOptions() or any(given.values()) or library or run or reading)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from maurice_loaders.doctor import diagnose
+from maurice_loaders.doctor_mending import mended
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats import OpenOptions, open_recording
 from maurice_loaders.library_store import open_library
@@ -18,7 +19,7 @@ from ..console import note, progress, results
 from ..doctor_report import to_json, to_lines
 from .failing import one_line_errors
 from .options import JsonOption, LibraryOption, SessionArgument
-from .reading import reads_recordings
+from .reading import reads_recordings, typed
 
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Exit with status 1 when something is wrong, as CI wants it.")
@@ -43,10 +44,13 @@ def doctor(
         references = None if no_library else _library(session, library, opening)
         with progress("pictures") as advance:
             found = diagnose(session, opening, references, advance)
+    mending = [mended(opening, [one]) for one in found.complaints]
+    beside = [] if library is None else ["--library", str(library)]
+    options = [typed(one) if one != opening else [] for one in (*mending, found.mended)]
     if json_output:
-        results.print_json(json.dumps(to_json(found)))
+        results.print_json(json.dumps(to_json(found, options)))
     else:
-        results.print("\n".join(to_lines(found)), markup=False, soft_wrap=True)
+        results.print("\n".join(to_lines(found, options, beside)), markup=False, soft_wrap=True)
     if strict and found.complaints:
         raise typer.Exit(1)
 

@@ -88,12 +88,12 @@ def _ways(session: RecordedSession) -> Ways:
 
 
 def _drawn_of(session: RecordedSession, moments: int) -> RecordedSession:
-    """Leave out pictures of a long drive."""
-    stride = -(-moments // MOST_DRAWN)
-    if stride <= 1:
+    """Leave out pictures of a long drive, unless it was said which ones make a moment."""
+    pairing, stride = session.pairing, -(-moments // MOST_DRAWN)
+    if stride <= 1 or pairing.min_distance_m or pairing.min_angle_rad:
         return session
     note(f"drawing one of every {stride} of {moments} moments; --min-distance and --min-angle choose others")
-    return RecordedSession(FewerPictures(session.recording, stride), session.pairing)
+    return RecordedSession(FewerPictures(session.recording, stride), pairing)
 
 
 def _counted(session: RecordedSession, count: int, advance: Advance) -> Iterator[Moment]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from maurice_loaders.errors import LogError
@@ -15,7 +14,6 @@ from maurice_mcl.explaining import Asked, explain_step
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
-from maurice_mcl.typing import F64
 
 from ..console import results
 from ..explanation_json import to_json
@@ -24,7 +22,6 @@ from ..look import Units, scale_for
 from ..restoring import Restored
 from .failing import one_line_errors
 from .options import (
-    FARTHEST_M,
     ForceOption,
     HeadlessOption,
     JsonOption,
@@ -33,6 +30,7 @@ from .options import (
     SaveOption,
 )
 from .saved import Opened, open_saved
+from .typed_pose import typed_pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,20 +140,9 @@ def _asked(wanted: Wanted, record: StepRecord, library: Library, units: Units) -
     if wanted.particle is not None:
         _check_number("particle", wanted.particle, record.weighted.size)
         return Asked(pose=record.weighted.world_poses[wanted.particle])
-    return None if wanted.at is None else Asked(pose=_pose(wanted.at, units))
+    return None if wanted.at is None else Asked(pose=typed_pose(wanted.at, units, "--at is X,Y,HEADING"))
 
 
 def _check_number(what: str, number: int, count: int) -> None:
     if number >= count:
         raise typer.BadParameter(f"there is no {what} {number}; they are 0 to {count - 1}")
-
-
-def _pose(text: str, units: Units) -> F64:
-    try:
-        x, y, heading_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = heading_deg = np.nan
-    pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
-    if not (np.abs(pose) <= FARTHEST_M).all():
-        raise typer.BadParameter(f"--at is X,Y,HEADING in {units.name} and degrees, found {text!r}")
-    return pose

@@ -45,6 +45,9 @@ def follow_source(
     if output.run is not None:
         advice = "record the drive with --record DIR, then replay DIR/session.log with --run"
         raise typer.BadParameter(f"--run is for recorded sessions; {advice}")
+    if opening.correction.typed:
+        advice = "record the drive with --record DIR, then replay DIR/session.log so"
+        raise typer.BadParameter(f"{opening.correction.typed[0]} needs a recording; {advice}")
     os.environ.setdefault("RUST_LOG", QUIET)  # read when rerun is imported, which is later
     with one_line_errors():
         recorder = None if live.record is None else LiveRecorder(live.record, force=output.force)
@@ -67,6 +70,7 @@ def _localize(session: LiveSession, wanted: Wanted, options: RunOptions, output:
     updates: Iterator[Mapping[str, Step]] = shared(run_together(runs, session))
     first = next(updates, None)
     if first is None:
+        _say_left_out(session)
         raise LiveError(session.source.name, "ended before a picture came, so nothing was localized")
     has_truth = any(moment.truth is not None for moment, _ in first.values())
     playing = Playing(
@@ -102,13 +106,17 @@ def remark_live(collector: ResultCollector, session: LiveSession) -> None:
         note(f"{session.ended}; ended")
     for warning in session.warnings:
         note(warning)
-    if session.problem_count:
-        found = f"{session.problem_count} lines or pictures made no sense and were left out"
-        note(f"{session.source.name}: {found}, the first: {session.problems[0]}")
+    _say_left_out(session)
     policy = "the oldest of more than four waiting" if session.keep_up else "none is left out"
     kept = "; what moved before them was kept" if session.skipped else ""
     note(f"{counts.pictures} pictures came, {session.skipped} were skipped ({policy}){kept}")
     remark_zeros(collector)
+
+
+def _say_left_out(session: LiveSession) -> None:
+    if session.problem_count:
+        found = f"{session.problem_count} lines or pictures made no sense and were left out"
+        note(f"{session.source.name}: {found}, the first: {session.problems[0]}")
 
 
 def _say_recorded(session: LiveSession) -> None:

@@ -7,7 +7,6 @@ quickly: only the standard library is loaded before that is known. Exit status 6
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import select
 import sys
@@ -15,6 +14,8 @@ import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from maurice_loaders.fields import read_json
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -74,7 +75,7 @@ def is_ours(path: Path) -> bool:
 def _is_run(manifest: Path) -> bool:
     if manifest.stat().st_size > HEADER_BYTES:
         return False
-    found = json.loads(manifest.read_bytes())
+    found = read_json(manifest.read_bytes())
     return isinstance(found, dict) and found.get("format") in RUNS
 
 

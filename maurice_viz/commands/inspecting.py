@@ -37,7 +37,7 @@ def inspect(session: SessionArgument, *, json_output: JsonOption = False, openin
 def _inspected(path: Path, opening: OpenOptions) -> tuple[str, Inspection]:
     """Look a file over by its format, and name that."""
     one = chosen(path, opening)
-    if one.name == NATIVE and not opening.odometry_from_truth:
+    if one.name == NATIVE and opening.as_it_is:
         return one.name, inspect_session(path)
     recording = open_recording(path, replace(opening, format=one.name))
     return one.name, inspect_recording(RecordedSession(recording, opening.pairing))

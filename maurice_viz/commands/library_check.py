@@ -83,8 +83,9 @@ def coverage_lines(library: Library, reach_m: float) -> list[str]:
 
 
 def _coverage(covered: Coverage, scale: Scale) -> str:
+    where = "free space" if covered.mapped else "between its poses (no wall is known)"
     return (
-        f"{covered.covered:.0%} of {covered.free_m2:.1f} m2 free space has an entry within "
+        f"{covered.covered:.0%} of {covered.free_m2:.1f} m2 {where} has an entry within "
         f"{scale.say(covered.reach_m)}; {covered.directions:.0%} of 8 directions are looked in there"
     )
 
@@ -108,7 +109,10 @@ def _table(library: Library, found: SelfCheck, covered: Coverage, scale: Scale) 
     table = Table(title=f"library {library.name}", title_justify="left", show_header=False)
     places = found.at_places(found.ambiguity)
     apart = scale.say(found.spacing_m)
-    table.add_row("entries", f"{library.size} at {len(found.places)} places, {apart} apart")
+    table.add_row(
+        "entries",
+        f"{library.size} at {len(found.places)} places; looking the same way every {apart}",
+    )
     table.add_row("coverage", _coverage(covered, scale))
     table.add_row("left out, found again", f"{found.retrieved_right:.0%} at a neighboring place, same way")
     table.add_row("retrieval error", _error(found, scale))

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from maurice_loaders.live_listening import Patience
 
-Command = Callable[..., None]
-LISTENING = "live"  # the parameter of a command that takes them all, a LiveOptions
+from .gathering import Command, in_place_of
 
 PatienceOption = Annotated[
     float | None,
@@ -79,20 +75,4 @@ def patience_of(seconds: float | None) -> Patience:
 
 def listens(command: Command) -> Command:
     """Give a command all options of listening, in place of its parameter `live`."""
-    signature = inspect.signature(command, eval_str=True)
-
-    @functools.wraps(command)
-    def with_options(**given: Any) -> None:
-        typed = {name: given.pop(name) for name in LIVE}
-        command(**given, live=LiveOptions(**typed))
-
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    own = [one.replace(kind=keyword) for one in signature.parameters.values() if one.name != LISTENING]
-    more = [
-        inspect.Parameter(name, keyword, default=default, annotation=kind)
-        for name, (kind, default) in LIVE.items()
-    ]
-    parameters = [*own, *more]
-    with_options.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]  # what typer reads
-    with_options.__annotations__ = {one.name: one.annotation for one in parameters}
-    return with_options
+    return in_place_of("live", LIVE, LiveOptions, command)

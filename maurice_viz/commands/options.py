@@ -219,7 +219,6 @@ DetailOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 SHARPEST = 10_000.0  # beyond it only the best entry has any likelihood
-FARTHEST_M = 1e9  # no map reaches further
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -35,6 +36,9 @@ def open_as_recorded(path: Path, options: OpenOptions) -> AsRecorded:
     name = chosen(path, options).name
     if name not in BAGS:
         raise LogError(path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded")
+    own = replace(options.correction, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
+    if own.typed:
+        raise LogError(path, f"--as-recorded shows a bag as it is, expected no {own.typed[0]}")
     localizer = RecordedLocalizer(path, BAGS[name], options)
     label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
     return AsRecorded(localizer, localizer.overview(), label, Findings(options.keep_going))

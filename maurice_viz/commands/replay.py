@@ -7,62 +7,38 @@ import typer
 from maurice_loaders.formats import OpenOptions
 
 from ..layouts.names import DETAILS
+from .common_options import CommonOptions, runs_a_filter
 from .live_options import LiveOptions, listens
 from .options import (
     AsRecordedOption,
     ConfigOption,
     DetailOption,
     FeatureOption,
-    ForceOption,
-    HeadlessOption,
-    JsonOption,
-    KeepGoingOption,
-    LayoutOption,
-    LibraryOption,
-    MotionOption,
-    NoRecordingOption,
-    OutputOptions,
-    ParticlesOption,
     PresetOption,
     ResamplerOption,
-    RunOption,
     RunOptions,
-    SaveOption,
     SeedOption,
     SessionArgument,
-    SharpnessOption,
-    StartOption,
 )
 from .reading import reads_recordings
 
 
 @reads_recordings
 @listens
+@runs_a_filter
 def replay(
     session: SessionArgument,
-    library: LibraryOption = None,
+    *,
     feature: FeatureOption = None,
     preset: PresetOption = None,
     config: ConfigOption = None,
-    particles: ParticlesOption = None,
     seed: SeedOption = 0,
-    start: StartOption = None,
     resampler: ResamplerOption = None,
-    sharpness: SharpnessOption = None,
-    motion: MotionOption = None,
-    save: SaveOption = None,
-    run: RunOption = None,
-    layout: LayoutOption = None,
+    common: CommonOptions,
     detail: DetailOption = DETAILS[0],
-    headless: HeadlessOption = False,
-    no_recording: NoRecordingOption = False,
-    force: ForceOption = False,
-    keep_going: KeepGoingOption = False,
-    json_output: JsonOption = False,
     as_recorded: AsRecordedOption = False,
-    *,
-    opening: OpenOptions,
     live: LiveOptions,
+    opening: OpenOptions,
 ) -> None:
     """Replay a session of any format, a saved run or a live source, in the viewer or, without, to a file."""
     from maurice_loaders.run_store import is_saved
@@ -71,10 +47,9 @@ def replay(
     from .running import replay_runs
     from .saved import replay_saved
 
-    options = RunOptions(seed, start, particles, resampler, sharpness, motion, config)
-    output = OutputOptions(
-        session.absolute().stem, save, headless, no_recording, force, json_output, run, layout, detail
-    )
+    library, run = common.library, common.run
+    options = common.of_runs(seed, resampler, config)
+    output = common.of_output(session.absolute().stem, detail)
     if as_recorded:
         from .recorded import replay_as_recorded
 
@@ -101,14 +76,15 @@ def replay(
             )
         replay_saved(session, output)
         return
-    figures = options != RunOptions() or preset or feature or run or no_recording or json_output or layout
+    figures = options != RunOptions() or preset or feature or run
+    figures = figures or common.no_recording or common.json_output or common.layout
     replay_runs(
         session,
         library,
         [Wanted(preset, feature)],
         options,
         output,
-        keep_going=keep_going,
+        keep_going=common.keep_going,
         opening=opening,
         shown_alone=not figures,
     )

@@ -124,7 +124,8 @@ def _labelled(folder: Path, label: str) -> Opened:
 
 def _drive(opened: Opened) -> str:
     manifest = opened.runs[0].manifest
-    return f"{manifest.session.sha256} {manifest.reading}"
+    table = None if manifest.table is None else manifest.table.sha256
+    return f"{manifest.session.sha256} {manifest.reading} {table}"
 
 
 def _scene(opened: Sequence[Opened]) -> Scene:

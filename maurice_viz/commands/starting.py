@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-import typer
-
 from maurice_loaders.errors import LogError
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64
 
-from ..look import Units, units_named
-from .options import FARTHEST_M
+from ..look import units_named
+from .typed_pose import typed_pose
 
 
 def start_pose(
@@ -37,17 +34,6 @@ def start_pose(
         if pose is None:
             raise LogError(log, "found no truth to start from; give --start X,Y,HEADING or global")
         return pose
-    return _typed_pose(text, units_named(info.display_units))
-
-
-def _typed_pose(text: str, units: Units) -> F64:
-    try:
-        x, y, heading_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = heading_deg = np.nan
-    pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
-    if not (np.abs(pose) <= FARTHEST_M).all():
-        raise typer.BadParameter(
-            f"--start is tracking, truth, global or X,Y,HEADING in {units.name} and degrees, found {text!r}"
-        )
-    return pose
+    return typed_pose(
+        text, units_named(info.display_units), "--start is tracking, truth, global or X,Y,HEADING"
+    )

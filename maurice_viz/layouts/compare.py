@@ -12,7 +12,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from .. import compare_keys, entities
-from ..canvas import Extent
 from ..compare_paths import (
     APART,
     BELIEF_KEY,
@@ -39,6 +38,7 @@ from .views import (
     Overrides,
     camera_view,
     circles_view,
+    drawn_over,
     edges_view,
     histograms,
     sheet_view,
@@ -146,7 +146,7 @@ def _narrow_circles(paths: RunPaths, count: int, shown: Shown) -> rrb.Spatial2DV
     contents += [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
     extent = compare_keys.extent_with(compare_keys.circle_key(count), shown)
     white: Overrides = {paths.particles: SMALL_AND_WHITE}
-    return _keyed(f"Match circles ({shown.scale.units.name})", contents, extent, white)
+    return drawn_over(f"Match circles ({shown.scale.units.name})", contents, extent, white)
 
 
 def _belief_view(run: Run, number: int, count: int, shown: Shown) -> rrb.Spatial2DView:
@@ -155,7 +155,7 @@ def _belief_view(run: Run, number: int, count: int, shown: Shown) -> rrb.Spatial
     contents += [f"{truth_of(run.label, run.own_drive)}/**"] if shown.has_truth else []
     name = f"{run.label}, {COLOR_WORDS[number]}: belief ({shown.scale.units.name})"
     key = compare_keys.belief_key(count, shown.has_truth)
-    return _keyed(name, contents, compare_keys.extent_with(key, shown))
+    return drawn_over(name, contents, compare_keys.extent_with(key, shown))
 
 
 def _all_view(runs: Sequence[Run], shown: Shown) -> rrb.Spatial2DView:
@@ -172,22 +172,7 @@ def _all_view(runs: Sequence[Run], shown: Shown) -> rrb.Spatial2DView:
         ]
     key = compare_keys.runs_key(labels, shown.has_truth)
     name = f"All on one map ({shown.scale.units.name})"
-    return _keyed(name, list(dict.fromkeys(contents)), compare_keys.extent_with(key, shown), overrides)
-
-
-def _keyed(
-    name: str, contents: list[str], extent: Extent, overrides: Overrides | None = None
-) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        name=name,
-        origin="/",
-        contents=contents,
-        background=GROUND,
-        overrides=overrides,
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=(extent.left, extent.right), y_range=(extent.top, extent.bottom)
-        ),
-    )
+    return drawn_over(name, list(dict.fromkeys(contents)), compare_keys.extent_with(key, shown), overrides)
 
 
 def _camera_views(runs: Sequence[Run]) -> list[rrb.Spatial2DView]:

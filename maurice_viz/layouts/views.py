@@ -12,7 +12,7 @@ from rerun.encodings import EntityPathLike
 from maurice_mcl.channels import CHANNELS
 
 from .. import entities
-from ..canvas import map_extent
+from ..canvas import Extent, map_extent
 from ..draw_film import COLUMNS, size_px
 from ..draw_likelihood import names
 from ..draw_pictures import EDGE_GAIN
@@ -34,8 +34,14 @@ def map_view(
     name: str, contents: list[str], shown: Shown, white_cloud: str | None = None
 ) -> rrb.Spatial2DView:
     """Show some entities on the map, the whole of which is seen; a cloud can be drawn small and white."""
-    extent = map_extent(shown.arena, shown.scale)
     overrides: Overrides = {white_cloud: SMALL_AND_WHITE} if white_cloud else {}
+    return drawn_over(name, contents, map_extent(shown.arena, shown.scale), overrides)
+
+
+def drawn_over(
+    name: str, contents: list[str], extent: Extent, overrides: Overrides | None = None
+) -> rrb.Spatial2DView:
+    """Show some entities in a part of the map's plane, all of which is seen."""
     return rrb.Spatial2DView(
         name=name,
         origin="/",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -235,7 +236,13 @@ def write_json_mcap(
         times = [messages[i][0] for i in part]
         body = (described if not index else b"") + b"".join(messages[i][1] for i in part)
         span = struct.pack("<QQ", min(times), max(times))
-        chunk = span + struct.pack("<QI", len(body), 0) + _text("") + struct.pack("<Q", len(body)) + body
+        chunk = (
+            span
+            + struct.pack("<QI", len(body), zlib.crc32(body))
+            + _text("")
+            + struct.pack("<Q", len(body))
+            + body
+        )
         where = span + struct.pack("<QQ", len(out), len(chunk) + 9) + struct.pack("<I", 0)
         index += _record(
             8, where + struct.pack("<Q", 0) + _text("") + struct.pack("<QQ", len(body), len(body))

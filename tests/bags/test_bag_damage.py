@@ -6,6 +6,7 @@ import random
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import bag_making as making
@@ -81,6 +82,14 @@ def test_folders_with_our_names_are_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / name / "metadata.yaml").write_text("nothing: here\n")
     with pytest.raises(LogError):
         _read(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["cdr.mcap", "plain.bag"])
+def test_a_file_that_is_cut_before_its_first_message_is_called_cut(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(WRITERS[name](tmp_path).read_bytes()[:4200])
+    with pytest.raises(LogError, match=r"ends at byte 4200.*it holds no topic"):
+        _read(path, keep_going=True)
 
 
 @pytest.mark.parametrize("name", ["unindexed.mcap", "cdr.mcap", "plain.bag", "lz4.bag"])
@@ -185,3 +194,86 @@ def test_a_cut_file_says_so(tmp_path: Path) -> None:
     session = open_session(path, OpenOptions(keep_going=True))
     assert len(list(session.moments())) == 3
     assert any("read as far as it goes" in text for text in session.warnings)
+
+
+PACKED = {"bz2.bag": b"BZh9", "file.mcap": b"\x28\xb5\x2f\xfd", "folder": b"\x28\xb5\x2f\xfd"}
+
+
+def _large(folder: Path, name: str) -> tuple[Path, Path]:
+    """A bag of forty pictures in several packed chunks: what is opened, and its file."""
+    ros = Ros(1 if name == "bz2.bag" else 2)
+    drive = making.drive(ros, 40)
+    pads = [Said("/pad", "sensor_msgs/Image", one.log_ns, noise(ros, one.log_ns)) for one in drive[::8]]
+    said = sorted([*drive, *pads], key=lambda one: one.log_ns)
+    if name == "bz2.bag":
+        file = making.write_ros1(folder / "made.bag", said, "bz2")
+        return file, file
+    bag = making.write_ros2(folder / "made", said, storage="mcap", compression="storage")
+    file = next(bag.glob("*.mcap"))
+    return (bag if name == "folder" else file), file
+
+
+def noise(ros: Ros, t_ns: int) -> object:
+    """A picture that no packing makes small."""
+    pixels = np.random.default_rng(t_ns % 2**32).integers(0, 256, (300, 600), np.uint8)
+    return ros.image(t_ns, pixels, "rgb8", width=200)
+
+
+def _large_and_damaged(folder: Path, name: str) -> Path:
+    """The same with what a chunk in the middle is packed to begin in another way."""
+    path, file = _large(folder, name)
+    data = bytearray(file.read_bytes())
+    data[data.index(PACKED[name], len(data) // 2)] ^= 1
+    file.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("name", PACKED)
+@pytest.mark.parametrize("offset_s", [0.0, 0.001])
+def test_a_damaged_chunk_is_left_out_and_counted_once(name: str, offset_s: float, tmp_path: Path) -> None:
+    """With an offset the file is read in three passes, which all find it."""
+    going = OpenOptions(image_topic="/camera/image/compressed", odometry_offset_s=offset_s, keep_going=True)
+    session = open_session(_large_and_damaged(tmp_path, name), going)
+    times = [moment.frame.time_s for moment in session.moments()]
+    assert 20 <= len(times) < 40  # one chunk of several is gone
+    assert times[0] < 1
+    assert times[-1] > 7  # of 8 s: it was read on
+    assert session.problem_count == 1
+    assert "the chunk at byte" in str(session.problems[0])
+    assert not any("as far as it goes" in text for text in session.warnings)
+
+
+@pytest.mark.parametrize("name", PACKED)
+def test_a_damaged_chunk_is_refused_with_where_and_what_to_do(name: str, tmp_path: Path) -> None:
+    path = _large_and_damaged(tmp_path, name)
+    with pytest.raises(LogError, match=r"the chunk at byte \d+ is damaged .*--keep-going leaves it out"):
+        list(open_session(path, OpenOptions(image_topic="/camera/image/compressed")).moments())
+
+
+def test_one_wrong_bit_is_seen_by_the_checksum(tmp_path: Path) -> None:
+    path = making.write_json_mcap(tmp_path / "made.mcap", making.foxglove_drive(12), chunks=4)
+    data = bytearray(path.read_bytes())
+    data[data.index(b'"translation": {"x": 0.5')] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(LogError, match=r"the chunk at byte \d+ is damaged \(found .*checksum"):
+        _read(path)
+    session = open_session(path, OpenOptions(keep_going=True))
+    assert len(list(session.moments())) == 9  # of 12 in four chunks
+    assert session.problem_count == 1
+
+
+@pytest.mark.parametrize("name", ["bz2.bag", "file.mcap"])
+def test_a_damaged_index_is_done_without(name: str, tmp_path: Path) -> None:
+    _, file = _large(tmp_path, name)
+    data = bytearray(file.read_bytes())
+    if name == "bz2.bag":
+        data[data.rindex(b"op=\x06")] ^= 1  # the last record of the index
+    else:
+        footer = int.from_bytes(data[-28:-20], "little")  # where the summary begins
+        data[-28:-20] = (footer + 5).to_bytes(8, "little")
+    file.write_bytes(data)
+    options = OpenOptions(image_topic="/camera/image/compressed")
+    with pytest.raises(LogError):
+        list(open_session(file, options).moments())
+    session = open_session(file, replace(options, keep_going=True))
+    assert len(list(session.moments())) == 40

@@ -242,6 +242,14 @@ def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, i
     assert "found broken JSON" in done.stderr
 
 
+def test_pictures_that_are_not_there_are_the_reason_that_is_told(library: Path, inline: list[bytes]) -> None:
+    lines = [inline[0].strip(), b'{"t": 1e6, "image": "gone.jpg"}']
+    done = piped(b"\n".join(lines) + b"\n", "-", "--library", str(library), "--no-recording")
+    assert done.returncode == 1
+    assert "1 lines or pictures made no sense and were left out, the first: standard input:2" in done.stderr
+    assert "gone.jpg: found no such picture" in done.stderr
+
+
 @pytest.mark.parametrize(
     "words",
     [["a.log", "--record", "d"], ["a.log", "--keep-up"], ["-", "--run", "d"], ["tcp://x:1", "--run", "d"]],

@@ -12,7 +12,8 @@ import pytest
 from dialect_files import COUNTS, QUARTER, counts, image, read, write
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions, guess
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, guess, open_recording, open_session
 from maurice_loaders.recording import OdometryPose, Picture, TruthPose
 
 # CARMEN
@@ -73,6 +74,14 @@ def test_text_that_only_shouts_is_no_carmen_log(tmp_path: Path) -> None:
 NAMES = "time_s,image,x_m,y_m,heading_deg"
 
 
+def moving(file: Path, code: str) -> None:
+    """Write a video of four frames, each brighter than the one before."""
+    video = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*code), 10, (64, 48))
+    for value in range(4):
+        video.write(np.full((48, 64, 3), 50 * value, np.uint8))
+    video.release()
+
+
 def table(folder: Path, text: str | bytes, name: str = "drive.csv") -> Path:
     for k in range(3):
         image(folder / f"{k}.png")
@@ -115,6 +124,50 @@ def test_tables(name: str, tmp_path: Path) -> None:
     got = np.array([one.pose for one in found if isinstance(one, TruthPose)])
     np.testing.assert_allclose(got, [[1.5 * k, 2, math.pi / 2] for k in range(3)], atol=1e-6)
     assert [one.t_s for one in found if isinstance(one, Picture)] == [0, 0.5, 1]
+
+
+ODD = "zeit;bild;ost;nord;richtung\n0;0.png;0;2;90\n1;1.png;1,5;2;90\n"
+ODD_ROLES = {"time": "zeit:s", "image": "bild", "x": "ost", "y": "nord", "heading": "richtung:deg"}
+
+
+def test_odd_names_make_a_table_of_a_file_and_of_a_folder(tmp_path: Path) -> None:
+    folder = table(tmp_path, ODD)
+    for path in (folder, folder / "drive.csv"):
+        assert counts(path, OpenOptions(columns=ODD_ROLES)) == {"TruthPose": 2, "Picture": 2}
+    for one in tmp_path.glob("*.png"):
+        one.unlink()
+    for path in (folder, folder / "drive.csv"):
+        with pytest.raises(LogError, match=r"drive\.csv is a table, .* columns are with --columns"):
+            guess(path)
+
+
+def test_rows_go_with_the_frames_of_the_one_video_in_a_folder(tmp_path: Path) -> None:
+    moving(tmp_path / "drive.avi", "MJPG")
+    write(tmp_path / "drive.csv", "time_s,x,y,heading_deg\n" + "".join(f"{k},{k},0,0\n" for k in range(3)))
+    found, _ = read(tmp_path)
+    pictures = [one for one in found if isinstance(one, Picture)]
+    assert [one.t_s for one in pictures] == [0, 1, 2]
+    assert [one.read().mean() for one in pictures] == pytest.approx([0, 50, 100], abs=4)
+
+
+@pytest.mark.parametrize(
+    "bad", ["1.5,3.png,0,\r0,90", "1.5,3.png," + "9" * 200_000 + ",0,90", "1.5," + "9" * 300]
+)
+def test_rows_that_are_none_are_problems(bad: str, tmp_path: Path) -> None:
+    first, *others = rows().splitlines()
+    folder = table(tmp_path, "\n".join([NAMES, first, bad, *others]))
+    with pytest.raises(LogError, match=r"drive\.csv:3: "):
+        read(folder)
+    findings = Findings(keep_going=True)
+    assert len(list(open_recording(folder).records(findings))) == 6
+    assert findings.count == 1
+
+
+def test_a_picture_whose_name_no_file_can_have_is_left_out(tmp_path: Path) -> None:
+    folder = table(tmp_path, f"{NAMES}\n{rows()}2,{'9' * 300},0,0,90\n")
+    session = open_session(folder, OpenOptions(keep_going=True))
+    assert len(list(session.moments())) == 3
+    assert session.problem_count == 1
 
 
 def test_a_table_without_names_by_the_numbers_of_its_columns(tmp_path: Path) -> None:
@@ -167,9 +220,6 @@ def test_pictures_one_after_the_other_are_a_video(tmp_path: Path) -> None:
 )
 def test_containers(ending: str, code: str, tmp_path: Path) -> None:
     file = tmp_path / f"drive.{ending}"
-    video = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*code), 10, (64, 48))
-    for value in range(4):
-        video.write(np.full((48, 64, 3), 50 * value, np.uint8))
-    video.release()
+    moving(file, code)
     found, _ = read(file)
     assert [one.t_s for one in found] == pytest.approx([0, 0.1, 0.2, 0.3], abs=2e-3)

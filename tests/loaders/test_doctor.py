@@ -15,7 +15,7 @@ from maurice_datasets.simulation import Plan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.doctor import Diagnosis, diagnose
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions
+from maurice_loaders.formats import OpenOptions, open_session
 from maurice_loaders.library_build import build_library
 from maurice_loaders.odometry_folder import read_aligned
 from maurice_mcl.diagnosis import Drive, Odometry, Track
@@ -57,7 +57,34 @@ def test_what_is_wrong_is_named_with_truth(name: str, drive: tuple[Path, Library
     code, how = BREAKS[name]
     found = diagnose(broken(drive[0], tmp_path / "b.log", how), OpenOptions(), None)
     assert codes(found)[0] == code
-    assert all(one.evidence and one.mend for one in found.complaints)
+    assert all(one.evidence and one.mend and one.options for one in found.complaints)
+
+
+@pytest.mark.parametrize("name", [*BREAKS, "pictures late", "truth clock"])
+def test_reading_it_with_what_mends_it_leaves_nothing_wrong(
+    name: str, drive: tuple[Path, Library], tmp_path: Path
+) -> None:
+    clocks = {"pictures late": late("image", 9.0), "truth clock": late("truth", 500.25)}
+    log = broken(drive[0], tmp_path / "b.log", clocks.get(name) or BREAKS[name][1])
+    found = diagnose(log, OpenOptions(), drive[1])
+    assert codes(diagnose(log, found.mended, drive[1])) == []
+    healthy, mended = list(open_session(drive[0]).moments()), list(open_session(log, found.mended).moments())
+    assert len(mended) == len(healthy) == 24
+    for one, two in zip(mended, healthy, strict=True):
+        assert one.truth is not None
+        assert two.truth is not None
+        np.testing.assert_allclose(one.truth, two.truth, atol=1e-6)
+        np.testing.assert_allclose(one.frame.motions, two.frame.motions, rtol=0.1, atol=0.03)
+
+
+def test_a_camera_aside_is_mended_by_the_headings_it_has(drive: tuple[Path, Library]) -> None:
+    log, library = drive
+    poses = library.poses - [0, 0, np.radians(45)]
+    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    turned = replace(library, poses=poses)
+    found = diagnose(log, OpenOptions(), turned)
+    assert np.degrees(found.mended.camera_yaw_rad) == pytest.approx(-45, abs=15)
+    assert codes(diagnose(log, found.mended, turned)) == []
 
 
 @pytest.mark.parametrize("name", SEEN)
@@ -148,6 +175,12 @@ def test_what_is_no_session_is_refused(survey: Path, tmp_path: Path) -> None:
         diagnose(tmp_path / "gone.log", OpenOptions(), None)
 
 
+@pytest.mark.parametrize(("known", "lacking"), [("truth", "odometry"), ("odometry", "truth")])
+def test_what_is_lacking_for_a_comparison_is_named(known: str, lacking: str, write_log: WriteLog) -> None:
+    found = diagnose(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), OpenOptions(), None)
+    assert f"{lacking}: there is none" in found.not_asked
+
+
 def test_nothing_to_go_by_is_no_complaint(write_log: WriteLog) -> None:
     found = diagnose(write_log(), OpenOptions(), None)
     assert (found.odometry, found.truth, found.pictures, codes(found)) == (0, 0, 0, [])
@@ -178,8 +211,8 @@ def test_real_odometry_beside_real_truth_is_healthy(name: str) -> None:
     t_s = np.arange(len(rows.truth)) / 3.0
     track = Track(t_s, rows.truth, np.zeros(len(t_s), np.int32))
     healthy = Drive(Odometry(t_s, rows.odometry, poses=True), track, t_s)
-    assert compared_with_truth(healthy, native=False) == []
+    assert compared_with_truth(healthy) == []
     if name.startswith("random"):
         mirrored = Odometry(t_s, rows.odometry * [1, 1, -1], poses=True)
-        wrong = compared_with_truth(replace(healthy, odometry=mirrored), native=False)
+        wrong = compared_with_truth(replace(healthy, odometry=mirrored))
         assert [one.code for one in wrong] == ["turn-clockwise"]

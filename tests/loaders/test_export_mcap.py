@@ -10,17 +10,21 @@ import numpy as np
 import pytest
 
 from maurice_loaders import export_mcap
+from maurice_loaders.bag_localizer import RecordedLocalizer
 from maurice_loaders.bag_messages import matrix_of
 from maurice_loaders.errors import LogError
 from maurice_loaders.export_mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file
 from maurice_loaders.export_run import mcap_sink
 from maurice_loaders.export_scene import scene_of
 from maurice_loaders.export_steps import export_steps
+from maurice_loaders.findings import Findings
+from maurice_loaders.formats import OpenOptions, open_recording
+from maurice_loaders.mcap_bag import open_mcap
 from maurice_loaders.pictures import decode_picture
 from maurice_loaders.run_store import open_runs
 from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_topics import MOTIONS
-from maurice_mcl.session import Camera
+from maurice_loaders.session_topics import HEADER, MOTIONS
+from maurice_mcl.session import Camera, SessionInfo
 
 pytest.importorskip("rosbags")
 
@@ -91,6 +95,32 @@ def test_poses_and_stamps_are_the_runs(exported) -> None:
         deviations = np.sqrt(covered.covariance[[0, 7, 35]])
         assert deviations == pytest.approx([*record.estimate.sd_m, record.estimate.heading_sd_rad])
         assert np.count_nonzero(covered.covariance) == 3
+
+
+def test_shown_as_recorded_the_robot_moves_as_it_did(exported, tmp_path: Path) -> None:
+    played, _ = exported
+    recorded = RecordedLocalizer(tmp_path / "run.mcap", open_mcap, OpenOptions())
+    updates = list(recorded.updates(Findings(keep_going=False)))
+    for update, (moment, _) in zip(updates, played, strict=True):
+        np.testing.assert_array_equal(update.motions, moment.frame.motions)
+
+
+def test_a_header_without_sense_is_one_line(tmp_path: Path) -> None:
+    for text in ("[" * 100_000, "[1", "3"):
+        with mcap_file(tmp_path / "a.mcap", force=True) as mcap:
+            mcap.write(HEADER, 0.0, mcap.at(0.0).text(text))
+            mcap.write(export_mcap.TRUTH, 0.0, mcap.at(0.0).pose("map", np.zeros(3)))
+        with pytest.raises(LogError, match=r"/session/header: .* is it damaged"):
+            open_recording(tmp_path / "a.mcap")
+
+
+def test_a_fisheye_has_no_pinhole(tmp_path: Path) -> None:
+    image = np.zeros((3, 4, 3), np.uint8)
+    with mcap_file(tmp_path / "a.mcap") as mcap:
+        scene_of(SessionInfo("a", cameras=(Camera("wide", horizontal_fov_rad=3.4),))).write_picture(
+            mcap, 0.0, image, "png"
+        )
+    assert [topic for topic, *_ in messages(tmp_path / "a.mcap")] == [IMAGE]
 
 
 def test_clouds_are_whole_and_weights_stand_beside_their_particles(exported) -> None:

@@ -92,7 +92,15 @@ def test_blurred_pictures_are_told_from_sharp_ones_of_other_things() -> None:
 
 
 def test_few_pictures_are_not_judged() -> None:
-    assert not blurred(np.array([0.0] * 10 + [-9.0])).any()
+    assert not blurred(np.array([[0.0, 0.0]] * 10 + [[-9.0, -9.0]])).any()
+
+
+def test_a_picture_that_is_a_little_blurred_one_way_only_is_found_by_that() -> None:
+    """As blurred both ways it may as well show little."""
+    usual = np.random.default_rng(0).normal(-1.0, 0.1, (100, 1)) + np.array([0.0, 0.2])
+    little = -1.0 - 0.28
+    found = blurred(np.vstack([usual, [[little, little + 0.2], [little, -0.8], [-1.0, little]]]))
+    assert np.flatnonzero(found).tolist() == [101, 102]
 
 
 def write_drive(folder: Path, *, truth: bool = True) -> Path:

@@ -119,6 +119,7 @@ DAMAGE = {
     "flipped bit in the entries": flip("entries.parquet"),
     "no entries": remove("entries.parquet"),
     "cut map": cut("map.json"),
+    "deep map": lambda folder: (folder / "map.json").write_text("[" * 100_000),
     "no map": remove("map.json"),
     "cut channel": cut("color-*.npz"),
     "flipped bit in a channel": flip("edges-*.npz"),

@@ -188,6 +188,11 @@ def test_gating_counts_the_way_as_the_crow_flies() -> None:
     assert play_gated(0.5, 0, *back_and_forth) == ["at 0"]
 
 
+def test_gating_counts_turns_beyond_half_a_turn() -> None:
+    around = [r for t in range(9) for r in (forward(0.0, t, 1.0), picture(t))]
+    assert play_gated(0, 7.0, *around) == ["at 0", "at 7"]
+
+
 def test_a_used_picture_has_all_motions_since_the_last_used_one() -> None:
     found, _ = play(
         picture(0),

@@ -82,6 +82,7 @@ def cut(file: Path) -> None:
 DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
     "no manifest": (lambda f: (f / "manifest.json").unlink(), "found no manifest.json"),
     "broken manifest": (lambda f: cut(f / "manifest.json"), "is no manifest"),
+    "deep manifest": (lambda f: (f / "manifest.json").write_text("[" * 100_000), "nested too deeply"),
     "other format": (lambda f: edit(f / "manifest.json", format="x"), "expected 'maurice-run'"),
     "unknown version": (lambda f: edit(f / "manifest.json", version=99), "found version 99"),
     "no seed": (lambda f: edit(f / "manifest.json", seed=None), "found seed nothing"),

@@ -189,7 +189,9 @@ def test_noise_of_a_survey_and_its_figure(small_session: Path, tmp_path: Path) -
     survey = tmp_path / "survey.log"
     done = calibrate("noise", survey, "--plot", tmp_path / "noise.png")
     assert "16 to 23" in done.stdout
-    assert cv2.imread(str(tmp_path / "noise.png")) is not None
+    figure = cv2.imread(str(tmp_path / "noise.png"))
+    assert figure is not None
+    assert figure.std() > 10
     facts = json.loads(calibrate("noise", survey, "--json").stdout)
     assert facts["frames"] == 1
     assert facts["peaks"][0] == {

@@ -1,6 +1,9 @@
 """The session doctor and the library check on the command line."""
 
 import json
+import math
+import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,8 +12,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from maurice_loaders.formats import OpenOptions
+from maurice_viz.cli import app as whole
 from maurice_viz.commands.doctor import doctor
 from maurice_viz.commands.library import library
+from maurice_viz.commands.reading import reads_recordings, typed
 
 runner = CliRunner()
 app = typer.Typer()
@@ -43,7 +49,7 @@ def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
     assert done.exit_code == 0
     assert "1. lengths of odometry are in millimetres [scale]" in done.stdout
     assert "why: " in done.stdout
-    assert "mend: " in done.stdout
+    assert f"mend: maurice-replay {wrong} --odometry-scale 0.001\n" in done.stdout
     assert runner.invoke(app, ["doctor", str(wrong), "--no-library", "--strict"]).exit_code == 1
 
 
@@ -54,7 +60,83 @@ def test_json_has_the_numbers(small_session: Path) -> None:
     assert found["healthy"] is False
     assert [one["code"] for one in found["complaints"]] == ["scale"]
     assert found["complaints"][0]["numbers"]["scale"] == pytest.approx(0.001, rel=0.05)
+    assert found["complaints"][0]["options"] == found["options"] == ["--odometry-scale", "0.001"]
     assert found["not_asked"] == ["pictures: no library was given"]
+
+
+def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Path) -> None:
+    def replayed(*words: str) -> object:
+        done = runner.invoke(whole, [*words, "--no-recording", "--json", "--particles", "200"])
+        assert done.exit_code == 0, done.output
+        run = json.loads(done.stdout)["runs"][0]
+        return {
+            name: value for name, value in run.items() if isinstance(value, float) and name != "steps_per_s"
+        }
+
+    wrong, survey = in_millimetres(small_session), small_session.with_name("survey.log")
+    said = runner.invoke(app, ["doctor", str(wrong), "--library", str(survey)]).stdout
+    lines = dict(line.strip().partition(": ")[::2] for line in said.splitlines())
+    _, *mend = shlex.split(lines["mend"])
+    assert mend == [str(wrong), "--odometry-scale", "0.001", "--library", str(survey)]
+    assert replayed(*mend) == pytest.approx(replayed(str(small_session)))
+    _, *again = shlex.split(lines["try it"])
+    assert "found nothing wrong" in runner.invoke(whole, again).stdout
+    _, *keep = shlex.split(lines["keep it"].replace("MENDED.log", str(tmp_path / "mended.log")))
+    assert runner.invoke(whole, keep).exit_code == 0
+    assert replayed(str(tmp_path / "mended.log")) == pytest.approx(replayed(str(small_session)))
+
+
+def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> None:
+    wrong = in_millimetres(small_session)
+    words = ["doctor", str(wrong), "--no-library", "--odometry-scale", "0.1", "--min-distance", "0.01"]
+    found = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
+    assert set(found["options"]) == {"--min-distance", "0.01", "--odometry-scale", "0.001"}
+
+
+def test_options_are_typed_as_they_are_read() -> None:
+    given = OpenOptions(
+        format="table", columns={"x": "px:mm"}, table=Path("a b.csv"), min_angle_rad=math.pi / 6,
+        max_dt_s=0.5,
+        odometry_from_truth=True, turn_scale=-1.0, camera_yaw_rad=-math.pi / 4, odometry_are="steps",
+        time_unit="ns", truth_offset_s=-1_700_000_000.25,
+    )  # fmt: skip
+    seen: list[OpenOptions] = []
+
+    @reads_recordings
+    def command(*, opening: OpenOptions) -> None:
+        seen.append(opening)
+
+    own = typer.Typer()
+    own.command()(command)
+    assert runner.invoke(own, typed(given)).exit_code == 0
+    (read,) = seen
+    assert replace(read, camera_yaw_rad=0.0, min_angle_rad=0.0) == replace(
+        given, camera_yaw_rad=0.0, min_angle_rad=0.0
+    )
+    assert (read.camera_yaw_rad, read.min_angle_rad) == pytest.approx((-math.pi / 4, math.pi / 6))
+    assert typed(OpenOptions()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--turn-scale", "0"), ("--turn-gain", "nan"), ("--picture-offset", "inf"), ("--odometry-are", "x")],
+)
+def test_bad_corrections_are_usage_errors(words: tuple[str, str], small_session: Path) -> None:
+    assert runner.invoke(app, ["doctor", str(small_session), *words]).exit_code == 2
+
+
+def test_a_live_source_is_not_corrected_and_says_so(small_session: Path) -> None:
+    done = runner.invoke(whole, ["replay", str(small_session), "--follow", "--turn-scale", "-1"])
+    assert done.exit_code == 2
+    assert "--turn-scale -1 needs a recording" in done.stderr.replace("\n", " ")
+
+
+def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
+    wrong = in_millimetres(small_session)
+    plain = runner.invoke(whole, ["inspect", str(small_session), "--json"])
+    found = runner.invoke(whole, ["inspect", str(wrong), "--odometry-scale", "0.001", "--json"])
+    ways = [json.loads(one.stdout)["distance_odometry_m"] for one in (plain, found)]
+    assert ways[0] == pytest.approx(ways[1])
 
 
 @pytest.mark.parametrize("content", [b"", b"\x00\x01\x02", b'{"format": "maurice-session-log"'])
@@ -71,7 +153,7 @@ def test_library_check_draws_its_map(small_session: Path, tmp_path: Path) -> Non
     survey, out = small_session.parent / "survey.log", tmp_path / "map.png"
     done = runner.invoke(app, ["library", "check", str(survey), "--map", str(out)])
     assert done.exit_code == 0, done.output
-    assert "160 at 20 places, 0.50 m apart" in done.stdout
+    assert "160 at 20 places; looking the same way every 0.50 m" in done.stdout
     assert "100% of" in done.stdout
     image = cv2.imread(str(out))
     assert image is not None

@@ -39,6 +39,7 @@ def entities(reader: RrdReader) -> set[str]:
         ("other.log", b'{"format": "another-log", "version": 1}\n'),
         ("manifest.json", b'{"name": "an app"}'),
         ("manifest.json", b"[1"),
+        ("manifest.json", b"[" * 100_000),
         ("binary.mcap", b"\x89MCAP0\r\n" + bytes(100)),
         ("quoted.txt", b'see "maurice-session-log"\n'),
     ],

@@ -8,7 +8,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import cv2
 import pytest
@@ -22,6 +22,7 @@ from maurice_loaders.run_store_manifest import read_manifest
 from maurice_loaders.run_store_sources import reading_from_json, reading_to_json, source_hash
 from maurice_loaders.session_log import SessionLog
 from maurice_viz.cli import app
+from maurice_viz.commands import side_by_side
 
 COMMON = ("--no-recording", "--json", "--particles", 100, "--start", "global")
 
@@ -135,7 +136,7 @@ def test_a_manifest_of_the_version_before_is_read(small_session: Path, tmp_path:
     file.write_text(
         json.dumps({k: v for k, v in found.items() if k not in ("reading", "table")} | {"version": 1})
     )
-    assert read_manifest(tmp_path / "kept").reading == OpenOptions()
+    assert read_manifest(tmp_path / "kept").reading == OpenOptions(format="session-log")
     assert maurice("verify", tmp_path / "kept")[0] == 0
     file.write_text(json.dumps(found | {"version": 3}))
     with pytest.raises(LogError, match="found version 3"):
@@ -171,3 +172,15 @@ def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path
     assert (other := source_hash(tmp_path)) != before
     (tmp_path / "rgb.txt").write_text("2 a.png")
     assert source_hash(tmp_path) not in (before, other)
+
+
+def test_a_session_read_with_another_table_is_another_drive() -> None:
+    def drive(table: str | None, reading: OpenOptions) -> str:
+        source = None if table is None else SimpleNamespace(sha256=table)
+        manifest = SimpleNamespace(session=SimpleNamespace(sha256="s"), reading=reading, table=source)
+        return side_by_side._drive(SimpleNamespace(runs=[SimpleNamespace(manifest=manifest)]))  # type: ignore[arg-type]  # all that is looked at
+
+    usual = OpenOptions()
+    assert drive("a", usual) == drive("a", usual)
+    others = (drive("b", usual), drive(None, usual), drive("a", OpenOptions("tum")))
+    assert len({drive("a", usual), *others}) == 4

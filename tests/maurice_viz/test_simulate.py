@@ -99,6 +99,7 @@ def test_being_stopped_half_way_leaves_no_folder(sent: signal.Signals, status: i
         going.send_signal(sent)
         said = going.communicate(timeout=PATIENCE_S)[1]
     assert going.returncode == status, said
+    assert said.count("maurice-replay: stopped") == 1
     assert "Traceback" not in said
     assert list(out.iterdir()) == []
     assert not list((tmp_path / "cache").rglob("*.part"))

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.diagnosis import Drive, Odometry, Track, motions_between, motions_of
+from maurice_mcl.diagnosis import Drive, Odometry, Track, motions_between, motions_of, rotated
+from maurice_mcl.diagnosis_clocks import clocks_apart, same_moments, truth_apart
 from maurice_mcl.diagnosis_compare import compared_with_truth
-from maurice_mcl.diagnosis_plausible import aside_share, clocks_apart, odometry_doubts, time_unit, truth_apart
+from maurice_mcl.diagnosis_plausible import aside_share, odometry_doubts, time_unit
 from maurice_mcl.diagnosis_truth import Reading, agreement, legs_of, motions_read, readings
 from maurice_mcl.typing import F64
 
@@ -42,7 +43,7 @@ def with_values(drive: Drive, values: F64) -> Drive:
 
 
 def codes(drive: Drive) -> list[str]:
-    return [one.code for one in compared_with_truth(drive, native=False)]
+    return [one.code for one in compared_with_truth(drive)]
 
 
 @pytest.mark.parametrize("poses", [True, False])
@@ -94,10 +95,10 @@ def test_frames_are_told_apart() -> None:
 def test_a_late_clock_is_measured(late_s: float) -> None:
     drive = dense_drive()
     odometry = replace(drive.odometry, t_s=drive.odometry.t_s + late_s)
-    found = compared_with_truth(replace(drive, odometry=odometry), native=False)
+    found = compared_with_truth(replace(drive, odometry=odometry))
     assert [one.code for one in found] == ["odometry-delay"]
     assert found[0].numbers["delay_s"] == pytest.approx(late_s, abs=0.2)
-    assert f"--odometry-offset {-found[0].numbers['delay_s']:.2g}" in found[0].mend
+    assert found[0].options == {"odometry_offset_s": -found[0].numbers["delay_s"]}
 
 
 def test_another_drive_agrees_with_nothing() -> None:
@@ -178,7 +179,7 @@ def test_clocks_without_a_common_time() -> None:
     drive = dense_drive()
     found = clocks_apart(replace(drive, picture_t_s=drive.picture_t_s + 1e9))
     assert [one.code for one in found] == ["odometry-clock", "truth-clock"]
-    assert "--odometry-offset 1000000000.000" in found[0].mend
+    assert found[0].options == {"odometry_offset_s": 1e9}
 
 
 def test_headings_within_half_a_turn_are_never_degrees() -> None:
@@ -188,3 +189,44 @@ def test_headings_within_half_a_turn_are_never_degrees() -> None:
     drive = dense_drive(20.0)
     still = Drive(Odometry(t_s, values, poses=True), drive.truth, drive.picture_t_s)
     assert "turn-degrees" not in [one.code for one in odometry_doubts(still)]
+
+
+def test_times_that_are_the_same_but_for_an_offset() -> None:
+    rng = np.random.default_rng(5)
+    t_s = np.cumsum(rng.uniform(1, 5, 30))
+    assert same_moments(t_s + 77.5, t_s) == pytest.approx(77.5)
+    dense = np.sort(np.concatenate([t_s, np.arange(0, 100, 0.2)]))
+    assert same_moments(t_s - 3.25, dense) == pytest.approx(-3.25)
+    assert same_moments(dense + 3.25, t_s) == pytest.approx(3.25)
+    assert same_moments(t_s, t_s + rng.uniform(0, 1, 30)) is None
+    even = np.arange(50.0)
+    assert same_moments(even, even + 1000) is None  # any whole second will do
+    assert same_moments(t_s[:4], t_s) is None
+
+
+def test_a_delay_of_any_length_that_movement_tells() -> None:
+    drive = dense_drive()
+    odometry = replace(drive.odometry, t_s=drive.odometry.t_s + 12.3)
+    (found,) = compared_with_truth(replace(drive, odometry=odometry), movement_s=12.3)
+    assert found.code == "odometry-delay"
+    assert found.options["odometry_offset_s"] == pytest.approx(-12.3, abs=0.2)
+    assert codes(replace(drive, odometry=odometry)) == ["disagreement"]
+    apart = replace(drive, truth=replace(drive.truth, t_s=drive.truth.t_s - 5000.0))
+    (clock,) = clocks_apart(apart, movement_s=5000.1)
+    assert clock.options == {"truth_offset_s": 5000.1}
+
+
+def test_where_forward_is_comes_from_the_odometry_where_the_robot_drifts() -> None:
+    drive = dense_drive(poses=False)
+    drifting = drive.odometry.values * 1.0
+    drifting[:, 2] += 0.15 * drifting[:, 0]
+    x, y = rotated(drifting[:, 0], drifting[:, 1], np.radians(40))
+    (found,) = compared_with_truth(with_values(drive, np.column_stack([x, y, drive.odometry.values[:, 2]])))
+    assert found.options == {"odometry_forward_rad": pytest.approx(np.radians(40))}
+
+
+def test_truth_in_millimetres_is_told_by_its_speed_where_there_is_no_map() -> None:
+    drive = dense_drive()
+    truth = replace(drive.truth, poses=drive.truth.poses * [1000, 1000, 1])
+    (found,) = compared_with_truth(replace(drive, truth=truth))
+    assert found.options == {"truth_scale": 0.001}

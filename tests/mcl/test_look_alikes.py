@@ -1,9 +1,11 @@
 """A library that cannot tell two places apart is found out; one that can is left alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena
+from maurice_mcl.arena import Arena, open_arena
 from maurice_mcl.coverage import coverage_of
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.look_alikes import SelfCheck, check_library, places_of
@@ -91,3 +93,48 @@ def test_coverage_finds_the_hole() -> None:
     assert len(holed.gaps) == 1
     assert holed.gaps[0].x_m == pytest.approx(2.5, abs=0.3)
     assert holed.gaps[0].to_entry_m > STEP_M
+
+
+def mapless(poses: F64) -> Library:
+    return replace(library_of(poses, smooth(poses)), arena=open_arena(poses))
+
+
+def test_without_a_map_the_margin_around_the_poses_is_no_gap() -> None:
+    whole = coverage_of(mapless(grid()), STEP_M)
+    assert not whole.mapped
+    assert whole.covered == 1
+    assert whole.gaps == ()
+    assert whole.free_m2 == pytest.approx((COLUMNS - 1) * (ROWS - 1) * STEP_M**2, rel=0.1)
+
+
+def test_without_a_map_a_hole_between_the_poses_is_a_gap() -> None:
+    poses = grid()
+    found = coverage_of(mapless(poses[(poses[:, 0] < 1.5) | (poses[:, 0] > 3.0)]), STEP_M)
+    assert len(found.gaps) == 1
+    assert found.gaps[0].x_m == pytest.approx(2.25, abs=0.3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 8])
+def test_without_a_map_a_way_straight_on_is_covered(count: int) -> None:
+    found = coverage_of(mapless(grid()[:count]), STEP_M)
+    assert found.covered == 1
+    assert found.gaps == ()
+
+
+def test_a_drive_thinned_by_place_or_heading_has_neighbors_that_look_the_same_way() -> None:
+    """There and back again, half a step aside: the nearest entries look the other way."""
+    there = np.array([[0.5 * k, 0.0, 0.0] for k in range(16)])
+    back = there + np.array([0.25, 0.1, np.pi])
+    poses = np.concatenate([there, back])
+    found = checked(library_of(poses, np.column_stack([smooth(poses)[:, 0], 40 + 400 * (poses[:, 2] > 1)])))
+    assert found.spacing_m == pytest.approx(0.5)
+    assert found.retrieved_right == 1
+
+
+def test_entries_near_each_other_are_one_place_and_no_two_places_are_near() -> None:
+    xy = np.random.default_rng(0).random((300, 2)) * 3
+    places, place_of = places_of(xy, 0.4)
+    assert np.hypot(*(xy - places[place_of]).T).max() < 0.4
+    firsts = xy[np.unique(place_of, return_index=True)[1]]
+    apart = np.hypot(*(firsts[:, None] - firsts[None]).transpose(2, 0, 1)) + np.eye(len(firsts))
+    assert apart.min() > 0.3

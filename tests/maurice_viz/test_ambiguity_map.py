@@ -1,0 +1,47 @@
+"""The map of expected ambiguity shows the walls, and its lines end at the dots."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from maurice_loaders.library_store import build_library
+from maurice_mcl.library import Library
+from maurice_mcl.look_alikes import SelfCheck, check_library
+from maurice_mcl.selection import nearest_reference
+from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.typing import U8
+from maurice_viz.ambiguity_map import draw_ambiguity
+from maurice_viz.look import DEAD, WALL, scale_for
+
+
+def checked(library: Library) -> SelfCheck:
+    nearest = nearest_reference(library.poses, library.arena)
+    return check_library(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+
+
+def pixels_of(image: U8, color: tuple[int, int, int]) -> int:
+    return int((image == np.array(color, np.uint8)).all(axis=2).sum())
+
+
+def test_walls_are_drawn_where_there_are_some(small_session: Path) -> None:
+    library = build_library(small_session.parent / "survey.log", ["color"])
+    scale = scale_for(library.display_units, library.arena)
+    bare = replace(library, arena=replace(library.arena, walls=np.zeros((0, 4))))
+    walled = replace(library, arena=replace(library.arena, walls=np.array([[0.1, 0.1, 1.9, 0.1]])))
+    drawn = [pixels_of(draw_ambiguity(one, checked(one), scale), WALL) for one in (bare, walled)]
+    assert drawn[1] > drawn[0] + 300
+
+
+def test_a_pair_of_look_alikes_is_a_line_from_dot_to_dot(small_session: Path) -> None:
+    library = build_library(small_session.parent / "survey.log", ["color"])
+    found, scale = checked(library), scale_for(library.display_units, library.arena)
+    margin = np.full(library.size, np.nan)
+    none, one = (replace(found, margin=values) for values in (margin, np.append(margin[:-1], -1.0)))
+    assert one.aliased.tolist() == [library.size - 1]
+    pair = found.places[found.place_of[[library.size - 1, found.look_alike[-1]]]]
+    moved = replace(library, poses=library.poses + np.array([0.3, 0.3, 0.0]))  # entries, not places
+    lines = [draw_ambiguity(of, one, scale) for of in (library, moved)]
+    assert pixels_of(lines[0], DEAD) > pixels_of(draw_ambiguity(library, none, scale), DEAD) + 100
+    assert np.hypot(*(pair[0] - pair[1])) > 1
+    assert (lines[0] == lines[1]).all()
