@@ -82,6 +82,8 @@ class KittiRecording:
                 yield TruthPose(t_s, truth)
             if self.pictures is not None:
                 yield self._picture(number, t_s)
+        if self.times is not None and self.pictures is not None and self._file(number + 1).is_file():
+            findings.warning(f"{self.times}: {number + 1} times, and more pictures; those are left out")
         if self.poses is not None and posed <= number:
             findings.warning(f"{self.poses}: {posed} poses for {number + 1} times")
 

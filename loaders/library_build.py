@@ -116,7 +116,7 @@ def _library(
 def _warnings(log: Survey, library: Library, covered: bool) -> list[str]:
     texts = list(log.warnings)
     if log.problem_count:
-        texts.append(f"{log.path}: {log.problem_count} broken lines skipped, the first: {log.problems[0]}")
+        texts.append(f"{log.path}: {log.problem_count} broken records skipped, the first: {log.problems[0]}")
     if not covered:
         texts.append(f"{log.path}: found no picture with the lens covered, so the noise floor is zero")
     x_min, y_min, x_max, y_max = library.arena.bounds

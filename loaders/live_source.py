@@ -73,5 +73,5 @@ def _parts(name: str) -> tuple[str, int, str]:
     except ValueError:
         host = port = None
     if not host or not port:
-        raise LiveError(name, f"found no host and port, {WANTED}")
+        raise LiveError(name, f"found no host, or no port from 1 to 65535, {WANTED}")
     return host, port, parts.path

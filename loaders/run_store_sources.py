@@ -14,6 +14,7 @@ from .fields import FieldError, flag, mapping, number, show, text
 from .formats import OpenOptions
 from .library_files import MANIFEST, hash_file
 from .picture_files import PICTURES
+from .time_bases import PER_SECOND
 from .video import ENDINGS as VIDEOS
 
 # what a folder is read from, beside pictures
@@ -75,7 +76,12 @@ def reading_from_json(value: Any) -> OpenOptions:
     for name in found:
         if name not in known:
             raise FieldError(f"found the option of reading {show(name)}, which is not known here")
-    return replace(usual, **{name: _checked(name, v, getattr(usual, name)) for name, v in found.items()})
+    options = replace(usual, **{name: _checked(name, v, getattr(usual, name)) for name, v in found.items()})
+    if options.time_unit not in (None, *PER_SECOND):
+        raise FieldError(
+            f"found time_unit {show(options.time_unit)}, expected one of {', '.join(PER_SECOND)}"
+        )
+    return options
 
 
 def _checked(name: str, value: Any, usual: Any) -> Any:

@@ -19,6 +19,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+from .console import note
 from .errors import SinkError
 from .open_viewers import remember, remember_recording
 from .viewer import HOST, address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
@@ -85,9 +86,11 @@ def to_file(
         rec.set_sinks(rr.FileSink(part, write_footer=False), server, default_blueprint=blueprint)
     try:
         yield rec
-    finally:
-        flushed = _close(rec)
-    _check_written(part, flushed)
+    except BaseException:
+        _close(rec)
+        note(f"{part} goes as far as it got")
+        raise
+    _check_written(part, _close(rec))
     part.replace(path)
 
 

@@ -150,7 +150,7 @@ def test_keep_going_skips_counts_and_says_so(small_session: Path, tmp_path: Path
     small_session.write_text("".join(lines))
     assert "session.log:5:" in one_line(maurice(small_session, "--no-recording", cwd=tmp_path, expect=1))
     done = maurice(small_session, "--no-recording", "--keep-going", cwd=tmp_path)
-    assert "skipped 1 broken line" in done.stderr
+    assert "skipped 1 broken record" in done.stderr
 
 
 @pytest.mark.parametrize(

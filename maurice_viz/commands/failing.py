@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -22,7 +23,8 @@ def one_line_errors() -> Iterator[None]:
         _fail(str(problem))
     except OSError as problem:
         where = f"{problem.filename}: " if problem.filename else ""
-        _fail(f"{where}{problem.strerror or problem}")
+        advice = "; free some space, or write to another disk" if problem.errno == errno.ENOSPC else ""
+        _fail(f"{where}{problem.strerror or problem}{advice}")
 
 
 def _fail(text: str) -> None:

@@ -171,7 +171,7 @@ def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
     for warning in log.warnings:
         note(warning)
     if log.problem_count:
-        note(f"{path}: skipped {log.problem_count} broken lines, the first: {log.problems[0]}")
+        note(f"{path}: skipped {log.problem_count} broken records, the first: {log.problems[0]}")
     if not found:
         raise LogError(path, "found no picture with a true pose in the library's free space to tune with")
     return found

@@ -192,9 +192,8 @@ def remark_skipped(session: AnySession) -> None:
     for warning in session.warnings:
         note(warning)
     if session.problem_count:
-        note(
-            f"{session.path}: skipped {session.problem_count} broken lines, the first: {session.problems[0]}"
-        )
+        skipped = f"skipped {session.problem_count} broken records"
+        note(f"{session.path}: {skipped}, the first: {session.problems[0]}")
 
 
 def remark_zeros(collector: ResultCollector) -> None:

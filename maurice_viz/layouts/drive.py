@@ -20,7 +20,12 @@ from .views import MAP, camera_view, edges_view
 def blueprint(drive: Drive) -> rrb.Blueprint:
     """Lay out what there is of a drive: the way left, pictures and what was measured right."""
     left, right = _left(drive), _right(drive)
-    body = rrb.Horizontal(left, right, column_shares=[1.15, 1]) if right is not None else left
+    if right is None:
+        body: rrb.Container = left
+    elif drive.arena is None:  # nothing but words is left
+        body = rrb.Vertical(right, left, row_shares=[3, 1])
+    else:
+        body = rrb.Horizontal(left, right, column_shares=[1.15, 1])
     return rrb.Blueprint(
         body,
         rrb.TimePanel(state="collapsed", timeline=entities.STEP, fps=FPS, play_state="paused"),

@@ -80,7 +80,7 @@ def test_broken_lines_stop_it_or_are_told(survey: Path) -> None:
         build_library(survey)
     warnings: list[str] = []
     assert build_library(survey, keep_going=True, warn=warnings.append).size == 5
-    assert any("1 broken lines skipped, the first: " in text for text in warnings)
+    assert any("1 broken records skipped, the first: " in text for text in warnings)
 
 
 @pytest.mark.parametrize("far", [[1e8, 1e7, 0], [1e9, -1e9, 0], [0, 1e4 + 0.6, 0]])

@@ -103,6 +103,15 @@ def test_kitti_poses_end_early_and_it_is_said(tmp_path: Path) -> None:
     assert len(truths(tmp_path / "sequences" / "03", OpenOptions(truth_offset_s=0.05))) == 2
 
 
+def test_kitti_pictures_beyond_the_times_are_told(tmp_path: Path) -> None:
+    write(tmp_path / "03" / "times.txt", "0", "0.1")
+    for number in range(3):
+        image(tmp_path / "03" / "image_2" / f"{number:06}.png")
+    found, warnings = read(tmp_path / "03")
+    assert len(found) == 2
+    assert any("2 times, and more pictures" in text for text in warnings)
+
+
 def test_euroc_columns_go_by_their_names(tmp_path: Path) -> None:
     half = math.radians(30) / 2
     header = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []"

@@ -158,6 +158,8 @@ def test_options_of_reading_are_kept_and_strange_ones_refused() -> None:
     ):
         with pytest.raises(FieldError):
             reading_from_json(bad)
+    with pytest.raises(FieldError, match="expected one of s, ms, us, ns"):
+        reading_from_json({"time_unit": "days"})
 
 
 def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path: Path) -> None:

@@ -55,12 +55,15 @@ def test_force_replaces(tmp_path: Path) -> None:
     assert RrdReader(tmp_path / "a.rrd").recordings()
 
 
-def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path: Path) -> None:
+def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "a.rrd"
     path.write_bytes(b"mine")
     with pytest.raises(KeyboardInterrupt):
         write_in_vain(path)
     assert path.read_bytes() == b"mine"
+    assert f"{sinks.part_of(path).name} goes as far as it got" in capsys.readouterr().err
     assert "/a" in {str(chunk.entity_path) for chunk in RrdReader(sinks.part_of(path)).stream()}
 
 
