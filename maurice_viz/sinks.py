@@ -12,9 +12,10 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -26,6 +27,8 @@ from .viewer import HOST, address, ends_within, free_port, start_viewer, viewer_
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
+CANNOT_WRITE = (RuntimeError, OSError, ValueError)  # what flushing raises
+CALLS_AHEAD = 2000  # of logging, that may wait to be written: some 4 MB of a replay
 FILE_BATCH_S = 1.0  # of a file that nobody follows: fewer batches, smaller, and a shorter list of them
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
@@ -36,15 +39,33 @@ SERVED = (
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 
-def recording(name: str, recording_id: str | None = None, batch_s: float | None = None) -> rr.RecordingStream:
-    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows.
+class FileRecording(rr.RecordingStream):
+    """A recording into a file that nobody follows: drawing waits for the disk now and then.
 
-    What is logged within `batch_s` seconds is written together; None: at once, as far as the eye can tell.
+    Else what waits to be written would grow without limit where drawing is quicker than writing.
     """
-    batches = rr.ChunkBatcherConfig()
-    if batch_s is not None:
-        batches.flush_tick = timedelta(seconds=batch_s)
-    rec = rr.RecordingStream(APPLICATION, recording_id=recording_id, batcher_config=batches)
+
+    def __init__(self) -> None:
+        batches = rr.ChunkBatcherConfig()
+        batches.flush_tick = timedelta(seconds=FILE_BATCH_S)
+        super().__init__(APPLICATION, batcher_config=batches)
+        self._calls = 0
+
+    def log(self, *what: Any, **how: Any) -> None:
+        """Log as any recording does."""
+        super().log(*what, **how)
+        self._calls += 1
+        if self._calls % CALLS_AHEAD == 0:
+            with suppress(*CANNOT_WRITE):  # said at the end, when all that could be written is
+                self.flush(timeout_sec=FLUSH_S)
+
+
+def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
+    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows."""
+    return _named(rr.RecordingStream(APPLICATION, recording_id=recording_id), name)
+
+
+def _named(rec: rr.RecordingStream, name: str) -> rr.RecordingStream:
     rec.set_log_time_enabled(False)  # the wall clock of drawing says nothing about the drive
     rec.set_log_tick_enabled(False)
     rec.send_recording_name(name)
@@ -77,7 +98,7 @@ def to_file(
     """
     _check_target(path, force)
     part = part_of(path)
-    rec = recording(name, batch_s=FILE_BATCH_S if serve is None else None)
+    rec = _named(FileRecording(), name) if serve is None else recording(name)
     if serve is None:
         rec.save(part, default_blueprint=blueprint)
     else:
@@ -145,7 +166,7 @@ def _close(rec: rr.RecordingStream) -> bool:
     try:
         rec.flush(timeout_sec=FLUSH_S)
         return True
-    except (RuntimeError, OSError, ValueError):
+    except CANNOT_WRITE:
         return False
     finally:
         rec.disconnect()

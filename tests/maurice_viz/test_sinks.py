@@ -161,3 +161,28 @@ def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(
     with pytest.raises(sinks.SinkError, match="could not be written to the end"):
         write(tmp_path / "a.rrd")
     assert not (tmp_path / "a.rrd").exists()
+
+
+def test_drawing_quicker_than_the_disk_waits_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    waited = []
+    monkeypatch.setattr(sinks.FileRecording, "flush", lambda self, **how: waited.append(how))
+    with sinks.to_file(tmp_path / "a.rrd", "a", LAYOUT) as rec:
+        for _ in range(2 * sinks.CALLS_AHEAD + 1):
+            rec.log("/a", rr.Scalars(1.0))
+        assert len(waited) == 2
+
+
+def test_a_disk_that_fails_meanwhile_is_told_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(self: sinks.FileRecording, **how: float) -> None:
+        raise RuntimeError("the disk is gone")
+
+    monkeypatch.setattr(sinks.FileRecording, "flush", fail)
+    monkeypatch.setattr(sinks, "CALLS_AHEAD", 2)
+    with (
+        pytest.raises(sinks.SinkError, match="could not be written to the end"),
+        sinks.to_file(tmp_path / "a.rrd", "a", LAYOUT) as rec,
+    ):
+        for _ in range(5):
+            rec.log("/a", rr.Scalars(1.0))
