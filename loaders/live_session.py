@@ -113,6 +113,11 @@ class LiveSession(Finder):
         return self._info
 
     @property
+    def begun_s(self) -> float:
+        """The time of the first record heard, by the source's own clock; 0 before it comes."""
+        return self._begin_s or 0.0
+
+    @property
     def counts(self) -> Counts:
         """What came so far."""
         return self._intake.counts

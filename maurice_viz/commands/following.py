@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from maurice_loaders.live_recorder import LiveRecorder
 from maurice_loaders.live_session import Listen, LiveSession
 from maurice_loaders.live_source import LiveError, live_source
 from maurice_mcl.library import Library
-from maurice_mcl.pairing import Step
+from maurice_mcl.session import Moment, SessionInfo
 
 from ..console import note, progress
 from ..replaying import ResultCollector, run_together, shared
@@ -29,7 +29,22 @@ from .running import Playing, play, remark_zeros
 from .showing import Drawn, Scene
 
 STEM = "live"  # of the recording, where no --save names it
+LATE_S = 10.0  # of session time: by then a robot may have moved
+CALENDAR_S = 1e8  # times from here on count from 1970, and do not tell when the drive began
 QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Begun:
+    """A live session whose first moment has come already."""
+
+    info: SessionInfo
+    first: Moment
+    rest: Iterator[Moment]
+
+    def moments(self) -> Iterator[Moment]:
+        """Give all moments, once."""
+        return chain([self.first], self.rest)
 
 
 def follow_source(
@@ -64,20 +79,22 @@ def follow_source(
 
 def _localize(session: LiveSession, wanted: Wanted, options: RunOptions, output: OutputOptions) -> None:
     """Run the filter on what comes; the drawing begins with the first picture."""
-    _say_header(session, options)
+    for text in session.info.notes:
+        note(text)
     references = _library(session)
-    runs = make_runs(session, references, [wanted], options)
-    updates: Iterator[Mapping[str, Step]] = shared(run_together(runs, session))
-    first = next(updates, None)
+    runs = make_runs(session, references, [wanted], options)  # what is wrong with it is said before we wait
+    moments = session.moments()
+    first = next(moments, None)
     if first is None:
         _say_left_out(session)
         raise LiveError(session.source.name, "ended before a picture came, so nothing was localized")
-    has_truth = any(moment.truth is not None for moment, _ in first.values())
+    if _joined_late(session, options):
+        runs = make_runs(session, references, [wanted], replace(options, start="global"))
     playing = Playing(
-        chain([first], updates),
+        shared(run_together(runs, Begun(session.info, first, moments))),
         0,
         [Drawn.live(run.label, run.localizer) for run in runs],
-        Scene(session.info, references, has_truth, live=True),
+        Scene(session.info, references, first.truth is not None, live=True),
         lambda collector: remark_live(collector, session),
     )
     play(playing, output)
@@ -92,11 +109,18 @@ def _library(session: LiveSession) -> Library:
         return open_library(path, keep_going=False, progress=advance, warn=note)
 
 
-def _say_header(session: LiveSession, options: RunOptions) -> None:
-    for text in session.info.notes:
-        note(text)
-    if session.source.peer and session.info.start is not None and options.start is None:
+def _joined_late(session: LiveSession, options: RunOptions) -> bool:
+    """Tell whether the robot has gone on since it was where its header says; says what that means."""
+    if options.start is not None or session.info.start is None or not session.source.peer:
+        return False
+    since_s = session.begun_s
+    if LATE_S < since_s < CALENDAR_S:
+        joined = f"joined {since_s:.0f} s into the drive"
+        note(f"{joined}, so the particles start anywhere; --start tracking for the header's pose")
+        return True
+    if since_s >= CALENDAR_S:
         note("starting where the header says that the drive began; --start global where it has gone on since")
+    return False
 
 
 def remark_live(collector: ResultCollector, session: LiveSession) -> None:

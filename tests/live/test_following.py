@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -99,6 +100,28 @@ def test_a_pipe_gives_the_same_figures_as_the_file(
     again = run("rec/session.log", "--json", "--no-recording")
     assert figures(again) == expected
     assert "14 pictures came, 0 were skipped" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("later_s", "typed", "told"),
+    [
+        (60.0, [], "joined 6\\d s into the drive, so the particles start anywhere"),
+        (60.0, ["--start", "tracking"], None),
+        (0.0, [], None),
+        (1.7e9, [], "starting where the header says"),
+    ],
+)
+def test_who_joins_late_does_not_start_where_the_robot_was(
+    inline: list[bytes], library: Path, later_s: float, typed: list[str], told: str | None
+) -> None:
+    records = [json.loads(line) for line in inline[1:]]
+    moved = [json.dumps(record | {"t": record["t"] + later_s}).encode() + b"\n" for record in records]
+    words = ["--library", library, "--json", "--no-recording", "--patience", "0.5", "--every-picture", *typed]
+    with peer(says(b"".join([inline[0], *moved]))) as address:
+        done = run(address, *words)
+    assert done.exit_code == 0, done.stderr
+    assert bool(told and re.search(told, done.stderr)) == (told is not None), done.stderr
+    assert "joined" not in done.stderr or (told or "").startswith("joined")
 
 
 def test_a_file_that_grows_gives_the_same_figures(small_session: Path, tmp_path: Path) -> None:
