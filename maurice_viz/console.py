@@ -18,7 +18,9 @@ from rich.progress import (
 
 TABLE_WIDTH = 100  # of a table that goes to a file or a pipe, where there is no terminal to ask
 
-results = Console(width=None if Console().is_terminal else TABLE_WIDTH, soft_wrap=False, highlight=False)
+results = Console(
+    width=None if Console().is_terminal else TABLE_WIDTH, soft_wrap=False, highlight=False, markup=False
+)
 notes = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 

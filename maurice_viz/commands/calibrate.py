@@ -91,7 +91,7 @@ def motion(
         return
     results.print(motion_table(fit, units, source.name))
     if output is None:
-        results.print(toml, markup=False, end="")
+        results.print(toml, end="")
     else:
         note(f"{output} written; now try: maurice-replay SESSION --motion {output}")
 
@@ -151,7 +151,7 @@ def drive(
     with one_line_errors():
         expect_absent(output, force=force)
         write_trials(output, calibration_drive(seed, TrialPlan(trials, trials)), force=force)
-    results.print(f"{output}: {trials} turns, {trials} straights", markup=False)
+    results.print(f"{output}: {trials} turns, {trials} straights")
     note(f"now try: maurice-replay calibrate motion {output}")
 
 

@@ -54,9 +54,7 @@ def check(
         values = configuration_of(None, file, {}, {}).values()
         _check_motion(file, values["motion"])
         count = len(read_config(file).values)
-    results.print(
-        f"{file}: valid, {count} {'value' if count == 1 else 'values'} set", markup=False, soft_wrap=True
-    )
+    results.print(f"{file}: valid, {count} {'value' if count == 1 else 'values'} set", soft_wrap=True)
 
 
 def _as_json(found: Configuration, *, origin: bool) -> dict[str, Any]:

@@ -83,7 +83,7 @@ def convert(
         results.print_json(json.dumps({"file": str(target)} | asdict(done)))
     else:
         counts = f"{done.pictures} pictures, {done.motions} motions, {done.truths} true poses"
-        results.print(f"{target}: {counts}, {done.events} events", markup=False, soft_wrap=True)
+        results.print(f"{target}: {counts}, {done.events} events", soft_wrap=True)
 
 
 def _check(target: Path, pictures: str, t_offset: float) -> None:

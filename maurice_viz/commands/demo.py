@@ -51,7 +51,7 @@ def demo(
                     json.dumps({"session": str(written.session), "survey": str(written.survey)})
                 )
             else:
-                results.print(f"{written.session}\n{written.survey}", markup=False)
+                results.print(f"{written.session}\n{written.survey}")
             note(f"now try: maurice-replay {written.session}")
             return
         with progress("arena") as advance:

@@ -50,7 +50,7 @@ def doctor(
     if json_output:
         results.print_json(json.dumps(to_json(found, options)))
     else:
-        results.print("\n".join(to_lines(found, options, beside)), markup=False, soft_wrap=True)
+        results.print("\n".join(to_lines(found, options, beside)), soft_wrap=True)
     if strict and found.complaints:
         raise typer.Exit(1)
 

@@ -110,7 +110,7 @@ def export(
         results.print_json(json.dumps({"runs": [exported]}))
         return
     for file in exported["files"]:
-        results.print(file, markup=False, soft_wrap=True)
+        results.print(file, soft_wrap=True)
 
 
 def _check(targets: Targets, only: str | None, t_offset: float) -> None:

@@ -99,7 +99,7 @@ def _tell(summary: ImportSummary) -> None:
         f"a session picture is {summary.nearest_reference_median_m:.2f} m from the nearest reference "
         f"(median; at most {summary.nearest_reference_max_m:.2f} m)",
     ]
-    results.print("\n".join(lines), markup=False)
+    results.print("\n".join(lines))
     for text in summary.notes:
         note(f"note: {text}")
     note(f"now try: maurice-replay compare {summary.session}")

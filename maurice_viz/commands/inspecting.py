@@ -29,9 +29,9 @@ def inspect(session: SessionArgument, *, json_output: JsonOption = False, openin
         return
     results.print(_table(found, format_name))
     for text in (*found.warnings, *found.problems):
-        results.print(text, markup=False)
+        results.print(text)
     if found.problem_count > len(found.problems):
-        results.print(f"... and {found.problem_count - len(found.problems)} more problems", markup=False)
+        results.print(f"... and {found.problem_count - len(found.problems)} more problems")
 
 
 def _inspected(path: Path, opening: OpenOptions) -> tuple[str, Inspection]:

@@ -72,7 +72,7 @@ def jump(
         if phase is not None:
             timeline, value = PHASE, phase_number(place.step, Slot[phase.upper()])
         _move(run, port, timeline, value)
-    results.print(f"step {place.step}{f', {phase}' if phase else ''}: {place.text}", markup=False)
+    results.print(f"step {place.step}{f', {phase}' if phase else ''}: {place.text}")
 
 
 def _typed(folder: Path, step: int) -> _Place:

@@ -89,11 +89,9 @@ def build(
         save_library(built, output, force=force)
         reach_m = (spaced or EVERY).distance_m
         covered = [] if isinstance(source, SessionLog) else coverage_lines(built, reach_m)
-    results.print(
-        f"{output}: {built.size} entries, channels {', '.join(built.index)}", markup=False, soft_wrap=True
-    )
+    results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}", soft_wrap=True)
     for line in covered:
-        results.print(line, markup=False, soft_wrap=True)
+        results.print(line, soft_wrap=True)
 
 
 def _every(text: str | None) -> Every | None:

@@ -61,7 +61,7 @@ def check_library_folder(
     scale = scale_for(library.display_units, library.arena)
     results.print(_table(library, found, covered, scale))
     for line in [*_gap_lines(covered, scale), *_pair_lines(library, found, scale)]:
-        results.print(line, markup=False, soft_wrap=True)
+        results.print(line, soft_wrap=True)
 
 
 def _sensor(path: Path, library: Library, feature: str) -> SensorModel:

@@ -96,6 +96,4 @@ def _tell(session: LiveSession, json_output: bool) -> None:
         found = {"records": counts.records, "pictures": counts.pictures, "broken": counts.broken}
         results.print_json(json.dumps({"session": str(session.path), **found, "gaps": counts.gaps}))
     elif session.info_if_any is not None:
-        results.print(
-            f"{session.path}: {counts.records} records, {counts.pictures} of them pictures", markup=False
-        )
+        results.print(f"{session.path}: {counts.records} records, {counts.pictures} of them pictures")

@@ -31,4 +31,4 @@ def report(folder: RunArgument, output: PageOption = Path("report.html"), force:
 
         page = html_report(open_saved(folder), folder)
         write_whole(output, page.encode(), force=force)
-    results.print(str(output), markup=False, soft_wrap=True)
+    results.print(str(output), soft_wrap=True)

@@ -187,5 +187,5 @@ def _tell(session: Path, survey: Path, json_output: bool) -> None:
     if json_output:
         results.print_json(json.dumps({"session": str(session), "survey": str(survey)}))
     else:
-        results.print(f"{session}\n{survey}", markup=False)
+        results.print(f"{session}\n{survey}")
     note(f"now try: maurice-replay {session}")

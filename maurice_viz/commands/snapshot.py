@@ -155,7 +155,7 @@ def _take_picture(
         else:
             png = viewer.picture(PHASE, phase_number(steps[-1], Slot[phase.upper()]))
         write_whole(output, png, force=force)
-    results.print(str(output), markup=False, soft_wrap=True)
+    results.print(str(output), soft_wrap=True)
 
 
 def _take_movie(source: Path, movie: Path, places: Places, fps: float, look: Look, force: bool) -> None:
@@ -172,7 +172,7 @@ def _take_movie(source: Path, movie: Path, places: Places, fps: float, look: Loo
         except KeyboardInterrupt:
             note(f"stopped; {movie} was not written")
             raise
-    results.print(str(movie), markup=False, soft_wrap=True)
+    results.print(str(movie), soft_wrap=True)
 
 
 @contextmanager

@@ -96,7 +96,7 @@ def survey(
     if json_output:
         results.print_json(json.dumps(made))
         return
-    results.print("\n".join(str(path) for key, path in made.items() if key != "references"), markup=False)
+    results.print("\n".join(str(path) for key, path in made.items() if key != "references"))
     if output is not None:
         note(f"now try: maurice-replay library build {made['survey']} -o LIBRARY")
 

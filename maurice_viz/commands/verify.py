@@ -67,7 +67,7 @@ def verify(folder: FolderArgument, json_output: JsonOption = False) -> None:
         results.print_json(json.dumps({"runs": [verdict.to_json() for verdict in verdicts]}))
     else:
         for verdict in verdicts:
-            results.print(verdict.say(), markup=False, soft_wrap=True)
+            results.print(verdict.say(), soft_wrap=True)
     if any(verdict.difference is not None for verdict in verdicts):
         raise typer.Exit(1)
 

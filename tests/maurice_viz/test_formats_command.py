@@ -80,3 +80,17 @@ def test_formats_are_listed_and_a_file_is_told(small_session: Path) -> None:
     told = CliRunner().invoke(alone, [str(small_session), "--json"])
     assert [one["name"] for one in json.loads(told.stdout)] == ["session-log"]
     assert CliRunner().invoke(alone, [str(small_session.with_name("nowhere"))]).exit_code == 1
+
+
+def test_an_extra_that_is_missing_is_named_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("maurice_viz.commands.formats.find_spec", lambda name: None)
+    assert "pip install 'maurice-replay[ros]'" in run("formats")[1]
+
+
+def test_brackets_in_names_are_shown_as_they_are(small_session: Path) -> None:
+    """Tables are no markup."""
+    header, *rest = small_session.read_text().splitlines()
+    named = json.dumps(json.loads(header) | {"name": "my [bold] drive"})
+    small_session.write_text("\n".join([named, *rest]) + "\n")
+    assert "my [bold] drive" in run("inspect", small_session)[1]
+    assert "my [bold] drive" in run(small_session, "--no-recording", "--particles", 50)[1]
