@@ -10,7 +10,7 @@ import re
 import shutil
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -124,7 +124,11 @@ def _check_targets(file: Path, pictures: Path, force: bool) -> None:
 
 @contextmanager
 def _filling(file: Path) -> Iterator[Path]:
-    """Give a new folder beside the file, gone afterwards. LogError when there is no room for it."""
+    """Give a new folder beside the file, gone afterwards. LogError when there is no room for it.
+
+    Where nothing came of it the file's own folder is gone as well, if it was made here.
+    """
+    made = not file.parent.exists()
     folder = file.with_name(f".{file.name}-{uuid.uuid4().hex}.part")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -135,3 +139,6 @@ def _filling(file: Path) -> Iterator[Path]:
         raise LogError(file, f"cannot be written: {reason}; choose another place") from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        if made:
+            with suppress(OSError):  # it holds the log
+                file.parent.rmdir()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,6 +23,7 @@ class LiveRecorder:
         """Claim the folder. LogError where it holds a session already, or cannot be written to."""
         self.path = folder / NAME
         self._file: BinaryIO | None = None
+        self._made = not folder.exists()
         if folder.exists() and not folder.is_dir():
             raise LogError(folder, "found a file, expected a folder to record to; choose another name")
         expect_absent(self.path, force=force)
@@ -49,9 +51,12 @@ class LiveRecorder:
             raise self._cannot(problem) from None
 
     def close(self) -> None:
-        """Close the file; closing twice does no harm."""
+        """Close the file; a folder made for it that stayed empty goes. Closing twice does no harm."""
         if self._file is not None:
             self._file.close()
+        elif self._made:
+            with suppress(OSError):
+                self.path.parent.rmdir()
 
     def _cannot(self, problem: OSError) -> LogError:
         return LogError(self.path, f"cannot be recorded to: {problem.strerror or problem}")

@@ -196,7 +196,7 @@ def test_being_ended_while_trying_again_is_no_failure(refused: str) -> None:
     assert not out
     assert first == f"{refused}: Connection refused; trying again\n"
     assert err == "stopped before a header came; nothing was written\n"
-    assert list(Path("rec").iterdir()) == []
+    assert not Path("rec").exists()
 
 
 def test_pictures_may_change_their_size(library: Path) -> None:

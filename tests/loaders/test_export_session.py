@@ -115,6 +115,20 @@ def test_a_broken_session_leaves_nothing_and_keeps_what_was_there(
     assert sorted(tmp_path.rglob("*")) == listed
 
 
+def test_a_folder_for_nothing_is_not_left(small_session: Path, tmp_path: Path) -> None:
+    picture = next(
+        path for path in sorted(small_session.parent.rglob("*")) if path.suffix in (".jpg", ".png")
+    )
+    picture.write_bytes(b"broken")
+    with pytest.raises(LogError):
+        list(convert_to_log(SessionLog(small_session), tmp_path / "made" / "a.log"))
+    assert not (tmp_path / "made").exists()
+    (tmp_path / "there").mkdir()
+    with pytest.raises(LogError):
+        list(convert_to_log(SessionLog(small_session), tmp_path / "there" / "a.log"))
+    assert list((tmp_path / "there").iterdir()) == []
+
+
 def test_somebody_elses_folder_of_pictures_is_not_removed(small_session: Path, tmp_path: Path) -> None:
     (tmp_path / "b-pictures").mkdir()
     (tmp_path / "b-pictures" / "holiday.jpg").write_bytes(b"")
