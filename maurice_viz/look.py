@@ -97,6 +97,12 @@ class Scale:
         """Write a length with its unit: "8.0 in"."""
         return f"{self.length(length_m):.{self.units.digits}f} {self.units.name}"
 
+    def say_area(self, area_m2: float) -> str:
+        """Write an area: in square feet where lengths are inches, "12.4 ft2"."""
+        if self.units.name == "in":
+            return f"{area_m2 / (12 * INCH_M) ** 2:.1f} ft2"
+        return f"{area_m2 * self.units.per_m**2:.1f} {self.units.name}2"
+
     def say_pose(self, pose: F64) -> str:
         """Write a pose (3,): "(79.0, 16.0) in, -89 deg"."""
         x, y = (f"{self.length(float(v)):.{self.units.digits}f}" for v in pose[:2])

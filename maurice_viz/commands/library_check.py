@@ -85,7 +85,7 @@ def coverage_lines(library: Library, reach_m: float) -> list[str]:
 def _coverage(covered: Coverage, scale: Scale) -> str:
     where = "free space" if covered.mapped else "between its poses (no wall is known)"
     return (
-        f"{covered.covered:.0%} of {covered.free_m2:.1f} m2 {where} has an entry within "
+        f"{covered.covered:.0%} of {scale.say_area(covered.free_m2)} {where} has an entry within "
         f"{scale.say(covered.reach_m)}; {covered.directions:.0%} of 8 directions are looked in there"
     )
 
@@ -93,7 +93,8 @@ def _coverage(covered: Coverage, scale: Scale) -> str:
 def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
     for gap in covered.gaps:
         x, y = scale.say(gap.x_m), scale.say(gap.y_m)
-        yield f"gap: {gap.area_m2:.1f} m2 around ({x}, {y}), up to {scale.say(gap.to_entry_m)} from an entry"
+        where = f"{scale.say_area(gap.area_m2)} around ({x}, {y})"
+        yield f"gap: {where}, up to {scale.say(gap.to_entry_m)} from an entry"
 
 
 def _pair_lines(library: Library, found: SelfCheck, scale: Scale) -> Iterator[str]:

@@ -78,6 +78,8 @@ def test_a_map_far_away_is_drawn_about_its_middle_without_loss() -> None:
 
 def test_lengths_and_poses_are_written_with_their_units() -> None:
     assert INCHES.say(0.254) == "10.0 in"
+    assert INCHES.say_area(0.3048**2 * 3) == "3.0 ft2"
+    assert Scale(UNITS["m"]).say_area(2.5) == "2.5 m2"
     assert INCHES.say_pose(np.array([0.254, 0.508, np.pi / 2])) == "(10.0, 20.0) in, 90 deg"
     assert Scale(UNITS["m"]).say(0.254) == "0.25 m"
 
