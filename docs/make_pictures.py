@@ -74,6 +74,15 @@ def as_recorded(run: str, folder: Path) -> Path:
     return recording
 
 
+def ambiguity(folder: Path) -> Path:
+    """Draw where a library from one drive is ambiguous."""
+    drive, library, drawn = folder / "survey-drive", folder / "library", folder / "ambiguity.png"
+    maurice("simulate", "tracking", "--updates", "400", "--seed", "5", "-o", str(drive))
+    maurice("library", "build", str(drive / "session.log"), "-o", str(library), "--every", "0.4m,45deg")
+    maurice("library", "check", str(library), "--map", str(drawn))
+    return drawn
+
+
 def main() -> None:
     HERE.mkdir(exist_ok=True)
     session = str(demo_paths(0).session)
@@ -87,6 +96,7 @@ def main() -> None:
         maurice("replay", session, "--feature", "blended", "--run", kept, "--save", one)
         maurice("explain", kept, "--step", str(ASTRAY), "-o", explained)
         keep("explain.png", Path(explained).read_bytes())
+        keep("ambiguity.png", ambiguity(Path(name)).read_bytes())
         with headless_viewer(as_recorded(kept, Path(name))) as viewer:
             keep("as-recorded.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(both)) as viewer:
