@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 import sys
+import threading
+from collections.abc import Callable
 from types import FrameType
 
 INTERRUPTED = 130  # what a shell says of a command ended by Ctrl-C ...
 TERMINATED = 143  # ... and by SIGTERM
+AGAIN_S = 0.05
 
 
 def main() -> None:
@@ -21,6 +25,7 @@ def main() -> None:
             raise Terminated
 
         signal.signal(signal.SIGTERM, terminate)
+        sys.unraisablehook = _raised_again(asked)
         from .cli import app
 
         app()
@@ -33,6 +38,30 @@ def main() -> None:
         if asked and end.code == INTERRUPTED:
             sys.exit(TERMINATED)
         raise
+
+
+def _raised_again(asked: list[int]) -> Callable[[sys.UnraisableHookArgs], None]:
+    """Make sure that being stopped is not overheard.
+
+    Where a signal comes while Python runs a callback of its own, as it does while importing, the exception is
+    lost. The signal is sent again a moment later.
+    """
+    main_thread = threading.get_ident()
+
+    def send(number: signal.Signals) -> None:
+        if hasattr(signal, "pthread_kill"):
+            signal.pthread_kill(main_thread, number)  # also ends its sleep
+        else:  # Windows
+            _thread.interrupt_main(number)
+
+    def hook(lost: sys.UnraisableHookArgs) -> None:
+        if isinstance(lost.exc_value, KeyboardInterrupt):
+            number = signal.SIGTERM if asked else signal.SIGINT
+            threading.Timer(AGAIN_S, send, [number]).start()
+        else:
+            sys.__unraisablehook__(lost)
+
+    return hook
 
 
 def _unsaid(end: SystemExit) -> bool:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
+import time
 
 import pytest
 import typer
@@ -30,3 +33,27 @@ def test_an_error_of_the_system_is_one_line(
         raise OSError(number, os.strerror(number), "a/b.log")
     assert end.value.exit_code == 1
     assert capsys.readouterr().err == f"{said}\n"
+
+
+LOST = """
+import os, signal, time, maurice_viz.cli, maurice_viz.entry
+class Lost:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(0.2)
+def app():
+    Lost()
+    time.sleep(60)
+maurice_viz.cli.app = app
+maurice_viz.entry.main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are otherwise on Windows")
+@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_a_signal_that_comes_in_a_callback_is_not_overheard(name: str, status: int) -> None:
+    began = time.monotonic()
+    code = LOST.format(name=name)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (status, "maurice-replay: stopped\n")
+    assert time.monotonic() - began < 50
