@@ -91,7 +91,10 @@ class LiveSession(Finder):
     def close(self) -> None:
         """Stop listening, and wait until the recording is whole; closing twice does no harm."""
         self._stop.set()
-        self._thread.join(FAREWELL_S)
+        if self._thread.is_alive():
+            self._thread.join(FAREWELL_S)
+        if self._recorder is not None and not self._thread.is_alive():
+            self._recorder.close()  # where it was stopped before it began to listen
 
     @property
     def path(self) -> Path:

@@ -70,6 +70,7 @@ def record(
                 _listen(session)
         except KeyboardInterrupt as stop:
             stopped = stop
+            session.close()  # it may have been stopped while it began
         _tell(session, json_output)
     if stopped is not None:
         raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)

@@ -349,3 +349,11 @@ def test_broken_addresses_are_told_in_one_line(text: str) -> None:
     with pytest.raises(LogError, match=r"^(tcp|ws)://.*: found .*, expected ") as told:
         live_source(text)
     assert "\n" not in str(told.value)
+
+
+def test_what_was_stopped_before_it_began_leaves_no_folder(tmp_path: Path) -> None:
+    recorder = LiveRecorder(tmp_path / "rec")
+    session = LiveSession(live_source("tcp://127.0.0.1:9"), Listen(), recorder)
+    session.close()
+    session.close()
+    assert not (tmp_path / "rec").exists()
