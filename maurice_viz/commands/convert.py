@@ -16,13 +16,12 @@ from maurice_loaders.export_drive import convert_to_mcap
 from maurice_loaders.export_records import records_to_log
 from maurice_loaders.export_session import Converted, PictureKind, convert_to_log
 from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording
-from maurice_loaders.recorded_session import RecordedSession
+from maurice_loaders.formats import OpenOptions
 from maurice_loaders.recording import Picture, Recording
 
 from ..console import note, progress, results
 from .failing import one_line_errors
-from .opening import AnySession, open_session
+from .opening import AnySession, as_recorded_session, open_session
 from .options import ForceOption, JsonOption, KeepGoingOption
 from .reading import reads_recordings
 
@@ -52,7 +51,6 @@ def convert(
         ),
     ],
     *,
-    opening: OpenOptions,
     pictures: Annotated[
         str, typer.Option(help="png: without any loss. jpeg: smaller (quality 95).")
     ] = PICTURES[0],
@@ -62,6 +60,7 @@ def convert(
     keep_going: KeepGoingOption = False,
     force: ForceOption = False,
     json_output: JsonOption = False,
+    opening: OpenOptions,
 ) -> None:
     """Write a session as a native log (.log, its pictures beside it) or as MCAP with ROS 2 messages (.mcap).
 
@@ -75,7 +74,7 @@ def convert(
         opening = replace(opening, keep_going=keep_going)
         session = open_session(source, keep_going=keep_going, opening=opening)
         if target.suffix == MCAP:
-            session = _recorded(session, opening)
+            session = as_recorded_session(session, opening)
         findings = Findings(keep_going)
         done = _count(_going(session, wanted, findings, opening), target)
         _remark(session.path, session if done.pictures or target.suffix == MCAP else findings)
@@ -105,19 +104,12 @@ def _begin(recording: Recording) -> tuple[float, bool]:
     return first_s or 0.0, False
 
 
-def _recorded(session: AnySession, opening: OpenOptions) -> RecordedSession:
-    """Give the same session as one whose records can be had as well."""
-    if isinstance(session, RecordedSession):
-        return session
-    return RecordedSession(open_recording(session.path, opening), opening.pairing)
-
-
 def _going(
     session: AnySession, wanted: Wanted, findings: Findings, opening: OpenOptions
 ) -> Iterator[Converted]:
     """Convert as a replay sees it, or, where there are no pictures, record by record."""
     target, kind, offset_s, force = wanted.target, wanted.pictures, wanted.t_offset_s, wanted.force
-    recorded = _recorded(session, opening)
+    recorded = as_recorded_session(session, opening)
     if target.suffix == MCAP:
         camera = opening.camera
         return convert_to_mcap(recorded, target, camera=camera, kind=kind, t_offset_s=offset_s, force=force)

@@ -13,7 +13,6 @@ import typer
 from maurice_loaders.errors import LogError
 from maurice_loaders.fewer_pictures import FewerPictures
 from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.stand_ins import StandIns
 from maurice_mcl.session import Moment
@@ -44,41 +43,40 @@ def advice_for(path: Path, drive: Drive) -> str:
     )
 
 
-def replay_alone(path: Path, opening: OpenOptions, output: OutputOptions) -> None:
+def replay_alone(whole: RecordedSession, output: OutputOptions) -> None:
     """Draw a drive by itself. LogError where there is nothing to draw."""
     from ..draw_drive import Drive, draw_drive
     from ..layouts.drive import blueprint
 
-    session, ways = _looked_over(path, opening)
+    session, ways = _looked_over(whole)
     drive = Drive(session.info, ways, not isinstance(session.recording, StandIns))
-    advice = advice_for(path, drive)
+    advice = advice_for(session.path, drive)
     drive = replace(drive, advice=f"**{MISSING}.** {advice}")
-    session = _drawn_of(session, ways.moments)
+    drawn = _drawn_of(session, ways.moments)
+    total = ways.moments if drawn is session else MOST_DRAWN
     layout = blueprint(drive)
     stopped: KeyboardInterrupt | None = None
     with opened(output, session.info.name, layout, keys=f"{NEXT_KEYS}.") as rec, progress("draw") as advance:
         try:
-            draw_drive(rec, drive, _counted(session, min(ways.moments, MOST_DRAWN), advance))
+            draw_drive(rec, drive, _counted(drawn, total, advance))
         except KeyboardInterrupt as stop:
             stopped = stop
-    remark_skipped(session)
+    remark_skipped(drawn)
     note(f"{MISSING}, so only the drive itself is shown. {advice}")
     if stopped is not None:
         note("stopped; the recording goes as far as it got")
         raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)
 
 
-def _looked_over(path: Path, opening: OpenOptions) -> tuple[RecordedSession, Ways]:
+def _looked_over(session: RecordedSession) -> tuple[RecordedSession, Ways]:
     """Go through a drive once without its pictures; one without any gets gray ones."""
-    session = RecordedSession(open_recording(path, opening), opening.pairing)
     ways = _ways(session)
     if not ways.moments:
-        session = RecordedSession(StandIns(session.recording), opening.pairing)
+        session = RecordedSession(StandIns(session.recording), session.pairing)
         ways = _ways(session)
     if not ways.moments:
-        raise LogError(
-            path, "found neither pictures nor odometry nor true poses, so there is nothing to show"
-        )
+        nothing = "found neither pictures nor odometry nor true poses, so there is nothing to show"
+        raise LogError(session.path, nothing)
     return session, ways
 
 

@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 Command = Callable[..., None]
 Options = Mapping[str, tuple[Any, Any]]  # by parameter name: what typer reads, and the default
 
 
-def in_place_of(parameter: str, options: Options, gather: Callable[..., Any], command: Command) -> Command:
-    """Give a command these options where one of its parameters stands, which then gets `gather(**typed)`."""
+def in_place_of(
+    parameter: str,
+    options: Options,
+    gather: Callable[..., Any],
+    command: Command,
+    also: Sequence[str] = (),
+) -> Command:
+    """Give a command these options where one of its parameters stands, which then gets `gather(**typed)`.
+
+    `also` names parameters of the command's own that are gathered as well, where it has them.
+    """
     signature = inspect.signature(command, eval_str=True)
 
     @functools.wraps(command)
     def with_options(**given: Any) -> None:
         typed = {name: given.pop(name) for name in options}
+        typed |= {name: given[name] for name in also if name in given}
         command(**given, **{parameter: gather(**typed)})
 
     keyword = inspect.Parameter.KEYWORD_ONLY

@@ -95,6 +95,13 @@ def open_session(path: Path, *, keep_going: bool, opening: OpenOptions | None = 
     return session
 
 
+def as_recorded_session(session: AnySession, opening: OpenOptions) -> RecordedSession:
+    """Give the same session as one whose records can be had as well."""
+    if isinstance(session, RecordedSession):
+        return session
+    return RecordedSession(open_recording(session.path, opening), opening.pairing)
+
+
 def open_library_for(session: AnySession, library: Path | None, *, keep_going: bool) -> Library:
     """Open the library that was asked for, or the one that the session's header names."""
     path = library or session.info.survey

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,9 +17,9 @@ from maurice_loaders.formats import OpenOptions
 from maurice_loaders.recorded_session import MAX_DT_S
 from maurice_loaders.time_bases import PER_SECOND
 
-READING = "opening"  # the parameter of a command that takes them all, an OpenOptions
+from .gathering import Command, in_place_of
 
-Command = Callable[..., None]
+READING = "opening"  # the parameter of a command that takes them all, an OpenOptions
 
 
 def _checked_unit(value: str | None) -> str | None:
@@ -128,7 +127,7 @@ OPTIONS = (
 )
 
 
-def open_options(given: Mapping[str, Any], *, keep_going: bool = False) -> OpenOptions:
+def open_options(*, keep_going: bool = False, **given: Any) -> OpenOptions:
     """Put the options together from what was typed, by parameter name."""
     return OpenOptions(
         format=given["format"],
@@ -179,18 +178,5 @@ def reads_recordings(command: Command) -> Command:
 
     Where the command has `keep_going`, that goes into the options as well.
     """
-    signature = inspect.signature(command, eval_str=True)
-    own = [one for one in signature.parameters.values() if one.name != READING]
-    names = [one.name for one in OPTIONS]
-
-    @functools.wraps(command)
-    def with_options(**given: Any) -> None:
-        reading = {name: given.pop(name) for name in names}
-        command(**given, opening=open_options(reading, keep_going=given.get("keep_going", False)))
-
-    keywords = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own]
-    with_options.__signature__ = signature.replace(  # type: ignore[attr-defined]  # what typer reads
-        parameters=[*keywords, *OPTIONS]
-    )
-    with_options.__annotations__ = {one.name: one.annotation for one in (*keywords, *OPTIONS)}
-    return with_options
+    options = {one.name: (one.annotation, one.default) for one in OPTIONS}
+    return in_place_of(READING, options, open_options, command, also=["keep_going"])

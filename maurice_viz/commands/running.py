@@ -21,7 +21,7 @@ from ..look import scale_for, units_named
 from ..replaying import ResultCollector, run_together, shared
 from ..summary import to_json, to_table
 from .failing import INTERRUPTED, TERMINATED, one_line_errors
-from .opening import AnySession, Wanted, make_runs, open_library_for, open_session
+from .opening import AnySession, Wanted, as_recorded_session, make_runs, open_library_for, open_session
 from .options import OutputOptions, RunOptions
 from .saving import Inputs, saving
 from .showing import Drawn, Scene, recording
@@ -74,7 +74,8 @@ def replay_runs(
         if shown_alone and library is None and session.info.survey is None:
             from .drive_alone import replay_alone
 
-            replay_alone(path, replace(opening or OpenOptions(), keep_going=keep_going), output)
+            reading = replace(opening or OpenOptions(), keep_going=keep_going)
+            replay_alone(as_recorded_session(session, reading), output)
             return
         references = open_library_for(session, library, keep_going=keep_going)
         runs = make_runs(session, references, wanted, options)

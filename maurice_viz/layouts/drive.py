@@ -9,7 +9,8 @@ from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, Timeline
 from maurice_mcl.channels import CHANNELS
 
 from .. import entities
-from ..canvas import map_extent
+from ..canvas import long_side, map_extent
+from ..draw_belief import ARROW
 from ..draw_drive import EVENTS, HISTOGRAM, ODOMETRY, TEXT, TRACE, WAYS, Drive
 from ..look import GROUND
 from .plots import plot
@@ -68,7 +69,7 @@ def _events() -> rrb.TextLogView:
 
 
 def _map(drive: Drive) -> rrb.Spatial2DView:
-    scale, x_range, y_range = drive.scale, *_reach(drive)
+    scale, x_range, y_range = drive.scale, *reach(drive)
     contents = [*MAP, entities.WEIGHT_KEY, f"{WAYS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
     return rrb.Spatial2DView(
         name=f"Way ({scale.units.name}): the whole of it faint, where the robot is now bright",
@@ -79,12 +80,13 @@ def _map(drive: Drive) -> rrb.Spatial2DView:
     )
 
 
-def _reach(drive: Drive) -> tuple[tuple[float, float], tuple[float, float]]:
+def reach(drive: Drive) -> tuple[tuple[float, float], tuple[float, float]]:
     """Give what the map view shows: the map, and the ways where they leave it. x first, drawn units."""
     assert drive.arena is not None
     extent, ways = map_extent(drive.arena, drive.scale), drive.scale.screen(drive.ways.points)
-    low = np.minimum(ways.min(axis=0, initial=np.inf), (extent.left, extent.top)).tolist()
-    high = np.maximum(ways.max(axis=0, initial=-np.inf), (extent.right, extent.bottom)).tolist()
+    room = ARROW * long_side(drive.arena, drive.scale)  # for the robot's disk and arrow at the end of a way
+    low = np.minimum(ways.min(axis=0, initial=np.inf) - room, (extent.left, extent.top)).tolist()
+    high = np.maximum(ways.max(axis=0, initial=-np.inf) + room, (extent.right, extent.bottom)).tolist()
     return (low[0], high[0]), (low[1], high[1])
 
 

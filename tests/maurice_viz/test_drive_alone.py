@@ -18,11 +18,14 @@ from maurice_loaders.formats import open_recording
 from maurice_loaders.recorded_session import Glance, RecordedSession
 from maurice_loaders.recording import moved
 from maurice_loaders.stand_ins import STAND_IN, StandIns
+from maurice_mcl.arena import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_viz import drive_ways
 from maurice_viz.cli import app
 from maurice_viz.commands import drive_alone
+from maurice_viz.draw_drive import Drive
 from maurice_viz.drive_ways import ways_of
+from maurice_viz.layouts.drive import reach
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
 
@@ -186,3 +189,14 @@ def test_glances_are_moments_without_their_pictures(small_session: Path) -> None
         np.testing.assert_array_equal(glance.motions, moment.frame.motions)
         assert glance.events == moment.events
         assert (glance.truth is None) == (moment.truth is None)
+
+
+def test_the_map_reaches_as_far_as_the_robot_with_room_for_its_arrow() -> None:
+    """Where odometry leaves the map, too: the disk at the end of the way is not cut."""
+    small = Arena((0.0, 0.0, 2.0, 2.0), np.zeros((0, 4)))
+    info = SessionInfo("a", arena=small)
+    glances = [Glance(np.array([[0.0, 0.0, 0.0]]), None, ()), Glance(np.array([[9.0, 0.0, 0.0]]), None, ())]
+    drive = Drive(info, ways_of(glances, info), pictures=False)
+    (left, right), (top, bottom) = reach(drive)
+    assert left < 0 < 9 < right
+    assert top < -2 < 0 < bottom
