@@ -23,7 +23,7 @@ from random import Random
 
 from fuzz_properties import try_drawn
 from fuzz_targets import SHARES, TARGETS, prepare
-from fuzz_watch import TookTooLong, in_memory, in_time, limit_memory, peak, resident
+from fuzz_watch import TookTooLong, in_memory, in_time, limited_memory, peak, resident
 
 STATE = Path("out/fuzz.json")
 BATCH = 500
@@ -50,9 +50,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--state", type=Path, default=STATE)
     parser.add_argument("--one", nargs=2, metavar=("TARGET", "NUMBER"))
     typed = parser.parse_args(words)
-    if sys.platform == "linux":
-        limit_memory()
-    with _quiet_libraries(), tempfile.TemporaryDirectory(dir=_memory()) as folder:
+    with limited_memory(), _quiet_libraries(), tempfile.TemporaryDirectory(dir=_memory()) as folder:
         prepare(Path(folder))
         if typed.one is not None:
             try_one(typed.one[0], int(typed.one[1]), Path(folder))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import signal
+import sys
 import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -49,11 +50,22 @@ def in_memory(most: int = MOST_PEAK) -> Iterator[None]:
     assert taken <= most, f"{taken // 2**20} MiB were taken for one input"
 
 
-def limit_memory() -> None:
-    """Make the whole process fail with MemoryError before it harms the machine."""
+@contextmanager
+def limited_memory() -> Iterator[None]:
+    """Make the whole process fail with MemoryError before it harms the machine; on Linux only.
+
+    The limit is taken back afterwards: processes that are started later, as a browser, would have it too.
+    """
+    if sys.platform != "linux":
+        yield
+        return
     now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    resource.setrlimit(resource.RLIMIT_AS, (now + MOST_MORE, hard))
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (now + MOST_MORE, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def resident() -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import tracemalloc
 from pathlib import Path
 from typing import Any
@@ -139,6 +140,7 @@ def planted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_a_crash_is_told_by_its_number_and_a_stopped_run_goes_on(
     planted: list[int], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    before = resource.getrlimit(resource.RLIMIT_AS)
     words = ["--inputs", "1000", "--state", str(tmp_path / "state.json")]
     with pytest.raises(KeyboardInterrupt):
         fuzz_all.main(words)
@@ -150,3 +152,4 @@ def test_a_crash_is_told_by_its_number_and_a_stopped_run_goes_on(
     assert said.splitlines()[-1].startswith("1000 inputs in ")
     with pytest.raises(ZeroDivisionError):
         fuzz_all.main([*words, "--one", "planted", "42"])
+    assert resource.getrlimit(resource.RLIMIT_AS) == before, "tests that come later start other programs"

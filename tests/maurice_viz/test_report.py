@@ -1,6 +1,5 @@
 """`maurice-replay report`: one page that stands alone, in a parser and in a real browser."""
 
-import functools
 import re
 import shutil
 import subprocess
@@ -216,11 +215,7 @@ def browse(page: Path, *options: str) -> tuple[str, str]:
     fixed = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--enable-logging=stderr"]
     place = f"--user-data-dir={page.parent / 'profile'}"
     command = [CHROMIUM, *fixed, "--v=0", place, *options, page.resolve().as_uri()]
-    look = functools.partial(subprocess.run, cwd=page.parent, capture_output=True, text=True, timeout=120)
-    done = look(command, check=False)
-    if done.returncode < 0:  # on a busy machine Chromium itself may crash as it starts
-        done = look(command, check=False)
-    done.check_returncode()
+    done = subprocess.run(command, cwd=page.parent, capture_output=True, text=True, check=True, timeout=120)
     return done.stdout, "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
 
 
