@@ -25,6 +25,7 @@ from .opening import AnySession, Wanted, as_recorded_session, make_runs, open_li
 from .options import OutputOptions, RunOptions
 from .saving import Inputs, saving
 from .showing import Drawn, Scene, recording
+from .stopping import stops_between
 
 if TYPE_CHECKING:
     from ..draw_comparison import ComparisonDrawing
@@ -135,18 +136,19 @@ def step_through(
     writers: Mapping[str, RunWriter],
     collector: ResultCollector,
 ) -> None:
-    """Go through all updates once: score, save, draw."""
+    """Go through all updates once: score, save, draw, each update whole."""
     comparison = _comparison(playing, observers)
     try:
-        with progress("replay") as advance:
+        with progress("replay") as advance, stops_between() as stops:
             for steps in playing.updates:
-                pairs = collector.add_steps(steps)
-                for label, writer in writers.items():
-                    writer.add(*steps[label])
-                for label, observer in observers.items():
-                    observer.see(*steps[label])
-                if comparison is not None:
-                    comparison.see(steps, pairs)
+                with stops.wait():
+                    pairs = collector.add_steps(steps)
+                    for label, writer in writers.items():
+                        writer.add(*steps[label])
+                    for label, observer in observers.items():
+                        observer.see(*steps[label])
+                    if comparison is not None:
+                        comparison.see(steps, pairs)
                 advance(collector.updates, playing.total)
     finally:
         if comparison is not None and collector.updates:

@@ -1,0 +1,111 @@
+"""A request to stop waits for the end of an update, and no longer."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rerun.chunk import RrdReader
+from typer.testing import CliRunner
+
+from maurice_loaders.run_store_manifest import read_manifest
+from maurice_loaders.run_store_write import RunWriter
+from maurice_viz.cli import app
+from maurice_viz.commands.stopping import stops_between
+
+
+def stop() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+def updates(done: list[str], *, within: int = 0, between: int = 0) -> None:
+    """Go through two updates; one is asked so often to stop within the first, and after it."""
+    with stops_between() as stops:
+        for number in (1, 2):
+            with stops.wait():
+                for _ in range(within):
+                    stop()
+                done.append(f"update {number}")
+            for _ in range(between):
+                stop()
+            done.append(f"after {number}")
+
+
+@pytest.mark.parametrize(
+    ("within", "between", "expected"),
+    [(1, 0, ["update 1"]), (0, 1, ["update 1"]), (2, 0, [])],
+    ids=["waits for the end", "is heard at once between", "does not wait where it is the second"],
+)
+def test_a_request_to_stop(within: int, between: int, expected: list[str]) -> None:
+    done: list[str] = []
+    with pytest.raises(KeyboardInterrupt):
+        updates(done, within=within, between=between)
+    assert done == expected
+
+
+def test_nothing_stops_where_nobody_asked() -> None:
+    done: list[str] = []
+    updates(done)
+    assert done == ["update 1", "after 1", "update 2", "after 2"]
+
+
+def test_what_goes_wrong_within_is_not_hidden_by_a_request() -> None:
+    def full() -> None:
+        with stops_between() as stops, stops.wait():
+            stop()
+            raise OSError("full")
+
+    with pytest.raises(OSError, match="full"):
+        full()
+
+
+def test_handlers_are_put_back_and_what_is_ignored_stays_ignored() -> None:
+    terminate, interrupt = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        with stops_between() as stops, stops.wait():
+            assert signal.getsignal(signal.SIGINT) is not interrupt
+            signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGINT) is interrupt
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGTERM, terminate)
+
+
+def test_another_thread_than_the_main_one_listens_to_nothing() -> None:
+    done = []
+
+    def work() -> None:
+        with stops_between() as stops, stops.wait():
+            done.append(0)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert done == [0]
+
+
+def test_figures_recording_and_saved_run_go_equally_far(
+    small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    add = RunWriter.add
+
+    def stop_within(self: RunWriter, moment: Any, record: Any) -> None:
+        if moment.frame.step == 7:  # scored already, neither saved nor drawn
+            stop()
+        add(self, moment, record)
+
+    monkeypatch.setattr(RunWriter, "add", stop_within)
+    done = CliRunner().invoke(app, [str(small_session), "--run", "kept", "--save", "a.rrd", "--json"])
+    assert done.exit_code == 130, done.stderr
+    assert "stopped; the recording and the figures go as far as it got" in done.stderr
+    assert json.loads(done.stdout)["runs"][0]["updates"] == 7
+    assert read_manifest(Path("kept")).steps == 7
+    estimates = RrdReader("a.rrd").stream().filter(content="/blended/belief/estimate", has_timeline="step")
+    drawn = {step for chunk in estimates for step in chunk.to_record_batch().column("step").to_pylist()}
+    assert drawn == set(range(1, 8))
