@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from importlib import import_module
@@ -82,6 +82,11 @@ class OpenOptions:
         return not (paired or unit) and self.correction == Correction()
 
 
+def nothing_beside(path: Path) -> Sequence[Path]:
+    """Say that a recording is all in one place, as nearly all are."""
+    return ()
+
+
 @dataclass(frozen=True, slots=True)
 class Format:
     """A format that can be read."""
@@ -92,6 +97,7 @@ class Format:
     open: Callable[[Path, OpenOptions], Recording]  # LogError for what cannot be read
     extra: str | None = None  # the extra that has to be installed for it
     shifts: bool = False  # whether it adds the offsets of odometry and truth itself
+    beside: Callable[[Path], Sequence[Path]] = nothing_beside  # files outside the path that are read too
 
 
 @cache

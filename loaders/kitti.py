@@ -140,13 +140,19 @@ def open_sequence(path: Path, options: OpenOptions) -> KittiRecording:
             names = ", ".join(one.name for one in found)
             raise LogError(path, f"found cameras {names}, expected {options.camera!r} among them")
     name = path.resolve().name
-    above = path.resolve().parent.parent / "poses" / f"{name}.txt"
-    places = (above, *(path / one for one in (f"poses/{name}.txt", "poses.txt", f"{name}.txt")))
+    places = (*poses_beside(path), *(path / one for one in (f"poses/{name}.txt", "poses.txt", f"{name}.txt")))
     poses = options.table or next((file for file in places if file.is_file()), None)
     times = first_file(path, TIMES) or first_file(folder, TIMES)
     info = SessionInfo(f"KITTI {name}", cameras=(Camera(folder.name),))
     pictures = folder / "data" if (folder / "data").is_dir() else folder
     return KittiRecording(path, info, times, pictures, poses, options.truth_offset_s)
+
+
+def poses_beside(path: Path) -> list[Path]:
+    """Give a sequence's poses where KITTI has them, none where they are not there."""
+    whole = path.resolve()
+    file = whole.parent.parent / "poses" / f"{whole.name}.txt"
+    return [file] if file.is_file() else []
 
 
 def open_poses(path: Path, options: OpenOptions) -> KittiRecording:
@@ -155,9 +161,14 @@ def open_poses(path: Path, options: OpenOptions) -> KittiRecording:
     if first is None:
         raise LogError(path, "found no poses, expected twelve numbers a line")
     planar_pose(path, first)
-    beside = path.parent.resolve().parent / "sequences" / path.stem / "times.txt"
-    times = next((file for file in (path.parent / "times.txt", beside) if file.is_file()), None)
+    times = next(iter(times_beside(path)), None)
     return KittiRecording(path, SessionInfo(path.stem), times, None, path)
+
+
+def times_beside(path: Path) -> list[Path]:
+    """Give the times of poses alone, beside them or in their sequence, whichever are there."""
+    sequence = path.parent.resolve().parent / "sequences" / path.stem / "times.txt"
+    return [file for file in (path.parent / "times.txt", sequence) if file.is_file()]
 
 
 def looks_like_sequence(path: Path) -> bool:
@@ -181,6 +192,13 @@ FORMATS = (
         looks_like_sequence,
         open_sequence,
         shifts=True,
+        beside=poses_beside,
     ),
-    Format("kitti-poses", "poses alone: twelve numbers a line", looks_like_poses, open_poses),
+    Format(
+        "kitti-poses",
+        "poses alone: twelve numbers a line",
+        looks_like_poses,
+        open_poses,
+        beside=times_beside,
+    ),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from pathlib import Path
@@ -36,19 +36,25 @@ class Source:
         return next((place for place in places if place.exists()), None)
 
 
-def source_of(path: Path, folder: Path) -> Source:
-    """Describe a recording, a table or a library folder as seen from a run's folder."""
+def source_of(path: Path, folder: Path, others: Sequence[Path] = ()) -> Source:
+    """Describe a recording, a table or a library folder as seen from a run's folder.
+
+    `others` are files outside that belong to it.
+    """
     whole = path.resolve()
     beside = Path(os.path.relpath(whole, folder.resolve())).as_posix()
-    return Source(str(whole), beside, source_hash(whole))
+    return Source(str(whole), beside, source_hash(whole, others))
 
 
-def source_hash(path: Path) -> str:
+def source_hash(path: Path, others: Sequence[Path] = ()) -> str:
     """Give the SHA-256 of a file, of a library folder's manifest, or of what a recording's folder holds.
 
     Of a folder: names and content of all that a recording can be read from, of pictures names and sizes;
     each step of a run has its picture's own hash. A run that is saved in that very folder changes nothing.
+    What `others` outside of it hold goes in too.
     """
+    if others:
+        return sha256("\n".join([source_hash(path), *map(hash_file, others)]).encode()).hexdigest()
     if not path.is_dir():
         return hash_file(path)
     if (path / MANIFEST).is_file():

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import open_session
+from maurice_loaders.formats import chosen, nothing_beside, open_session
 from maurice_loaders.library_store import open_library
 from maurice_loaders.made_odometry import NAMED
 from maurice_loaders.run_store import SavedRun, open_runs
@@ -34,22 +34,27 @@ from .running import Playing, play, remark_zeros
 from .showing import Drawn, Scene
 
 
-def unchanged(source: Source, folder: Path, what: str) -> Path:
-    """Find what a run was made from. LogError when it is gone or was changed since."""
+def unchanged(
+    source: Source, folder: Path, what: str, beside: Callable[[Path], Sequence[Path]] = nothing_beside
+) -> Path:
+    """Find what a run was made from. LogError when it is gone, or it or a file `beside` it was changed."""
     path = source.find(folder)
     if path is None:
         raise LogError(Path(source.path), f"the {what} that the run was made from is gone; put it back")
-    if source_hash(path) != source.sha256:
+    if source_hash(path, beside(path)) != source.sha256:
         raise LogError(path, f"the {what} was changed after the run was made; restore it, or replay it anew")
     return path
 
 
 def session_of(run: SavedRun) -> AnySession:
     """Open the session of a run as it was read then. LogError when it is gone or was changed."""
-    path = unchanged(run.manifest.session, run.folder, "session")
+    reading = run.manifest.reading
+    path = unchanged(
+        run.manifest.session, run.folder, "session", lambda path: chosen(path, reading).beside(path)
+    )
     table = run.manifest.table
     found = None if table is None else unchanged(table, run.folder, "table")
-    return open_session(path, replace(run.manifest.reading, table=found, keep_going=run.manifest.keep_going))
+    return open_session(path, replace(reading, table=found, keep_going=run.manifest.keep_going))
 
 
 def library_of(run: SavedRun) -> Library:

@@ -75,7 +75,8 @@ def _writers(runs: Sequence[Run], inputs: Inputs, target: Path, force: bool) -> 
 def manifest_of(run: Run, inputs: Inputs, folder: Path) -> RunManifest:
     """Say what a run is made from, as its manifest does before the first step."""
     localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
-    channels = tuple(localizer.sensor.distances)
+    channels, path = tuple(localizer.sensor.distances), inputs.session.path
+    form = chosen(path, opening)
     return RunManifest(
         label=run.label,
         seed=localizer.seed,
@@ -87,12 +88,12 @@ def manifest_of(run: Run, inputs: Inputs, folder: Path) -> RunManifest:
         pictures=inputs.pictures,
         has_truth=inputs.has_truth,
         keep_going=inputs.keep_going,
-        session=source_of(inputs.session.path, folder),
+        session=source_of(path, folder, form.beside(path)),
         library=source_of(inputs.library, folder),
         library_content=library_hash(localizer.library, channels),
         configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
         versions=versions_now(),
-        reading=replace(opening, format=chosen(inputs.session.path, opening).name),
+        reading=replace(opening, format=form.name),
         table=None if opening.table is None else source_of(opening.table, folder),
     )
 

@@ -110,6 +110,19 @@ def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: P
     assert "the session was changed" in said
 
 
+def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_path: Path) -> None:
+    (tmp_path / "made").mkdir()
+    recording = samples().sample("kitti", tmp_path / "made")
+    (poses,) = tmp_path.rglob("poses/*.txt")
+    assert not poses.is_relative_to(recording)
+    survey = small_session.with_name("survey.log")
+    kept_and_shown(tmp_path / "kept", recording, survey, ("--odometry-from-truth",))
+    poses.write_text(poses.read_text() + "\n")
+    code, _, said = maurice("verify", tmp_path / "kept")
+    assert code == 1
+    assert "the session was changed" in said
+
+
 def test_recording_and_run_may_be_moved_together(small_session: Path, tmp_path: Path) -> None:
     recording = samples().sample("tum", tmp_path / "a" / "made") if (tmp_path / "a").mkdir() is None else None
     assert recording is not None
