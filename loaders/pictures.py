@@ -92,10 +92,8 @@ def _check_jpeg(data: bytes) -> None:
 def _check_png(data: bytes) -> None:
     """Walk the chunks to IEND and compare their checksums."""
     at = len(_PNG_SIGNATURE)
-    while at + 12 <= len(data):
-        end = at + 8 + int.from_bytes(data[at : at + 4], "big")
-        checksum = data[end : end + 4]
-        if len(checksum) == 4 and zlib.crc32(data[at + 4 : end]) != int.from_bytes(checksum, "big"):
+    while (end := at + 8 + int.from_bytes(data[at : at + 4], "big")) + 4 <= len(data):
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
             raise PictureError("found a damaged PNG picture (checksum), expected a whole one")
         if data[at + 4 : at + 8] == b"IEND":
             return

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import math
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -11,55 +13,40 @@ from typing import TYPE_CHECKING, Any
 from .bag_source import BagSource, Message, Topic, short_type, sorted_topics
 from .errors import LogError
 from .mcap_bag import open_mcap
-from .mcap_records import MAGIC as MCAP_MAGIC
-from .ros_bag2_files import message_files, opened_as
+from .ros_bag2_files import is_mcap, message_files, opened_as
+from .ros_bag2_parts import open_parts
 from .ros_extra import bag_errors, require_ros
-from .ros_sqlite import BrokenDatabase
 from .ros_types import decode_cdr
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
-SQLITE_MAGIC = b"SQLite format 3\0"
-ADVICE = "--keep-going reads one file as far as it goes"
+ADVICE = "--keep-going reads what can be read"
 
 
 @contextmanager
 def open_ros2(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
-    """Open a ROS 2 bag. LogError when it is damaged; with `keep_going` one file is read until it breaks."""
+    """Open a ROS 2 bag. LogError when it is damaged; with `keep_going` what can be read of it is read."""
     require_ros(path)
     with _opening(path, keep_going=keep_going) as bag:
         yield bag
 
 
 def _opening(path: Path, *, keep_going: bool) -> AbstractContextManager[BagSource]:
-    opened = opened_as(path)
-    if starts_with(opened, MCAP_MAGIC):
-        return open_mcap(opened, keep_going=keep_going)
-    files = message_files(opened) if opened.is_dir() else [opened]
-    alone = files[0] if len(files) == 1 else None
+    files = message_files(path)
     try:
-        bag = _Ros2Bag(opened, keep_going=keep_going)
-        if alone is None or bag.packed or not starts_with(alone, MCAP_MAGIC):
-            return closing(bag)
-        bag.close()  # `rosbags` ends at the first damaged chunk, and does not say where that is
+        opened = opened_as(path)
+        if is_mcap(opened):
+            return open_mcap(opened, keep_going=keep_going)
+        bag = _Ros2Bag(opened)
     except LogError:
-        if alone is None or not keep_going:
+        if not keep_going or not files:
             raise
-    if starts_with(alone, MCAP_MAGIC):
-        return open_mcap(alone, keep_going=keep_going)
-    return closing(BrokenDatabase(alone))
-
-
-def starts_with(path: Path, magic: bytes) -> bool:
-    """Tell whether a file begins with these bytes; False for what cannot be read."""
-    try:
-        if not path.is_file():
-            return False
-        with path.open("rb") as file:
-            return file.read(len(magic)) == magic
-    except OSError:
-        return False
+        return open_parts(files)
+    if len(files) == 1 and is_mcap(files[0]) and not bag.packed:
+        bag.close()  # `rosbags` ends at the first damaged chunk, and does not say where that is
+        return open_mcap(files[0], keep_going=keep_going)
+    return closing(_PastDamage(bag, [] if bag.packed else files) if keep_going else bag)
 
 
 def _reader(path: Path) -> Any:
@@ -74,13 +61,13 @@ def _reader(path: Path) -> Any:
 
 
 class _Ros2Bag:
-    """A bag, opened by `rosbags`."""
+    """A bag, opened by `rosbags`. LogError where it is damaged."""
 
-    def __init__(self, path: Path, *, keep_going: bool) -> None:
+    cut = ""
+    damaged: tuple[str, ...] = ()
+
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._keep_going = keep_going
-        self.cut = ""
-        self.damaged: tuple[str, ...] = ()  # it breaks off instead
         with bag_errors(path, ADVICE):
             self._reader = _reader(path)
             self._reader.open()
@@ -100,24 +87,68 @@ class _Ros2Bag:
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         """Give the messages of these topics by the time of recording."""
         wanted = [c for c in self._reader.connections if c.topic in names]
-        read = 0
-        try:
-            for connection, log_ns, data in self._raw(wanted):
-                read += 1
-                decode = partial(self._decode, connection, data)
-                yield Message(connection.topic, short_type(connection.msgtype), log_ns, decode)
-        except LogError:
-            if not self._keep_going:
-                raise
-            self.cut = f"breaks off after {read} messages"
-
-    def _raw(self, wanted: list[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        if wanted:  # with none, it would give all
-            with bag_errors(self._path, ADVICE):
-                for connection, log_ns, data in self._reader.messages(connections=wanted):
-                    yield connection, int(log_ns), bytes(memoryview(data))  # a damaged row may hold anything
+        if not wanted:  # of which it would make all
+            return
+        with bag_errors(self._path, ADVICE):
+            for connection, log_ns, data in self._reader.messages(connections=wanted):
+                held = bytes(memoryview(data))  # a damaged row may hold anything
+                decode = partial(self._decode, connection, held)
+                yield Message(connection.topic, short_type(connection.msgtype), int(log_ns), decode)
 
     def _decode(self, connection: Connection, data: bytes) -> Any:
         definition, form = connection.msgdef.data, connection.msgdef.format.name.lower()
         with bag_errors(self._path):
             return decode_cdr(data, connection.msgtype, definition, form)
+
+
+class _PastDamage:
+    """A bag that is read from its files, past what is broken in them, where `rosbags` cannot go on."""
+
+    def __init__(self, bag: _Ros2Bag, files: Sequence[Path]) -> None:
+        self._bag = bag
+        self._files = files
+        self.topics = bag.topics
+        self.cut = ""
+        self.damaged: tuple[str, ...] = ()
+
+    def close(self) -> None:
+        """Close it."""
+        self._bag.close()
+
+    def messages(self, names: Collection[str]) -> Iterator[Message]:
+        """Give the messages of these topics by the time of recording, as far as they can be read."""
+        given = _Given()
+        try:
+            for message in self._bag.messages(names):
+                given.add(message)
+                yield message
+        except LogError:
+            if not self._files:
+                self.cut = f"breaks off after {given.messages} messages"
+                return
+            with open_parts(self._files) as parts:
+                yield from (message for message in parts.messages(names) if given.lacks(message))
+                self.cut, self.damaged = parts.cut, parts.damaged
+
+
+class _Given:
+    """What has been given of messages in the order of time."""
+
+    def __init__(self) -> None:
+        self.messages = 0
+        self._last_ns: float = -math.inf
+        self._then = Counter[str]()  # messages of that time, by topic
+
+    def add(self, message: Message) -> None:
+        """Take note of the next one."""
+        if message.log_ns != self._last_ns:
+            self._then.clear()
+        self.messages, self._last_ns = self.messages + 1, message.log_ns
+        self._then[message.topic] += 1
+
+    def lacks(self, message: Message) -> bool:
+        """Tell whether one of those that are read once more was not given yet."""
+        if message.log_ns != self._last_ns:
+            return message.log_ns > self._last_ns
+        self._then[message.topic] -= 1
+        return self._then[message.topic] < 0

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from .errors import LogError
+from .mcap_records import MAGIC
 
 METADATA = "metadata.yaml"
 PARTS = (".db3", ".mcap")
@@ -36,9 +38,29 @@ def opened_as(path: Path) -> Path:
     if len(files) == 1:
         return opened_as(files[0])
     found = f"found {len(files)} files of a bag and no {METADATA}"
-    raise LogError(path, f"{found}, expected it; `ros2 bag reindex {path.name}` makes it anew")
+    mends = f"`ros2 bag reindex {path.name}` makes it anew, --keep-going does without"
+    raise LogError(path, f"{found}, expected it; {mends}")
 
 
 def message_files(path: Path) -> list[Path]:
-    """Give the files that hold a bag's messages, by name."""
-    return sorted(file for file in path.iterdir() if file.name.endswith((*PARTS, *PACKED)))
+    """Give the files that hold a bag's messages, by name and number; a file is its own."""
+    if not path.is_dir():
+        return [path]
+    found = [file for file in path.iterdir() if file.name.endswith((*PARTS, *PACKED))]
+    return sorted(found, key=lambda file: [part.zfill(20) for part in re.split(r"(\d+)", file.name)])
+
+
+def is_mcap(path: Path) -> bool:
+    """Tell whether a file begins as MCAP does."""
+    return starts_with(path, MAGIC)
+
+
+def starts_with(path: Path, magic: bytes) -> bool:
+    """Tell whether a file begins with these bytes; False for what cannot be read."""
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return file.read(len(magic)) == magic
+    except OSError:
+        return False

@@ -8,13 +8,13 @@ from .bag_recording import BagRecording
 from .bag_source import OpenBag
 from .formats import Format, OpenOptions
 from .mcap_bag import open_mcap
-from .mcap_records import MAGIC
 from .recording import Recording
 from .ros_bag1 import open_ros1
-from .ros_bag2 import SQLITE_MAGIC, open_ros2, starts_with
-from .ros_bag2_files import PACKED, is_bag_folder
+from .ros_bag2 import open_ros2
+from .ros_bag2_files import PACKED, is_bag_folder, is_mcap, starts_with
 
 ROS1_MAGIC = b"#ROSBAG V"  # of any version
+SQLITE_MAGIC = b"SQLite format 3\0"
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
 
 
@@ -39,7 +39,7 @@ def looks_like_rosbag2(path: Path) -> bool:
 
 def looks_like_mcap(path: Path) -> bool:
     """Tell whether a file begins as MCAP does, or is named like it."""
-    return starts_with(path, MAGIC) or (path.suffix == ".mcap" and path.is_file())
+    return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
 
 
 WHAT = {

@@ -1,4 +1,4 @@
-"""A ROS 2 SQLite file that is damaged or cut, row by row in the order of writing until it breaks."""
+"""A ROS 2 SQLite file that is damaged or cut: row by row as written, past those that are broken."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from .ros_extra import bag_errors
 from .ros_types import decode_cdr
 
 # Indexes are not used: they may be what is damaged, and what was written first is likely whole.
-_ROWS = "SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY rowid"
-_COUNTED = "SELECT topic_id FROM messages NOT INDEXED ORDER BY rowid"
+_AFTER = "FROM messages NOT INDEXED WHERE rowid > ? ORDER BY rowid"
+_ROWS = f"SELECT rowid, topic_id, timestamp, data {_AFTER}"
+_COUNTED = f"SELECT rowid, topic_id {_AFTER}"
 _DEFINED = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+LEAP = 20_000  # rows in a row that cannot be read; after so many the file is taken to end there
 
 
 class BrokenDatabase:
@@ -28,7 +30,7 @@ class BrokenDatabase:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.cut = ""  # where it breaks; "" as long as it does not
-        self.damaged: tuple[str, ...] = ()  # nothing is left out before that
+        self._gaps: list[str] = []  # rows that were left out before that
         self._base = sqlite3.connect(
             f"file:{quote(str(path.absolute()))}?immutable=1", uri=True, check_same_thread=False
         )
@@ -49,12 +51,18 @@ class BrokenDatabase:
         named = self._names.items()
         self.topics = sorted_topics([Topic(name, short_type(kind), counts[n]) for n, (name, kind) in named])
 
+    @property
+    def damaged(self) -> tuple[str, ...]:
+        """The rows that were left out in the middle."""
+        return tuple(self._gaps)
+
     def close(self) -> None:
         """Close the file."""
         self._base.close()
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Give the messages of these topics as far as they can be read."""
+        """Give the messages of these topics that can be read."""
+        self._gaps = []
         for number, log_ns, data in self._rows(_ROWS):
             name, kind = self._names.get(number, ("", ""))
             if name in names and isinstance(log_ns, int):
@@ -62,13 +70,22 @@ class BrokenDatabase:
                 yield Message(name, short_type(kind), log_ns, partial(self._decode, kind, whole))
 
     def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
-        rows = 0
-        try:
-            for row in self._base.execute(query):
-                rows += 1
-                yield row
-        except sqlite3.Error as problem:
-            self.cut = f"breaks off after {rows} messages ({problem})"
+        """Give the rows that can be read. A broken page of the file hides those of a few numbers."""
+        rows = last = at = 0
+        while at - last <= LEAP:
+            try:
+                for number, *row in self._base.execute(query, (at,)):
+                    if at > last:
+                        self._gaps.append(f"rows {last + 1} to {at} cannot be read")
+                    at = number if at < number <= at + LEAP else at + 1  # the number may be damaged too
+                    rows, last = rows + 1, at
+                    yield tuple(row)
+            except sqlite3.Error as problem:
+                at, why = at + 1, str(problem)
+            else:
+                break
+        if at > last:
+            self.cut = f"breaks off after {rows} messages ({why})"
 
     def _decode(self, kind: str, data: bytes) -> Any:
         with bag_errors(self._path):

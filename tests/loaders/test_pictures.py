@@ -50,6 +50,17 @@ def test_a_jpeg_cut_and_filled_with_zeros_is_refused(image: U8) -> None:
         decode_picture(data[:-20] + bytes(20))
 
 
+@pytest.mark.parametrize("length", [1, 2**31, 2**32 - 1])
+def test_a_png_whose_end_claims_more_than_is_there_is_cut(
+    image: U8, length: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = bytearray(encoded(image, "png"))
+    data[-12:-8] = length.to_bytes(4, "big")
+    with pytest.raises(PictureError, match="cut PNG"):
+        decode_picture(bytes(data))
+    assert capfd.readouterr().err == ""  # the decoder has words of its own for it
+
+
 def test_an_end_marker_in_a_thumbnail_does_not_hide_a_cut(image: U8) -> None:
     data = encode_jpeg(image)
     thumbnail = b"\xff\xe1" + (2 + len(data)).to_bytes(2, "big") + data
