@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.assembly import make_localizer
 from maurice_mcl.diagnosis import Complaint, Drive, in_radians
 from maurice_mcl.diagnosis_clocks import clocks_apart, truth_apart
 from maurice_mcl.diagnosis_compare import compared_with_truth
@@ -16,26 +15,16 @@ from maurice_mcl.diagnosis_evidence import doubted_by_pictures
 from maurice_mcl.diagnosis_pictures import Looks, seen_with_truth
 from maurice_mcl.diagnosis_plausible import odometry_doubts, time_unit
 from maurice_mcl.diagnosis_words import turn_complaint
-from maurice_mcl.features import FEATURES
 from maurice_mcl.library import Library
-from maurice_mcl.parameters import of_feature
-from maurice_mcl.session import Moment, SessionInfo
 
+from .doctor_looking import Progress, look
 from .doctor_mending import mendable, mended
-from .doctor_reading import Gathered, gather, movement_apart, raw_records
-from .errors import LogError
+from .doctor_reading import Gathered, gather, movement_apart
 from .fields import MOST
-from .findings import Findings
 from .formats import OpenOptions, chosen
-from .pictures import PictureError
-from .recording import Picture
 
-MOST_PICTURES = 60  # compared with the library
 WRONG_TRUTH = ("truth-degrees", "truth-scale", "truth-clock", "disagreement")  # no use for the pictures
 HARMLESS = ("broken", "time-unit")  # the first left out, the second taken back before pictures are asked
-BETWEEN_S = 2.0  # pictures that come more often are passed over
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,34 +53,45 @@ def diagnose(
     taken back before the next one: times first, then what truth says, then what pictures say.
     """
     found = gather(path, options)
-    complaints = _about_reading(found)
     factor, units = time_unit(found.drive)
     drive = found.drive.slowed(factor)
     if library is not None and not np.isfinite(drive.size_m):
         drive = replace(drive, size_m=max(library.arena.size_m))
     movement_s = movement_apart(drive)
-    apart = clocks_apart(drive, movement_s)
-    complaints += [*units, *(apart or truth_apart(drive))]
-    checks = ["times", "odometry by itself"]
-    not_asked: list[str] = []
-    with_truth = compared_with_truth(drive, movement_s)
-    asked_truth = drive.truth.size > 1 and drive.odometry.size > 1
-    (checks if asked_truth else not_asked).append(
-        "odometry against truth" if asked_truth else f"{_lacking(drive)}: there is none"
-    )
-    complaints += with_truth if asked_truth else odometry_doubts(drive)
+    apart = clocks_apart(drive, movement_s) or truth_apart(drive)
+    asked = _Asked(["times", "odometry by itself"], [])
+    known = [*_about_reading(found), *units, *apart, *_about_odometry(drive, movement_s, asked)]
     if library is None:
-        not_asked.append("pictures: no library was given")
+        asked.without.append("pictures: no library was given")
     elif not len(drive.picture_t_s):
-        not_asked.append("pictures: there are none")
+        asked.without.append("pictures: there are none")
     else:
         looks = look(path, options, library, found.info, drive, factor, progress)
-        checks.append(f"{len(looks.t_s)} pictures against the library")
-        complaints = _about_pictures(looks, drive, found, complaints)
-    if any(one.code == "picture-delay" for one in complaints):  # that is why truth passes them by
-        complaints = [one for one in complaints if one.code != "truth-apart"]
+        asked.checks.append(f"{len(looks.t_s)} pictures against the library")
+        known = _about_pictures(looks, drive, found, known)
+    return _diagnosis(path, options, found, drive, asked, known)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What could be asked."""
+
+    checks: list[str]
+    without: list[str]  # what could not, and why
+
+
+def _diagnosis(
+    path: Path,
+    options: OpenOptions,
+    found: Gathered,
+    drive: Drive,
+    asked: _Asked,
+    known: Sequence[Complaint],
+) -> Diagnosis:
+    """Put together what is reported; a delay of the pictures is why truth seems to be elsewhere in time."""
+    delayed = any(one.code == "picture-delay" for one in known)
     format_name = chosen(path, options).name
-    complaints = [mendable(one, format_name) for one in complaints]
+    complaints = [mendable(one, format_name) for one in known if not (delayed and one.code == "truth-apart")]
     return Diagnosis(
         path,
         found.info.name,
@@ -100,11 +100,20 @@ def diagnose(
         len(drive.picture_t_s),
         found.cut,
         found.warnings,
-        tuple(checks),
-        tuple(not_asked),
+        tuple(asked.checks),
+        tuple(asked.without),
         tuple(complaints),
         mended(options, complaints),
     )
+
+
+def _about_odometry(drive: Drive, movement_s: float | None, asked: _Asked) -> list[Complaint]:
+    """Compare odometry with truth; where one of the two is missing, ask whether odometry is plausible."""
+    if drive.truth.size > 1 and drive.odometry.size > 1:
+        asked.checks.append("odometry against truth")
+        return compared_with_truth(drive, movement_s)
+    asked.without.append(f"{_lacking(drive)}: there is none")
+    return odometry_doubts(drive)
 
 
 def _lacking(drive: Drive) -> str:
@@ -151,52 +160,3 @@ def _about_pictures(looks: Looks, drive: Drive, found: Gathered, known: list[Com
         both = turn_complaint("clockwise degrees", evidence, **doubts[0].numbers)
         return [both if one is doubts[0] else one for one in known]
     return known + more
-
-
-def look(
-    path: Path,
-    options: OpenOptions,
-    library: Library,
-    info: SessionInfo,
-    drive: Drive,
-    factor: float,
-    progress: Progress | None = None,
-) -> Looks:
-    """Compare some pictures with a library. LogError for a library without any of the channels wanted."""
-    wanted = {name: weight for name, weight in FEATURES["blended"].items() if name in library.index}
-    if not wanted:
-        raise LogError(path, f"the library {library.name!r} holds neither color nor edges; build it again")
-    parameters = of_feature("blended" if len(wanted) > 1 else next(iter(wanted)))
-    localizer = make_localizer(library, _Named(info), parameters)
-    spacing = float(np.median(np.diff(drive.picture_t_s))) if len(drive.picture_t_s) > 1 else 0.0
-    stride = max(1, round(BETWEEN_S / spacing)) if spacing > 0 else 1
-    times, comparisons, number = [], [], 0
-    total = min(MOST_PICTURES, -(-len(drive.picture_t_s) // stride))
-    for record in raw_records(path, options, Findings(keep_going=True)):
-        if not isinstance(record, Picture):
-            continue
-        number += 1
-        if (number - 1) % stride:
-            continue
-        try:
-            image = record.read()
-        except PictureError:
-            continue
-        times.append(record.t_s * factor)
-        comparisons.append(localizer.sensor.compare(localizer.sensor.measure(image)))
-        if progress:
-            progress(len(times), total)
-        if len(times) >= MOST_PICTURES:
-            break
-    return Looks(np.array(times), comparisons, localizer)
-
-
-@dataclass(frozen=True, slots=True)
-class _Named:
-    """What a localizer wants to know of a session: its header."""
-
-    info: SessionInfo
-
-    def moments(self) -> Iterator[Moment]:
-        """Nothing is replayed here."""
-        return iter(())

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arena import open_arena
+from maurice_mcl.arena import Arena, open_arena
 from maurice_mcl.channels import CHANNELS, OUR_NAMES, Channel, describe
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.typing import F32, F64, U8
@@ -15,7 +15,7 @@ from maurice_mcl.typing import F32, F64, U8
 from .errors import LogError
 from .extent import check_span
 from .library_survey import Survey
-from .session_log import SessionLog
+from .session_log import SessionLog, SurveyPicture
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
 Warn = Callable[[str], None]
@@ -42,54 +42,67 @@ def build_library(
     poses too far apart (see `check_span`). A third-party channel that fails is left out, with a warning.
     """
     log = log or SessionLog(survey, keep_going=keep_going)
-    used = chosen_channels(channels)
-    sizes: dict[str, int] = {}
-    broken: list[str] = []
-    poses: list[F64] = []
-    pictures: list[Path | None] = []
-    references: dict[str, list[F32]] = {name: [] for name in used}
-    covered: dict[str, list[F32]] = {name: [] for name in used}
+    rows = _Rows(chosen_channels(channels), yaw_rad)
     total = log.count_pictures() if progress else 0
     for done, picture in enumerate(log.survey_pictures(), start=1):
-        rows = covered if picture.pose is None else references
-        measured, failed = _measured(used, picture.image, sizes)
-        broken += failed
-        used = {name: used[name] for name in measured}
-        for name, row in measured.items():
-            rows[name].append(row)
-            sizes[name] = len(row)
-        if picture.pose is not None:
-            poses.append(picture.pose - [0.0, 0.0, yaw_rad])
-            pictures.append(None if picture.path is None else picture.path.resolve())
+        rows.add(picture)
         if progress:
             progress(done, total)
-    if not poses:
+    if not rows.poses:
         raise LogError(survey, "found no picture with a pose, expected at least one; is this the survey?")
-    check_span(survey, np.array(poses), log.info.arena)
-    for text in broken:
-        (warn or silent)(text)
-    index = {name: _index(references[name], covered[name]) for name in used}
-    library = _library(log, np.array(poses), tuple(pictures), index)
-    for text in _warnings(log, library, any(covered.values())):
+    check_span(survey, np.array(rows.poses), log.info.arena)
+    arena = log.info.arena or open_arena(np.array(rows.poses))
+    library = rows.library(log.info.name, arena, log.info.display_units)
+    for text in [*rows.broken, *_warnings(log, library, rows.has_covered)]:
         (warn or silent)(text)
     return library
 
 
-def _measured(
-    used: Mapping[str, Channel], image: U8, sizes: Mapping[str, int]
-) -> tuple[dict[str, F32], list[str]]:
-    """Measure a picture by every channel, and say which of somebody else's failed, and why."""
-    found: dict[str, F32] = {}
-    failed: list[str] = []
-    for name, channel in used.items():
+class _Rows:
+    """What has been measured so far, picture by picture."""
+
+    def __init__(self, channels: Mapping[str, Channel], yaw_rad: float) -> None:
+        self.poses: list[F64] = []
+        self.broken: list[str] = []  # channels of somebody else's that failed, and why
+        self._pictures: list[Path | None] = []
+        self._channels = dict(channels)  # those that have not failed
+        self._references: dict[str, list[F32]] = {name: [] for name in channels}
+        self._covered: dict[str, list[F32]] = {name: [] for name in channels}
+        self._sizes: dict[str, int] = {}
+        self._yaw_rad = yaw_rad
+
+    @property
+    def has_covered(self) -> bool:
+        """Whether there was a picture with the lens covered."""
+        return any(self._covered.values())
+
+    def add(self, picture: SurveyPicture) -> None:
+        """Measure a picture by every channel."""
+        rows = self._covered if picture.pose is None else self._references
+        for name, channel in list(self._channels.items()):
+            row = self._measured(name, channel, picture.image)
+            if row is None:
+                del self._channels[name]
+            else:
+                rows[name].append(row)
+                self._sizes[name] = len(row)
+        if picture.pose is not None:
+            self.poses.append(picture.pose - [0.0, 0.0, self._yaw_rad])
+            self._pictures.append(None if picture.path is None else picture.path.resolve())
+
+    def library(self, name: str, arena: Arena, display_units: str) -> Library:
+        """Make a library of it."""
+        index = {one: _index(self._references[one], self._covered[one]) for one in self._channels}
+        return Library(name, np.array(self.poses), tuple(self._pictures), index, arena, display_units)
+
+    def _measured(self, name: str, channel: Channel, image: U8) -> F32 | None:
         if name in OUR_NAMES:
-            found[name] = channel.describe(image)
-            continue
+            return channel.describe(image)
         try:
-            found[name] = describe(channel, image, sizes.get(name))
+            return describe(channel, image, self._sizes.get(name))
         except ValueError as problem:
-            failed.append(f"{' '.join(str(problem).split())}; the library is built without it")
-    return found, failed
+            self.broken.append(f"{' '.join(str(problem).split())}; the library is built without it")
+            return None
 
 
 def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:
@@ -104,13 +117,6 @@ def _index(references: list[F32], covered: list[F32]) -> ChannelIndex:
     rows = np.array(references, np.float32)
     floor = np.mean(covered, axis=0, dtype=np.float64) if covered else np.zeros(rows.shape[1])
     return ChannelIndex(rows, np.asarray(floor, np.float32), rows.max(axis=0))
-
-
-def _library(
-    log: Survey, poses: F64, pictures: tuple[Path | None, ...], index: Mapping[str, ChannelIndex]
-) -> Library:
-    arena = log.info.arena or open_arena(poses)
-    return Library(log.info.name, poses, pictures, index, arena, log.info.display_units)
 
 
 def _warnings(log: Survey, library: Library, covered: bool) -> list[str]:
