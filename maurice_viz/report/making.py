@@ -14,7 +14,8 @@ from ..console import progress
 from ..look import scale_for
 from ..restoring import Pictures, restored_together
 from .choosing import choose, happenings
-from .page import Report, page
+from .contents import Report
+from .page import page
 from .shots import Photographer, shots
 from .tracks import collect, known_of
 
