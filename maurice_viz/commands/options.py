@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,48 +17,24 @@ from maurice_mcl.resampling import RESAMPLERS
 from ..layouts.names import DETAILS, LAYOUT_NAMES
 
 
-def _one_of(known: list[str], what: str, value: str) -> str:
-    if value not in known:
-        raise typer.BadParameter(f"no {what} called {value!r}; there are {', '.join(known)}")
-    return value
+def _one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
+    """Make what checks an option's value, or each of its values, to be the name of a known one."""
+    names = list(known)
+
+    def check(typed: Any) -> Any:
+        for value in typed if isinstance(typed, list) else [typed]:
+            if value is not None and value not in names:
+                raise typer.BadParameter(f"no {what} called {value!r}; there are {', '.join(names)}")
+        return typed
+
+    return check
 
 
-def _check_feature(value: str | None) -> str | None:
-    return None if value is None else _one_of(list({**FEATURES, **CHANNELS}), "feature", value)
-
-
-def _check_features(values: list[str] | None) -> list[str] | None:
-    for value in values or ():
-        _check_feature(value)
-    return values
-
-
-def _check_preset(value: str | None) -> str | None:
-    return None if value is None else _one_of(list(PRESETS), "preset", value)
-
-
-def _check_presets(values: list[str] | None) -> list[str] | None:
-    for value in values or ():
-        _check_preset(value)
-    return values
-
-
-def _check_resampler(value: str | None) -> str | None:
-    return None if value is None else _one_of(list(RESAMPLERS), "resampler", value)
-
-
-def _check_resamplers(values: list[str] | None) -> list[str] | None:
-    for value in values or ():
-        _check_resampler(value)
-    return values
-
-
-def _check_detail(value: str) -> str:
-    return _one_of(list(DETAILS), "detail", value)
-
-
-def _check_layout(value: str | None) -> str | None:
-    return None if value is None else _one_of(list(LAYOUT_NAMES), "layout", value)
+_check_feature = _one_of([*FEATURES, *(name for name in CHANNELS if name not in FEATURES)], "feature")
+_check_preset = _one_of(PRESETS, "preset")
+_check_resampler = _one_of(RESAMPLERS, "resampler")
+_check_detail = _one_of(DETAILS, "detail")
+_check_layout = _one_of(LAYOUT_NAMES, "layout")
 
 
 def _check_sharpness(value: float | None) -> float | None:
@@ -89,7 +66,7 @@ FeaturesOption = Annotated[
     typer.Option(
         "--feature",
         help=f"Once for each run: {_FEATURES}. [default: color and blended]",
-        callback=_check_features,
+        callback=_check_feature,
     ),
 ]
 PresetOption = Annotated[
@@ -98,9 +75,7 @@ PresetOption = Annotated[
 ]
 PresetsOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--preset", help=f"Once for all runs or once for each: {_PRESETS}.", callback=_check_presets
-    ),
+    typer.Option("--preset", help=f"Once for all runs or once for each: {_PRESETS}.", callback=_check_preset),
 ]
 ConfigOption = Annotated[
     Path | None,
@@ -154,7 +129,7 @@ ResamplersOption = Annotated[
     typer.Option(
         "--resampler",
         help=f"Once for all runs or once for each: {' | '.join(RESAMPLERS)}. [default: systematic]",
-        callback=_check_resamplers,
+        callback=_check_resampler,
     ),
 ]
 SharpnessOption = Annotated[
