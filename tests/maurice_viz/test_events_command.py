@@ -268,7 +268,7 @@ def cursor(port: int) -> tuple[str | None, int | None]:
 
 
 def settled(port: int, place: tuple[str, int]) -> bool:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while cursor(port) != place and time.monotonic() < deadline:
         time.sleep(0.1)
     return cursor(port) == place
