@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from .bag_source import BagSource, Message, Topic, short_type, sorted_topics
 from .errors import LogError
 from .mcap_bag import open_mcap
-from .ros_bag2_files import is_mcap, message_files, opened_as
+from .ros_bag2_files import is_mcap, message_files, not_merged, opened_as
 from .ros_bag2_parts import open_parts
 from .ros_extra import bag_errors, require_ros
 from .ros_types import decode_cdr
@@ -34,6 +34,9 @@ def open_ros2(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
 
 def _opening(path: Path, *, keep_going: bool) -> AbstractContextManager[BagSource]:
     files = message_files(path)
+    lost = [text for file in files if (text := not_merged(file))]
+    if lost and not keep_going:
+        raise LogError(path, f"found that {lost[0]}, --keep-going reads without them")
     try:
         opened = opened_as(path)
         if is_mcap(opened):
@@ -42,11 +45,11 @@ def _opening(path: Path, *, keep_going: bool) -> AbstractContextManager[BagSourc
     except LogError:
         if not keep_going or not files:
             raise
-        return open_parts(files)
+        return open_parts(files, lost)
     if len(files) == 1 and is_mcap(files[0]) and not bag.packed:
         bag.close()  # `rosbags` ends at the first damaged chunk, and does not say where that is
         return open_mcap(files[0], keep_going=keep_going)
-    return closing(_PastDamage(bag, [] if bag.packed else files) if keep_going else bag)
+    return closing(_PastDamage(bag, [] if bag.packed else files, lost) if keep_going else bag)
 
 
 def _reader(path: Path) -> Any:
@@ -104,12 +107,13 @@ class _Ros2Bag:
 class _PastDamage:
     """A bag that is read from its files, past what is broken in them, where `rosbags` cannot go on."""
 
-    def __init__(self, bag: _Ros2Bag, files: Sequence[Path]) -> None:
+    def __init__(self, bag: _Ros2Bag, files: Sequence[Path], lost: Sequence[str]) -> None:
         self._bag = bag
         self._files = files
+        self._lost = lost
         self.topics = bag.topics
         self.cut = ""
-        self.damaged: tuple[str, ...] = ()
+        self.damaged = tuple(lost)
 
     def close(self) -> None:
         """Close it."""
@@ -126,7 +130,7 @@ class _PastDamage:
             if not self._files:
                 self.cut = f"breaks off after {given.messages} messages"
                 return
-            with open_parts(self._files) as parts:
+            with open_parts(self._files, self._lost) as parts:
                 yield from (message for message in parts.messages(names) if given.lacks(message))
                 self.cut, self.damaged = parts.cut, parts.damaged
 

@@ -10,6 +10,7 @@ from .mcap_records import MAGIC
 
 METADATA = "metadata.yaml"
 PARTS = (".db3", ".mcap")
+BESIDE = {"-wal": b"\x37\x7f\x06", "-journal": b"\xd9\xd5\x05\xf9"}  # of SQLite, and how they begin
 PACKED = tuple(f"{part}.zstd" for part in PARTS)
 
 
@@ -48,6 +49,17 @@ def message_files(path: Path) -> list[Path]:
         return [path]
     found = [file for file in path.iterdir() if file.name.endswith((*PARTS, *PACKED))]
     return sorted(found, key=lambda file: [part.zfill(20) for part in re.split(r"(\d+)", file.name)])
+
+
+def not_merged(file: Path) -> str:
+    """Say what of a database still lies beside it, where nobody finds it who only reads; "" for nothing."""
+    for ending, magic in BESIDE.items():
+        beside = file.with_name(f"{file.name}{ending}")
+        if starts_with(beside, magic):
+            found = f"{beside.stat().st_size} bytes that belong into {file.name} are still in {beside.name}"
+            why = "as the recording was killed, or goes on"
+            return f"{found}, {why}; `sqlite3 {file.name} 'PRAGMA quick_check'` puts them in"
+    return ""
 
 
 def is_mcap(path: Path) -> bool:

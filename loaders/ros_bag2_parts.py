@@ -15,19 +15,19 @@ from .ros_sqlite import BrokenDatabase
 
 
 @contextmanager
-def open_parts(files: Sequence[Path]) -> Iterator[BagParts]:
-    """Open the files of a bag. LogError where none of them can be."""
+def open_parts(files: Sequence[Path], lost: Sequence[str] = ()) -> Iterator[BagParts]:
+    """Open the files of a bag, of which something may be `lost` already. LogError where none can be."""
     opened: list[tuple[Path, BagSource]] = []
-    lost: list[LogError] = []
+    refused: list[LogError] = []
     with ExitStack() as stack:
         for file in files:
             try:
                 opened.append((file, stack.enter_context(_part(file))))
             except LogError as problem:
-                lost.append(problem)
+                refused.append(problem)
         if not opened:
-            raise lost[0]
-        yield BagParts(opened, [str(problem) for problem in lost])
+            raise refused[0]
+        yield BagParts(opened, [*lost, *map(str, refused)])
 
 
 def _part(file: Path) -> AbstractContextManager[BagSource]:
@@ -40,7 +40,7 @@ class BagParts:
 
     def __init__(self, parts: Sequence[tuple[Path, BagSource]], lost: Sequence[str]) -> None:
         self._parts = parts
-        self._lost = lost  # files that could not be opened, and why
+        self._lost = lost  # what could not be opened, and why
         counts = Counter[tuple[str, str, str]]()
         for topic in (topic for _, part in parts for topic in part.topics):
             counts[topic.name, topic.type, topic.unreadable] += topic.count

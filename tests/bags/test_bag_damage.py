@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -190,6 +192,35 @@ def test_numbers_of_rows_that_lead_back_do_not_go_on_forever(tmp_path: Path) -> 
     data[-4096 * 20 : -4096 * 19] = bytes(4096)
     file.write_bytes(data)
     assert _said(file)[0] >= 60
+
+
+@pytest.mark.parametrize("mode", ["WAL", "DELETE"])
+@pytest.mark.parametrize("alone", [True, False])
+def test_what_a_killed_writer_left_beside_its_database_is_not_passed_over(
+    mode: str, alone: bool, tmp_path: Path
+) -> None:
+    """As `ros2 bag record --storage-preset-profile resilient` leaves it; mended as the message says."""
+    file = _database(tmp_path)
+    script = (
+        "import os, sqlite3, sys\n"
+        "base = sqlite3.connect(sys.argv[1], isolation_level=None)\n"
+        "base.execute(f'PRAGMA journal_mode = {sys.argv[2]}')\n"
+        "base.execute('PRAGMA cache_size = 1')\n"
+        "base.execute('BEGIN')\n"
+        "base.execute('DELETE FROM messages WHERE id > 250')\n"
+        "base.execute('COMMIT') if sys.argv[2] == 'WAL' else None\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    subprocess.run([sys.executable, "-c", script, file, mode], check=False)
+    path = file if alone else file.parent
+    with pytest.raises(LogError, match=r"belong into bag\.db3 are still in bag\.db3-.*`sqlite3 bag\.db3"):
+        _read(path)
+    session = open_session(path, OpenOptions(keep_going=True))
+    list(session.moments())
+    assert any("are still in bag.db3-" in str(problem) for problem in session.problems)
+    with closing(sqlite3.connect(file)) as base:
+        assert base.execute("PRAGMA quick_check").fetchone() == ("ok",)
+    assert _read(path) == (50 if mode == "WAL" else 100)
 
 
 @pytest.mark.parametrize("value", ["NULL", "7", "'text'", "3000000000"])
