@@ -11,6 +11,7 @@ from pathlib import Path
 from .corrected import corrected
 from .correction import Correction
 from .errors import LogError
+from .format_hints import describe
 from .made_odometry import odometry_from_truth
 from .recorded_session import MAX_DT_S, Pairing, RecordedSession
 from .recording import Recording
@@ -112,8 +113,8 @@ def guess(path: Path) -> Format:
     """Tell the format of a file or folder. LogError says what was found, and which formats there are."""
     one = _guess(path)
     if one is None:
-        names = ", ".join(formats())
-        raise LogError(path, f"found {_describe(path)}, expected one of these formats: {names}; see --format")
+        found, names = describe(path, _known, BARE), ", ".join(formats())
+        raise LogError(path, f"found {found}, expected one of these formats: {names}; see --format")
     return one
 
 
@@ -168,22 +169,10 @@ def _expect_there(path: Path) -> None:
     expect_regular(path, "a recording")
 
 
-def _describe(path: Path) -> str:
-    """Say what a path is, by its first bytes."""
-    if path.is_dir():
-        names = sorted(entry.name for entry in path.iterdir())[:4]
-        logs = sorted(path.glob("*.log"))
-        sequences = sorted((path / "sequences").glob("*"))  # as KITTI has them
-        hint = next((f" (did you mean {one}?)" for one in (*logs, *sequences)), "") or _table_hint(path)
-        return f"a folder with {', '.join(names)}{hint}" if names else "an empty folder"
-    with path.open("rb") as file:
-        begin = file.read(16)
-    return f"a file that begins with {begin!r}{_table_hint(path)}" if begin else "an empty file"
-
-
-def _table_hint(path: Path) -> str:
-    """Say how a table is read whose columns have names of its own; empty where there is none."""
-    tables = sorted(path.glob("*.[ct]sv")) if path.is_dir() else [path]
-    if not tables or tables[0].suffix.lower() not in (".csv", ".tsv"):
-        return ""
-    return f" (if {tables[0].name} is a table, say what its columns are with --columns)"
+def _known(path: Path) -> str | None:
+    """Give the name of the format that a path looks like; None for what is none, or cannot be opened."""
+    try:
+        one = _guess(path)
+    except LogError:
+        return None
+    return None if one is None else one.name

@@ -1,0 +1,98 @@
+"""Who names an archive, or the folder above, is told what was probably meant."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import os
+import shutil
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import open_session
+
+LOG = '{"format": "maurice-session-log", "version": 1, "kind": "session", "name": "a"}\n'
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(LogError) as told:
+        open_session(path)
+    assert "\n" not in str(told.value)
+    return str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "command"),
+    [
+        ("zip", "unzip 'my drive.zip'"),
+        ("tar", "tar xf 'my drive.tar'"),
+        ("gztar", "tar xf 'my drive.tar.gz'"),
+        ("bztar", "tar xf 'my drive.tar.bz2'"),
+        ("xztar", "tar xf 'my drive.tar.xz'"),
+    ],
+)
+def test_an_archive_is_named_with_what_unpacks_it(kind: str, command: str, tmp_path: Path) -> None:
+    (tmp_path / "drive").mkdir()
+    (tmp_path / "drive" / "session.log").write_text(LOG)
+    archive = Path(shutil.make_archive(str(tmp_path / "my drive"), kind, tmp_path, "drive"))
+    assert f"(unpack it: `{command}`)" in refused(archive)
+
+
+@pytest.mark.parametrize(
+    ("ending", "pack", "command"),
+    [("gz", gzip.compress, "gunzip"), ("bz2", bz2.compress, "bunzip2"), ("xz", lzma.compress, "unxz")],
+)
+def test_a_packed_file_is_named(ending: str, pack: object, command: str, tmp_path: Path) -> None:
+    path = tmp_path / f"session.log.{ending}"
+    path.write_bytes(pack(LOG.encode()))  # type: ignore[operator]  # of three modules
+    assert f"unpack it: `{command} session.log.{ending}`" in refused(path)
+
+
+def test_recordings_below_are_named(tmp_path: Path) -> None:
+    for number in range(5):
+        inner = tmp_path / "data" / f"drive{number}"
+        inner.mkdir(parents=True)
+        (inner / "session.log").write_text(LOG)
+    (tmp_path / "data" / ".hidden").mkdir()
+    told = refused(tmp_path / "data")
+    assert f"found a folder with drive0, drive1, drive2, drive3 (did you mean one of {tmp_path}" in told
+    assert "drive0/session.log" in told
+    assert "drive2/session.log, ...?)" in told
+    shutil.rmtree(tmp_path / "data" / "drive0")
+    for number in (1, 2, 3):
+        shutil.rmtree(tmp_path / "data" / f"drive{number}")
+    assert f"(did you mean {tmp_path / 'data' / 'drive4' / 'session.log'}?)" in refused(tmp_path / "data")
+
+
+def test_what_cannot_be_looked_into_does_no_harm(tmp_path: Path) -> None:
+    """A pipe that nobody writes into would be waited for; a link may lead nowhere, or round."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "nowhere").symlink_to(tmp_path / "gone")
+    (tmp_path / "round").symlink_to(tmp_path)
+    assert "did you mean" not in refused(tmp_path)
+
+
+def test_folders_without_anything(tmp_path: Path) -> None:
+    assert "found an empty folder, expected" in refused(tmp_path)
+    (tmp_path / "notes.txt").write_text("hello")
+    assert "found a folder with notes.txt, expected" in refused(tmp_path)
+
+
+def test_a_table_of_other_columns_comes_before_bare_pictures(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    (tmp_path / "where.csv").write_text("alpha,beta\n1,2\n")
+    assert "if where.csv is a table, say what its columns are with --columns" in refused(tmp_path)
+    (tmp_path / "where.csv").unlink()
+    assert f"did you mean {tmp_path / 'frames'}?" in refused(tmp_path)
+
+
+def test_an_uncompressed_tar_of_any_name(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("a")
+    with tarfile.open(tmp_path / "odd name", "w") as archive:
+        archive.add(tmp_path / "a", "a")
+    assert "found a tar archive (unpack it: `tar xf 'odd name'`)" in refused(tmp_path / "odd name")
