@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from .bag_source import BagSource, Message, Topic, short_type, sorted_topics
 from .errors import LogError
 from .mcap_bag import open_mcap
-from .ros_bag2_files import is_mcap, message_files, not_merged, opened_as
+from .ros_bag2_files import is_mcap, message_files, not_merged, not_there, opened_as
 from .ros_bag2_parts import open_parts
 from .ros_extra import bag_errors, require_ros
 from .ros_types import decode_cdr
@@ -45,7 +45,7 @@ def _opening(path: Path, *, keep_going: bool) -> AbstractContextManager[BagSourc
     except LogError:
         if not keep_going or not files:
             raise
-        return open_parts(files, lost)
+        return open_parts(files, [*not_there(path), *lost])
     if len(files) == 1 and is_mcap(files[0]) and not bag.packed:
         bag.close()  # `rosbags` ends at the first damaged chunk, and does not say where that is
         return open_mcap(files[0], keep_going=keep_going)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from .errors import LogError
@@ -44,11 +43,24 @@ def opened_as(path: Path) -> Path:
 
 
 def message_files(path: Path) -> list[Path]:
-    """Give the files that hold a bag's messages, by name and number; a file is its own."""
+    """Give the files that hold a bag's messages, by name; a file is its own."""
     if not path.is_dir():
         return [path]
-    found = [file for file in path.iterdir() if file.name.endswith((*PARTS, *PACKED))]
-    return sorted(found, key=lambda file: [part.zfill(20) for part in re.split(r"(\d+)", file.name)])
+    return sorted(file for file in path.iterdir() if file.name.endswith((*PARTS, *PACKED)))
+
+
+def not_there(path: Path) -> list[str]:
+    """Name the files that a bag's metadata lists and that are gone; none where it cannot be read."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        found = YAML(typ="safe", pure=True).load(path / METADATA)["rosbag2_bagfile_information"]
+        names = [str(name) for name in found["relative_file_paths"]]
+    except (OSError, ValueError, TypeError, KeyError, YAMLError):
+        return []
+    gone = [name for name in names if not (path / name).exists()]
+    return [f"{name} is not there, though {METADATA} lists it" for name in gone]
 
 
 def not_merged(file: Path) -> str:

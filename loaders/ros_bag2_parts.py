@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
@@ -36,10 +37,10 @@ def _part(file: Path) -> AbstractContextManager[BagSource]:
 
 
 class BagParts:
-    """Open files of one bag, in their order, as a `BagSource`."""
+    """Open files of one bag, in the order of time whatever their names are, as a `BagSource`."""
 
     def __init__(self, parts: Sequence[tuple[Path, BagSource]], lost: Sequence[str]) -> None:
-        self._parts = parts
+        self._parts = sorted(parts, key=lambda part: _begin_ns(part[1]))
         self._lost = lost  # what could not be opened, and why
         counts = Counter[tuple[str, str, str]]()
         for topic in (topic for _, part in parts for topic in part.topics):
@@ -62,3 +63,9 @@ class BagParts:
         """Give the messages of these topics, file by file."""
         for _, part in self._parts:
             yield from part.messages(names)
+
+
+def _begin_ns(part: BagSource) -> float:
+    """Give when the first message of a file was recorded; infinity for one without any."""
+    messages = part.messages({topic.name for topic in part.topics})
+    return next((message.log_ns for message in messages), math.inf)

@@ -117,10 +117,34 @@ def test_metadata_may_be_missing(bag: Path) -> None:
     assert session.problem_count == 0
 
 
+@pytest.mark.parametrize("renamed", [True, False])
+def test_a_part_that_is_gone_is_named(renamed: bool, bag: Path) -> None:
+    gone = files_of(bag)[0]
+    if renamed:
+        gone.rename(bag / f"other{gone.suffix}")
+    else:
+        gone.unlink()
+    with pytest.raises(LogError, match="--keep-going"):
+        open_session(bag)
+    times, session = going(bag)
+    assert len(times) == (UPDATES if renamed else 2 * UPDATES // PARTS)
+    assert session.problem_count == 1
+    assert f"{gone.name} is not there, though metadata.yaml lists it" in str(session.problems[0])
+
+
+@pytest.mark.parametrize("text", ["", "a: [", "rosbag2_bagfile_information: 3", "\0"])
+def test_metadata_that_makes_no_sense_is_done_without(text: str, bag: Path) -> None:
+    whole = going(bag)[0]
+    (bag / "metadata.yaml").write_text(text)
+    with pytest.raises(LogError, match="--keep-going"):
+        open_session(bag)
+    assert going(bag)[0] == whole
+
+
 def test_none_that_is_a_bag_is_refused(bag: Path) -> None:
     for file in files_of(bag):
         file.write_bytes(b"overwritten")
-    with pytest.raises(LogError, match=files_of(bag)[0].name):
+    with pytest.raises(LogError, match=r"bag_\d+"):
         going(bag)
 
 
