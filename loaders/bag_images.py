@@ -50,14 +50,12 @@ LARGEST = 2**28  # pixels of a picture; no camera has as many
 
 def picture_of(message: Any) -> U8:
     """Give the picture (H, W, 3) RGB of a message, raw or compressed. PictureError says what it is else."""
-    data = _bytes(message.data)
+    data = bytes_of(message.data)
     if hasattr(message, "encoding"):
         return raw_picture(data, message)
     form = str(getattr(message, "format", ""))
     if "compressedDepth" in form:
         raise PictureError(f"found a depth picture ({form!r}), expected a color or gray one")
-    if form.lower() in ("h264", "h265", "vp9", "av1"):
-        raise PictureError(f"found video ({form!r}), expected JPEG, PNG or WebP; record it decoded")
     return decode_picture(data)
 
 
@@ -97,8 +95,8 @@ def _rows(data: bytes, message: Any, pixel: int) -> U8:
     return np.ascontiguousarray(whole.reshape(height, step)[:, : width * pixel])
 
 
-def _bytes(data: Any) -> bytes:
-    """Give a message's bytes, which JSON writes as base64."""
+def bytes_of(data: Any) -> bytes:
+    """Give a message's bytes, which JSON writes as base64. PictureError for what is none."""
     if not isinstance(data, str):
         return bytes(data)
     try:

@@ -21,6 +21,7 @@ UNSURE_POSE = "geometry_msgs/PoseWithCovarianceStamped"  # what localizers publi
 PICTURES = frozenset(
     ("sensor_msgs/Image", "sensor_msgs/CompressedImage", "foxglove.RawImage", "foxglove.CompressedImage")
 )
+VIDEOS = frozenset(("foxglove.CompressedVideo", "ffmpeg_image_transport_msgs/FFMPEGPacket"))
 POSES = frozenset(
     (
         *(*ODOMETRIES, UNSURE_POSE),

@@ -17,6 +17,7 @@ from .bag_messages import (
     POSES,
     TEXT,
     TRANSFORMS,
+    VIDEOS,
     Link,
     known_type,
     links_of,
@@ -26,6 +27,7 @@ from .bag_messages import (
 )
 from .bag_source import Message, OpenBag
 from .bag_topics import Route, readable
+from .bag_video import Video, codec_of
 from .errors import LogError
 from .findings import Findings
 from .pictures import PictureError
@@ -140,14 +142,22 @@ class OneTopic:
 class Pictures(OneTopic):
     """Makes pictures of a topic's messages."""
 
-    types: ClassVar[Collection[str]] = PICTURES
+    types: ClassVar[Collection[str]] = PICTURES | VIDEOS
+    _video: Video = field(default_factory=Video, compare=False)
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give what one message says."""
-        if self.hears(message):
-            found = message.decode()
-            t_s = time_s(found, message.log_ns, recorded=recorded)
-            yield Picture(t_s, partial(_picture, found), f"{self.topic} {number}")
+        """Give what one message says; of video only what comes from the first key frame on."""
+        if not self.hears(message):
+            return
+        found, name = message.decode(), f"{self.topic} {number}"
+        t_s = time_s(found, message.log_ns, recorded=recorded)
+        if known_type(message.type) in PICTURES and codec_of(found) is None:
+            yield Picture(t_s, partial(_picture, found), name)
+        elif (read := self._video.add(found)) is not None:
+            if self._video.waited:
+                yield Note(t_s, f"video: {self._video.waited} pictures before the first key frame left out")
+                self._video.waited = 0
+            yield Picture(t_s, read, name)
 
 
 @dataclass(slots=True)

@@ -14,10 +14,11 @@ from .bag_messages import (
     POSES,
     TRANSFORMS,
     UNSURE_POSE,
+    VIDEOS,
     known_type,
 )
 from .bag_source import Topic
-from .bag_video import video_advice
+from .bag_video import INSTALL, can_decode
 from .errors import LogError
 
 TRUE = re.compile(r"ground_?truth|(^|[/_])(gt|truth|vicon|mocap|optitrack|qualisys|leica)([/_]|\d|$)", re.I)
@@ -86,7 +87,7 @@ def nothing_to_read(topics: Sequence[Topic]) -> str:
     """Say that a bag has neither pictures nor poses, and what it has."""
     wanted = "expected pictures (--image-topic), odometry (--odometry-topic) or truth (--truth-topic)"
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
-    more += [advice] if (advice := video_advice(topics)) else []
+    more += [advice] if (advice := _video_advice(topics)) else []
     said = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
     return "; ".join(said)
 
@@ -109,15 +110,31 @@ def readable(topics: Sequence[Topic], types: Collection[str]) -> list[Topic]:
 
 def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
     if wish is None:
-        found = sorted(readable(topics, PICTURES), key=_first_camera)
+        kinds = PICTURES | VIDEOS if can_decode() else PICTURES
+        found = sorted(readable(topics, kinds), key=_first_camera)
         return found[0].name if found else None
-    return None if wish == "none" else _named(path, topics, wish, PICTURES).name
+    if wish == "none":
+        return None
+    named = _named(path, topics, wish, PICTURES | VIDEOS)
+    if known_type(named.type) in VIDEOS and not can_decode():
+        raise LogError(path, _video_advice([named]))
+    return named.name
 
 
-def _first_camera(topic: Topic) -> tuple[bool, bool, int, int, str]:
-    """Order cameras: color before depth, then by count; of a picture sent twice the raw one, for its name."""
+def _video_advice(topics: Sequence[Topic]) -> str:
+    """Say what decodes video where there is some and nothing to decode it; "" elsewhere."""
+    found = [] if can_decode() else readable(topics, VIDEOS)
+    return f"{found[0].name} is video; decoding it needs an extra; {INSTALL}" if found else ""
+
+
+def _first_camera(topic: Topic) -> tuple[bool, bool, bool, int, int, str]:
+    """Order cameras: color before depth, pictures before video, then by count.
+
+    Of a picture sent twice the raw one is taken, for its shorter name.
+    """
     return (
         bool(LAST.search(topic.name)),
+        known_type(topic.type) in VIDEOS,
         not FIRST.search(topic.name),
         -topic.count,
         len(topic.name),
@@ -152,8 +169,7 @@ def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str
         if known_type(topic.type) in types and not topic.unreadable:
             return topic
     what = same[0].unreadable or f"it carries {same[0].type or 'no known type'}"
-    refused = f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}"
-    raise LogError(path, "; ".join(text for text in (refused, video_advice(same)) if text))
+    raise LogError(path, f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}")
 
 
 def _guess_truth(topics: Sequence[Topic]) -> Route | None:
@@ -187,7 +203,7 @@ def _say(
 ) -> str:
     """Say what was guessed, what else there is, and how to choose otherwise."""
     roles = (
-        ("pictures", "--image-topic", wishes.image, image, PICTURES),
+        ("pictures", "--image-topic", wishes.image, image, PICTURES | VIDEOS),
         ("odometry", "--odometry-topic", wishes.odometry, odometry, POSES),
         ("truth", "--truth-topic", wishes.truth, truth, POSES),
     )
@@ -196,10 +212,10 @@ def _say(
         return ""
     said = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]
     used = {str(taken).partition(":")[0] for *_, taken, _ in roles if taken}
-    kinds = PICTURES | POSES | CLOUDS
+    kinds = PICTURES | VIDEOS | POSES | CLOUDS
     others = [t for t in readable(topics, kinds) if t.name not in used]
     choices = ", ".join(one[1] for one in guessed)
     also = f"also there: {listed(others)}" if others else ""
-    video = "" if image else video_advice(topics)
+    video = "" if image else _video_advice(topics)
     told = (f"guessed {', '.join(said)} ({choices} to choose otherwise)", also, video)
     return "; ".join(text for text in told if text)

@@ -1,32 +1,162 @@
-"""Video in bags, which is not decoded here: what to do instead.
+"""Video in bags and from bridges: pictures that build upon each other, decoded as far as they are asked for.
 
-Its pictures build upon each other, while ours are read one at a time and some never.
+A message is one picture's part of an H.264, H.265, VP9 or AV1 stream, as `foxglove.CompressedVideo`,
+`ffmpeg_image_transport_msgs/FFMPEGPacket` or a `sensor_msgs/CompressedImage` of that format carry it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import importlib.util
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
-from .bag_messages import known_type
-from .bag_source import Topic
+import numpy as np
 
-TRANSPORTS = {  # image_transport's names for what decodes them
-    "foxglove.CompressedVideo": "foxglove",
-    "ffmpeg_image_transport_msgs/FFMPEGPacket": "ffmpeg",
-}
+from maurice_mcl.typing import U8
+
+from .bag_images import bytes_of
+from .pictures import PictureError
+
+if TYPE_CHECKING:
+    from av.video.codeccontext import VideoCodecContext
+    from av.video.frame import VideoFrame
+
+INSTALL = "pip install 'maurice-replay[video]'"
+# by a part of what names them
+CODECS = {"264": "h264", "265": "hevc", "hevc": "hevc", "vp9": "vp9", "av1": "av1"}
+DECODERS = {"av1": "libdav1d"}  # the codec's own wants hardware
+MOST_BUILT = 1800  # pictures upon one key frame: a minute at 30 a second
+Read = Callable[[], U8]
 
 
-def video_advice(topics: Sequence[Topic]) -> str:
-    """Say how the first topic of video becomes pictures; "" where there is none."""
-    for topic in topics:
-        transport = TRANSPORTS.get(known_type(topic.type))
-        if transport and topic.count:
-            decoded = f"{topic.name.rpartition('/')[0]}/decoded"
-            ways = f"-p in_transport:={transport} -p out_transport:=raw"
-            names = f"-r in/{transport}:={topic.name} -r out:={decoded}"
-            command = f"ros2 run image_transport republish --ros-args {ways} {names}"
-            return (
-                f"{topic.name} is video, which is not decoded here: run `{command}` "
-                "and `ros2 bag record -a` while `ros2 bag play` plays the bag, and open the new one"
-            )
-    return ""
+def can_decode() -> bool:
+    """Tell whether the package that decodes video is installed."""
+    return importlib.util.find_spec("av") is not None
+
+
+def codec_of(message: Any) -> str | None:
+    """Name the codec of a message's video; None where it is no video that is known."""
+    form = getattr(message, "format", None)
+    named = str(form if form is not None else getattr(message, "encoding", "")).lower()
+    if "jpeg" in named or "png" in named:
+        return None
+    return next((codec for part, codec in CODECS.items() if part in named.partition(";")[0]), None)
+
+
+class Video:
+    """The messages of one topic, in their order. Holds what came since the last key frame, still packed."""
+
+    def __init__(self) -> None:
+        self.waited = 0  # messages before the first key frame, which nothing can be made of
+        self._parser: VideoCodecContext | None = None
+        self._codec = ""
+        self._first = b""  # the first key frame: what describes the stream may stand in it alone
+        self._group: _Group | None = None
+
+    def add(self, message: Any) -> Read | None:
+        """Take in the next message: gives what decodes its picture, None before the first key frame.
+
+        The picture is RGB (H, W, 3). PictureError, now or then, for what is no video or broken.
+        """
+        codec = codec_of(message)
+        if codec is None:
+            raise PictureError(f"found video of no known kind, expected one of {', '.join(CODECS)}")
+        if not can_decode():
+            raise PictureError(f"found video ({codec}); decoding it needs an extra; {INSTALL}")
+        data = bytes_of(message.data)
+        if self._is_key(codec, data):
+            self._first = self._first or data
+            self._group = _Group(codec, self._first)
+        if self._group is None:
+            self.waited += 1
+            return None
+        return partial(self._group.picture, self._group.add(data))
+
+    def _is_key(self, codec: str, data: bytes) -> bool:
+        from av import FFmpegError
+
+        if self._parser is None or codec != self._codec:
+            self._parser, self._codec, self._first = _context(codec), codec, b""
+        try:
+            packets = [*self._parser.parse(data), *self._parser.parse(None)]
+        except FFmpegError:
+            return False
+        return any(packet.is_keyframe for packet in packets)
+
+
+class _Group:
+    """A key frame and what builds upon it; decoded from its beginning, once where it is read in order."""
+
+    def __init__(self, codec: str, first: bytes) -> None:
+        self._codec = codec
+        self._first = first
+        self._packets: list[bytes] = []
+        self._decoder: VideoCodecContext | None = None
+        self._next = 0  # packet to be decoded
+        self._latest: tuple[int, U8] | None = None
+
+    def add(self, data: bytes) -> int:
+        """Take in one more packet; gives its number."""
+        if len(self._packets) >= MOST_BUILT:
+            raise PictureError(f"found video without a key frame for {MOST_BUILT} pictures, expected some")
+        self._packets.append(data)
+        return len(self._packets) - 1
+
+    def picture(self, number: int) -> U8:
+        """Decode the picture (H, W, 3) RGB of a packet."""
+        from av import FFmpegError
+
+        if self._latest is None or self._latest[0] != number:
+            try:
+                frame = self._frame(number)
+            except FFmpegError as problem:
+                self._decoder = None
+                raise PictureError(f"found broken video ({problem.strerror}), expected a picture") from None
+            if frame is None or frame.is_corrupt:
+                raise PictureError("found broken video, expected a picture of it")
+            self._latest = number, np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+        return self._latest[1].copy()
+
+    def _frame(self, number: int) -> VideoFrame | None:
+        """Decode up to a packet, and give its frame; streams may give it late, in another order."""
+        if self._decoder is None or self._next > number:
+            self._decoder = self._begun()
+        found: VideoFrame | None = None
+        while self._next <= number:
+            for frame in self._decoder.decode(_packet(self._packets[self._next], self._next)):
+                found = frame if frame.pts == number else found
+            self._next += 1
+        if found is None:
+            late = self._decoder.decode(None)  # after which it has to begin anew
+            found = next((frame for frame in late if frame.pts == number), None)
+            self._decoder = None
+        return found
+
+    def _begun(self) -> VideoCodecContext:
+        from av.codec.context import Flags, ThreadType
+
+        decoder = _context(DECODERS.get(self._codec, self._codec))
+        decoder.thread_type = ThreadType.SLICE  # threads by frames would keep pictures back
+        decoder.flags |= Flags.low_delay
+        self._next = 0
+        if self._first is not self._packets[0]:
+            decoder.decode(_packet(self._first, -1))
+        return decoder
+
+
+def _context(name: str) -> VideoCodecContext:
+    from av import CodecContext
+    from av.video.codeccontext import VideoCodecContext
+
+    made = CodecContext.create(name, "r")
+    assert isinstance(made, VideoCodecContext)
+    return made
+
+
+def _packet(data: bytes, number: int) -> Any:
+    from av import Packet
+
+    packet = Packet(data)
+    packet.pts = number
+    return packet

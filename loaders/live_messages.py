@@ -7,22 +7,25 @@ import json
 import re
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from maurice_mcl.typing import F64
+from maurice_mcl.typing import F64, U8
 
 from .bag_clock import use_recorded
 from .bag_images import picture_of
 from .bag_source import Message
 from .bag_topics import Route
+from .bag_video import Video, codec_of
 from .fields import FieldError
 from .live_poses import NO_POSE, Teller, Track, short, time_of
-from .pictures import encode_jpeg
+from .pictures import PictureError, encode_jpeg
 from .recording import motion_between
 
 MOST_PICTURES = 8  # that wait for the odometry after them ...
@@ -61,7 +64,7 @@ class _Item:
     role: str
     stamp_ns: int | None
     log_ns: int
-    said: Any  # the message of a picture, or a pose (3,)
+    said: Any  # what gives a picture's file as base64, or a pose (3,)
 
 
 def json_message(data: bytes | str) -> Any:
@@ -86,10 +89,11 @@ class Translator:
         self._tellers: dict[Route, Teller] = {}
         self._undated: list[_Item] | None = []  # None once it is known what times are worth
         self._recorded = False  # the times that messages carry are of no use
-        self._pictures: deque[tuple[float, float, Any]] = deque()  # time, our own clock's, message
+        self._pictures: deque[tuple[float, float, Callable[[], str]]] = deque()  # time, our own clock's
         self._last_pose: F64 | None = None
         self._last_s = float("-inf")
         self._has_odometry = False
+        self._video = Video()
 
     def take(self, message: Message, topics: Topics) -> Iterator[dict[str, Any]]:
         """Take in a message. FieldError for one that makes no sense."""
@@ -112,11 +116,21 @@ class Translator:
         if message.topic != topics.image and not hearing:
             return
         found = decoded(message)
-        if message.topic == topics.image:
-            yield _Item(IMAGE, _stamp(found), message.log_ns, found)
+        if message.topic == topics.image and (encoded := self._picture(found)) is not None:
+            yield _Item(IMAGE, _stamp(found), message.log_ns, encoded)
         for role, teller in hearing.items():
             for told in teller.tell(found, static="static" in message.topic):
                 yield _Item(role, told.stamp_ns, message.log_ns, told.pose)
+
+    def _picture(self, message: Any) -> Callable[[], str] | None:
+        """Give what encodes a message's picture; None for video before its first key frame."""
+        if codec_of(message) is None:
+            return _encoded(message)
+        try:
+            read = self._video.add(message)
+        except PictureError as problem:
+            raise FieldError(str(problem)) from None
+        return None if read is None else partial(_as_jpeg, read)
 
     def idle(self) -> Iterator[dict[str, Any]]:
         """Give what has waited long enough, when nothing comes."""
@@ -152,25 +166,25 @@ class Translator:
     def _ready(self) -> Iterator[dict[str, Any]]:
         """Give the pictures about which nothing more will be known."""
         while self._pictures:
-            t_s, since_s, message = self._pictures[0]
+            t_s, since_s, encoded = self._pictures[0]
             known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
             waited = time.monotonic() - since_s > LONGEST_S or len(self._pictures) > MOST_PICTURES
             if not known and not waited:
                 return
             self._pictures.popleft()
             try:
-                yield from self._lines(t_s, message)
+                yield from self._lines(t_s, encoded)
             except FieldError as problem:  # before any of its lines
                 self.problems.append(problem)
 
-    def _lines(self, t_s: float, message: Any) -> Iterator[dict[str, Any]]:
+    def _lines(self, t_s: float, encoded: Callable[[], str]) -> Iterator[dict[str, Any]]:
         """Give the lines of one picture: what moved, the truth, the picture."""
         if t_s < self._last_s:
             raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
         pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
         if pose is None and self._has_odometry:
             raise FieldError(f"found no odometry within {self._max_dt_s:g} s of a picture; see --max-dt")
-        image = {"base64": _encoded(message)}
+        image = {"base64": encoded()}
         self._last_s = t_s
         if pose is not None:
             before = self._tracks[ODOMETRY].first if self._last_pose is None else self._last_pose
@@ -200,13 +214,29 @@ def _stamp(message: Any) -> int | None:
         raise FieldError(f"found a message whose time makes no sense ({short(problem)})") from None
 
 
-def _encoded(message: Any) -> str:
-    """Give a picture's file as base64: as it came where it is compressed, else as JPEG."""
-    try:
-        form = str(getattr(message, "format", ""))
-        if hasattr(message, "encoding") or not COMPRESSED.search(form) or "Depth" in form:
-            return base64.b64encode(encode_jpeg(picture_of(message))).decode("ascii")
+def _encoded(message: Any) -> Callable[[], str]:
+    """Give what makes a picture's file as base64: as it came where it is compressed, else as JPEG."""
+    form = str(getattr(message, "format", ""))
+    if hasattr(message, "encoding") or not COMPRESSED.search(form) or "Depth" in form:
+        return partial(_as_jpeg, partial(picture_of, message))
+    return partial(_as_it_came, message)
+
+
+def _as_it_came(message: Any) -> str:
+    with _usable():
         data = message.data
         return data if isinstance(data, str) else base64.b64encode(bytes(data)).decode("ascii")
+
+
+def _as_jpeg(read: Callable[[], U8]) -> str:
+    with _usable():
+        return base64.b64encode(encode_jpeg(read())).decode("ascii")
+
+
+@contextmanager
+def _usable() -> Iterator[None]:
+    """Raise FieldError where a picture cannot be read."""
+    try:
+        yield
     except NO_POSE as problem:
         raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None

@@ -10,9 +10,13 @@ from .mcap_records import MOST_BYTES, ZSTD_MAGIC, unpack_zstd
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-NAV2 = {  # not among the standard types; bags of ROS 2 before Iron carry no definitions
+MORE = {  # not among the standard types; bags of ROS 2 before Iron carry no definitions
     "nav2_msgs/msg/Particle": "geometry_msgs/Pose pose\nfloat64 weight\n",
     "nav2_msgs/msg/ParticleCloud": "std_msgs/Header header\nnav2_msgs/Particle[] particles\n",
+    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "std_msgs/Header header\nint32 width\nint32 height\n"
+    "string encoding\nuint64 pts\nuint8 flags\nbool is_bigendian\nuint8[] data\n",
+    "foxglove_msgs/msg/CompressedVideo": "builtin_interfaces/Time timestamp\nstring frame_id\n"
+    "uint8[] data\nstring format\n",
 }
 
 
@@ -44,7 +48,7 @@ def _store(kind: str, definition: str, form: str, *, ros1: bool) -> Typestore:
 
     if not definition:
         store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
-        for name, text in NAV2.items():
+        for name, text in MORE.items():
             store.register(get_types_from_msg(text, name))
         return store
     store = get_typestore(Stores.EMPTY)

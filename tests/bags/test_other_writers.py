@@ -189,24 +189,6 @@ def test_chunks_without_a_wanted_topic_are_not_unpacked(
     assert len(unpacked) <= 7  # of 11 or 12
 
 
-@pytest.mark.parametrize(
-    ("kind", "transport"),
-    [("ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "ffmpeg"), ("foxglove.CompressedVideo", "foxglove")],
-)
-def test_video_is_refused_with_the_command(kind: str, transport: str, tmp_path: Path) -> None:
-    said = [Said("/cam/video", kind, BEGIN_NS, {})]
-    path = making.write_json_mcap(tmp_path / "a.mcap", said)
-    want = (
-        f"in_transport:={transport} -p out_transport:=raw -r in/{transport}:=/cam/video -r out:=/cam/decoded"
-    )
-    with pytest.raises(LogError, match=want):
-        open_recording(path)
-    with pytest.raises(LogError, match=want):
-        open_recording(path, OpenOptions(image_topic="/cam/video"))
-    mixed = making.write_json_mcap(tmp_path / "b.mcap", [*said, *making.foxglove_drive()[:1]])
-    assert want in open_recording(mixed).info.notes[0]
-
-
 def _looking(tmp_path: Path, frame: str, x: float, y: float, z: float, w: float) -> Path:
     """A bag whose camera's frame stands on a mount with this quaternion; the mount is turned 0.5 rad left."""
     ros = Ros(2)

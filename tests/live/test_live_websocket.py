@@ -68,6 +68,7 @@ ODOMETRY = {
     "json": "/odom",
     "proto": "/odom",
     "proto-raw": "/odom",
+    "proto-video": "/odom",
     "cdr-tf": "/tf:odom.base_link",
     "proto-tf": "/tf:odom.base_link",
 }

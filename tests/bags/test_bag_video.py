@@ -1,0 +1,243 @@
+"""Video in bags: every codec gives the pictures that went in, in whatever order they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import av
+import bag_making as making
+import numpy as np
+import pytest
+from bag_making import BEGIN_NS, Said
+
+from maurice_loaders import bag_video
+from maurice_loaders.bag_video import MOST_BUILT, Video, codec_of
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats import OpenOptions, open_recording, open_session
+from maurice_loaders.pictures import PictureError
+
+PICTURES = 24
+GROUP = 8  # pictures from one key frame to the next
+ENCODERS: dict[str, tuple[str, dict[str, str]]] = {
+    "h264": ("libx264", {"tune": "zerolatency"}),
+    "h265": ("libx265", {"tune": "zerolatency", "x265-params": "log-level=none"}),
+    "vp9": ("libvpx-vp9", {"deadline": "realtime", "lag-in-frames": "0"}),
+}
+
+
+def shade(number: int) -> int:
+    return 20 + 9 * number
+
+
+def packed(
+    kind: str, count: int = PICTURES, group: int = GROUP, between: int = 0, **more: str
+) -> list[tuple[int, bytes]]:
+    """Pictures as a stream, each brighter than the one before: number of the picture and its part."""
+    encoder, options = ENCODERS[kind]
+    codec = av.CodecContext.create(encoder, "w")
+    assert isinstance(codec, av.video.codeccontext.VideoCodecContext)
+    codec.width, codec.height, codec.pix_fmt, codec.time_base = 64, 48, "yuv420p", Fraction(1, 10)
+    codec.gop_size, codec.max_b_frames = group, between
+    codec.options = {**({} if between else options), **more}
+    parts = []
+    for number in range(count):
+        frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), shade(number), np.uint8), format="rgb24")
+        frame.pts = number
+        parts += codec.encode(frame)
+    parts += codec.encode(None)
+    return [(part.pts or 0, bytes(part)) for part in parts]
+
+
+def message(data: bytes, form: str) -> Any:
+    return SimpleNamespace(data=data, format=form)
+
+
+def readers(parts: Sequence[tuple[int, bytes]], form: str) -> dict[int, Callable[[], Any]]:
+    """What reads each picture, by its number."""
+    video = Video()
+    found = {number: video.add(message(data, form)) for number, data in parts}
+    return {number: read for number, read in found.items() if read is not None}
+
+
+def seen(read: Callable[[], Any]) -> float:
+    image = read()
+    assert image.shape == (48, 64, 3)
+    assert image.dtype == np.uint8
+    return float(image.mean())
+
+
+@pytest.mark.parametrize("kind", ENCODERS)
+@pytest.mark.parametrize("order", ["forward", "backward", "some", "twice"])
+def test_pictures_are_what_went_in_whatever_the_order(kind: str, order: str) -> None:
+    found = readers(packed(kind), kind)
+    assert sorted(found) == list(range(PICTURES))
+    asked = {
+        "forward": range(PICTURES),
+        "backward": range(PICTURES - 1, -1, -1),
+        "some": range(3, PICTURES, 5),
+        "twice": [number // 2 for number in range(2 * PICTURES)],
+    }[order]
+    for number in asked:
+        assert seen(found[number]) == pytest.approx(shade(number), abs=3), number
+
+
+def test_pictures_that_build_upon_later_ones() -> None:
+    """Such a stream has its parts in another order than its pictures."""
+    parts = packed("h264", between=3)
+    assert [number for number, _ in parts] != sorted(number for number, _ in parts)
+    for number, read in readers(parts, "h264").items():
+        assert seen(read) == pytest.approx(shade(number), abs=3)
+
+
+def test_what_describes_the_stream_may_stand_in_its_first_part_alone() -> None:
+    parts = packed("h264", **{"x264-params": "repeat-headers=1"})
+    described = [
+        (n, b"".join(unit for unit in units(data) if n == 0 or not describes(unit))) for n, data in parts
+    ]
+    assert len(described[GROUP][1]) < len(parts[GROUP][1])
+    found = readers(described, "h264")
+    for number in (GROUP + 2, 2, 2 * GROUP):
+        assert seen(found[number]) == pytest.approx(shade(number), abs=3)
+
+
+def units(data: bytes) -> list[bytes]:
+    return [b"\0\0\0\1" + unit for unit in data.replace(b"\0\0\0\1", b"\0\0\1").split(b"\0\0\1")[1:]]
+
+
+def describes(unit: bytes) -> bool:
+    return unit[4] & 0x1F in (7, 8)  # H.264's sequence and picture parameter sets
+
+
+@pytest.mark.parametrize("kind", ENCODERS)
+def test_what_comes_before_the_first_key_frame_is_left_out(kind: str) -> None:
+    parts = packed(kind)[3:]
+    video = Video()
+    found = [video.add(message(data, kind)) for _, data in parts]
+    assert [read is None for read in found] == [number < GROUP for number, _ in parts]
+    assert video.waited == GROUP - 3
+    assert seen(next(read for read in found if read)) == pytest.approx(shade(GROUP), abs=3)
+
+
+def test_broken_parts_are_said_and_what_follows_the_next_key_frame_is_sound(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    parts = packed("h264")
+    broken = [(n, data if n != 2 else data[:5] + b"\xff" * 40) for n, data in parts]
+    found = readers(broken, "h264")
+    with pytest.raises(PictureError, match="broken video"):
+        found[2]()
+    assert seen(found[1]) == pytest.approx(shade(1), abs=3)
+    assert seen(found[GROUP]) == pytest.approx(shade(GROUP), abs=3)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("data", [b"", b"\0\0\0\1", b"hello", bytes(1000)])
+@pytest.mark.parametrize("kind", [*ENCODERS, "av1"])
+def test_nonsense_is_no_video(kind: str, data: bytes) -> None:
+    video = Video()
+    for _ in range(3):
+        read = video.add(message(data, kind))
+        if read is not None:
+            with pytest.raises(PictureError):
+                read()
+
+
+def test_a_stream_without_key_frames_does_not_fill_memory() -> None:
+    (_, key), (_, other), *_ = packed("h264")
+    video = Video()
+    video.add(message(key, "h264"))
+    for _ in range(MOST_BUILT - 1):
+        video.add(message(other, "h264"))
+    with pytest.raises(PictureError, match=f"without a key frame for {MOST_BUILT} pictures"):
+        video.add(message(other, "h264"))
+
+
+@pytest.mark.parametrize(
+    ("fields", "codec"),
+    [
+        ({"format": "h264"}, "h264"),
+        ({"format": "H265"}, "hevc"),
+        ({"format": "vp9"}, "vp9"),
+        ({"format": "av1"}, "av1"),
+        ({"encoding": "libx264"}, "h264"),
+        ({"encoding": "hevc_nvenc"}, "hevc"),
+        ({"encoding": "h264;yuv420p;bgr8;bgr8"}, "h264"),
+        ({"format": "bgr8; jpeg compressed bgr8"}, None),
+        ({"format": "png"}, None),
+        ({"encoding": "rgb8"}, None),
+        ({"encoding": "yuv422"}, None),
+        ({}, None),
+    ],
+)
+def test_codecs_by_what_names_them(fields: dict[str, str], codec: str | None) -> None:
+    assert codec_of(SimpleNamespace(**fields)) == codec
+
+
+def bag(folder: Path, kind: str, parts: Sequence[tuple[int, bytes]]) -> Path:
+    """A drive whose camera gives H.264, as messages of one of three types in MCAP."""
+    said = []
+    for number, data in parts:
+        t_ns = BEGIN_NS + number * 10**8
+        time = {"sec": t_ns // 10**9, "nsec": t_ns % 10**9}
+        header = {"stamp": {"sec": time["sec"], "nanosec": time["nsec"]}, "frame_id": "camera"}
+        encoded = making.base64.b64encode(data).decode()
+        fields: dict[str, Any] = {
+            "foxglove.CompressedVideo": {"timestamp": time, "frame_id": "camera", "format": "h264"},
+            "sensor_msgs/msg/CompressedImage": {"header": header, "format": "h264"},
+            "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": {
+                "header": header,
+                "width": 64,
+                "height": 48,
+                "encoding": "h264;yuv420p;bgr8;bgr8",
+                "pts": number,
+                "flags": 0,
+                "is_bigendian": False,
+            },
+        }[kind]
+        said.append(Said("/cam/video", kind, t_ns, fields | {"data": encoded}))
+    poses = [one for one in making.foxglove_drive(PICTURES) if "mage" not in one.type]
+    return making.write_json_mcap(folder / "a.mcap", sorted([*said, *poses], key=lambda one: one.log_ns))
+
+
+KINDS = (
+    "foxglove.CompressedVideo",
+    "sensor_msgs/msg/CompressedImage",
+    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket",
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_video_is_a_session(kind: str, tmp_path: Path) -> None:
+    session = open_session(bag(tmp_path, kind, packed("h264")))
+    for _ in range(2):  # a session begins anew every time
+        moments = list(session.moments())
+        assert len(moments) == PICTURES
+        for number, moment in enumerate(moments):
+            assert moment.frame.image.mean() == pytest.approx(shade(number), abs=3)
+
+
+def test_two_readings_at_once_do_not_meet(tmp_path: Path) -> None:
+    session = open_session(bag(tmp_path, KINDS[0], packed("h264")))
+    for number, (one, other) in enumerate(zip(session.moments(), session.moments(), strict=True)):
+        assert one.frame.image.mean() == other.frame.image.mean() == pytest.approx(shade(number), abs=3)
+
+
+def test_a_recording_that_began_in_the_middle_says_so(tmp_path: Path) -> None:
+    session = open_session(bag(tmp_path, KINDS[0], packed("h264")[3:]))
+    first = next(session.moments())
+    assert first.frame.image.mean() == pytest.approx(shade(GROUP), abs=3)
+    assert f"video: {GROUP - 3} pictures before the first key frame left out" in first.events
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_the_extra_it_is_said(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = bag(tmp_path, kind, packed("h264"))
+    monkeypatch.setattr(bag_video.importlib.util, "find_spec", lambda name: None if name == "av" else name)
+    with pytest.raises(LogError, match=r"decoding it needs an extra; pip install 'maurice-replay\[video\]'"):
+        list(open_session(path, OpenOptions(image_topic="/cam/video")).moments())
+    if "Image" not in kind:
+        assert "/cam/video is video; decoding it needs an extra" in open_recording(path).info.notes[0]
