@@ -153,11 +153,10 @@ class Pictures(OneTopic):
         t_s = time_s(found, message.log_ns, recorded=recorded)
         if known_type(message.type) in PICTURES and codec_of(found) is None:
             yield Picture(t_s, partial(_picture, found), name)
-        elif (read := self._video.add(found)) is not None:
-            if self._video.waited:
-                yield Note(t_s, f"video: {self._video.waited} pictures before the first key frame left out")
-                self._video.waited = 0
-            yield Picture(t_s, read, name)
+        elif (part := self._video.add(found, t_s)) is not None:
+            if part.note:
+                yield Note(t_s, part.note)
+            yield Picture(t_s, part.read, name)
 
 
 @dataclass(slots=True)

@@ -7,8 +7,12 @@ A message is one picture's part of an H.264, H.265, VP9 or AV1 stream, as `foxgl
 from __future__ import annotations
 
 import importlib.util
+import math
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +31,18 @@ INSTALL = "pip install 'maurice-replay[video]'"
 CODECS = {"264": "h264", "265": "hevc", "hevc": "hevc", "vp9": "vp9", "av1": "av1"}
 DECODERS = {"av1": "libdav1d"}  # the codec's own wants hardware
 MOST_BUILT = 1800  # pictures upon one key frame: a minute at 30 a second
+MOST_BYTES = 2**28  # of them, packed
+PAUSE = 1.6  # times the usual interval: a message was lost, or the camera paused
+LATELY = 9  # intervals that tell what is usual
 Read = Callable[[], U8]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One picture's part of a video."""
+
+    read: Read  # gives the picture (H, W, 3) RGB; PictureError for one that is broken
+    note: str  # what one should know of it; "" for nothing
 
 
 def can_decode() -> bool:
@@ -48,16 +63,19 @@ class Video:
     """The messages of one topic, in their order. Holds what came since the last key frame, still packed."""
 
     def __init__(self) -> None:
-        self.waited = 0  # messages before the first key frame, which nothing can be made of
+        self._waited = 0  # messages before the first key frame, which nothing can be made of
+        self._intervals_s = deque[float](maxlen=LATELY)
+        self._last_s = math.nan
+        self._doubted = False  # since the last key frame
         self._parser: VideoCodecContext | None = None
         self._codec = ""
         self._first = b""  # the first key frame: what describes the stream may stand in it alone
         self._group: _Group | None = None
 
-    def add(self, message: Any) -> Read | None:
-        """Take in the next message: gives what decodes its picture, None before the first key frame.
+    def add(self, message: Any, t_s: float) -> Part | None:
+        """Take in the next message, of this time: gives its part, None before the first key frame.
 
-        The picture is RGB (H, W, 3). PictureError, now or then, for what is no video or broken.
+        PictureError for what is no video.
         """
         codec = codec_of(message)
         if codec is None:
@@ -65,13 +83,29 @@ class Video:
         if not can_decode():
             raise PictureError(f"found video ({codec}); decoding it needs an extra; {INSTALL}")
         data = bytes_of(message.data)
-        if self._is_key(codec, data):
+        key = self._is_key(codec, data)
+        if key:
             self._first = self._first or data
             self._group = _Group(codec, self._first)
         if self._group is None:
-            self.waited += 1
+            self._waited += 1
             return None
-        return partial(self._group.picture, self._group.add(data))
+        return Part(partial(self._group.picture, self._group.add(data)), self._note(t_s, key=key))
+
+    def _note(self, t_s: float, *, key: bool) -> str:
+        """Say what came too late; no decoder tells that a part is missing that others build upon."""
+        since_s, self._last_s = t_s - self._last_s, t_s
+        usual_s = median(self._intervals_s) if len(self._intervals_s) > LATELY // 2 else math.inf
+        if since_s > 0:
+            self._intervals_s.append(since_s)
+        if self._waited:
+            waited, self._waited = self._waited, 0
+            return f"video: {waited} pictures before the first key frame left out"
+        if key or self._doubted or not since_s > PAUSE * usual_s:
+            self._doubted = self._doubted and not key
+            return ""
+        self._doubted = True
+        return f"video: nothing for {since_s:.2f} s; pictures may be wrong until the next key frame"
 
     def _is_key(self, codec: str, data: bytes) -> bool:
         from av import FFmpegError
@@ -92,14 +126,18 @@ class _Group:
         self._codec = codec
         self._first = first
         self._packets: list[bytes] = []
+        self._bytes = 0
+        self._broken: int | None = None  # packet that cannot be decoded, nor what builds upon it
         self._decoder: VideoCodecContext | None = None
         self._next = 0  # packet to be decoded
         self._latest: tuple[int, U8] | None = None
 
     def add(self, data: bytes) -> int:
         """Take in one more packet; gives its number."""
-        if len(self._packets) >= MOST_BUILT:
-            raise PictureError(f"found video without a key frame for {MOST_BUILT} pictures, expected some")
+        if len(self._packets) >= MOST_BUILT or self._bytes + len(data) > MOST_BYTES:
+            found = f"found video without a key frame for {len(self._packets)} pictures"
+            raise PictureError(f"{found} of {self._bytes} bytes, expected one")
+        self._bytes += len(data)
         self._packets.append(data)
         return len(self._packets) - 1
 
@@ -108,13 +146,16 @@ class _Group:
         from av import FFmpegError
 
         if self._latest is None or self._latest[0] != number:
+            broken = PictureError("found broken video, or a part of it is missing; expected a whole picture")
+            if self._broken is not None and number >= self._broken:
+                raise broken
             try:
                 frame = self._frame(number)
-            except FFmpegError as problem:
-                self._decoder = None
-                raise PictureError(f"found broken video ({problem.strerror}), expected a picture") from None
+            except FFmpegError:
+                self._broken, self._decoder = self._next, None
+                raise broken from None
             if frame is None or frame.is_corrupt:
-                raise PictureError("found broken video, expected a picture of it")
+                raise broken
             self._latest = number, np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
         return self._latest[1].copy()
 

@@ -25,7 +25,7 @@ from .bag_topics import Route
 from .bag_video import Video, codec_of
 from .fields import FieldError
 from .live_poses import NO_POSE, Teller, Track, short, time_of
-from .pictures import PictureError, encode_jpeg
+from .pictures import encode_jpeg
 from .recording import motion_between
 
 MOST_PICTURES = 8  # that wait for the odometry after them ...
@@ -64,7 +64,7 @@ class _Item:
     role: str
     stamp_ns: int | None
     log_ns: int
-    said: Any  # what gives a picture's file as base64, or a pose (3,)
+    said: Any  # a picture not encoded yet, or a pose (3,)
 
 
 def json_message(data: bytes | str) -> Any:
@@ -79,6 +79,14 @@ def as_object(found: dict[str, Any]) -> Any:
     return SimpleNamespace(**found)
 
 
+@dataclass(frozen=True, slots=True)
+class _Unencoded:
+    """A picture as it came."""
+
+    encoded: Callable[[], str]  # gives its file as base64. FieldError where it cannot be read
+    note: str = ""  # what one should know of it
+
+
 class Translator:
     """Turns messages into records of a session log, as objects to be written as lines."""
 
@@ -89,7 +97,7 @@ class Translator:
         self._tellers: dict[Route, Teller] = {}
         self._undated: list[_Item] | None = []  # None once it is known what times are worth
         self._recorded = False  # the times that messages carry are of no use
-        self._pictures: deque[tuple[float, float, Callable[[], str]]] = deque()  # time, our own clock's
+        self._pictures: deque[tuple[float, float, _Unencoded]] = deque()  # time, our own clock's
         self._last_pose: F64 | None = None
         self._last_s = float("-inf")
         self._has_odometry = False
@@ -116,21 +124,24 @@ class Translator:
         if message.topic != topics.image and not hearing:
             return
         found = decoded(message)
-        if message.topic == topics.image and (encoded := self._picture(found)) is not None:
-            yield _Item(IMAGE, _stamp(found), message.log_ns, encoded)
+        if message.topic == topics.image:
+            stamp = _stamp(found)
+            picture = self._picture(found, (message.log_ns if stamp is None else stamp) / 1e9)
+            if picture is not None:
+                yield _Item(IMAGE, stamp, message.log_ns, picture)
         for role, teller in hearing.items():
             for told in teller.tell(found, static="static" in message.topic):
                 yield _Item(role, told.stamp_ns, message.log_ns, told.pose)
 
-    def _picture(self, message: Any) -> Callable[[], str] | None:
-        """Give what encodes a message's picture; None for video before its first key frame."""
+    def _picture(self, message: Any, t_s: float) -> _Unencoded | None:
+        """Give a message's picture; None for video before its first key frame."""
         if codec_of(message) is None:
-            return _encoded(message)
+            return _Unencoded(_encoded(message))
         try:
-            read = self._video.add(message)
-        except PictureError as problem:
-            raise FieldError(str(problem)) from None
-        return None if read is None else partial(_as_jpeg, read)
+            part = self._video.add(message, t_s)
+        except NO_POSE as problem:
+            raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None
+        return None if part is None else _Unencoded(partial(_as_jpeg, part.read), part.note)
 
     def idle(self) -> Iterator[dict[str, Any]]:
         """Give what has waited long enough, when nothing comes."""
@@ -166,25 +177,25 @@ class Translator:
     def _ready(self) -> Iterator[dict[str, Any]]:
         """Give the pictures about which nothing more will be known."""
         while self._pictures:
-            t_s, since_s, encoded = self._pictures[0]
+            t_s, since_s, picture = self._pictures[0]
             known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
             waited = time.monotonic() - since_s > LONGEST_S or len(self._pictures) > MOST_PICTURES
             if not known and not waited:
                 return
             self._pictures.popleft()
             try:
-                yield from self._lines(t_s, encoded)
+                yield from self._lines(t_s, picture)
             except FieldError as problem:  # before any of its lines
                 self.problems.append(problem)
 
-    def _lines(self, t_s: float, encoded: Callable[[], str]) -> Iterator[dict[str, Any]]:
+    def _lines(self, t_s: float, picture: _Unencoded) -> Iterator[dict[str, Any]]:
         """Give the lines of one picture: what moved, the truth, the picture."""
         if t_s < self._last_s:
             raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
         pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
         if pose is None and self._has_odometry:
             raise FieldError(f"found no odometry within {self._max_dt_s:g} s of a picture; see --max-dt")
-        image = {"base64": encoded()}
+        image = {"base64": picture.encoded()}
         self._last_s = t_s
         if pose is not None:
             before = self._tracks[ODOMETRY].first if self._last_pose is None else self._last_pose
@@ -194,6 +205,8 @@ class Translator:
         truth = self._tracks[TRUTH].at(t_s, self._max_dt_s)
         if truth is not None:
             yield {"t": t_s, "truth": truth.tolist()}
+        if picture.note:
+            yield {"t": t_s, "event": picture.note}
         yield {"t": t_s, "image": image}
 
 

@@ -15,7 +15,7 @@ import pytest
 from bag_making import BEGIN_NS, Said
 
 from maurice_loaders import bag_video
-from maurice_loaders.bag_video import MOST_BUILT, Video, codec_of
+from maurice_loaders.bag_video import MOST_BUILT, MOST_BYTES, Video, codec_of
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats import OpenOptions, open_recording, open_session
 from maurice_loaders.pictures import PictureError
@@ -64,8 +64,8 @@ def message(data: bytes, form: str) -> Any:
 def readers(parts: Sequence[tuple[int, bytes]], form: str) -> dict[int, Callable[[], Any]]:
     """What reads each picture, by its number."""
     video = Video()
-    found = {number: video.add(message(data, form)) for number, data in parts}
-    return {number: read for number, read in found.items() if read is not None}
+    found = {number: video.add(message(data, form), 0.1 * k) for k, (number, data) in enumerate(parts)}
+    return {number: part.read for number, part in found.items() if part is not None}
 
 
 def seen(read: Callable[[], Any]) -> float:
@@ -127,10 +127,32 @@ def describes(unit: bytes) -> bool:
 def test_what_comes_before_the_first_key_frame_is_left_out(kind: str) -> None:
     parts = packed(kind)[3:]
     video = Video()
-    found = [video.add(message(data, kind)) for _, data in parts]
-    assert [read is None for read in found] == [number < GROUP for number, _ in parts]
-    assert video.waited == GROUP - 3
-    assert seen(next(read for read in found if read)) == pytest.approx(shade(GROUP), abs=5)
+    found = [video.add(message(data, kind), 0.1 * number) for number, data in parts]
+    assert [part is None for part in found] == [number < GROUP for number, _ in parts]
+    first, *others = [part for part in found if part]
+    assert seen(first.read) == pytest.approx(shade(GROUP), abs=5)
+    assert first.note == f"video: {GROUP - 3} pictures before the first key frame left out"
+    assert not any(part.note for part in others)
+
+
+@pytest.mark.parametrize("kind", ENCODERS)
+def test_a_part_that_is_missing_is_told_of_until_the_next_key_frame(kind: str) -> None:
+    """No decoder says so of all codecs, and what builds upon it may look like anything."""
+    parts = packed(kind)
+    video = Video()
+    lost = (2 * GROUP - 1, GROUP + 3, GROUP + 5)  # the first of them just before a key frame
+    found = {n: video.add(message(data, kind), 0.1 * n) for n, data in parts if n not in lost}
+    notes = {number: part.note for number, part in found.items() if part and part.note}
+    told = "video: nothing for 0.20 s; pictures may be wrong until the next key frame"
+    assert notes == {GROUP + 4: told}
+
+
+def test_a_camera_that_changes_its_rate_is_told_of_once_a_key_frame() -> None:
+    parts = packed("h264")
+    video = Video()
+    times = np.cumsum([0.1] * 10 + [0.3] * (PICTURES - 10))
+    found = [video.add(message(data, "h264"), t) for (_, data), t in zip(parts, times, strict=True)]
+    assert [number for number, part in enumerate(found) if part and part.note] == [10]
 
 
 def test_broken_parts_are_said_and_what_follows_the_next_key_frame_is_sound(
@@ -139,8 +161,9 @@ def test_broken_parts_are_said_and_what_follows_the_next_key_frame_is_sound(
     parts = packed("h264")
     broken = [(n, data if n != 2 else data[:5] + b"\xff" * 40) for n, data in parts]
     found = readers(broken, "h264")
-    with pytest.raises(PictureError, match="broken video"):
-        found[2]()
+    for number in (2, 4, 3):  # what builds upon it cannot be told either
+        with pytest.raises(PictureError, match="broken video"):
+            found[number]()
     assert seen(found[1]) == pytest.approx(shade(1), abs=5)
     assert seen(found[GROUP]) == pytest.approx(shade(GROUP), abs=5)
     assert capfd.readouterr().err == ""
@@ -151,20 +174,23 @@ def test_broken_parts_are_said_and_what_follows_the_next_key_frame_is_sound(
 def test_nonsense_is_no_video(kind: str, data: bytes) -> None:
     video = Video()
     for _ in range(3):
-        read = video.add(message(data, kind))
-        if read is not None:
+        part = video.add(message(data, kind), 0.0)
+        if part is not None:
             with pytest.raises(PictureError):
-                read()
+                part.read()
 
 
 def test_a_stream_without_key_frames_does_not_fill_memory() -> None:
     (_, key), (_, other), *_ = packed("h264")
     video = Video()
-    video.add(message(key, "h264"))
+    video.add(message(key, "h264"), 0.0)
     for _ in range(MOST_BUILT - 1):
-        video.add(message(other, "h264"))
+        video.add(message(other, "h264"), 0.0)
     with pytest.raises(PictureError, match=f"without a key frame for {MOST_BUILT} pictures"):
-        video.add(message(other, "h264"))
+        video.add(message(other, "h264"), 0.0)
+    video.add(message(key, "h264"), 0.0)
+    with pytest.raises(PictureError, match="without a key frame for 1 pictures"):
+        video.add(message(other + bytes(MOST_BYTES), "h264"), 0.0)
 
 
 @pytest.mark.parametrize(
