@@ -20,6 +20,7 @@ import numpy as np
 from maurice_mcl.typing import U8
 
 from .bag_images import bytes_of
+from .bag_video_keys import is_key
 from .pictures import PictureError
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ CODECS = {"264": "h264", "265": "hevc", "hevc": "hevc", "vp9": "vp9", "av1": "av
 DECODERS = {"av1": "libdav1d"}  # the codec's own wants hardware
 MOST_BUILT = 1800  # pictures upon one key frame: a minute at 30 a second
 MOST_BYTES = 2**28  # of them, packed
+MOST_WAITED = 300  # parts before the first key frame; encoders give one at least every 250
 PAUSE = 1.6  # times the usual interval: a message was lost, or the camera paused
 LATELY = 9  # intervals that tell what is usual
 Read = Callable[[], U8]
@@ -67,7 +69,6 @@ class Video:
         self._intervals_s = deque[float](maxlen=LATELY)
         self._last_s = math.nan
         self._doubted = False  # since the last key frame
-        self._parser: VideoCodecContext | None = None
         self._codec = ""
         self._first = b""  # the first key frame: what describes the stream may stand in it alone
         self._group: _Group | None = None
@@ -83,12 +84,18 @@ class Video:
         if not can_decode():
             raise PictureError(f"found video ({codec}); decoding it needs an extra; {INSTALL}")
         data = bytes_of(message.data)
-        key = self._is_key(codec, data)
+        if codec != self._codec:
+            self._codec, self._first = codec, b""
+        key = is_key(codec, data)
         if key:
             self._first = self._first or data
             self._group = _Group(codec, self._first)
         if self._group is None:
             self._waited += 1
+            if self._waited > MOST_WAITED:
+                raise PictureError(
+                    f"found no key frame in {MOST_WAITED} parts of video ({codec}), expected one"
+                )
             return None
         return Part(partial(self._group.picture, self._group.add(data)), self._note(t_s, key=key))
 
@@ -106,17 +113,6 @@ class Video:
             return ""
         self._doubted = True
         return f"video: nothing for {since_s:.2f} s; pictures may be wrong until the next key frame"
-
-    def _is_key(self, codec: str, data: bytes) -> bool:
-        from av import FFmpegError
-
-        if self._parser is None or codec != self._codec:
-            self._parser, self._codec, self._first = _context(codec), codec, b""
-        try:
-            packets = [*self._parser.parse(data), *self._parser.parse(None)]
-        except FFmpegError:
-            return False
-        return any(packet.is_keyframe for packet in packets)
 
 
 class _Group:
@@ -151,12 +147,13 @@ class _Group:
                 raise broken
             try:
                 frame = self._frame(number)
-            except FFmpegError:
+                image = None if frame is None or frame.is_corrupt else frame.to_ndarray(format="rgb24")
+            except (FFmpegError, OSError, ValueError):
                 self._broken, self._decoder = self._next, None
                 raise broken from None
-            if frame is None or frame.is_corrupt:
+            if image is None:
                 raise broken
-            self._latest = number, np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+            self._latest = number, np.asarray(image, np.uint8)
         return self._latest[1].copy()
 
     def _frame(self, number: int) -> VideoFrame | None:

@@ -13,9 +13,12 @@ import bag_making as making
 import numpy as np
 import pytest
 from bag_making import BEGIN_NS, Said
+from hypothesis import given
+from hypothesis import strategies as st
 
 from maurice_loaders import bag_video
-from maurice_loaders.bag_video import MOST_BUILT, MOST_BYTES, Video, codec_of
+from maurice_loaders.bag_video import MOST_BUILT, MOST_BYTES, MOST_WAITED, Video, codec_of
+from maurice_loaders.bag_video_keys import KEYS, is_key
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats import OpenOptions, open_recording, open_session
 from maurice_loaders.pictures import PictureError
@@ -179,6 +182,26 @@ def test_nonsense_is_no_video(kind: str, data: bytes) -> None:
         if part is not None:
             with pytest.raises(PictureError):
                 part.read()
+
+
+def test_a_stream_that_never_has_a_key_frame_says_so() -> None:
+    (_, other) = packed("h264")[1]
+    video = Video()
+    assert [video.add(message(other, "h264"), 0.1 * k) for k in range(MOST_WAITED)] == [None] * MOST_WAITED
+    with pytest.raises(PictureError, match=f"no key frame in {MOST_WAITED} parts"):
+        video.add(message(other, "h264"), 100.0)
+
+
+@pytest.mark.parametrize("kind", ENCODERS)
+def test_key_frames_are_told_as_the_encoder_meant_them(kind: str) -> None:
+    codec = codec_of(message(b"", kind)) or ""
+    assert [is_key(codec, data) for _, data in packed(kind)] == [k % GROUP == 0 for k in range(PICTURES)]
+
+
+@given(data=st.binary(max_size=60), codec=st.sampled_from(sorted(KEYS)))
+def test_no_bytes_do_harm(data: bytes, codec: str) -> None:
+    assert is_key(codec, data) in (True, False)
+    assert is_key(codec, b"\x12\x00" + data) in (True, False)
 
 
 def test_a_stream_without_key_frames_does_not_fill_memory() -> None:
