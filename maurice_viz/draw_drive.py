@@ -40,6 +40,7 @@ LINES: dict[str, RGB] = {
     "apart": BY_ODOMETRY,
     "brightness": RUN_COLORS[2],
 }
+DIGITS = 6  # of what is plotted: of a steady drive the axis would else show what rounding left
 DOTS = ("forward/truth", "turn/truth")
 
 
@@ -168,7 +169,7 @@ class _Pen:
         self._trace(f"turn/{kind}", float(np.degrees(motion[2])))
 
     def _trace(self, quantity: str, value: float) -> None:
-        self.rec.log(f"{TRACE}/{quantity}", rr.Scalars(value))
+        self.rec.log(f"{TRACE}/{quantity}", rr.Scalars(round(value, DIGITS)))
 
     def _words(self, moment: Moment) -> str:
         """Say what is known of this moment, and what to do next."""
