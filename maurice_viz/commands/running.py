@@ -100,8 +100,9 @@ def play(
 ) -> None:
     """Go through all updates, draw, save, and print the table or JSON.
 
-    After Ctrl-C or SIGTERM what was done so far is kept and printed; when the recording cannot be written
-    or shown the figures are printed all the same, and SinkError goes on.
+    After Ctrl-C or SIGTERM what was done so far is kept and printed. When the recording cannot be written
+    or shown, or one is stopped while it is being written out, the figures are printed all the same, and the
+    error goes on.
     """
     collector = collector_of(playing)
     stopped: KeyboardInterrupt | None = None
@@ -112,7 +113,7 @@ def play(
                     step_through(playing, observers, writers, collector)
             except KeyboardInterrupt as stop:
                 stopped = stop
-    except SinkError:
+    except (SinkError, KeyboardInterrupt):
         if collector.updates:
             report(collector, playing, output)
         raise

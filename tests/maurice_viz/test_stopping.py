@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from maurice_loaders.run_store_manifest import read_manifest
 from maurice_loaders.run_store_write import RunWriter
+from maurice_viz import sinks
 from maurice_viz.cli import app
 from maurice_viz.commands.stopping import stops_between
 
@@ -109,3 +110,21 @@ def test_figures_recording_and_saved_run_go_equally_far(
     estimates = RrdReader("a.rrd").stream().filter(content="/blended/belief/estimate", has_timeline="step")
     drawn = {step for chunk in estimates for step in chunk.to_record_batch().column("step").to_pylist()}
     assert drawn == set(range(1, 8))
+
+
+@pytest.mark.parametrize("options", [["--json"], []])
+def test_stopping_while_the_recording_is_written_out_leaves_the_figures(
+    options: list[str], small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk may be slow, and then somebody loses patience."""
+    monkeypatch.chdir(tmp_path)
+
+    def impatient(part: Path, problem: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sinks, "_check_written", impatient)
+    done = CliRunner().invoke(app, [str(small_session), "--save", "a.rrd", "--particles", "50", *options])
+    assert done.exit_code == 130
+    assert "14" in done.stdout.replace(" ", "")
+    if options:
+        assert json.loads(done.stdout)["runs"][0]["updates"] == 14
