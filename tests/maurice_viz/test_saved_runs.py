@@ -249,7 +249,7 @@ def start_slow(small_session: Path, tmp_path: Path) -> subprocess.Popen[bytes]:
     """Start a replay whose every step fills a part, and wait until some are there."""
     args = [*COMMAND, str(small_session), "--particles", "250000", "--run", "kept", "--no-recording"]
     going = subprocess.Popen(args, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    for _ in range(1200):
+    for _ in range(6000):
         if len(list((tmp_path / "kept" / "steps").glob("0*.parquet"))) >= 2:
             return going
         assert going.poll() is None, going.communicate()
