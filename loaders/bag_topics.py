@@ -117,14 +117,18 @@ def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
         return None
     named = _named(path, topics, wish, PICTURES | VIDEOS)
     if known_type(named.type) in VIDEOS and not can_decode():
-        raise LogError(path, _video_advice([named]))
+        raise LogError(path, _needs_extra(named))
     return named.name
 
 
 def _video_advice(topics: Sequence[Topic]) -> str:
     """Say what decodes video where there is some and nothing to decode it; "" elsewhere."""
     found = [] if can_decode() else readable(topics, VIDEOS)
-    return f"{found[0].name} is video; decoding it needs an extra; {INSTALL}" if found else ""
+    return _needs_extra(found[0]) if found else ""
+
+
+def _needs_extra(topic: Topic) -> str:
+    return f"{topic.name} is video; decoding it needs an extra; {INSTALL}"
 
 
 def _first_camera(topic: Topic) -> tuple[bool, bool, bool, int, int, str]:
