@@ -40,7 +40,7 @@ Read = Callable[[], U8]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class VideoPart:
     """One picture's part of a video."""
 
     read: Read  # gives the picture (H, W, 3) RGB; PictureError for one that is broken
@@ -69,11 +69,12 @@ class Video:
         self._intervals_s = deque[float](maxlen=LATELY)
         self._last_s = math.nan
         self._doubted = False  # since the last key frame
+        self._in_order = True  # else parts build upon later ones, and when they come tells nothing
         self._codec = ""
         self._first = b""  # the first key frame: what describes the stream may stand in it alone
         self._group: _Group | None = None
 
-    def add(self, message: Any, t_s: float) -> Part | None:
+    def add(self, message: Any, t_s: float) -> VideoPart | None:
         """Take in the next message, of this time: gives its part, None before the first key frame.
 
         PictureError for what is no video.
@@ -81,11 +82,11 @@ class Video:
         codec = codec_of(message)
         if codec is None:
             raise PictureError(f"found video of no known kind, expected one of {', '.join(CODECS)}")
-        if not can_decode():
-            raise PictureError(f"found video ({codec}); decoding it needs an extra; {INSTALL}")
-        data = bytes_of(message.data)
         if codec != self._codec:
+            if not can_decode():
+                raise PictureError(f"found video ({codec}); decoding it needs an extra; {INSTALL}")
             self._codec, self._first = codec, b""
+        data = bytes_of(message.data)
         key = is_key(codec, data)
         if key:
             self._first = self._first or data
@@ -97,7 +98,7 @@ class Video:
                     f"found no key frame in {MOST_WAITED} parts of video ({codec}), expected one"
                 )
             return None
-        return Part(partial(self._group.picture, self._group.add(data)), self._note(t_s, key=key))
+        return VideoPart(partial(self._group.picture, self._group.add(data)), self._note(t_s, key=key))
 
     def _note(self, t_s: float, *, key: bool) -> str:
         """Say what came too late; no decoder tells that a part is missing that others build upon."""
@@ -108,7 +109,8 @@ class Video:
         if self._waited:
             waited, self._waited = self._waited, 0
             return f"video: {waited} pictures before the first key frame left out"
-        if key or self._doubted or not since_s > PAUSE * usual_s:
+        self._in_order = self._in_order and not since_s < 0
+        if key or self._doubted or not self._in_order or not since_s > PAUSE * usual_s:
             self._doubted = self._doubted and not key
             return ""
         self._doubted = True

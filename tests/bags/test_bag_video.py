@@ -106,6 +106,9 @@ def test_pictures_that_build_upon_later_ones() -> None:
     assert [number for number, _ in parts] != sorted(number for number, _ in parts)
     for number, read in readers(parts, "h264").items():
         assert seen(read) == pytest.approx(shade(number), abs=5)
+    video = Video()
+    found = [video.add(message(data, "h264"), 0.1 * number) for number, data in parts]
+    assert not any(part is None or part.note for part in found)  # nothing is missing
 
 
 def test_what_describes_the_stream_may_stand_in_its_first_part_alone() -> None:
