@@ -108,7 +108,7 @@ class Video:
             self._intervals_s.append(since_s)
         if self._waited:
             waited, self._waited = self._waited, 0
-            return f"video: {waited} pictures before the first key frame left out"
+            return f"video: {_pictures(waited)} before the first key frame left out"
         self._in_order = self._in_order and not since_s < 0
         if key or self._doubted or not self._in_order or not since_s > PAUSE * usual_s:
             self._doubted = self._doubted and not key
@@ -133,7 +133,7 @@ class _Group:
     def add(self, data: bytes) -> int:
         """Take in one more packet; gives its number."""
         if len(self._packets) >= MOST_BUILT or self._bytes + len(data) > MOST_BYTES:
-            found = f"found video without a key frame for {len(self._packets)} pictures"
+            found = f"found video without a key frame for {_pictures(len(self._packets))}"
             raise PictureError(f"{found} of {self._bytes} bytes, expected one")
         self._bytes += len(data)
         self._packets.append(data)
@@ -183,6 +183,10 @@ class _Group:
         if self._first is not self._packets[0]:
             decoder.decode(_packet(self._first, -1))
         return decoder
+
+
+def _pictures(count: int) -> str:
+    return f"{count} picture{'' if count == 1 else 's'}"
 
 
 def _context(name: str) -> VideoCodecContext:
