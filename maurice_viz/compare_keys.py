@@ -11,9 +11,8 @@ import numpy as np
 from maurice_mcl.typing import U8
 
 from .canvas import MARGIN, Extent, long_side, map_extent
-from .layouts.plots import COLOR_WORDS
 from .layouts.shown import Shown
-from .look import CIRCLE, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, RUN_COLORS, TRUTH
+from .look import CIRCLE, COLOR_WORDS, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, RUN_COLORS, TRUTH
 from .raster import plain, put_text, text_size
 
 WIDTH_PX = 1280

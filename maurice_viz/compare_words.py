@@ -8,8 +8,7 @@ import numpy as np
 
 from maurice_mcl.pairing import APART_FOR, APART_M, PairedStep, Step
 
-from .layouts.plots import COLOR_WORDS
-from .look import Scale, Units
+from .look import COLOR_WORDS, Scale, Units
 from .narrate_parts import errors
 from .replaying import RunResult
 from .summary import say_difference

@@ -18,10 +18,9 @@ from maurice_mcl.selection import NearestReference
 from maurice_mcl.typing import F32, I32, U8
 
 from .entities import RunPaths
-from .look import LUT, MISSING, Scale
+from .look import DEEPEST, LUT, MISSING, Scale
 
 MOST_PX = 120  # along the longer side of a map
-DEEPEST = 8.0  # nats under the best place that are still told from nothing
 BLENDED = "all"  # the map of all channels together
 
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from maurice_mcl.typing import U8
 
-from .draw_likelihood import DEEPEST
-from .look import CIRCLE, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, TRUTH
+from .look import CIRCLE, DEEPEST, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, TRUTH
 from .raster import put_text, text_size
 
 HEIGHT_PX = 64

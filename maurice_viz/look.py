@@ -166,3 +166,5 @@ def weight_colors(log_weights: F64, of: int | None = None) -> U32:
 def copy_colors(copies: NDArray[Any]) -> U32:
     """Give each survivor (N,) a color by how often its parent was copied: the same scale, 1 is average."""
     return shade(0.5 + np.log2(np.maximum(copies, 1)) / (2 * WEIGHT_OCTAVES))
+COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
+DEEPEST = 8.0  # nats under the best place that are still told from nothing

@@ -29,8 +29,8 @@ from ..compare_paths import (
 )
 from ..draw_traces import CONFIDENCE, HEADING_ERROR, POSITION_ERROR, SPREAD
 from ..entities import RunPaths
-from ..look import GROUND, RUN_COLORS
-from .plots import COLOR_WORDS, compared, plot
+from ..look import COLOR_WORDS, GROUND, RUN_COLORS
+from .plots import compared, plot
 from .shown import Run, Shown
 from .views import (
     SHORT_LEGEND,

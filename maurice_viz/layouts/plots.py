@@ -18,11 +18,9 @@ from ..draw_traces import (
     SURVIVORS,
 )
 from ..entities import RunPaths
-from ..look import GROUND, RUN_COLORS
+from ..look import COLOR_WORDS, GROUND, RUN_COLORS
 from .shown import Run, Shown
 from .views import Overrides
-
-COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
 
 
 def single_traces(paths: RunPaths, shown: Shown) -> list[rrb.TimeSeriesView]:

@@ -21,7 +21,8 @@ from ..draw_traces import (
     TRUTH_RATIO,
 )
 from ..entities import RunPaths
-from .plots import COLOR_WORDS, compared, evidence_key, evidence_plot, key_share
+from ..look import COLOR_WORDS
+from .plots import compared, evidence_key, evidence_plot, key_share
 from .shown import Run, Shown
 
 
