@@ -16,7 +16,7 @@ from .world import World
 
 def shipped_worlds() -> dict[str, Path]:
     """Give the worlds that ship, by name."""
-    folder = Path(str(files(f"{__package__}.worlds")))
+    folder = Path(str(files("maurice_datasets.worlds")))
     return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 

@@ -14,7 +14,8 @@ from maurice_mcl.typing import F64
 from .errors import LogError
 from .findings import Findings
 from .header import Kind
-from .log_records import Event, Odometry, PictureRecord, Record, Truth, read_header, read_records
+from .log_records import Record as LogRecord
+from .log_records import Event, Odometry, PictureRecord, Truth, read_header, read_records
 from .pictures import PictureError, decode_picture, picture_format
 from .session_log import picture_bytes
 from .truth import is_kidnapping, with_truth
@@ -75,7 +76,7 @@ class _Tally:
         self.true_pictures = 0
         self.events: list[str] = []
 
-    def add(self, record: Record, truth: F64 | None) -> None:
+    def add(self, record: LogRecord, truth: F64 | None) -> None:
         """Take in one record."""
         self.spans["all"].add(record.t_s)
         if isinstance(record, Odometry):

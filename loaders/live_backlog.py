@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from threading import Condition, Event
+from threading import Condition
+from threading import Event as Flag
 
 from maurice_mcl.typing import F64
 
@@ -15,7 +16,6 @@ from .recording import moved
 ROOM = 4  # pictures that wait; the view is at most so many updates behind
 MOST_MOTIONS = 1000  # kept apart for one picture; more are joined, two by two
 MOST_EVENTS = 1000  # kept for one picture; more are dropped
-LOOK_S = 0.2  # how often one who waits looks whether it is over
 
 
 @dataclass(slots=True, eq=False)
@@ -47,7 +47,7 @@ class Backlog:
         self._changed = Condition()
         self._over = False
 
-    def put(self, one: Waiting, stop: Event) -> None:
+    def put(self, one: Waiting, stop: Flag) -> None:
         """Add a picture, unless told to stop while waiting for room."""
         with self._changed:
             while len(self._waiting) >= self._room and not self._keep_up and not stop.is_set():

@@ -21,7 +21,7 @@ RANGES = (
     (0x2190, 0x22FF),
     (0x25A0, 0x25FF),
 )  # first and last of each, as tried out in 0.41
-MISSING = (0x149, 0x1C4)
+WITHOUT_GLYPH = (0x149, 0x1C4)
 
 
 def legible(text: str) -> str:
@@ -40,6 +40,6 @@ def legible_names(part: Any) -> None:
 
 
 def _is_known(code: int) -> bool:
-    if code in MISSING or 0x7F <= code < 0xA0:
+    if code in WITHOUT_GLYPH or 0x7F <= code < 0xA0:
         return False
     return code == ord("\n") or any(first <= code <= last for first, last in RANGES)
