@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 
 from maurice_datasets.maurice import demo_paths
-from maurice_loaders.library_store import open_library
-from maurice_loaders.session_log import SessionLog
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.distances import DISTANCES
+from maurice_loaders.libraries.store import open_library
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
-from maurice_mcl.typing import U8
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.distances import DISTANCES
 
 PICTURES, ROUNDS = 40, 3
 

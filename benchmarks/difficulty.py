@@ -22,21 +22,20 @@ import numpy as np
 from maurice_datasets.maurice import GENERATOR, write_simulation
 from maurice_datasets.seeds import for_fitting
 from maurice_datasets.simulation import Plan
-from maurice_datasets.tasks import TASKS
-from maurice_datasets.tiers import TIERS
-from maurice_datasets.world import inside
-from maurice_loaders.folders import cache_root
-from maurice_loaders.library_store import open_library
-from maurice_loaders.session_log import SessionLog
-from maurice_mcl.arena import Arena
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.configuration import Layer, configure
+from maurice_datasets.tasks import TASKS, TIERS
+from maurice_datasets.worlds.world import inside
+from maurice_loaders.io.files import cache_root
+from maurice_loaders.libraries.store import open_library
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.analysis.metrics import Scorer
+from maurice_mcl.arrays import F64, Bool
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import FilterParameters
+from maurice_mcl.config.presets import PRESETS
+from maurice_mcl.config.schema import Layer, configure
+from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import Localizer, run
-from maurice_mcl.metrics import Scorer
-from maurice_mcl.parameters import FilterParameters
-from maurice_mcl.presets import PRESETS
-from maurice_mcl.typing import F64, Bool
+from maurice_mcl.map import Arena
 
 INCH_M = 0.0254
 

@@ -14,22 +14,21 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.arena import Arena
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.belief import Belief, uniform_log_weights
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.distances import thesis
-from maurice_mcl.estimate import weighted_mean
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import SelectionParameters, of_feature
+from maurice_mcl.filter.estimate import weighted_mean
+from maurice_mcl.filter.localizer import weigh
+from maurice_mcl.filter.motion import Drift, MauriceMotion, MauriceParameters
+from maurice_mcl.filter.resampling import systematic
 from maurice_mcl.geometry import INCH_M
-from maurice_mcl.interpolation import InterpolationParameters
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.localizer import weigh
-from maurice_mcl.motion import Drift, MauriceMotion, MauriceParameters
-from maurice_mcl.parameters import SelectionParameters, of_feature
+from maurice_mcl.map import Arena
 from maurice_mcl.randomness import normals
-from maurice_mcl.resampling import systematic
-from maurice_mcl.selection import NearestReference, nearest_reference
-from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.records import Belief, uniform_log_weights
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.distances import thesis
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import InterpolationParameters, NearestReference, nearest_reference
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 PARTICLES = 5000

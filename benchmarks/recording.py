@@ -19,18 +19,17 @@ import numpy as np
 from rerun.chunk import RrdReader
 
 from maurice_datasets.maurice import demo_paths
-from maurice_loaders.library_build import build_library
-from maurice_loaders.session_log import SessionLog
-from maurice_mcl.assembly import make_localizer
+from maurice_loaders.libraries.store import build_library
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import of_feature
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import run
-from maurice_mcl.parameters import of_feature
-from maurice_viz import sinks
 from maurice_viz.layouts.registry import for_runs
-from maurice_viz.layouts.shown import Run, Shown
-from maurice_viz.look import scale_for
-from maurice_viz.observe import RerunObserver
-from maurice_viz.thinning import Detail
+from maurice_viz.panels.observer import Detail, RerunObserver
+from maurice_viz.scene import Run, Shown
+from maurice_viz.style import scale_for
+from maurice_viz.viewer import sinks
 
 GOAL_MS, GOAL_KB = 1.0, 100
 STEPS = 100

@@ -11,12 +11,12 @@ from time import perf_counter
 import cv2
 import numpy as np
 
-from maurice_datasets.baking import lighting_of
-from maurice_datasets.camera import Lens
-from maurice_datasets.conditions import Conditions, parse_lights
-from maurice_datasets.outing import Outing, lit_once, session_outing
-from maurice_datasets.world import World
-from maurice_datasets.world_file import load_world
+from maurice_datasets.render.baking import lighting_of
+from maurice_datasets.render.camera import Lens
+from maurice_datasets.render.camera_session import Outing, lit_once, session_outing
+from maurice_datasets.render.conditions import Conditions, parse_lights
+from maurice_datasets.worlds.world import World
+from maurice_datasets.worlds.world_file import load_world
 
 WORLDS = ("two-rooms", "office")
 PICTURES = 60

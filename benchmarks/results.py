@@ -23,27 +23,27 @@ import cv2
 import numpy as np
 from results_table import ARENAS, TIERS, Case, show
 
-from maurice_datasets.conditions import LightChange
 from maurice_datasets.maurice import GENERATOR, survey_folder
+from maurice_datasets.render.conditions import LightChange
 from maurice_datasets.seeds import for_testing
 from maurice_datasets.simulated_session import simulated_session
 from maurice_datasets.simulation import Plan
 from maurice_datasets.tasks import TASKS
-from maurice_datasets.world_file import load_world
-from maurice_loaders.folders import cache_root
-from maurice_loaders.library_store import open_library
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.configuration import Layer, configure
-from maurice_mcl.features import FEATURES
+from maurice_datasets.worlds.world_file import load_world
+from maurice_loaders.io.files import cache_root
+from maurice_loaders.libraries.store import open_library
+from maurice_mcl.analysis.metrics import Scorer, score_step
+from maurice_mcl.arrays import F32, U8
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.presets import PRESETS
+from maurice_mcl.config.schema import Layer, configure
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import run
-from maurice_mcl.metrics import Scorer, score_step
-from maurice_mcl.presets import PRESETS
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.sensor import SensorModel
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.features import FEATURES
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.session import Moment, SessionInfo
-from maurice_mcl.typing import F32, U8
 
 INCH_M = 0.0254
 KIDNAP_AT, KIDNAP_UPDATES = 30, 60

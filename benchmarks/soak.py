@@ -19,7 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.session_log.reader import SessionLog
 
 COMMAND = str(Path(sys.executable).with_name("maurice-replay"))
 UPDATE_S = 7.6  # of robot time, about

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import cv2
 
-from maurice_loaders.folders import new_folder
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.io.files import new_folder
+from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import Camera, SessionInfo
 
-from .camera import Lens
-from .finished import NOTE, cached, copy_whole, fingerprint, seal
-from .legs import FRAME_S, Log, Progress, write_legs
-from .outing import Outing, survey_outing
-from .robot import Chassis
+from .folders import NOTE, cached, copy_whole, fingerprint, seal
+from .render.camera import Lens
+from .render.camera_session import Outing, survey_outing
+from .robot.motion import Chassis
+from .robot.segments import FRAME_S, Log, Progress, write_legs
 from .simulation import Plan, Stage, stage
 from .survey import Surveyor, references
 from .tasks import TASKS, UPDATES
-from .world import World
+from .worlds.world import World
 
 GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used
 SURVEY = Path("survey") / "survey.log"  # beside the session's log

@@ -1,10 +1,40 @@
-"""Which seeds may be fitted on and which may only be tested on: split once and for all.
+"""Seeds: which may be fitted on and which only tested on, and what the simulator draws for.
 
 Both `--arena-seed` and `--seed` of a session count: a drive is for testing only when both are test seeds.
 Seeds outside the three groups are free for trying things out; nothing that is published rests on them.
 """
 
 from __future__ import annotations
+
+from enum import IntEnum
+
+# What the simulator draws for: the last word of its random addresses (see maurice_mcl.randomness).
+
+
+class Purpose(IntEnum):
+    """One stream a purpose, so that changing one part of a world leaves the others as they were."""
+
+    WORLD = 1
+    SURVEY_LIGHT = 2
+    SURVEY_PLACING = 3
+    SURVEY_NOISE = 4
+    COVERED_NOISE = 5
+    SESSION_LIGHT = 6
+    SESSION_NOISE = 7
+    DRIVER = 8
+    ROBOT = 9
+    MOVED = 10
+    OCCLUDERS = 11
+    LIGHT_DRIFT = 12
+    KIDNAP = 13
+    SLIP = 14
+    START = 15
+    WANDER = 16
+    PROXIMITY = 17
+    BARE = 18
+
+
+# Which seeds may be fitted on and which may only be tested on: split once and for all.
 
 DEMO = 0  # the first, not a chosen one
 FITTING = range(1, 100)  # anything may be fitted or tuned on these

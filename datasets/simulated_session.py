@@ -9,8 +9,8 @@ import numpy as np
 
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from .legs import Happened, Moved
 from .maurice import session_info
+from .robot.segments import Happened, Moved
 from .simulation import Plan, Stage, stage
 
 

@@ -10,22 +10,21 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import LogError
+from maurice_mcl.arrays import F64
 from maurice_mcl.randomness import Domain, stream
-from maurice_mcl.typing import F64
 
-from .addresses import Purpose
-from .conditions import GAINS, Conditions, LightChange, conditions_for
-from .drive import KIDNAP_M, Robot, drive
-from .legs import Leg, driven_legs
-from .outing import Outing, session_outing
-from .planner import SCALES, Raster, fit, raster
-from .rearrange import move_things
-from .recorded_path import read_recording
-from .robot import Chassis
-from .tasks import UPDATES, Task
-from .tiers import TIERS
-from .world import World
-from .world_file import load_world
+from .render.camera_session import Outing, session_outing
+from .render.conditions import GAINS, Conditions, LightChange, conditions_for
+from .robot.drive import KIDNAP_M, Robot, drive
+from .robot.motion import Chassis
+from .robot.planner import SCALES, Raster, fit, raster
+from .robot.recorded_path import read_recording
+from .robot.segments import Leg, driven_legs
+from .seeds import Purpose
+from .tasks import TIERS, UPDATES, Task
+from .worlds.rearrange import move_things
+from .worlds.world import World
+from .worlds.world_file import load_world
 
 SLIP_CHANCE = 0.15  # at a crossing into another floor: about two in a drive of 1000 in
 

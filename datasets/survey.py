@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import INCH_M, wrap
 from maurice_mcl.randomness import Domain, stream
-from maurice_mcl.typing import F64, U8
 
-from .addresses import Purpose
-from .outing import Outing
+from .render.camera_session import Outing
+from .seeds import Purpose
 
 
 @dataclass(frozen=True, slots=True)

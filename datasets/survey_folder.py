@@ -7,20 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.folders import new_folder
+from maurice_loaders.io.files import new_folder
+from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.randomness import Domain, stream
-from maurice_mcl.typing import F64
 
-from .addresses import Purpose
-from .build_world import build_world
-from .finished import NOTE, seal
-from .legs import Progress
+from .folders import NOTE, seal
 from .maurice import GENERATOR, SURVEY, one_thread, surveyor_of, write_survey
-from .outing import survey_outing
-from .tiers import TIERS
-from .world import World, clearance, inside
-from .world_file import check_tier, load_plan
+from .render.camera_session import survey_outing
+from .robot.segments import Progress
+from .seeds import Purpose
+from .tasks import TIERS
+from .worlds.build import build_world
+from .worlds.world import World, clearance, inside
+from .worlds.world_file import check_tier, load_plan
 
 AHEAD_M = 1.6  # of some poses one with so much room ahead is preferred
 

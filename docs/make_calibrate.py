@@ -12,7 +12,7 @@ import cv2
 from maurice_datasets.maurice import demo_paths
 
 OUT = Path(__file__).parent / "pictures"
-COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()", "calibrate"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "calibrate"]
 
 
 def calibrate(*args: str | Path) -> None:

@@ -13,10 +13,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_viz.snapshot import headless_viewer
+from maurice_viz.viewer.snapshot import headless_viewer
 
 PICTURE = Path(__file__).parent / "pictures" / "compare-three.png"
-COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 CARRIED = 66  # a step soon after the robot was carried away
 
 

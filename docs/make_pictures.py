@@ -17,10 +17,10 @@ import numpy as np
 from PIL import Image
 
 from maurice_datasets.maurice import demo_paths
-from maurice_viz.snapshot import headless_viewer
+from maurice_viz.viewer.snapshot import headless_viewer
 
 HERE = Path(__file__).parent / "pictures"
-COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 ASTRAY, BACK = 38, 56  # steps of the demo that docs/tutorial.md tells of
 PREDICT, WEIGHT, RESAMPLE = 0, 2, 3
 # of docs/layouts.md: which layout, where on which timeline

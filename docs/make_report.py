@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 PICTURE = Path(__file__).parent / "pictures" / "report.png"
-COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 SIZE = "1200,2560"
 STEPS = (
     ("simulate", "kidnapped", "-o", "drive", "--tier", "hard", "--seed", "3", "--updates", "100"),

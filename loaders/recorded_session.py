@@ -1,4 +1,4 @@
-"""A recording of any format as a session: pictures paired with odometry and truth by their times."""
+"""A recording of any format as a session: pictures aligned in time with odometry and truth."""
 
 from __future__ import annotations
 
@@ -7,18 +7,34 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from maurice_mcl.session import Frame, Moment, SessionInfo
-from maurice_mcl.typing import F64
+import numpy as np
 
-from .alignment import Aligned, Aligner, Steps, as_rows
+from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose
+from maurice_mcl.session import Frame, Moment, SessionInfo
+
 from .errors import LogError
-from .findings import Finder, Findings
-from .gating import Gate
-from .header import Kind
-from .pictures import PictureError
-from .recording import Motion, OdometryPose, Picture, Record, Recording, TruthPose, checked
-from .session_log import SurveyPicture
-from .time_bases import Span, apart
+from .io.findings import Finder, Findings
+from .io.pictures import PictureError
+from .recording import (
+    Motion,
+    OdometryPose,
+    Picture,
+    Record,
+    Recording,
+    TruthPose,
+    checked,
+    motion_between,
+    short_way,
+)
+from .session_log.header import Kind
+from .session_log.reader import SessionLog, SurveyPicture
+from .session_log.records import read_records
+from .transforms.clocks import Span, apart
+from .transforms.gating import Gate
+from .transforms.time_alignment import Aligned, Aligner, Steps, as_rows
+
+# A recording of any format as a session: pictures paired with odometry and truth by their times.
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 
@@ -205,3 +221,46 @@ class _Updates:
             raise LogError(self._session.path, f"{found}; see --odometry-offset and --max-dt")
         share = f"{self._unpaired} of {pictures.count} pictures"
         self._findings.warning(f"{share} have no odometry {within} and were left out; see --max-dt")
+
+
+# When a session began, on the clock of the recording itself; a session counts from there.
+
+
+def begin_of(session: SessionLog | RecordedSession) -> float:
+    """Give the time in seconds of the first record; 0 where there is none. LogError as reading raises it."""
+    findings = Findings(keep_going=True)
+    if isinstance(session, SessionLog):
+        line = next(read_records(session.path, "session", findings), None)
+        return 0.0 if line is None else line.t_s
+    record = next(checked(session.recording, findings), None)
+    return 0.0 if record is None else record.t_s
+
+
+# Where a drive really began, for starting the filter there.
+
+
+def first_truth(recording: Recording) -> F64 | None:
+    """Give the true pose (3,) at which the motions begin; None without truth.
+
+    That is the first true pose. What odometry saw before it is undone, so that a filter which is moved by
+    all of it comes to that pose in time.
+    """
+    moved, first = np.zeros(3), None
+    for record in checked(recording, Findings(keep_going=True)):
+        if isinstance(record, TruthPose):
+            return before(record.pose, moved)
+        if isinstance(record, Motion):
+            moved = compose(moved, record.motion)
+        elif isinstance(record, OdometryPose):
+            first = record.pose if first is None else first
+            moved = motion_between(first, record.pose)
+    return None
+
+
+def before(pose: F64, motion: F64) -> F64:
+    """Give the pose (3,) from which a motion (3,) leads to a pose (3,)."""
+    heading = float(pose[2] - motion[2])
+    cos, sin = np.cos(heading), np.sin(heading)
+    x = pose[0] - (motion[0] * cos - motion[1] * sin)
+    y = pose[1] - (motion[0] * sin + motion[1] * cos)
+    return np.array([x, y, short_way(heading)])

@@ -13,13 +13,15 @@ from typing import Protocol
 
 import numpy as np
 
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose
 from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import F64, U8
 
 from .errors import LogError
-from .fields import MOST, MOST_T_S, up_to
-from .findings import Findings
+from .io.fields import MOST, MOST_T_S, up_to
+from .io.findings import Findings
+
+# A recorded drive as a stream of records in time order: what every format is read into.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,3 +152,23 @@ def _fault(record: Record, last_t_s: float) -> str:
     if values is not None and not (np.shape(values) == (3,) and (np.abs(values) <= MOST).all()):
         return f"found {values}, expected three finite numbers, each {up_to()}"
     return ""
+
+
+# A recording around another one, in which something is otherwise: what such recordings share.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrapped:
+    """Path and info of the recording within. What is otherwise, a class of its own says in `records`."""
+
+    measured: Recording
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        return self.measured.path
+
+    @property
+    def info(self) -> SessionInfo:
+        """What is known before the first record."""
+        return self.measured.info

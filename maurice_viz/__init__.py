@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .notebook import results, show, traces
+    from .app.notebook import results, show, traces
 
 __all__ = ["results", "show", "traces"]
 
@@ -13,7 +13,7 @@ __all__ = ["results", "show", "traces"]
 def __getattr__(name: str) -> Any:
     """Import what notebooks use when it is asked for: the command line starts quicker without it."""
     if name in __all__:
-        from . import notebook
+        from .app import notebook
 
         return getattr(notebook, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .typing import F64
+from .arrays import F64
 
 Real = TypeVar("Real", bound=np.floating[Any])
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .arena import Arena
-from .typing import F32, F64
+from .arrays import F32, F64
+from .map import Arena
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from .typing import F32
+from .arrays import F32
 
 
 class Domain(IntEnum):

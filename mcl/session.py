@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from .arena import Arena
-from .typing import F64, U8
+from .arrays import F64, U8
+from .map import Arena
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,9 @@ class SessionInfo:
     name: str
     display_units: str = "m"  # "m" or "in": what people are shown; everything stored is metres
     robot: str = "robot"
-    motion: dict[str, Any] | None = None  # motion parameters, see maurice_mcl.motion; None: generic odometry
+    motion: dict[str, Any] | None = (
+        None  # motion parameters, see maurice_mcl.filter.motion; None: generic odometry
+    )
     cameras: tuple[Camera, ...] = ()
     start: F64 | None = None  # (3,) where the drive began, if known
     survey: Path | None = None  # the survey log or library that it belongs to, resolved

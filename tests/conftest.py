@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.session_writer import SessionWriter
-from maurice_mcl.arena import Arena, Region
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose
+from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import F64, U8
 
 COLUMNS, ROWS, HEADINGS, SPACING_M = 5, 4, 8, 0.5
 UPDATES = 14

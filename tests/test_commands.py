@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
     "position_error_final_m", "heading_error_mean_rad", "localized_at_update", "localized_share", "lost",
@@ -276,7 +276,7 @@ def test_every_command_and_option_is_documented() -> None:
     """docs/commands.md names every command and every option that --help shows."""
     import typer
 
-    from maurice_viz.cli import app
+    from maurice_viz.cli.app import app
 
     text = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
 

@@ -40,5 +40,5 @@ def test_datasets_has_no_init() -> None:
 
 
 def test_the_command_starts_without_importing_rerun(tmp_path: Path) -> None:
-    code = "import sys, maurice_viz.cli; print('rerun' in sys.modules)"
+    code = "import sys, maurice_viz.cli.app; print('rerun' in sys.modules)"
     assert python(code, tmp_path, tmp_path) == "False"

@@ -12,9 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from maurice_loaders.errors import LogError
-from maurice_mcl.typing import U8
-from maurice_viz.cli import app
-from maurice_viz.snapshot import Viewer, headless_viewer, software_driver
+from maurice_mcl.arrays import U8
+from maurice_viz.cli.app import app
+from maurice_viz.viewer.snapshot import Viewer, headless_viewer, software_driver
 
 needs_renderer = pytest.mark.skipif(
     software_driver() is None,
@@ -203,6 +203,6 @@ def test_what_is_no_recording_is_an_error_and_no_hang(tmp_path: Path) -> None:
 
 
 def test_without_a_driver_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maurice_viz.snapshot.DRIVERS", ())
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     with pytest.raises(LogError, match="mesa-vulkan-drivers"), headless_viewer(tmp_path / "any.rrd"):
         pass

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from .. import compare_keys, entities
-from ..compare_paths import (
+from .. import entities
+from ..entities import (
     APART,
     BELIEF_KEY,
     CIRCLE_KEY,
@@ -21,17 +21,18 @@ from ..compare_paths import (
     RESULT,
     RUNS_KEY,
     TEXT,
+    RunPaths,
     camera_of,
     cloud_of,
     estimate_of,
     parted_of,
     truth_of,
 )
-from ..draw_traces import CONFIDENCE, HEADING_ERROR, POSITION_ERROR, SPREAD
-from ..entities import RunPaths
-from ..look import COLOR_WORDS, GROUND, RUN_COLORS
+from ..panels import comparison_keys as compare_keys
+from ..panels.traces import CONFIDENCE, HEADING_ERROR, POSITION_ERROR, SPREAD
+from ..scene import Run, Shown
+from ..style import COLOR_WORDS, GROUND, RUN_COLORS
 from .plots import compared, plot
-from .shown import Run, Shown
 from .views import (
     SHORT_LEGEND,
     SMALL_AND_WHITE,

@@ -6,13 +6,13 @@ import numpy as np
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-from maurice_mcl.channels import CHANNELS
+from maurice_mcl.sensor.descriptors import CHANNELS
 
 from .. import entities
-from ..canvas import long_side, map_extent
-from ..draw_belief import ARROW
-from ..draw_drive import EVENTS, HISTOGRAM, ODOMETRY, TEXT, TRACE, WAYS, Drive
-from ..look import GROUND
+from ..drawing.canvas import long_side, map_extent
+from ..panels.belief import ARROW
+from ..panels.drive import EVENTS, HISTOGRAM, ODOMETRY, TEXT, TRACE, WAYS, Drive
+from ..style import GROUND
 from .plots import plot
 from .registry import FPS
 from .views import MAP, camera_view, edges_view

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import rerun.blueprint as rrb
 
-from maurice_mcl.explaining import ESTIMATE, TRUTH, WINNER
+from maurice_mcl.analysis.explanation import ESTIMATE, TRUTH, WINNER
 
 from .. import entities
-from ..canvas import map_extent
-from ..draw_explain_charts import FOOT_NATS
+from ..drawing.canvas import map_extent
 from ..entities import RunPaths
-from ..explanation_paths import NAMES, card_path, chart_path, columns_of, marks_path, table_path
-from ..look import GROUND
-from .shown import Run, Shown
+from ..explain.paths import NAMES, card_path, chart_path, columns_of, marks_path, table_path
+from ..panels.explanation import FOOT_NATS
+from ..scene import Run, Shown
+from ..style import GROUND
 from .views import camera_view, edges_view, map_view, text_view
 
 TITLES = {TRUTH: "Truth's reference", ESTIMATE: "Estimate's reference", WINNER: "Winning reference"}

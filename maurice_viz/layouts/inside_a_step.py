@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
-from ..draw_events import events_view
 from ..entities import RunPaths
+from ..panels.events import events_view
+from ..scene import Run, Shown
 from .plots import evidence_key, evidence_plot, key_share, lineage_plot
-from .shown import Run, Shown
 from .views import (
     camera_view,
     circles_view,

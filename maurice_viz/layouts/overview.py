@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
-from ..draw_events import events_view
 from ..entities import RunPaths
+from ..panels.events import events_view
+from ..scene import Run, Shown
 from .plots import single_traces
-from .shown import Run, Shown
 from .views import (
     arena_view,
     camera_view,

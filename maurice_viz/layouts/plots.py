@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ..draw_traces import (
+from ..entities import RunPaths
+from ..panels.traces import (
     ANCESTORS,
     CONFIDENCE,
     EFFECTIVE,
@@ -17,9 +18,8 @@ from ..draw_traces import (
     SPREAD,
     SURVIVORS,
 )
-from ..entities import RunPaths
-from ..look import COLOR_WORDS, GROUND, RUN_COLORS
-from .shown import Run, Shown
+from ..scene import Run, Shown
+from ..style import COLOR_WORDS, GROUND, RUN_COLORS
 from .views import Overrides
 
 

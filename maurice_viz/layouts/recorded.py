@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from ..draw_events import events_view
-from ..draw_traces import CONFIDENCE, EFFECTIVE, HEADING_ERROR, POSITION_ERROR, SPREAD
 from ..entities import RunPaths
+from ..panels.events import events_view
+from ..panels.traces import CONFIDENCE, EFFECTIVE, HEADING_ERROR, POSITION_ERROR, SPREAD
+from ..scene import Run, Shown
 from .plots import compared, single_traces
-from .shown import Run, Shown
 from .views import arena_view, camera_view, closeup_view, river_view, rose_view, text_view
 
 

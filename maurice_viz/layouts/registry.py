@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 import rerun.blueprint as rrb
 
 from .. import entities
-from ..legible import legible_names
+from ..scene import Run, Shown
+from ..style import legible_names
 from . import compare, explain, inside_a_step, overview, recorded, traces
-from .shown import Run, Shown
 
 Layout = Callable[[Sequence[Run], Shown], rrb.Container]
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from maurice_mcl.estimate import CONFIDENCE_M
+from maurice_mcl.filter.estimate import CONFIDENCE_M
 
-from ..draw_events import events_view
-from ..draw_traces import (
+from ..entities import RunPaths
+from ..panels.events import events_view
+from ..panels.traces import (
     ANCESTORS,
     CONFIDENCE,
     EFFECTIVE,
@@ -20,10 +21,9 @@ from ..draw_traces import (
     TRUTH_RANK,
     TRUTH_RATIO,
 )
-from ..entities import RunPaths
-from ..look import COLOR_WORDS
+from ..scene import Run, Shown
+from ..style import COLOR_WORDS
 from .plots import compared, evidence_key, evidence_plot, key_share
-from .shown import Run, Shown
 
 
 def layout(runs: Sequence[Run], shown: Shown) -> rrb.Container:

@@ -9,18 +9,18 @@ import rerun.blueprint as rrb
 from rerun.blueprint.api import VisualizerLike
 from rerun.encodings import EntityPathLike
 
-from maurice_mcl.channels import CHANNELS
+from maurice_mcl.sensor.descriptors import CHANNELS
 
 from .. import entities
-from ..canvas import Extent, map_extent
-from ..draw_film import COLUMNS, size_px
-from ..draw_likelihood import names
-from ..draw_pictures import EDGE_GAIN
-from ..draw_river import HEIGHT, LENGTH, MARGIN
-from ..draw_rose import REACH
+from ..drawing.canvas import Extent, map_extent
 from ..entities import RunPaths
-from ..look import GROUND, TRUTH
-from .shown import Shown
+from ..panels.filmstrip import COLUMNS, size_px
+from ..panels.headings import REACH
+from ..panels.likelihood import names
+from ..panels.modes import HEIGHT, LENGTH, MARGIN
+from ..panels.pictures import EDGE_GAIN
+from ..scene import Shown
+from ..style import GROUND, TRUTH
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 

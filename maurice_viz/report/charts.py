@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.typing import F64
+from maurice_mcl.arrays import F64
 
 from .markup import Markup, joined, number, tag
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.events import KINDS, Event
+from maurice_mcl.analysis.events import KINDS, Event
 
-from .tracks import Collected
+from ..app.tracks import Collected
 
 MOST_PICTURES = 12
 OFTEN = 20  # a kind that happens more often in a run is counted, not listed

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.run_store import SavedRun
-from maurice_loaders.run_store_manifest import CONFIGURATION, versions_now
-from maurice_loaders.run_store_sources import Source
+from maurice_loaders.runs.manifest import CONFIGURATION, versions_now
+from maurice_loaders.runs.sources import Source
+from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
-from ..look import Scale
+from ..app.tracks import Collected
+from ..style import Scale
 from .markup import Markup, joined, table, tag
-from .tracks import Collected
 
 SHORT_HASH = 16  # digits of a SHA-256 that are shown: enough to compare by eye
 NOT_THERE = "not at hand"

@@ -1,22 +1,204 @@
-"""The whole page, section by section."""
+"""The page of a report, section by section."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 
 import numpy as np
 
-from ..look import Scale
-from ..replaying import RunResult
-from ..summary import to_table
-from .contents import Report
+from maurice_loaders.runs.store import SavedRun
+from maurice_mcl.analysis.events import KINDS
+from maurice_mcl.arrays import F64
+from maurice_mcl.filter.estimate import CONFIDENCE_M
+from maurice_mcl.library import Library
+from maurice_mcl.session import SessionInfo
+
+from ..app.tracks import Collected
+from ..playback import RunResult
+from ..style import ESTIMATE, TRUTH, Scale
+from ..text.summary import to_table
+from .charts import DASHES, Chart, Line, Mark, draw_chart
+from .choosing import OFTEN, RULE, Happening, Scene, counted, listed, reason, said_steps
 from .facts import configuration, library_facts, run_facts, session_facts
-from .markup import Markup, joined, table, tag
-from .plan import Plan, draw_plan
-from .section_events import events
-from .section_pictures import pictures
-from .section_traces import traces
+from .map import Plan, draw_plan
+from .markup import Markup, data_url, joined, table, tag
+from .shots import Shot
 from .style import css
+
+# What a page is made of.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report:
+    """All that a page is made of."""
+
+    runs: Sequence[SavedRun]
+    info: SessionInfo
+    library: Library
+    scale: Scale
+    collected: Collected
+    happened: Sequence[Happening]
+    scenes: Sequence[Scene]
+    shots: Mapping[int, Shot]  # by step
+
+    @property
+    def labels(self) -> list[str]:
+        """The runs' names, in order."""
+        return [track.label for track in self.collected.tracks]
+
+
+# The section of what happened: how often each kind, and step by step.
+
+
+def events(report: Report) -> Markup:
+    """Give both tables; a sentence where nothing happened."""
+    counts = counted(report.happened)
+    if not counts:
+        return tag("p", "Nothing happened that has a name.")
+    numbers = (_count_row(kind, steps) for kind, steps in counts.items())
+    counts_head = ("kind", "how often", "what it means", "at which steps")
+    counts_table = table("How often each kind happened", counts_head, numbers, "stack")
+    shown = listed(report.happened)
+    if not shown:
+        return counts_table
+    pictured = {scene.step: scene.number for scene in report.scenes}
+    several = len(report.runs) > 1
+    head = ["step", "time", *(["run"] if several else []), "kind", "picture", "what"]
+    rows = (_event_row(one, several, len(report.runs), pictured) for one in shown)
+    words = f"Routine events and kinds with more than {OFTEN} events are only counted above."
+    return joined(
+        [counts_table, table("What happened, step by step", head, rows, "stack events"), tag("p", words)]
+    )
+
+
+def _count_row(kind: str, steps: Sequence[int]) -> Iterator[str]:
+    yield kind
+    yield "once" if len(steps) == 1 else f"{len(steps)} times"
+    yield KINDS.get(kind, "")
+    yield f"{'step' if len(set(steps)) == 1 else 'steps'} {said_steps(steps)}"
+
+
+def _event_row(one: Happening, several: bool, runs: int, pictured: Mapping[int, int]) -> Iterator[str]:
+    event = one.event
+    yield str(event.step)
+    yield f"{event.time_s:.1f} s"
+    if several:
+        yield "all runs" if len(one.labels) == runs else ", ".join(one.labels)
+    yield event.kind
+    shown = pictured.get(event.step)
+    yield "" if shown is None else tag("a", f"picture {shown}", href=f"#picture-{shown}")
+    yield event.text
+
+
+# The section of pictures: what the camera saw and where the particles were, at the steps chosen.
+
+
+def pictures(report: Report) -> Markup:
+    """Give an article for each step that has a picture, and the key before them."""
+    truth = _disk(TRUTH, "truth") if report.runs[0].manifest.has_truth else ""
+    weights = tag("span", "particles by weight: 1/8", tag("span", class_="ramp"), "8 times the average")
+    key = joined([tag("p", RULE), tag("p", "On the maps: ", truth, _disk(ESTIMATE, "estimate"), weights)])
+    return joined([key, *(_scene(report, scene) for scene in report.scenes)])
+
+
+def _disk(color: tuple[int, int, int], text: str) -> Markup:
+    disk = tag("span", class_="disk", style=f"background:rgb{color}")
+    return tag("span", disk, text, class_="key")
+
+
+def _scene(report: Report, scene: Scene) -> Markup:
+    shot, track = report.shots.get(scene.step), report.collected.tracks[0]
+    row = int(np.flatnonzero(track.column("step") == scene.step)[0])
+    time_s = float(track.column("time_s")[row])
+    heading = tag("h3", f"{scene.number}. Step {scene.step}, {time_s:.1f} s")
+    reasons = tag("ul", (tag("li", text) for text in scene.reasons))
+    figures = _figures(report, scene, shot, row) if shot is not None else ()
+    return tag("article", heading, reasons, tag("div", figures, class_="shots"), class_="scene",
+               id=f"picture-{scene.number}")  # fmt: skip
+
+
+def _figures(report: Report, scene: Scene, shot: Shot, row: int) -> Iterable[Markup]:
+    if shot.camera is None:
+        camera = tag("div", "the picture is not at hand", class_="none")
+    else:
+        alt = f"What the camera saw at step {scene.step}"
+        camera = tag("img", src=data_url(shot.camera, "image/jpeg"), alt=alt)
+    yield tag("figure", camera, tag("figcaption", "camera"), class_="camera")
+    yield tag("div", _maps(report, scene, shot, row), class_="maps")
+
+
+def _maps(report: Report, scene: Scene, shot: Shot, row: int) -> Iterator[Markup]:
+    for track in report.collected.tracks:
+        error = track.column("position_error_m")[row]
+        pose = report.scale.say_pose(track.path("estimate")[row])
+        off = f", error {report.scale.say(float(error))}" if np.isfinite(error) else ""
+        said = f"{track.label}: estimate {pose}{off}, confidence {track.column('confidence')[row]:.0%}"
+        alt = f"Map of step {scene.step} with the particles. {said}"
+        image = tag("img", src=data_url(shot.maps[track.label], "image/jpeg"), alt=alt)
+        yield tag("figure", image, tag("figcaption", said))
+
+
+# The section of charts over the steps: errors, spread, confidence, evidence.
+
+
+def _charts(scale: Scale) -> Iterator[tuple[Chart, str, float]]:
+    """Give each chart, the column of a track that it draws, and the factor to its unit."""
+    unit, per_m, per_rad = scale.units.name, scale.units.per_m, 180 / np.pi
+    near = f"Weight within {scale.say(CONFIDENCE_M)} of the estimate."
+    explained = "How well the cloud explained each picture; higher is better."
+    yield Chart("Position error", unit, "From estimate to truth."), "position_error_m", per_m
+    yield Chart("Heading error", "deg", "Between estimate and truth."), "heading_error_rad", per_rad
+    yield Chart("Spread", unit, "Standard deviation of the whole cloud."), "spread_m", per_m
+    yield Chart("Confidence", "share", near, top=1.0), "confidence", 1.0
+    yield Chart("Effective sample size", "share", "Of all particles.", top=1.0), "effective_share", 1.0
+    yield Chart("Evidence", "nats", explained, from_zero=False), "calibrated_evidence", 1.0
+
+
+def traces(report: Report) -> Markup:
+    """Give a chart for each trace that is known, with a line for each run."""
+    marks, tracks = _chart_marks(report), report.collected.tracks
+    drawn, empty = list[Markup](), list[str]()
+    for chart, column, factor in _charts(report.scale):
+        lines = [
+            Line(track.label, run, track.column("step"), finite(track.column(column) * factor))
+            for run, track in enumerate(tracks)
+        ]
+        if any(np.isfinite(line.y).any() for line in lines):
+            drawn.append(draw_chart(chart, lines, marks))
+        else:
+            empty.append(chart.title.lower())
+    without = [tag("p", f"Not drawn, as it is not known: {', '.join(empty)}.")] if empty else []
+    return joined([_legend(report), tag("div", drawn, class_="charts"), *without])
+
+
+def finite(values: F64) -> F64:
+    """Make what cannot be drawn a gap."""
+    return np.asarray(np.where(np.isfinite(values), values, np.nan))
+
+
+def _legend(report: Report) -> Markup:
+    keys: list[str] = []
+    if len(report.runs) > 1:
+        for run, label in enumerate(report.labels):
+            line = tag("line", x1=0, x2=26, y1=6, y2=6, class_="line", stroke_dasharray=DASHES[run])
+            sample = tag("svg", line, viewBox="0 0 26 12", width=26, height=12, aria_hidden="true",
+                         class_=f"run{run}")  # fmt: skip
+            keys.append(tag("span", sample, f" {label}", class_="key"))
+    words = "Numbered lines are the steps with a picture below; short ticks at the bottom are other events."
+    return joined([tag("p", keys) if keys else "", tag("p", words)])
+
+
+def _chart_marks(report: Report) -> list[Mark]:
+    numbered = {scene.step: scene.number for scene in report.scenes}
+    runs = len(report.runs)
+    marks = [Mark(scene.step, "; ".join(scene.reasons), scene.number) for scene in report.scenes]
+    others = [one for one in listed(report.happened) if one.event.step not in numbered]
+    return marks + [Mark(one.event.step, reason(one, runs)) for one in others]
+
+
+# The whole page, section by section.
 
 SECTIONS = {
     "summary": "Summary",

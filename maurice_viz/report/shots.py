@@ -9,16 +9,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.arena import Arena
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
-from maurice_mcl.typing import F64, U8
 
-from ..canvas import Canvas, draw_ground, long_side
-from ..draw_belief import ARROW
-from ..draw_world import clipped
-from ..look import ESTIMATE, GROUND, RGB, TRUTH, WALL, Scale, weight_colors
-from ..raster import jpeg
+from ..drawing.canvas import Canvas, draw_ground, long_side
+from ..drawing.raster import jpeg
+from ..panels.belief import ARROW
+from ..panels.world import clipped
+from ..style import ESTIMATE, GROUND, RGB, TRUTH, WALL, Scale, weight_colors
 
 MAP_PX = 720  # longer side of a map on the page
 CAMERA_PX = 320  # width of a camera's picture on the page, at most

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from ..look import ESTIMATE, LUT, RGB, RUN_COLORS
+from ..style import ESTIMATE, LUT, RGB, RUN_COLORS
 from .markup import Markup
 
 DARKER = 0.7  # of the colors' brightness on white ground, so that lines stand out from it

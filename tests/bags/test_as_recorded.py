@@ -11,20 +11,20 @@ import rerun.blueprint as rrb
 from bag_making import BEGIN_NS, Ros, Said
 from typer.testing import CliRunner
 
-from maurice_loaders.bag_localizer import RecordedLocalizer, RecordedUpdate
+from maurice_loaders.bags.formats import BAGS
+from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, guess
-from maurice_loaders.ros_bags import BAGS
-from maurice_mcl.arena import open_arena
-from maurice_viz import narrate
-from maurice_viz.as_recorded import AFTER_RESAMPLING
-from maurice_viz.cli import app
-from maurice_viz.commands.drawing import layout_of
-from maurice_viz.commands.options import OutputOptions
-from maurice_viz.commands.recorded import open_as_recorded, playing_of, replay_as_recorded
+from maurice_loaders.formats.registry import OpenOptions, guess
+from maurice_loaders.io.findings import Findings
+from maurice_mcl.map import open_arena
+from maurice_viz.app.as_recorded import AFTER_RESAMPLING
+from maurice_viz.app.output import layout_of
+from maurice_viz.app.recorded import open_as_recorded, playing_of, replay_as_recorded
+from maurice_viz.cli.app import app
+from maurice_viz.cli.options import OutputOptions
 from maurice_viz.entities import Slot
-from maurice_viz.look import scale_for
+from maurice_viz.style import scale_for
+from maurice_viz.text import narration as narrate
 
 ARENA = open_arena(np.array([[0.0, 0.0], [5.0, 4.0]]))
 

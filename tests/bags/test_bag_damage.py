@@ -17,7 +17,7 @@ import pytest
 from bag_making import Ros, Said
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions, open_session
+from maurice_loaders.formats.registry import OpenOptions, open_session
 
 
 def _in_folder(folder: Path, name: str, **how: str) -> Path:

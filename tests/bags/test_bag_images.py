@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.bag_images import PLAIN, picture_of
-from maurice_loaders.pictures import PictureError
-from maurice_mcl.typing import U8
+from maurice_loaders.bags.images import PLAIN, picture_of
+from maurice_loaders.io.pictures import PictureError
+from maurice_mcl.arrays import U8
 
 RED, GREEN, BLUE = (200, 30, 20), (25, 180, 40), (15, 35, 220)
 

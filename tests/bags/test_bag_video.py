@@ -16,12 +16,11 @@ from bag_making import BEGIN_NS, Said
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders import bag_video
-from maurice_loaders.bag_video import MOST_BUILT, MOST_BYTES, MOST_WAITED, Video, codec_of
-from maurice_loaders.bag_video_keys import KEYS, is_key
+from maurice_loaders.bags import video as bag_video
+from maurice_loaders.bags.video import KEYS, MOST_BUILT, MOST_BYTES, MOST_WAITED, Video, codec_of, is_key
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions, open_recording, open_session
-from maurice_loaders.pictures import PictureError
+from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
+from maurice_loaders.io.pictures import PictureError
 
 PICTURES = 24
 GROUP = 8  # pictures from one key frame to the next

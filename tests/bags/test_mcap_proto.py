@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.formats import open_session
-from maurice_loaders.mcap_proto import (
+from maurice_loaders.bags.mcap_proto import (
     BOOL,
     DATA,
     DOUBLE,
@@ -28,6 +27,7 @@ from maurice_loaders.mcap_proto import (
     ProtoError,
     decode_proto,
 )
+from maurice_loaders.formats.registry import open_session
 
 
 def varint(value: int) -> bytes:

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from bag_making import BEGIN_NS, Ros, Said
 
-from maurice_loaders import mcap_file
+from maurice_loaders.bags import mcap_container as mcap_file
+from maurice_loaders.bags.mcap import open_mcap
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, guess, open_recording
-from maurice_loaders.mcap_bag import open_mcap
+from maurice_loaders.formats.registry import OpenOptions, guess, open_recording
+from maurice_loaders.io.findings import Findings
 
 DRIVE = {"Picture": 5, "OdometryPose": 10, "TruthPose": 10}
 

@@ -18,8 +18,8 @@ import pytest
 from bag_making import BEGIN_NS, Ros, Said
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, guess, open_recording, open_session
+from maurice_loaders.formats.registry import OpenOptions, guess, open_recording, open_session
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import Picture
 
 Write = Callable[[Path], Path]
@@ -334,9 +334,12 @@ def test_without_the_extra_one_line_says_how_to_get_it(
 
 
 def test_the_package_is_not_imported_before_a_bag_is_opened() -> None:
-    code = (
-        "import sys; from maurice_loaders.formats import formats; formats(); print('rosbags' in sys.modules)"
-    )
+    code = """
+import sys
+from maurice_loaders.formats.registry import formats
+formats()
+print('rosbags' in sys.modules)
+"""
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "False"
 

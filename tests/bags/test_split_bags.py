@@ -13,7 +13,7 @@ from bag_making import Ros
 from ruamel.yaml import YAML
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions, open_session
+from maurice_loaders.formats.registry import OpenOptions, open_session
 from maurice_loaders.recorded_session import RecordedSession
 
 UPDATES = 90

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_datasets.baking import bake
-from maurice_datasets.scene import Scene
-from maurice_datasets.world import World
-from maurice_datasets.world_file import load_world
+from maurice_datasets.render.baking import bake
+from maurice_datasets.render.scene import Scene
+from maurice_datasets.worlds.world import World
+from maurice_datasets.worlds.world_file import load_world
 
 
 @pytest.fixture(scope="session")

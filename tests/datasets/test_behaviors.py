@@ -3,19 +3,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.arbiter import choose
-from maurice_datasets.behaviors import (
+from maurice_datasets.robot.behaviors import (
     DICE,
     AvoidCollision,
     GoToPoint,
     Localize,
+    Proximity,
+    Ring,
     Senses,
     Stride,
     Teleoperate,
     Wander,
+    choose,
 )
-from maurice_datasets.drive import BEHAVIORS
-from maurice_datasets.proximity import Proximity, Ring
+from maurice_datasets.robot.drive import BEHAVIORS
 from maurice_mcl.geometry import INCH_M
 
 RING = Ring()

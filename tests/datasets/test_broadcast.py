@@ -11,12 +11,11 @@ from pathlib import Path
 import pytest
 
 from maurice_datasets import simulation
-from maurice_datasets.broadcast import WAITING, Address, Broadcast, Tally, parse_address
-from maurice_datasets.live import Pace, serve
+from maurice_datasets.live import WAITING, Address, Broadcast, Pace, Tally, parse_address, serve
 from maurice_datasets.simulation import Plan
 from maurice_datasets.tasks import TASKS
-from maurice_datasets.world import World
-from maurice_loaders.session_log import SessionLog
+from maurice_datasets.worlds.world import World
+from maurice_loaders.session_log.reader import SessionLog
 
 HERE = Address("127.0.0.1", 0)
 HEADER = b'{"header": 1}\n'

@@ -5,10 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from maurice_datasets.calibration_drive import TrialPlan, calibration_drive, floor_everywhere
-from maurice_datasets.robot import Chassis, Luck, drive_by, turn_by
-from maurice_mcl.calibrate import Calibration, calibrate
-from maurice_mcl.calibrate_legs import Leg, trials_of
+from maurice_datasets.robot.calibration_drive import TrialPlan, calibration_drive, floor_everywhere
+from maurice_datasets.robot.motion import Chassis, Luck, drive_by, turn_by
+from maurice_mcl.calibration.motion import Calibration, Leg, calibrate, trials_of
 
 CHASSIS = Chassis()
 SEEDS = 60

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_datasets.conditions import Conditions, LightChange, conditions_for, parse_lights
-from maurice_datasets.tiers import TIERS
+from maurice_datasets.render.conditions import Conditions, LightChange, conditions_for, parse_lights
+from maurice_datasets.tasks import TIERS
 
 
 def test_the_example_of_the_docs_is_read() -> None:

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from maurice_datasets.addresses import Purpose
-from maurice_datasets.behaviors import Localize, Wander
-from maurice_datasets.drive import KIDNAP_M, Robot, Update, drive, steer
-from maurice_datasets.planner import is_free, raster
-from maurice_datasets.robot import Chassis, draw_luck
-from maurice_datasets.world import World, clearance, floor_at
-from maurice_datasets.world_file import load_world
-from maurice_mcl.arena import Arena
+from maurice_datasets.robot.behaviors import Localize, Wander
+from maurice_datasets.robot.drive import KIDNAP_M, Robot, Update, drive, steer
+from maurice_datasets.robot.motion import Chassis, draw_luck
+from maurice_datasets.robot.planner import is_free, raster
+from maurice_datasets.seeds import Purpose
+from maurice_datasets.worlds.world import World, clearance, floor_at
+from maurice_datasets.worlds.world_file import load_world
 from maurice_mcl.geometry import INCH_M, wrap
+from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Domain, stream
 
 SEEDS = (0, 1, 2, 3, 4, 5)

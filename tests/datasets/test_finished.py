@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_datasets.finished import cached, copy_whole, fingerprint, is_whole, seal
-from maurice_datasets.world import Box, World
+from maurice_datasets.folders import cached, copy_whole, fingerprint, is_whole, seal
+from maurice_datasets.worlds.world import Box, World
 from maurice_loaders.errors import LogError
 
 

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.baking import bake
-from maurice_datasets.light import Baking, face_points, hit_distance, irradiance, openness
-from maurice_datasets.world import Box, Face, Lamp, RoomLight, World
-from maurice_mcl.arena import Arena, Region
+from maurice_datasets.render.baking import bake
+from maurice_datasets.render.light import Baking, face_points, hit_distance, irradiance, openness
+from maurice_datasets.worlds.world import Box, Face, Lamp, RoomLight, World
+from maurice_mcl.map import Arena, Region
 
 UNIT = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 

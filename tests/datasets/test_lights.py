@@ -3,20 +3,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.conditions import Conditions, LightChange, parse_lights
-from maurice_datasets.drift import drifted, swings
-from maurice_datasets.lights import (
+from maurice_datasets.render.conditions import (
+    Conditions,
+    LightChange,
     brightness_at,
     daylight_at,
     events_at,
     named_lights,
+    parse_lights,
     reshades,
     sources_off,
     weights_at,
 )
-from maurice_datasets.parts import Part, parts_of, windows_of
-from maurice_datasets.sensor import Exposure
-from maurice_datasets.world import World
+from maurice_datasets.render.image_sensor import Exposure, drifted, swings
+from maurice_datasets.render.parts import Part, parts_of, windows_of
+from maurice_datasets.worlds.world import World
 
 PARTS = (Part("lamp"), Part("other lamp"), Part("window", 1), Part("window", -1))
 WINDOWS = frozenset({"window"})

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from maurice_datasets import maurice
-from maurice_datasets.legs import crossings
 from maurice_datasets.maurice import DemoPaths, demo_paths, write_demo
+from maurice_datasets.robot.segments import crossings
 from maurice_datasets.survey import Surveyor
-from maurice_datasets.world import World, floor_at
+from maurice_datasets.worlds.world import World, floor_at
 from maurice_loaders.errors import LogError
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.geometry import INCH_M
 
 QUICK = Surveyor(headings=1, covered=2)

@@ -3,15 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.baking import lighting_of, unlit
-from maurice_datasets.camera import radiance
-from maurice_datasets.conditions import Conditions
-from maurice_datasets.occluders import FARTHEST_M, NEAREST_M, ROOM_M, Stand, crossed, people, stands_at
-from maurice_datasets.outing import session_outing
-from maurice_datasets.scene import Scene, joined
-from maurice_datasets.sight import seen_past
-from maurice_datasets.world import Box, World, clearance
-from maurice_mcl.arena import Arena
+from maurice_datasets.render.baking import lighting_of, unlit
+from maurice_datasets.render.camera import radiance
+from maurice_datasets.render.camera_session import session_outing
+from maurice_datasets.render.conditions import Conditions
+from maurice_datasets.render.light import seen_past
+from maurice_datasets.render.occluders import FARTHEST_M, NEAREST_M, ROOM_M, Stand, crossed, people, stands_at
+from maurice_datasets.render.scene import Scene, joined
+from maurice_datasets.worlds.world import Box, World, clearance
+from maurice_mcl.map import Arena
 
 OPEN = Arena((-9, -9, 9, 9), np.array([[-9.0, -9, 9, -9]]))
 ORIGIN = np.zeros(3)

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.camera import Lens
-from maurice_datasets.conditions import Conditions, parse_lights
-from maurice_datasets.outing import session_outing, survey_outing
-from maurice_datasets.world import World
+from maurice_datasets.render.camera import Lens
+from maurice_datasets.render.camera_session import session_outing, survey_outing
+from maurice_datasets.render.conditions import Conditions, parse_lights
+from maurice_datasets.worlds.world import World
 
 POSE = np.array([1.2, 1.9, 0.4])
 POSES = [POSE, np.array([4.0, 2.5, 2.0]), np.array([2.7, 1.8, 3.0])]

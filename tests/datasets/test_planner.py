@@ -3,18 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.planner import (
-    KEEP_M,
-    Placement,
-    Raster,
-    fit,
-    free_pose,
-    is_free,
-    raster,
-)
-from maurice_datasets.world import World, clearance
-from maurice_mcl.arena import Arena, Region
+from maurice_datasets.robot.planner import KEEP_M, Placement, Raster, fit, free_pose, is_free, raster
+from maurice_datasets.worlds.world import World, clearance
 from maurice_mcl.geometry import INCH_M
+from maurice_mcl.map import Arena, Region
 
 
 def room(width: float = 2.0, depth: float = 2.0, *obstacles: Region) -> Arena:

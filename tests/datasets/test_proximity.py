@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.proximity import Proximity, Ring, distances, sense
-from maurice_mcl.arena import Arena, Region
+from maurice_datasets.robot.behaviors import Proximity, Ring, distances, sense
+from maurice_mcl.map import Arena, Region
 
 BOX = Region("box", np.array([[2.0, -0.5], [3.0, -0.5], [3.0, 0.5], [2.0, 0.5]]))
 WALL = np.array([[-1.0, -5.0, -1.0, 5.0]])

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.rearrange import door_middles, move_things
-from maurice_datasets.world import World, inside, touching
+from maurice_datasets.worlds.rearrange import door_middles, move_things
+from maurice_datasets.worlds.world import World, inside, touching
 from maurice_loaders.errors import LogError
 from maurice_mcl.geometry import INCH_M
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.robot import Chassis, Luck, draw_luck, draw_slip, drive_by, turn_by
-from maurice_mcl.arena import Arena, Region
+from maurice_datasets.robot.motion import Chassis, Luck, draw_luck, draw_slip, drive_by, turn_by
 from maurice_mcl.geometry import INCH_M, wrap
+from maurice_mcl.map import Arena, Region
 
 DRAWS = 4000
 CHASSIS = Chassis()

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.sensor import (
+from maurice_datasets.render.image_sensor import (
     Exposure,
     Sensor,
     covered,

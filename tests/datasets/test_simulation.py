@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from maurice_datasets import maurice, simulation
-from maurice_datasets.conditions import parse_lights
-from maurice_datasets.drive import KIDNAP_M
 from maurice_datasets.maurice import DemoPaths, write_simulation
-from maurice_datasets.recorded_path import read_recording
+from maurice_datasets.render.conditions import parse_lights
+from maurice_datasets.robot.drive import KIDNAP_M
+from maurice_datasets.robot.recorded_path import read_recording
 from maurice_datasets.simulation import Plan
 from maurice_datasets.survey import Surveyor
 from maurice_datasets.tasks import TASKS
-from maurice_datasets.world import World, clearance
-from maurice_loaders.calibration_session import trials_from_session
+from maurice_datasets.worlds.world import World, clearance
+from maurice_loaders.calibration.trials import trials_from_session
 from maurice_loaders.errors import LogError
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.session_log.reader import SessionLog
 
 QUICK = Surveyor(headings=1, covered=1)
 SHORT = Plan(TASKS["tracking"], updates=4)

@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.outing import session_outing, survey_outing
+from maurice_datasets.render.camera_session import session_outing, survey_outing
 from maurice_datasets.survey import (
     Surveyor,
     placed_poses,
     reference_poses,
     references,
 )
-from maurice_datasets.world import World
+from maurice_datasets.worlds.world import World
 from maurice_mcl.geometry import INCH_M
 
 NODES = np.array([[1.0, 2.0], [3.0, 4.0], [0.5, 0.25]])

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.world import Face, clearance, floor_at, inside, segment_distance
-from maurice_mcl.arena import Arena, Region
+from maurice_datasets.worlds.world import Face, clearance, floor_at, inside, segment_distance
+from maurice_mcl.map import Arena, Region
 
 SQUARE = np.array([[1.0, 1.0], [3.0, 1.0], [3.0, 2.0], [1.0, 2.0]])
 

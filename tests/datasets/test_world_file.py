@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_datasets.paints import read_image
-from maurice_datasets.world import World, clearance, floor_at, inside
-from maurice_datasets.world_file import load_world, shipped_worlds
+from maurice_datasets.worlds.surfaces.paints import read_image
+from maurice_datasets.worlds.world import World, clearance, floor_at, inside
+from maurice_datasets.worlds.world_file import load_world, shipped_worlds
 from maurice_loaders.errors import LogError
 
 DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"

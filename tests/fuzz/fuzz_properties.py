@@ -17,19 +17,18 @@ from fuzz_watch import in_time
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
-from maurice_loaders import live_listening
-from maurice_loaders.bag_topics import Route
+from maurice_loaders.bags.topics import Route
 from maurice_loaders.errors import LogError
-from maurice_loaders.fields import FieldError
-from maurice_loaders.findings import Findings
-from maurice_loaders.live_foxglove import HEAD, Foxglove
-from maurice_loaders.live_intake import Heard, Intake
-from maurice_loaders.live_listening import Listening, Patience
-from maurice_loaders.live_messages import Topics, Translator
-from maurice_loaders.live_recorder import LiveRecorder
-from maurice_loaders.live_rosbridge import ASK, Rosbridge
-from maurice_loaders.live_source import LiveSource
-from maurice_loaders.log_records import read_header, read_records
+from maurice_loaders.io.fields import FieldError
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.live import listening as live_listening
+from maurice_loaders.live.bridges import ASK, HEAD, Foxglove, Rosbridge
+from maurice_loaders.live.intake import Heard, Intake
+from maurice_loaders.live.listening import Listening, Patience
+from maurice_loaders.live.messages import Topics, Translator
+from maurice_loaders.live.recorder import LiveRecorder
+from maurice_loaders.live.source import LiveSource
+from maurice_loaders.session_log.records import read_header, read_records
 
 HEADER = json.dumps(HEADER_OBJECT)
 

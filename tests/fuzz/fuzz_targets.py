@@ -16,19 +16,18 @@ from fuzz_mutations import mutated
 from fuzz_properties import SHARES as PROPERTIES
 from fuzz_seeds import DUMPS, JPEG, LOGS, ON_DISK, STREAMS
 
-from maurice_loaders.cmucam import looks_like_dump, open_dump
-from maurice_loaders.cmucam_frames import MOST_BYTES, decode_frame, frames
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions
-from maurice_loaders.live_intake import Heard, Intake
-from maurice_loaders.live_listening import Listening, Patience
-from maurice_loaders.live_source import LiveSource
-from maurice_loaders.live_websocket import WebsocketChannel
-from maurice_loaders.log_records import PictureRecord
-from maurice_loaders.pictures import PictureError, decode_picture
+from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
+from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.pictures import PictureError, decode_picture
+from maurice_loaders.live.intake import Heard, Intake
+from maurice_loaders.live.listening import Listening, Patience
+from maurice_loaders.live.source import LiveSource
+from maurice_loaders.live.websocket import WebsocketChannel
 from maurice_loaders.recording import Picture
-from maurice_loaders.session_log import SessionLog, picture_bytes
+from maurice_loaders.session_log.reader import SessionLog, picture_bytes
+from maurice_loaders.session_log.records import PictureRecord
 
 Make = Callable[[Random], Any]
 Read = Callable[[Any, Path], None]

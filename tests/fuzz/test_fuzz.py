@@ -16,13 +16,13 @@ from fuzz_seeds import DUMPS, LOGS, STREAMS
 from fuzz_targets import SHARES, TARGETS, Target, prepare
 from fuzz_watch import TookTooLong, in_memory, in_time
 
-from maurice_loaders.cmucam_frames import decode_frame, frames
-from maurice_loaders.formats import OpenOptions
-from maurice_loaders.live_lines import LineCutter
-from maurice_loaders.live_rosbridge import ASK
-from maurice_loaders.live_websocket import WebsocketChannel
-from maurice_loaders.log_records import PictureRecord, record_of
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.formats.cmucam import decode_frame, frames
+from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.live.bridges import ASK
+from maurice_loaders.live.listening import LineCutter
+from maurice_loaders.live.websocket import WebsocketChannel
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.records import PictureRecord, record_of
 
 COUNT = 150
 

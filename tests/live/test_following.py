@@ -21,11 +21,11 @@ from live_peers import HEADER, Act, line, peer, says
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner, Result
 
-from maurice_loaders.pictures import encode_jpeg
-from maurice_loaders.session_log import SessionLog
-from maurice_viz.cli import app
+from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_viz.cli.app import app
 
-MAIN = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+MAIN = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 PATIENCE_S = 60.0
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")  # live ones have none on purpose
 Text = subprocess.CompletedProcess[str]

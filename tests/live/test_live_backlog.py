@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.live_backlog import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
-from maurice_loaders.log_records import PictureRecord
+from maurice_loaders.live.session import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
 from maurice_loaders.recording import moved
-from maurice_mcl.typing import F64
+from maurice_loaders.session_log.records import PictureRecord
+from maurice_mcl.arrays import F64
 
 NEVER = threading.Event()
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.fields import FieldError
-from maurice_loaders.live_clock import APART_S, SET_BACK, LiveClock
+from maurice_loaders.io.fields import FieldError
+from maurice_loaders.live.intake import APART_S, SET_BACK, LiveClock
 
 TIMES = st.floats(-1e6, 1e6, allow_nan=False)
 

@@ -16,15 +16,14 @@ from pathlib import Path
 import pytest
 from live_peers import HEADER, line, log, peer, says, update
 
-from maurice_loaders import live_listening
 from maurice_loaders.errors import LogError
-from maurice_loaders.gating import Gate
-from maurice_loaders.live_lines import LineCutter
-from maurice_loaders.live_listening import Patience
-from maurice_loaders.live_recorder import LiveRecorder
-from maurice_loaders.live_session import Listen, LiveSession
-from maurice_loaders.live_source import LiveSource, is_live, live_source
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.live import listening as live_listening
+from maurice_loaders.live.listening import LineCutter, Patience
+from maurice_loaders.live.recorder import LiveRecorder
+from maurice_loaders.live.session import Listen, LiveSession
+from maurice_loaders.live.source import LiveSource, is_live, live_source
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.transforms.gating import Gate
 from maurice_mcl.session import Moment
 
 SOON, LATER = Patience(0.3), Patience(20.0)

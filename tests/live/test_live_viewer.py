@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 import rerun.blueprint as rrb
 
-from maurice_loaders.library_store import open_library
-from maurice_loaders.session_log import SessionLog
-from maurice_viz import live_sink, open_viewers
-from maurice_viz.commands.drawing import layout_of
-from maurice_viz.commands.showing import Drawn, Scene
+from maurice_loaders.libraries.store import open_library
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_viz.app.output import Drawn, Scene, layout_of
+from maurice_viz.viewer import open_viewers
+from maurice_viz.viewer import sinks as live_sink
 
 
 @pytest.mark.parametrize(("live", "state"), [(True, "following"), (False, "paused")])

@@ -19,20 +19,20 @@ import numpy as np
 import pytest
 from live_peers import peer
 
-from maurice_loaders import live_listening, live_websocket
-from maurice_loaders.bag_source import Message
-from maurice_loaders.bag_topics import Route
+from maurice_loaders.bags.source import Message
+from maurice_loaders.bags.topics import Route
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions
-from maurice_loaders.live_foxglove import HEAD, SUBPROTOCOLS
-from maurice_loaders.live_listening import Patience
-from maurice_loaders.live_messages import Topics, Translator, json_message
-from maurice_loaders.live_poses import Track
-from maurice_loaders.live_recorder import LiveRecorder
-from maurice_loaders.live_session import Listen, LiveSession
-from maurice_loaders.live_source import live_source
-from maurice_loaders.pictures import encode_jpeg
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.live import listening as live_listening
+from maurice_loaders.live import websocket as live_websocket
+from maurice_loaders.live.bridges import HEAD, SUBPROTOCOLS
+from maurice_loaders.live.listening import Patience
+from maurice_loaders.live.messages import Topics, Track, Translator, json_message
+from maurice_loaders.live.recorder import LiveRecorder
+from maurice_loaders.live.session import Listen, LiveSession
+from maurice_loaders.live.source import live_source
+from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Moment
 
 pytest.importorskip("websockets")

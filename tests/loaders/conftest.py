@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_loaders.config_file import to_toml
-from maurice_loaders.library_build import build_library
-from maurice_loaders.run_store_manifest import RunManifest, library_hash, versions_now
-from maurice_loaders.run_store_sources import source_of
-from maurice_loaders.run_store_write import RunWriter
-from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_writer import SessionWriter
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.configuration import Layer, configure
+from maurice_loaders.config_files import to_toml
+from maurice_loaders.libraries.store import build_library
+from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_now
+from maurice_loaders.runs.sources import source_of
+from maurice_loaders.runs.writer import RunWriter
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import U8
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.schema import Layer, configure
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import run
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
-from maurice_mcl.typing import U8
 
 for _name in ("format_samples", "dialect_files"):  # what tests import from beside them
     _spec = importlib.util.spec_from_file_location(_name, Path(__file__).with_name(f"{_name}.py"))

@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording
+from maurice_loaders.formats.registry import OpenOptions, open_recording
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import Picture, Record
 
 BEGIN_S = 1305031102.1753

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import U8
 
 BEGIN_S = 1_700_000_000
 SMALL = 4  # updates

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.bookmarks import (
+from maurice_loaders.errors import LogError
+from maurice_loaders.runs.bookmarks import (
     Bookmark,
     add_bookmark,
     bookmarks_file,
     read_bookmarks,
     remove_bookmarks,
 )
-from maurice_loaders.errors import LogError
 
 ODD, LATE = Bookmark(40, "odd turn"), Bookmark(7, "späte Bilder 雨")
 

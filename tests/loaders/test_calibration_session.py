@@ -3,10 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.calibration_session import floor_between, mishaps, trials_from_session
+from maurice_loaders.calibration.trials import floor_between, mishaps, trials_from_session
 from maurice_loaders.errors import LogError
-from maurice_loaders.session_writer import SessionWriter
-from maurice_mcl.arena import Arena, Region
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
 
 WOOD = Region("wood", np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]]))

@@ -3,9 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.calibration_table import read_trials, write_trials
+from maurice_loaders.calibration.trials import read_trials, write_trials
 from maurice_loaders.errors import LogError
-from maurice_mcl.calibrate import Straights, Trials, Turns
+from maurice_mcl.calibration.motion import Straights, Trials, Turns
 
 GOOD = """kind,measured,actual,heading_error_deg,floor
 turn,137,100,,

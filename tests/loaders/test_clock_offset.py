@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.clock_offset import offset_between
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import open_recording
-from maurice_loaders.odometry_folder import read_aligned
+from maurice_loaders.formats.odometry_folder import read_aligned
+from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import moved
-from maurice_mcl.typing import F64
+from maurice_loaders.transforms.clocks import offset_between
+from maurice_mcl.arrays import F64
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "thymio"
 

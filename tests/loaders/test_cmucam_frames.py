@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.cmucam_frames import decode_frame, frames
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording, open_session
-from maurice_loaders.pictures import PictureError
+from maurice_loaders.formats.cmucam import decode_frame, frames
+from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.pictures import PictureError
 from maurice_loaders.recording import Picture
-from maurice_mcl.typing import U8
+from maurice_mcl.arrays import U8
 
 WIDTH, HEIGHT = 7, 5
 SIZE = bytes([WIDTH, HEIGHT])

@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 from format_samples import sample
 
-from maurice_loaders.corrected import Corrected, corrected
-from maurice_loaders.correction import Correction
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording, open_session
+from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import (
     Motion,
@@ -29,10 +27,11 @@ from maurice_loaders.recording import (
     motion_between,
     moved,
 )
-from maurice_loaders.run_store_sources import reading_from_json, reading_to_json
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.runs.sources import reading_from_json, reading_to_json
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.transforms.corrected import Corrected, Correction, corrected
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Camera, SessionInfo
-from maurice_mcl.typing import F64, U8
 
 from .conftest import WriteLog
 

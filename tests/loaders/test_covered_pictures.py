@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.covered_pictures import covered_pictures
+from maurice_loaders.calibration.covered_pictures import covered_pictures
 from maurice_loaders.errors import LogError
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo
 
 

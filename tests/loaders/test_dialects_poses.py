@@ -10,9 +10,9 @@ import pytest
 from dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, image, poses, read, write
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import guess, open_recording
+from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.recording import Picture, TruthPose
-from maurice_loaders.time_bases import clock_s
+from maurice_loaders.transforms.clocks import clock_s
 
 # TUM
 

@@ -12,8 +12,8 @@ import pytest
 from dialect_files import COUNTS, QUARTER, counts, image, read, write
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, guess, open_recording, open_session
+from maurice_loaders.formats.registry import OpenOptions, guess, open_recording, open_session
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import OdometryPose, Picture, TruthPose
 
 # CARMEN

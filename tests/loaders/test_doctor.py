@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from maurice_datasets.maurice import write_simulation
 from maurice_datasets.simulation import Plan
 from maurice_datasets.tasks import TASKS
-from maurice_loaders.doctor import Diagnosis, diagnose
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions, open_session
-from maurice_loaders.library_build import build_library
-from maurice_loaders.odometry_folder import read_aligned
-from maurice_mcl.diagnosis import Drive, Odometry, Track
-from maurice_mcl.diagnosis_compare import compared_with_truth
+from maurice_loaders.formats.odometry_folder import read_aligned
+from maurice_loaders.formats.registry import OpenOptions, open_session
+from maurice_loaders.inspection.doctor import Diagnosis, diagnose
+from maurice_loaders.libraries.store import build_library
+from maurice_mcl.diagnosis.findings import Drive, Odometry, Track
+from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
 from maurice_mcl.library import Library
 
 from .conftest import WriteLog

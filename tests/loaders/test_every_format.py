@@ -16,10 +16,10 @@ from format_samples import SAMPLES, SMALL, sample
 from typer.testing import CliRunner
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, formats, guess, open_recording, open_session
+from maurice_loaders.formats.registry import OpenOptions, formats, guess, open_recording, open_session
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
-from maurice_viz.cli import app
+from maurice_viz.cli.app import app
 
 every = pytest.mark.parametrize("name", SAMPLES)
 

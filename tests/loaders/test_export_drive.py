@@ -15,17 +15,17 @@ pytest.importorskip("rosbags")
 from rosbags.highlevel import AnyReader
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.export_drive import convert_to_mcap
-from maurice_loaders.export_session import Converted, convert_to_log
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording, open_session
-from maurice_loaders.header import header_to_json
+from maurice_loaders.export.drive import convert_to_mcap
+from maurice_loaders.export.session import Converted, convert_to_log
+from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recorded_session import Pairing, RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
-from maurice_loaders.session_log import SessionLog
-from maurice_mcl.arena import Arena, Region
+from maurice_loaders.session_log.header import header_to_json
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.arrays import U8
+from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, Moment, Session, SessionInfo
-from maurice_mcl.typing import U8
 
 TRIANGLE = Region("sofa", np.array([[0.1, 0.2], [0.9, 0.2], [0.5, 1.7]]))
 INFO = SessionInfo(

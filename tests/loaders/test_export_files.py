@@ -18,13 +18,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.export_evo import error_statistics, evo_sink
-from maurice_loaders.export_paths import kitti_line, path_files, path_sink, tum_line
-from maurice_loaders.export_steps import PATHS, ExportStep, Sink, export_steps
-from maurice_loaders.export_tables import csv_sink, parquet_sink, table_columns
+from maurice_loaders.export.evo import error_statistics, evo_sink
+from maurice_loaders.export.tables import (
+    PATHS,
+    ExportStep,
+    Sink,
+    csv_sink,
+    export_steps,
+    kitti_line,
+    parquet_sink,
+    path_files,
+    path_sink,
+    table_columns,
+    tum_line,
+)
 from maurice_loaders.recording import moved
-from maurice_loaders.run_store import open_runs
-from maurice_loaders.run_store_rows import StepRows
+from maurice_loaders.runs.rows import StepRows
+from maurice_loaders.runs.store import open_runs
 
 CHANNELS = ("color", "edges")
 POSE = st.tuples(*[st.floats(-1e6, 1e6)] * 2, st.floats(-3.14159, 3.14159)).map(np.array)

@@ -9,28 +9,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_loaders import export_mcap
-from maurice_loaders.bag_localizer import RecordedLocalizer
-from maurice_loaders.bag_messages import matrix_of
+from maurice_loaders.bags.localizer import RecordedLocalizer
+from maurice_loaders.bags.mcap import open_mcap
+from maurice_loaders.bags.messages import matrix_of
+from maurice_loaders.bags.session_topics import HEADER, MOTIONS
 from maurice_loaders.errors import LogError
-from maurice_loaders.export_mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file
-from maurice_loaders.export_run import mcap_sink
-from maurice_loaders.export_scene import scene_of
-from maurice_loaders.export_steps import export_steps
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording
-from maurice_loaders.mcap_bag import open_mcap
-from maurice_loaders.pictures import decode_picture
-from maurice_loaders.run_store import open_runs
-from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_topics import HEADER, MOTIONS
+from maurice_loaders.export import mcap as export_mcap
+from maurice_loaders.export.mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file
+from maurice_loaders.export.run import mcap_sink, scene_of
+from maurice_loaders.export.tables import export_steps
+from maurice_loaders.formats.registry import OpenOptions, open_recording
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.pictures import decode_picture
+from maurice_loaders.runs.store import open_runs
+from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Camera, SessionInfo
 
 pytest.importorskip("rosbags")
 
 from rosbags.highlevel import AnyReader
 
-from maurice_loaders.export_ros_messages import Messages, message_types, pose_rows, spread_out
+from maurice_loaders.export.ros_messages import Messages, message_types, pose_rows, spread_out
 
 Save = Callable[..., tuple[Path, list[Any]]]
 STORE = message_types()

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.export_session import Converted, convert_to_log
-from maurice_loaders.session_log import SessionLog
+from maurice_loaders.export.session import Converted, convert_to_log
+from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Frame, Moment, Session, SessionInfo
 
 MADE = SessionInfo("made")

@@ -6,7 +6,7 @@ import platformdirs
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.folders import cache_root, discard, new_folder
+from maurice_loaders.io.files import cache_root, discard, new_folder
 
 
 def fill(target: Path, text: str = "new", *, force: bool = False) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import open_session
+from maurice_loaders.formats.registry import open_session
 
 LOG = '{"format": "maurice-session-log", "version": 1, "kind": "session", "name": "a"}\n'
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.header import header_from_json, header_to_json
-from maurice_loaders.log_records import read_header
-from maurice_mcl.arena import Arena, Region
+from maurice_loaders.session_log.header import header_from_json, header_to_json
+from maurice_loaders.session_log.records import read_header
+from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
 
 from .conftest import WriteLog

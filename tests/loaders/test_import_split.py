@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.import_split import nearest_m, split_runs, spread
-from maurice_loaders.pose_table import PoseRow, pose_runs
+from maurice_loaders.importing.pictures import nearest_m, split_runs, spread
+from maurice_loaders.importing.pose_table import PoseRow, pose_runs
 
 
 def row(number: int, x: float, y: float = 0.0) -> PoseRow:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.library_build import build_library
-from maurice_loaders.library_store import open_library
-from maurice_loaders.session_log import SessionLog
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.selection import nearest_reference
+from maurice_loaders.libraries.store import build_library, open_library
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.references import nearest_reference
 
 from .conftest import WriteLog
 

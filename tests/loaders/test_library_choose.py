@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.formats import OpenOptions
-from maurice_loaders.library_build import build_library
-from maurice_loaders.library_choose import Every, blurred, choose, read_every, sharpness
-from maurice_loaders.library_files import load_library, save_library
-from maurice_loaders.library_survey import Picked, open_survey
-from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.libraries.choose import Every, blurred, choose, read_every, sharpness
+from maurice_loaders.libraries.files import load_library, save_library
+from maurice_loaders.libraries.store import build_library
+from maurice_loaders.libraries.survey import Picked, open_survey
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import F64, U8
 
 EVERY = Every(0.4, float(np.radians(45)))
 

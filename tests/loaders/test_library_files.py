@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.library_build import build_library
-from maurice_loaders.library_files import load_library, save_library
+from maurice_loaders.libraries.files import load_library, save_library
+from maurice_loaders.libraries.store import build_library
 from maurice_mcl.library import Library
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_loaders import library_store
 from maurice_loaders.errors import LogError
-from maurice_loaders.library_store import build_library, library_key, open_library, save_library
+from maurice_loaders.libraries import store as library_store
+from maurice_loaders.libraries.store import build_library, library_key, open_library, save_library
 from maurice_mcl.library import Library
 
 
@@ -133,7 +133,7 @@ def test_a_quicker_process_is_no_harm(survey: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_two_processes_at_once(survey: Path, tmp_path: Path) -> None:
-    code = "import sys, pathlib; from maurice_loaders.library_store import open_library as o; "
+    code = "import sys, pathlib; from maurice_loaders.libraries.store import open_library as o; "
     code += "print(o(pathlib.Path(sys.argv[1]), warn=print).size)"
     command = [sys.executable, "-c", code, str(survey)]
     both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]

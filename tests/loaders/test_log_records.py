@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from maurice_loaders import log_lines
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.log_records import Record, read_header, read_records
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.session_log import records as log_lines
+from maurice_loaders.session_log.records import Record, read_header, read_records
 
 from .conftest import WriteLog
 

@@ -13,11 +13,9 @@ from format_samples import sample
 from typer.testing import CliRunner
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.first_truth import before, first_truth
-from maurice_loaders.formats import OpenOptions, open_recording, open_session
-from maurice_loaders.made_odometry import NAMED, MadeOdometry, odometry_from_truth
-from maurice_loaders.recorded_session import Pairing, RecordedSession
+from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.recorded_session import Pairing, RecordedSession, before, first_truth
 from maurice_loaders.recording import (
     Motion,
     Note,
@@ -28,10 +26,10 @@ from maurice_loaders.recording import (
     motion_between,
     moved,
 )
-from maurice_loaders.synthetic_odometry import OdometryNoise
+from maurice_loaders.transforms.made_odometry import NAMED, MadeOdometry, OdometryNoise, odometry_from_truth
+from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import F64
-from maurice_viz.cli import app
+from maurice_viz.cli.app import app
 
 MADE = OpenOptions(odometry_from_truth=True)
 QUIET = OdometryNoise(0, 0, 0)

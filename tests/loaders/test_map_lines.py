@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.map_lines import arena_from_lines
+from maurice_loaders.importing.pose_table import arena_from_lines
 
 POSES = np.array([[1.0, 2.0, 0.0], [4.0, 3.0, 0.0]])
 

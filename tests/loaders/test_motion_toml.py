@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
+from maurice_loaders.config_files import motion_to_toml, read_motion
 from maurice_loaders.errors import LogError
-from maurice_loaders.motion_toml import motion_to_toml, read_motion
 
 MOTION = {
     "model": "maurice",

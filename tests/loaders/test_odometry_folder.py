@@ -5,9 +5,15 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.odometry_folder import AlignedDrive, Cutting, cut, read_aligned, trials_from_folder
-from maurice_mcl.calibrate import calibrate
-from maurice_mcl.typing import F64
+from maurice_loaders.formats.odometry_folder import (
+    AlignedDrive,
+    Cutting,
+    cut,
+    read_aligned,
+    trials_from_folder,
+)
+from maurice_mcl.arrays import F64
+from maurice_mcl.calibration.motion import calibrate
 
 ROOT = Path(__file__).parents[2]
 THYMIO = (ROOT / os.environ.get("MAURICE_DATA", "../shared/data")).resolve() / "thymio"

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.pictures import PictureError, decode_picture, encode_jpeg, picture_format
-from maurice_mcl.typing import U8
+from maurice_loaders.io.pictures import PictureError, decode_picture, encode_jpeg, picture_format
+from maurice_mcl.arrays import U8
 
 ENDINGS = ("jpg", "png", "webp", "bmp")
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.pose_table import Columns, PoseRow, pose_runs, read_pose_table
+from maurice_loaders.importing.pose_table import Columns, PoseRow, pose_runs, read_pose_table
 
 HEAD = "image,x_m,y_m,heading_deg"
 

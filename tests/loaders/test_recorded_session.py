@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, open_recording, open_session
-from maurice_loaders.pictures import PictureError
+from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.pictures import PictureError
 from maurice_loaders.recorded_session import Pairing, RecordedSession
 from maurice_loaders.recording import (
     Motion,
@@ -27,10 +27,10 @@ from maurice_loaders.recording import (
     motion_between,
     moved,
 )
-from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import U8
 from maurice_mcl.session import Moment, SessionInfo
-from maurice_mcl.typing import U8
 
 INFO = SessionInfo("given")
 GRAY = np.full((2, 2, 3), 100, np.uint8)

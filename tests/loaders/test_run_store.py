@@ -13,15 +13,8 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.run_store import SavedRun, open_runs
-from maurice_loaders.run_store_compare import same
-from maurice_loaders.run_store_manifest import (
-    library_hash,
-    put,
-    read_manifest,
-    write_manifest,
-)
-from maurice_loaders.run_store_rows import (
+from maurice_loaders.runs.manifest import library_hash, put, read_manifest, write_manifest
+from maurice_loaders.runs.rows import (
     BEST,
     PARTICLES,
     RENEWED,
@@ -31,8 +24,9 @@ from maurice_loaders.run_store_rows import (
     rows_of,
     steps_schema,
 )
-from maurice_loaders.run_store_sources import source_of
-from maurice_loaders.run_store_write import PART_STEPS, RunWriter, begin_comparison
+from maurice_loaders.runs.sources import source_of
+from maurice_loaders.runs.store import SavedRun, open_runs, same
+from maurice_loaders.runs.writer import PART_STEPS, RunWriter, begin_comparison
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment

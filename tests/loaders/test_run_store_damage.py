@@ -10,9 +10,8 @@ import polars as pl
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.run_store import SavedRun, open_runs
-from maurice_loaders.run_store_compare import first_difference, same
-from maurice_loaders.run_store_rows import rows_of
+from maurice_loaders.runs.rows import rows_of
+from maurice_loaders.runs.store import SavedRun, first_difference, open_runs, same
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.pictures import encode_jpeg
-from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import U8
 from maurice_mcl.session import Frame, Moment, Session, SessionInfo
-from maurice_mcl.typing import U8
 
 from .conftest import WriteLog
 

@@ -9,15 +9,15 @@ import jsonschema
 import numpy as np
 import pytest
 
-from maurice_loaders.extent import MOST_SPAN_M
-from maurice_loaders.fields import MOST, MOST_T_S
-from maurice_loaders.log_records import RECORD_KEYS
-from maurice_loaders.pictures import encode_jpeg
-from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_writer import SessionWriter
-from maurice_mcl.arena import Arena, Region
+from maurice_loaders.io.fields import MOST, MOST_T_S
+from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.libraries.files import MOST_SPAN_M
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.records import RECORD_KEYS
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import U8
+from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
-from maurice_mcl.typing import U8
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "session-log.md").read_text(encoding="utf-8")

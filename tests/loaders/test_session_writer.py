@@ -11,13 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.log_records import Event, Odometry, PictureRecord, Truth, read_header, read_records
-from maurice_loaders.pictures import encode_jpeg
-from maurice_loaders.session_log import SessionLog
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.records import (
+    Event,
+    Odometry,
+    PictureRecord,
+    Truth,
+    read_header,
+    read_records,
+)
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import U8
 
 INFO = SessionInfo("drive")
 finite = st.floats(-1e9, 1e9)

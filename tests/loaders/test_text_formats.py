@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import OpenOptions, guess, open_recording, open_session
+from maurice_loaders.formats.registry import OpenOptions, guess, open_recording, open_session
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import Motion, OdometryPose, Picture, Record, TruthPose
-from maurice_mcl.typing import F64
+from maurice_mcl.arrays import F64
 
 DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "logs"
 real = pytest.mark.skipif(not DATA.is_dir(), reason="no recorded data here (MAURICE_DATA)")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from maurice_loaders.time_bases import Span, apart, detect_unit, seconds
+from maurice_loaders.transforms.clocks import Span, apart, detect_unit, seconds
 
 
 @pytest.mark.parametrize(

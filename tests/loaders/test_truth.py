@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.log_records import Event, Odometry, PictureRecord, Record, Truth
-from maurice_loaders.truth import MAX_WAITING, with_truth
-from maurice_mcl.typing import F64
+from maurice_loaders.session_log.records import Event, Odometry, PictureRecord, Record, Truth
+from maurice_loaders.session_log.truth import MAX_WAITING, with_truth
+from maurice_mcl.arrays import F64
 
 
 def truth(t_s: float, *pose: float) -> Truth:

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.whole_files import write_whole
+from maurice_loaders.io.files import write_whole
 
 
 def test_what_cannot_be_written_whole_leaves_what_was_there(

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.library_store import build_library
+from maurice_loaders.libraries.store import build_library
+from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
-from maurice_mcl.look_alikes import SelfCheck, check_library
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.sensor import SensorModel, SensorParameters
-from maurice_mcl.typing import U8
-from maurice_viz.ambiguity_map import draw_ambiguity
-from maurice_viz.look import DEAD, WALL, scale_for
+from maurice_mcl.library_quality.self_similarity import SelfCheck, check_library
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
+from maurice_viz.plots.sheets import draw_ambiguity
+from maurice_viz.style import DEAD, WALL, scale_for
 
 
 def checked(library: Library) -> SelfCheck:

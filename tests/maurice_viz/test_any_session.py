@@ -14,23 +14,22 @@ import rerun.blueprint as rrb
 import viz_fakes as fakes
 import viz_recordings as recordings
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.channels import CHANNELS
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import FilterParameters, ReseedingParameters
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import run
-from maurice_mcl.parameters import FilterParameters, ReseedingParameters
-from maurice_mcl.sensor import SensorParameters
+from maurice_mcl.map import Arena, Region
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.session import Moment
-from maurice_mcl.typing import F64, U8
-from maurice_viz import entities, sinks
+from maurice_viz import entities
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import for_runs
-from maurice_viz.layouts.shown import Run, Shown
-from maurice_viz.legible import legible
-from maurice_viz.look import scale_for
-from maurice_viz.observe import RerunObserver
-from maurice_viz.thinning import Detail
+from maurice_viz.panels.observer import Detail, RerunObserver
+from maurice_viz.scene import Run, Shown
+from maurice_viz.style import legible, scale_for
+from maurice_viz.viewer import sinks
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from maurice_loaders.session_writer import SessionWriter
+from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo
-from maurice_viz.cli import app
+from maurice_viz.cli.app import app
 
 FIGURES = {
     4: "turns",

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import viz_fakes as fakes
 
-from maurice_mcl.arena import Arena
-from maurice_viz import keys
-from maurice_viz.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks
-from maurice_viz.draw_circles import circles_for, node_spacing, relative_likelihood
-from maurice_viz.draw_world import clipped, distinct_places
-from maurice_viz.look import OBSTACLE, scale_for
-from maurice_viz.raster import plain, text_size
+from maurice_mcl.map import Arena
+from maurice_viz.drawing import keys
+from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks
+from maurice_viz.drawing.raster import plain, text_size
+from maurice_viz.panels.circles import circles_for, node_spacing, relative_likelihood
+from maurice_viz.panels.world import clipped, distinct_places
+from maurice_viz.style import OBSTACLE, scale_for
 
 
 @pytest.mark.parametrize(

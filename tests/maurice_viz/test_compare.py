@@ -11,15 +11,15 @@ import pytest
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
-from maurice_loaders.run_store_write import RunWriter
-from maurice_loaders.session_log import SessionLog
-from maurice_viz.cli import app
-from maurice_viz.commands.opening import Wanted, make_runs, open_library_for
-from maurice_viz.commands.options import RunOptions
-from maurice_viz.commands.snapshot import draw_saved
-from maurice_viz.commands.variations import names_of
-from maurice_viz.compare_paths import APART, RESULT, TEXT
-from maurice_viz.replaying import run_together
+from maurice_loaders.runs.writer import RunWriter
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_viz.app.compare import names_of
+from maurice_viz.app.open import Wanted, make_runs, open_library_for
+from maurice_viz.cli.app import app
+from maurice_viz.cli.options import RunOptions
+from maurice_viz.cli.snapshot import draw_saved
+from maurice_viz.entities import APART, RESULT, TEXT
+from maurice_viz.playback import run_together
 
 Maurice = Callable[..., tuple[str, str]]
 FEW = ("--particles", "150", "--no-recording", "--json")
@@ -180,7 +180,7 @@ def test_saved_runs_are_compared_as_if_they_had_gone_together(
     for label in ("color", "blended"):
         maurice(small_session, "--feature", label, "--run", f"kept {label}", *FEW)
 
-    from maurice_mcl.localizer import Localizer
+    from maurice_mcl.filter.localizer import Localizer
 
     monkeypatch.delattr(Localizer, "step")  # nothing is filtered again
     out, err = maurice("compare", "kept color", "kept blended", "--no-recording", "--json")

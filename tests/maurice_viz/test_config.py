@@ -13,12 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from maurice_loaders.config_file import configuration_of, read_config, to_toml, toml_value
+from maurice_loaders.config_files import configuration_of, read_config, to_toml, toml_value
 from maurice_loaders.errors import LogError
-from maurice_mcl.configuration import Layer, configure, defaults
-from maurice_mcl.presets import PRESETS
-from maurice_mcl.rules import RULES
-from maurice_viz.commands.config import config
+from maurice_mcl.config.presets import PRESETS
+from maurice_mcl.config.schema import RULES, Layer, configure, defaults
+from maurice_viz.cli.config import config
 
 DOCS = Path(__file__).parents[2] / "docs" / "configuration.md"
 RUNNER = CliRunner()
@@ -109,7 +108,7 @@ def test_a_file_that_is_not_there(tmp_path):
 
 def test_the_command_is_known_to_the_app():
     done = subprocess.run(
-        [sys.executable, "-c", "from maurice_viz.entry import main; main()", "config", "show"],
+        [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "config", "show"],
         env=os.environ,
         capture_output=True,
         text=True,

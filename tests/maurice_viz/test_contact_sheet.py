@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import viz_fakes as fakes
 
-from maurice_viz.contact_sheet import (
+from maurice_viz.drawing.contact_sheet import (
     BEST,
     CAPTION_PX,
     CELL_PX,
@@ -16,7 +16,7 @@ from maurice_viz.contact_sheet import (
     Match,
     best_matches,
 )
-from maurice_viz.look import MISSING, UNITS, Scale
+from maurice_viz.style import MISSING, UNITS, Scale
 
 INCHES = Scale(UNITS["in"])
 WIDTH = BEST * (CELL_PX + GAP_PX) - GAP_PX

@@ -12,11 +12,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from maurice_loaders.formats import OpenOptions
-from maurice_viz.cli import app as whole
-from maurice_viz.commands.doctor import doctor
-from maurice_viz.commands.library import library
-from maurice_viz.commands.reading import reads_recordings, typed
+from maurice_loaders.formats.registry import OpenOptions
+from maurice_viz.cli.app import app as whole
+from maurice_viz.cli.doctor import doctor
+from maurice_viz.cli.library import library
+from maurice_viz.cli.reading import reads_recordings, typed
 
 runner = CliRunner()
 app = typer.Typer()

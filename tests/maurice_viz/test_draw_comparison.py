@@ -13,19 +13,20 @@ import viz_fakes as fakes
 import viz_recordings as read
 from rerun.chunk import RrdReader
 
-from maurice_mcl.assembly import make_localizer
+from maurice_mcl.analysis.run_comparison import PairedStep, Step
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import INCH_M
-from maurice_mcl.pairing import PairedStep, Step
-from maurice_mcl.parameters import of_feature
-from maurice_viz import compare_paths as paths
-from maurice_viz import entities, sinks
-from maurice_viz.compare_keys import belief_key, circle_key, key_extent, runs_key
-from maurice_viz.draw_comparison import DOTS, ComparisonDrawing, thinned
+from maurice_viz import entities
+from maurice_viz import entities as paths
 from maurice_viz.layouts import compare
-from maurice_viz.layouts.shown import Run, Shown
-from maurice_viz.look import scale_for
-from maurice_viz.replaying import ResultCollector, aligned, run_together, shared
-from maurice_viz.replaying import Run as LiveRun
+from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, thinned
+from maurice_viz.panels.comparison_keys import belief_key, circle_key, key_extent, runs_key
+from maurice_viz.playback import ResultCollector, aligned, run_together, shared
+from maurice_viz.playback import Run as LiveRun
+from maurice_viz.scene import Run, Shown
+from maurice_viz.style import scale_for
+from maurice_viz.viewer import sinks
 
 LABELS = ["seed 0", "größe", "c"]
 Seen = list[tuple[Mapping[str, Step], Mapping[str, PairedStep]]]

@@ -6,12 +6,14 @@ from pathlib import Path
 import rerun.blueprint as rrb
 import viz_recordings as recordings
 
-from maurice_mcl.events import KINDS, PARTED, Event
-from maurice_mcl.localizer import RESAMPLED
-from maurice_mcl.whereabouts import STATES
-from maurice_viz import draw_events, entities, sinks
-from maurice_viz.draw_events import EventLane
+from maurice_mcl.analysis.events import KINDS, PARTED, Event
+from maurice_mcl.analysis.localization_status import STATES
+from maurice_mcl.filter.localizer import RESAMPLED
+from maurice_viz import entities
 from maurice_viz.entities import RunPaths
+from maurice_viz.panels import events as draw_events
+from maurice_viz.panels.events import EventLane
+from maurice_viz.viewer import sinks
 
 PATHS = RunPaths("blended")
 STATE = "StateChange:state"

@@ -13,27 +13,26 @@ import rerun.blueprint as rrb
 import viz_fakes as fakes
 import viz_recordings as recordings
 
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.explaining import Asked, explain_step
+from maurice_mcl.analysis.explanation import Asked, explain_step
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import FilterParameters, of_feature
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import run
-from maurice_mcl.parameters import FilterParameters, of_feature
 from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
-from maurice_viz import sinks
-from maurice_viz.draw_explain import ExplainPanel
-from maurice_viz.draw_explain_full import Update, bars_path, draw_full, picture_path, words_path
 from maurice_viz.entities import RunPaths, Slot
-from maurice_viz.explanation_bars import MOST, bars_for
-from maurice_viz.explanation_blueprint import full
-from maurice_viz.explanation_cards import CARD_PX, blank_card
-from maurice_viz.explanation_paths import card_path, chart_path, marks_path, table_path
+from maurice_viz.explain.paths import card_path, chart_path, marks_path, table_path
 from maurice_viz.layouts import explain
-from maurice_viz.layouts.shown import Run, Shown
-from maurice_viz.look import scale_for
-from maurice_viz.observe import set_phase
+from maurice_viz.layouts.explanation_screen import full
+from maurice_viz.panels.explanation import ExplainPanel
+from maurice_viz.panels.explanation_cards import CARD_PX, MOST, bars_for, blank_card
+from maurice_viz.panels.explanation_screen import Update, bars_path, draw_full, picture_path, words_path
+from maurice_viz.panels.observer import set_phase
+from maurice_viz.scene import Run, Shown
+from maurice_viz.style import scale_for
+from maurice_viz.viewer import sinks
 
 Played = tuple[SensorModel, list[tuple[Moment, StepRecord]]]
 PATHS = RunPaths("Lauf ä")

@@ -13,19 +13,18 @@ from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner, Result
 
-from maurice_loaders.findings import Findings
-from maurice_loaders.formats import open_recording
+from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.io.findings import Findings
 from maurice_loaders.recorded_session import Glance, RecordedSession
 from maurice_loaders.recording import moved
-from maurice_loaders.stand_ins import STAND_IN, StandIns
-from maurice_mcl.arena import Arena
+from maurice_loaders.transforms.placeholders import STAND_IN, StandIns
+from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo
-from maurice_viz import drive_ways
-from maurice_viz.cli import app
-from maurice_viz.commands import drive_alone
-from maurice_viz.draw_drive import Drive
-from maurice_viz.drive_ways import ways_of
+from maurice_viz.app import drive as drive_alone
+from maurice_viz.cli.app import app
 from maurice_viz.layouts.drive import reach
+from maurice_viz.panels import drive as drive_ways
+from maurice_viz.panels.drive import Drive, ways_of
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
 

@@ -13,12 +13,14 @@ import typer
 from rerun.experimental import ViewerClient
 from typer.testing import CliRunner
 
-from maurice_loaders.bookmarks import bookmarks_file
-from maurice_mcl.events import Event
-from maurice_viz import cli, open_viewers, sinks, viewer
-from maurice_viz.commands.events import events
-from maurice_viz.commands.jump import _is, _there, jump
-from maurice_viz.snapshot import software_driver
+from maurice_loaders.runs.bookmarks import bookmarks_file
+from maurice_mcl.analysis.events import Event
+from maurice_viz.cli import app as cli
+from maurice_viz.cli.events import events
+from maurice_viz.cli.jump import _is, _there, jump
+from maurice_viz.viewer import open_viewers, sinks
+from maurice_viz.viewer import spawn as viewer
+from maurice_viz.viewer.snapshot import software_driver
 
 Type = Callable[..., tuple[str, str]]
 

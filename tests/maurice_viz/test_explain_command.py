@@ -12,9 +12,9 @@ import typer
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
-from maurice_viz.cli import app
-from maurice_viz.commands.explain import explain
-from maurice_viz.snapshot import software_driver
+from maurice_viz.cli.app import app
+from maurice_viz.cli.explain import explain
+from maurice_viz.viewer.snapshot import software_driver
 
 Explain = Callable[..., tuple[str, str]]
 
@@ -149,5 +149,5 @@ def test_a_picture_is_the_real_viewers(saved: Path, ask: Explain) -> None:
 def test_without_a_driver_a_line_names_the_package(
     saved: Path, ask: Explain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("maurice_viz.snapshot.DRIVERS", ())
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     assert "mesa-vulkan-drivers" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])

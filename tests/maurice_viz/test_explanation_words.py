@@ -10,18 +10,16 @@ import numpy as np
 import pytest
 import viz_fakes as fakes
 
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.explaining import Asked, ChannelExplanation, StepExplanation, explain_step
+from maurice_mcl.analysis.explanation import Asked, ChannelExplanation, StepExplanation, explain_step
+from maurice_mcl.arrays import F32
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import of_feature
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_mcl.localizer import run
-from maurice_mcl.parameters import of_feature
-from maurice_mcl.typing import F32
-from maurice_viz.explanation_json import to_json
-from maurice_viz.explanation_names import KNOWN, planes_of
-from maurice_viz.explanation_table import markdown_table
-from maurice_viz.explanation_words import ordinal, say_behind, say_step, where_lost
-from maurice_viz.look import scale_for
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_viz.explain.table import markdown_table, to_json
+from maurice_viz.explain.words import KNOWN, ordinal, planes_of, say_behind, say_step, where_lost
+from maurice_viz.style import scale_for
 
 
 def explained(

@@ -11,7 +11,7 @@ import time
 import pytest
 import typer
 
-from maurice_viz.commands.failing import one_line_errors
+from maurice_viz.cli.errors import one_line_errors
 
 FULL = "maurice-replay: a/b.log: No space left on device"
 
@@ -44,8 +44,8 @@ class Lost:
 def app():
     Lost()
     time.sleep(60)
-maurice_viz.cli.app = app
-maurice_viz.entry.main()
+maurice_viz.cli.app.app = app
+maurice_viz.cli.main.main()
 """
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-from maurice_viz.commands.importer import NOT_MINE, is_ours
+from maurice_viz.cli.importer import NOT_MINE, is_ours
 
-CODE = "from maurice_viz.commands.importer import main; main()"
+CODE = "from maurice_viz.cli.importer import main; main()"
 
 
 def importer(*words: str | Path, expect: int = 0) -> subprocess.CompletedProcess[bytes]:

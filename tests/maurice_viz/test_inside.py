@@ -12,19 +12,21 @@ import viz_fakes as fakes
 import viz_recordings as recordings
 from PIL import Image
 
-from maurice_mcl.ancestry import Ancestry
-from maurice_mcl.belief import Belief, uniform_log_weights
-from maurice_mcl.estimate import weighted_mean
-from maurice_mcl.events import Event
-from maurice_mcl.mode_tracks import TrackedMode
-from maurice_viz import draw_rose, draw_traces, entities
-from maurice_viz.draw_film import COLUMNS
-from maurice_viz.draw_likelihood import names
-from maurice_viz.draw_river import HEIGHT, LENGTH, bands
+from maurice_mcl.analysis.ancestry import Ancestry
+from maurice_mcl.analysis.events import Event
+from maurice_mcl.analysis.modes import TrackedMode
+from maurice_mcl.filter.estimate import weighted_mean
+from maurice_mcl.records import Belief, uniform_log_weights
+from maurice_viz import entities
 from maurice_viz.entities import RunPaths, Slot
-from maurice_viz.look import EMPTY, MODE_COLORS
-from maurice_viz.places import places_of
-from maurice_viz.thinning import AROUND, Detail, Thinning, Update, expected_bytes
+from maurice_viz.panels import headings as draw_rose
+from maurice_viz.panels import traces as draw_traces
+from maurice_viz.panels.filmstrip import COLUMNS
+from maurice_viz.panels.likelihood import names
+from maurice_viz.panels.modes import HEIGHT, LENGTH, bands
+from maurice_viz.panels.observer import AROUND, Detail, Thinning, Update, expected_bytes
+from maurice_viz.panels.traces import places_of
+from maurice_viz.style import EMPTY, MODE_COLORS
 
 RUN = RunPaths("blended")
 STEPS = COLUMNS + 3

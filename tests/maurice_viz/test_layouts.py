@@ -7,11 +7,11 @@ import rerun.blueprint as rrb
 import viz_fakes as fakes
 
 from maurice_viz import entities
-from maurice_viz.canvas import arena_extent, map_extent
+from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.layouts import compare, overview
 from maurice_viz.layouts.registry import for_runs
-from maurice_viz.layouts.shown import Run, Shown
-from maurice_viz.look import scale_for
+from maurice_viz.scene import Run, Shown
+from maurice_viz.style import scale_for
 
 ARENA = fakes.arena(5, 4)
 COLOR, BLENDED = Run("color", ("color",)), Run("blended", ("color", "edges"))

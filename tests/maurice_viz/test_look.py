@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.arena import Arena
-from maurice_viz.draw_traces import ALL_TOGETHER, COLORS, EVIDENCE_COLORS
-from maurice_viz.look import (
+from maurice_mcl.map import Arena
+from maurice_viz.panels.traces import ALL_TOGETHER, COLORS, EVIDENCE_COLORS
+from maurice_viz.style import (
     BAR,
     LUT,
     MODE_COLORS,

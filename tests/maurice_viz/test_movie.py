@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from maurice_loaders.errors import LogError
-from maurice_mcl.typing import U8
-from maurice_viz.movie import film, from_png
-from maurice_viz.raster import png
+from maurice_mcl.arrays import U8
+from maurice_viz.drawing.raster import png
+from maurice_viz.viewer.movie import film, from_png
 
 FRAMES = 5
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import viz_fakes as fakes
 
-from maurice_mcl.belief import Belief, uniform_log_weights
-from maurice_mcl.records import Estimate
-from maurice_viz import narrate, narrate_parts
+from maurice_mcl.records import Belief, Estimate, uniform_log_weights
 from maurice_viz.entities import Slot
-from maurice_viz.look import UNITS, Scale
+from maurice_viz.style import UNITS, Scale
+from maurice_viz.text import narration as narrate
+from maurice_viz.text import narration as narrate_parts
 
 INCHES = Scale(UNITS["in"])
 INCH = 0.0254

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import maurice_viz as mv
 from maurice_loaders.errors import LogError
-from maurice_viz.cli import app
+from maurice_viz.cli.app import app
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "notebook.ipynb"
 Maurice = Callable[..., str]

@@ -10,13 +10,16 @@ import viz_fakes as fakes
 import viz_recordings as recordings
 from rerun.chunk import RrdReader
 
-from maurice_mcl.distances import contributions
 from maurice_mcl.library import Library
-from maurice_viz import draw_belief, entities, narrate, narrate_parts
+from maurice_mcl.sensor.distances import contributions
+from maurice_viz import entities
 from maurice_viz.entities import RunPaths, Slot
-from maurice_viz.look import scale_for, weight_colors
-from maurice_viz.observe import RerunObserver
-from maurice_viz.sinks import recording
+from maurice_viz.panels import belief as draw_belief
+from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.style import scale_for, weight_colors
+from maurice_viz.text import narration as narrate
+from maurice_viz.text import narration as narrate_parts
+from maurice_viz.viewer.sinks import recording
 
 STEPS = 4
 RUN = RunPaths("blended")

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from maurice_viz import open_viewers
-from maurice_viz.open_viewers import remember, remember_recording, state_folder
-from maurice_viz.viewer import HOST
+from maurice_viz.viewer import open_viewers
+from maurice_viz.viewer.open_viewers import remember, remember_recording, state_folder
+from maurice_viz.viewer.spawn import HOST
 
 Listen = Callable[[], int]
 

@@ -8,14 +8,14 @@ import sys
 import tomllib
 from pathlib import Path
 
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.distances import DISTANCES
-from maurice_mcl.features import SCALES
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.distances import DISTANCES
+from maurice_mcl.sensor.features import SCALES
 
 DOCS = (Path(__file__).parents[2] / "docs" / "channels.md").read_text()
 SOURCE = re.findall(r"```python\n(.*?)```", DOCS, re.S)[0]
 PROJECT = tomllib.loads(re.findall(r"```toml\n(.*?)```", DOCS, re.S)[0])
-COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 RUN = ["--no-recording", "--json", "--particles", "200"]
 
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from maurice_loaders.session_writer import SessionWriter
-from maurice_mcl.arena import Arena, Region
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
-from maurice_mcl.typing import F64, U8
-from maurice_viz.cli import app
+from maurice_viz.cli.app import app
 from maurice_viz.report.page import SECTIONS
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

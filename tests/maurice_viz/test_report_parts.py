@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.events import Event
+from maurice_mcl.analysis.events import Event
+from maurice_viz.app.tracks import NOWHERE, NUMBERS, Collected, Track
 from maurice_viz.report.charts import MOST_POINTS, thinned, ticks
 from maurice_viz.report.choosing import MOST_PICTURES, Happening, choose, listed, said_steps, worst_step
+from maurice_viz.report.map import MOST_POINTS as MOST_PLACES
+from maurice_viz.report.map import thin, unbroken
 from maurice_viz.report.markup import Markup, number, tag
-from maurice_viz.report.plan import MOST_POINTS as MOST_PLACES
-from maurice_viz.report.plan import thin, unbroken
-from maurice_viz.report.tracks import NOWHERE, NUMBERS, Collected, Track
 
 
 def test_text_is_escaped_and_markup_is_not() -> None:

@@ -6,16 +6,19 @@ import numpy as np
 import viz_fakes as fakes
 import viz_recordings as recordings
 
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.configuration import Layer, configure
-from maurice_mcl.localizer import run
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.schema import Layer, configure
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.records import StepRecord
-from maurice_viz import draw_belief, entities, narrate, sinks
+from maurice_viz import entities
 from maurice_viz.entities import RunPaths, Slot
 from maurice_viz.layouts.registry import for_runs
-from maurice_viz.layouts.shown import Run, Shown
-from maurice_viz.look import scale_for
-from maurice_viz.observe import RerunObserver
+from maurice_viz.panels import belief as draw_belief
+from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.scene import Run, Shown
+from maurice_viz.style import scale_for
+from maurice_viz.text import narration as narrate
+from maurice_viz.viewer import sinks
 
 SHARE = 0.25
 

@@ -15,14 +15,14 @@ import pytest
 from typer.testing import CliRunner
 
 from maurice_loaders.errors import LogError
-from maurice_loaders.fields import FieldError
-from maurice_loaders.formats import OpenOptions
+from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.io.fields import FieldError
 from maurice_loaders.recording import moved
-from maurice_loaders.run_store_manifest import read_manifest
-from maurice_loaders.run_store_sources import reading_from_json, reading_to_json, source_hash
-from maurice_loaders.session_log import SessionLog
-from maurice_viz.cli import app
-from maurice_viz.commands import side_by_side
+from maurice_loaders.runs.manifest import read_manifest
+from maurice_loaders.runs.sources import reading_from_json, reading_to_json, source_hash
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_viz.app import compare as side_by_side
+from maurice_viz.cli.app import app
 
 COMMON = ("--no-recording", "--json", "--particles", 100, "--start", "global")
 

@@ -17,12 +17,12 @@ import pytest
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
-from maurice_loaders.run_store_manifest import read_manifest, write_manifest
-from maurice_loaders.run_store_write import RunWriter
-from maurice_viz import console
-from maurice_viz.cli import app
+from maurice_loaders.runs.manifest import read_manifest, write_manifest
+from maurice_loaders.runs.writer import RunWriter
+from maurice_viz.cli import console
+from maurice_viz.cli.app import app
 
-COMMAND = [sys.executable, "-c", "from maurice_viz.entry import main; main()"]
+COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_a_saved_run_draws_the_same_recording(small_session: Path, maurice: Maur
 
 
 def test_replaying_filters_nothing(saved: str, maurice: Maurice, monkeypatch: pytest.MonkeyPatch) -> None:
-    from maurice_mcl.localizer import Localizer
+    from maurice_mcl.filter.localizer import Localizer
 
     def refuse(*args: Any) -> None:
         raise AssertionError("a saved run is not to be filtered again")

@@ -17,7 +17,7 @@ PATIENCE_S = 60
 
 
 def command(*args: str) -> list[str]:
-    return [sys.executable, "-c", "from maurice_viz.entry import main; main()", "simulate", *args]
+    return [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "simulate", *args]
 
 
 def environment(folder: Path) -> dict[str, str]:

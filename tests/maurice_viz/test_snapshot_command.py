@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from maurice_viz.cli import app
-from maurice_viz.snapshot import software_driver
+from maurice_viz.cli.app import app
+from maurice_viz.viewer.snapshot import software_driver
 
 needs_renderer = pytest.mark.skipif(
     software_driver() is None,
@@ -68,7 +68,7 @@ def test_what_contradicts_itself_is_a_usage_error(maurice: Maurice, words: tuple
 
 
 def test_bad_sources_are_a_line(maurice: Maurice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maurice_viz.snapshot.software_driver", lambda: Path("driver.json"))
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.software_driver", lambda: Path("driver.json"))
     assert "no such recording" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert "found no manifest.json" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
     (tmp_path / "a.png").write_bytes(b"earlier")
@@ -77,7 +77,7 @@ def test_bad_sources_are_a_line(maurice: Maurice, tmp_path: Path, monkeypatch: p
 
 
 def test_without_a_driver_the_package_is_named(maurice: Maurice, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maurice_viz.snapshot.DRIVERS", ())
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "--movie", "a.gif", expect=1)[1])
 

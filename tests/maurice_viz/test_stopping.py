@@ -12,11 +12,11 @@ import pytest
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
-from maurice_loaders.run_store_manifest import read_manifest
-from maurice_loaders.run_store_write import RunWriter
-from maurice_viz import sinks
-from maurice_viz.cli import app
-from maurice_viz.commands.stopping import stops_between
+from maurice_loaders.runs.manifest import read_manifest
+from maurice_loaders.runs.writer import RunWriter
+from maurice_viz.app.stop import stops_between
+from maurice_viz.cli.app import app
+from maurice_viz.viewer import sinks
 
 
 def stop() -> None:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from maurice_mcl.metrics import Scorer
-from maurice_mcl.success import Success
-from maurice_viz.look import units_named
-from maurice_viz.replaying import RunResult
-from maurice_viz.summary import to_json, to_table
+from maurice_mcl.analysis.metrics import Scorer
+from maurice_mcl.analysis.success import Success
+from maurice_viz.playback import RunResult
+from maurice_viz.style import units_named
+from maurice_viz.text.summary import to_json, to_table
 
 ROWS = ("localized (thesis, sd < 10 %)", "localized (thesis, one foot)")
 

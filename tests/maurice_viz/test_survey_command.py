@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from maurice_loaders.session_log import SessionLog
-from maurice_viz.cli import app
-from maurice_viz.commands.survey import read_length
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_viz.cli.app import app
+from maurice_viz.cli.survey import read_length
 
 SMALL = """
 format = 1

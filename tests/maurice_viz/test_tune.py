@@ -6,8 +6,8 @@ import shutil
 import pytest
 from typer.testing import CliRunner
 
-from maurice_loaders.config_file import configuration_of
-from maurice_viz.commands.library import library
+from maurice_loaders.config_files import configuration_of
+from maurice_viz.cli.library import library
 
 RUNNER = CliRunner()
 

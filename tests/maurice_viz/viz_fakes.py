@@ -10,16 +10,16 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.channels import CHANNELS
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import of_feature
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.geometry import INCH_M, compose
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.localizer import run
-from maurice_mcl.parameters import of_feature
+from maurice_mcl.map import Arena, Region
 from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.session import Frame, Moment, SessionInfo
-from maurice_mcl.typing import F64, U8
 
 SPACING_M = 18 * INCH_M
 

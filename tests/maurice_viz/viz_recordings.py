@@ -12,15 +12,15 @@ import pyarrow as pa
 import viz_fakes as fakes
 from rerun.chunk import RrdReader
 
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.features import FEATURES
 from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.session import Moment
-from maurice_viz import sinks
 from maurice_viz.layouts.registry import for_runs
-from maurice_viz.layouts.shown import Run, Shown
-from maurice_viz.look import scale_for
-from maurice_viz.observe import RerunObserver
+from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.scene import Run, Shown
+from maurice_viz.style import scale_for
+from maurice_viz.viewer import sinks
 
 Played = list[tuple[Moment, StepRecord]]
 

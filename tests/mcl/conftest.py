@@ -12,10 +12,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.channels import CHANNELS
 from maurice_mcl.geometry import compose
 from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.map import Arena, Region
+from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from maurice_mcl.belief import Belief, effective_sample_size
-from maurice_mcl.estimate import heaviest_cluster, weighted_mean
-from maurice_mcl.records import Comparison, Sighting, StepRecord
+from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
+from maurice_mcl.records import Belief, Comparison, Sighting, StepRecord, effective_sample_size
 from maurice_mcl.session import Frame, Moment
 
 Cloud = Sequence[tuple[float, float, float]]  # x_m, y_m and share of the weight, one a particle

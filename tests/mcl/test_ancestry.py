@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from maurice_mcl.ancestry import Ancestry
+from maurice_mcl.analysis.ancestry import Ancestry
 
 
 def _record(x, parents=None):

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.dual import DualParameters
-from maurice_mcl.estimate import heaviest_cluster, weighted_mean
-from maurice_mcl.kld import KldParameters
-from maurice_mcl.localizer import RESEEDED, run
-from maurice_mcl.parameters import (
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import (
     FilterParameters,
     ResamplingParameters,
     ReseedingParameters,
     SelectionParameters,
 )
-from maurice_mcl.sensor import SensorParameters
-from maurice_mcl.tails import TailParameters
+from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
+from maurice_mcl.filter.localizer import RESEEDED, run
+from maurice_mcl.filter.motion import TailParameters
+from maurice_mcl.filter.proposal import DualParameters
+from maurice_mcl.filter.resampling import KldParameters
+from maurice_mcl.sensor.model import SensorParameters
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from maurice_mcl.belief import Belief, effective_sample_size, normalize, uniform_log_weights
+from maurice_mcl.records import Belief, effective_sample_size, normalize, uniform_log_weights
 
 LOGS = arrays(np.float64, st.integers(1, 50), elements=st.floats(-2000, 500))
 

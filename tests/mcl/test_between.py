@@ -1,13 +1,12 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.between import between
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import wrap
 from maurice_mcl.library import ChannelIndex
-from maurice_mcl.parameters import of_feature
-from maurice_mcl.selection import crosses
+from maurice_mcl.map import Arena
+from maurice_mcl.sensor.references import between, crosses
 
 PITCH = 0.5
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.blending import (
+from maurice_mcl.sensor.fusion import (
     BLENDS,
     LEAST_QUALITY,
     QUALITIES,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from maurice_mcl.block_bootstrap import LEAST, autocorrelation, block_length, mean_interval
-from maurice_mcl.typing import F64
+from maurice_mcl.analysis.run_comparison import LEAST, autocorrelation, block_length, mean_interval
+from maurice_mcl.arrays import F64
 
 UPDATES = 120  # as long as the demo
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from maurice_mcl.calibrate import (
+from maurice_mcl.arrays import F64
+from maurice_mcl.calibration.motion import (
     Calibration,
     Straights,
     Trials,
@@ -15,16 +16,8 @@ from maurice_mcl.calibrate import (
     fit_turns,
     unwrapped,
 )
-from maurice_mcl.calibrate_statistics import (
-    Fitted,
-    normality,
-    r_squared,
-    slope,
-    slope_resampled,
-    spread_of,
-)
-from maurice_mcl.motion import MauriceParameters
-from maurice_mcl.typing import F64
+from maurice_mcl.calibration.statistics import Fitted, normality, r_squared, slope, slope_resampled, spread_of
+from maurice_mcl.filter.motion import MauriceParameters
 
 GAIN, BIAS, SD = 1 / 1.3695, np.radians(0.2681), np.radians(4.916)
 SHORT, SHORT_SD, DRIFT, DRIFT_SD = -0.0177, 0.0161, 0.15, 0.057

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.calibrate_legs import Leg, trials_of
-from maurice_mcl.typing import F64
+from maurice_mcl.arrays import F64
+from maurice_mcl.calibration.motion import Leg, trials_of
 
 
 def arc(pose: F64, length_m: float, drift_rad: float) -> F64:

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.calibrate_noise import noise_floor, stretched
-from maurice_mcl.channels.color import Color
-from maurice_mcl.typing import U8
+from maurice_mcl.arrays import U8
+from maurice_mcl.calibration.noise import noise_floor, stretched
+from maurice_mcl.sensor.descriptors.color import Color
 
 
 def dark(seed: int) -> U8:

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.channels.histogram import camera_histogram
-from maurice_mcl.channels.smoothed import KERNEL, smooth
-from maurice_mcl.distances import DISTANCES
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.histogram import camera_histogram
+from maurice_mcl.sensor.descriptors.smoothed import KERNEL, smooth
+from maurice_mcl.sensor.distances import DISTANCES
 
 EACH = pytest.mark.parametrize("name", sorted(CHANNELS))
 

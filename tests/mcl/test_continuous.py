@@ -13,13 +13,13 @@ from scipy.ndimage import convolve1d
 from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
-from maurice_mcl.arena import Arena
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.channels import CHANNELS
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import FilterParameters, ResamplingParameters, SelectionParameters
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.parameters import FilterParameters, ResamplingParameters, SelectionParameters
-from maurice_mcl.sensor import SensorParameters
+from maurice_mcl.map import Arena
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.session import Frame, SessionInfo
 
 COLUMNS, ROWS, HEADINGS, PITCH = 4, 3, 8, 18.0  # inches throughout, but for poses

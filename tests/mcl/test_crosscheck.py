@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from filterpy.discrete_bayes import update
 
-from maurice_mcl.belief import Belief, effective_sample_size, normalize, uniform_log_weights
-from maurice_mcl.localizer import weigh
+from maurice_mcl.filter.localizer import weigh
+from maurice_mcl.filter.resampling import multinomial, residual, stratified, systematic
 from maurice_mcl.randomness import stream
-from maurice_mcl.resampling import multinomial, residual, stratified, systematic
+from maurice_mcl.records import Belief, effective_sample_size, normalize, uniform_log_weights
 
 SIZES = [1, 2, 7, 100, 2000]
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.localizer import run
-from maurice_mcl.metrics import FIRST_SCORED, Scorer
-from maurice_mcl.parameters import of_feature
+from maurice_mcl.analysis.metrics import FIRST_SCORED, Scorer
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import of_feature
+from maurice_mcl.filter.localizer import run
 
 EVO_APE = Path(sys.executable).parent / "evo_ape"
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.diagnosis import Drive, Odometry, Track, motions_between, motions_of, rotated
-from maurice_mcl.diagnosis_clocks import clocks_apart, same_moments, truth_apart
-from maurice_mcl.diagnosis_compare import compared_with_truth
-from maurice_mcl.diagnosis_plausible import aside_share, odometry_doubts, time_unit
-from maurice_mcl.diagnosis_truth import Reading, agreement, legs_of, motions_read, readings
-from maurice_mcl.typing import F64
+from maurice_mcl.arrays import F64
+from maurice_mcl.diagnosis.clocks import clocks_apart, same_moments, truth_apart
+from maurice_mcl.diagnosis.findings import Drive, Odometry, Track, motions_between, motions_of, rotated
+from maurice_mcl.diagnosis.odometry import Reading, agreement, legs_of, motions_read, readings
+from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
+from maurice_mcl.diagnosis.plausibility import aside_share, odometry_doubts, time_unit
 
 RATE_HZ = 10.0
 

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.distances import (
+from maurice_mcl.library import ChannelIndex
+from maurice_mcl.sensor.distances import (
     DISTANCES,
     chi2,
     contributions,
@@ -14,7 +15,6 @@ from maurice_mcl.distances import (
     relevance_only,
     thesis,
 )
-from maurice_mcl.library import ChannelIndex
 
 EACH = pytest.mark.parametrize("name", sorted(DISTANCES))
 

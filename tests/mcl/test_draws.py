@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.draws import evenly, from_likelihood, regions, shares_of
-from maurice_mcl.grid import make_grid
+from maurice_mcl.filter.proposal import evenly, from_likelihood, regions, shares_of
+from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import stream
-from maurice_mcl.selection import HEADING_BINS, nearest_reference
+from maurice_mcl.sensor.references import HEADING_BINS, nearest_reference
 
 MIDDLE = np.array([2.0, 1.5])
 BOX = Region("box", np.array([[0.0, 0.0], [1.2, 0.0], [1.2, 0.9], [0.0, 0.9]]))

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena
-from maurice_mcl.belief import Belief, normalize
-from maurice_mcl.draws import regions, shares_of
-from maurice_mcl.dual import DualParameters, mix
+from maurice_mcl.filter.proposal import DualParameters, mix, regions, shares_of
+from maurice_mcl.map import Arena
 from maurice_mcl.randomness import stream
-from maurice_mcl.selection import nearest_reference
+from maurice_mcl.records import Belief, normalize
+from maurice_mcl.sensor.references import nearest_reference
 
 MIDDLE = np.array([2.0, 1.5])
 ARENA = Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4)))

@@ -2,8 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.channels.edges import edge_image
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.edges import edge_image
 
 
 def _flat(value, shape=(10, 12)):

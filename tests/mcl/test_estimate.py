@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.belief import Belief, normalize, uniform_log_weights
-from maurice_mcl.estimate import heaviest_cluster, weighted_mean
+from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.geometry import INCH_M
+from maurice_mcl.records import Belief, normalize, uniform_log_weights
 
 RADIUS_M = 24 * INCH_M
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.belief import Belief, normalize, uniform_log_weights
-from maurice_mcl.estimate import (
+from maurice_mcl.filter.estimate import (
     CLUSTER_M,
     CONFIDENCE_M,
     best_particle,
@@ -14,6 +13,7 @@ from maurice_mcl.estimate import (
     share_within,
     weighted_mean,
 )
+from maurice_mcl.records import Belief, normalize, uniform_log_weights
 
 
 def _belief(poses, weights=None, origin=(0.0, 0.0)):

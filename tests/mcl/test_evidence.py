@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.belief import Belief, normalize
-from maurice_mcl.evidence import log_mean_likelihood
+from maurice_mcl.filter.estimate import log_mean_likelihood
+from maurice_mcl.records import Belief, normalize
 
 
 def _belief(n, seed=0):

@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.blending import BLENDS
-from maurice_mcl.distances import DISTANCES
-from maurice_mcl.explaining import (
+from maurice_mcl.analysis.explanation import (
     ASKED,
     ESTIMATE,
     TRUTH,
@@ -20,11 +17,14 @@ from maurice_mcl.explaining import (
     nearest_entries,
     offset,
 )
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.library import Library
-from maurice_mcl.likelihoods import LIKELIHOODS
-from maurice_mcl.parameters import FilterParameters
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.sensor.distances import DISTANCES
+from maurice_mcl.sensor.fusion import BLENDS
+from maurice_mcl.sensor.likelihood import LIKELIHOODS
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
 
 WEIGHTS = {"edges": 0.7, "color": 0.3, "tiny": 0.2}
 SCALES = {"edges": 0.2, "color": 3.0, "tiny": 2.0}

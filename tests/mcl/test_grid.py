@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena, Region, open_arena
-from maurice_mcl.grid import make_grid
+from maurice_mcl.map import Arena, Region, make_grid, open_arena
 
 PLACES = np.array([[0.5, 0.5], [1.0, 0.5], [0.5, 1.0], [1.0, 1.0]])
 NO_WALLS = np.zeros((0, 4))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.channels.histogram import camera_histogram
+from maurice_mcl.sensor.descriptors.histogram import camera_histogram
 
 
 def _flat(value, shape=(10, 12)):

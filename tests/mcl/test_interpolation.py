@@ -1,9 +1,14 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.interpolation import InterpolationParameters, interpolated
-from maurice_mcl.selection import crosses, nearest_reference, spacing
+from maurice_mcl.map import Arena, Region
+from maurice_mcl.sensor.references import (
+    InterpolationParameters,
+    crosses,
+    interpolated,
+    nearest_reference,
+    spacing,
+)
 
 HERE = np.zeros(2)
 WALL = np.array([[2.0, 0.0, 2.0, 2.0]])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from maurice_mcl.belief import Belief, normalize, uniform_log_weights
-from maurice_mcl.kld import KldParameters, adapted_size, kld_size, occupied_bins
+from maurice_mcl.filter.resampling import KldParameters, adapted_size, kld_size, occupied_bins
+from maurice_mcl.records import Belief, normalize, uniform_log_weights
 
 HERE = np.zeros(2)
 

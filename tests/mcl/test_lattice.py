@@ -11,22 +11,19 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-import maurice_mcl.localizer as localizer_module
-from maurice_mcl.arena import Arena
-from maurice_mcl.belief import Belief, uniform_log_weights
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.draws import regions
-from maurice_mcl.dual import DualParameters
+import maurice_mcl.filter.localizer as localizer_module
+from maurice_mcl.filter.localizer import Localizer, weigh
+from maurice_mcl.filter.proposal import DualParameters, regions
+from maurice_mcl.filter.recovery import none
+from maurice_mcl.filter.resampling import RESAMPLERS, always, below_effective
+from maurice_mcl.filter.resampling_step import Renewal
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.localizer import Localizer, weigh
-from maurice_mcl.policies import always, below_effective
+from maurice_mcl.map import Arena
 from maurice_mcl.randomness import stream
-from maurice_mcl.records import FilterState
-from maurice_mcl.renewal import Renewal
-from maurice_mcl.resampling import RESAMPLERS
-from maurice_mcl.reseeding import none
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.records import Belief, FilterState, uniform_log_weights
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.session import Frame
 
 COLUMNS, ROWS, HEADINGS, UPDATES = 8, 6, 8, 12

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.blending import Blended
-from maurice_mcl.likelihoods import LIKELIHOODS, exponential, power
+from maurice_mcl.sensor.fusion import Blended
+from maurice_mcl.sensor.likelihood import LIKELIHOODS, exponential, power
 
 
 def _of_quality(*values):

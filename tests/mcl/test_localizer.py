@@ -3,17 +3,13 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
-from maurice_mcl.assembly import make_localizer
-from maurice_mcl.belief import Belief, uniform_log_weights
-from maurice_mcl.localizer import ALL_ZERO, RESAMPLED, Localizer, run, weigh
-from maurice_mcl.metrics import Scorer
-from maurice_mcl.parameters import (
-    FilterParameters,
-    ResamplingParameters,
-    SelectionParameters,
-)
-from maurice_mcl.policies import always, never
-from maurice_mcl.sensor import SensorParameters
+from maurice_mcl.analysis.metrics import Scorer
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.parameters import FilterParameters, ResamplingParameters, SelectionParameters
+from maurice_mcl.filter.localizer import ALL_ZERO, RESAMPLED, Localizer, run, weigh
+from maurice_mcl.filter.resampling import always, never
+from maurice_mcl.records import Belief, uniform_log_weights
+from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.session import Frame
 
 BY = {"color": "thesis", "edges": "thesis"}

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena, open_arena
-from maurice_mcl.coverage import coverage_of
+from maurice_mcl.arrays import F64
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.look_alikes import SelfCheck, check_library, places_of
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.sensor import SensorModel, SensorParameters
-from maurice_mcl.typing import F64
+from maurice_mcl.library_quality.coverage import coverage_of
+from maurice_mcl.library_quality.self_similarity import SelfCheck, check_library, places_of
+from maurice_mcl.map import Arena, open_arena
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
 
 COLUMNS, ROWS, STEP_M = 8, 3, 0.5
 

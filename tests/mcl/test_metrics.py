@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from maurice_mcl.analysis.metrics import Scorer, first_mostly, first_run_of, mostly_at_end, score_step
 from maurice_mcl.geometry import INCH_M
-from maurice_mcl.metrics import Scorer, first_mostly, first_run_of, mostly_at_end, score_step
 from maurice_mcl.records import Estimate
 
 STILL = np.zeros((0, 3))

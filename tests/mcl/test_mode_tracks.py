@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_records import Cloud, at, made
 
-from maurice_mcl.estimate import modes
-from maurice_mcl.mode_tracks import ModeTracker
+from maurice_mcl.analysis.modes import ModeTracker
+from maurice_mcl.filter.estimate import modes
 
 
 def seen(tracker: ModeTracker, cloud: Cloud, parents: Sequence[int] | None = None) -> dict[int, float]:

@@ -1,10 +1,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.geometry import INCH_M, compose, wrap
-from maurice_mcl.grid import make_grid
-from maurice_mcl.motion import (
+from maurice_mcl.filter.motion import (
     Drift,
     MauriceMotion,
     MauriceParameters,
@@ -12,6 +9,8 @@ from maurice_mcl.motion import (
     OdometryParameters,
     motion_model,
 )
+from maurice_mcl.geometry import INCH_M, compose, wrap
+from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import normals, stream
 
 N = 120_000

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_mcl.events import PARTED
+from maurice_mcl.analysis.events import PARTED
+from maurice_mcl.analysis.metrics import FIRST_SCORED
+from maurice_mcl.analysis.run_comparison import Paired, PairedStep, Pairing, Step
 from maurice_mcl.geometry import INCH_M
-from maurice_mcl.metrics import FIRST_SCORED
-from maurice_mcl.pairing import Paired, PairedStep, Pairing, Step
 from maurice_mcl.records import Estimate
 from maurice_mcl.session import Frame, Moment
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.belief import Belief, normalize
-from maurice_mcl.policies import always, below_effective, every, never
+from maurice_mcl.filter.resampling import always, below_effective, every, never
+from maurice_mcl.records import Belief, normalize
 
 
 def _belief(weights):

@@ -7,8 +7,8 @@ from importlib.metadata import EntryPoint, entry_points
 import numpy as np
 import pytest
 
-from maurice_mcl.channels import CHANNELS, describe, load_channels
-from maurice_mcl.channels.registry import GROUP, OURS
+from maurice_mcl.sensor.descriptors import CHANNELS, describe, load_channels
+from maurice_mcl.sensor.descriptors.registry import GROUP, OURS
 
 MEAN = """
 import numpy as np
@@ -73,7 +73,7 @@ def test_it_is_used_by_name_wherever_channels_are(tmp_path):
     _package(tmp_path, "mean_channel", MEAN, "mean_channel:Mean")
     program = """
 import numpy as np
-from maurice_mcl.arena import Arena
+from maurice_mcl.map import Arena
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.selection import nearest_reference
 from maurice_mcl.sensor import SensorModel, SensorParameters

@@ -3,20 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena
-from maurice_mcl.belief import Belief, normalize
-from maurice_mcl.draws import regions
-from maurice_mcl.dual import DualParameters
-from maurice_mcl.kld import KldParameters, adapted_size
-from maurice_mcl.memory import Memory
-from maurice_mcl.policies import always, never
+from maurice_mcl.filter.proposal import DualParameters, regions
+from maurice_mcl.filter.recovery import Reseeding, none
+from maurice_mcl.filter.recovery import always as always_some
+from maurice_mcl.filter.resampling import RESAMPLERS, KldParameters, adapted_size, always, never
+from maurice_mcl.filter.resampling_step import Renewal
+from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Purpose, stream
-from maurice_mcl.records import Comparison
-from maurice_mcl.renewal import Renewal
-from maurice_mcl.resampling import RESAMPLERS
-from maurice_mcl.reseeding import Reseeding, none
-from maurice_mcl.reseeding import always as always_some
-from maurice_mcl.selection import nearest_reference
+from maurice_mcl.records import Belief, Comparison, Memory, normalize
+from maurice_mcl.sensor.references import nearest_reference
 
 MIDDLE = np.array([2.0, 1.5])
 EACH = pytest.mark.parametrize("resampler", sorted(RESAMPLERS))

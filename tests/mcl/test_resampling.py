@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from maurice_mcl.filter.resampling import RESAMPLERS, multinomial, systematic
 from maurice_mcl.randomness import stream
-from maurice_mcl.resampling import RESAMPLERS, multinomial, systematic
 
 EACH = pytest.mark.parametrize("name", sorted(RESAMPLERS))
 WEIGHTS = np.array([0.02, 0.31, 0.0, 0.17, 0.0003, 0.4, 0.0997, 0.0])

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.memory import NOTHING, Memory
-from maurice_mcl.reseeding import Augmented, DynamicThreshold, Expansion, SensorResetting, always, none
+from maurice_mcl.filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting, always, none
+from maurice_mcl.records import NOTHING, Memory
 
 STRATEGIES = {
     "none": none,

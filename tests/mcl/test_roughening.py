@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.belief import Belief, normalize, uniform_log_weights
+from maurice_mcl.filter.resampling import roughen
 from maurice_mcl.randomness import normals, stream
-from maurice_mcl.roughening import roughen
+from maurice_mcl.records import Belief, normalize, uniform_log_weights
 
 N = 50_000
 

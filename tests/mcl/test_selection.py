@@ -1,7 +1,7 @@
 import numpy as np
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.selection import nearest_reference
+from maurice_mcl.map import Arena, Region
+from maurice_mcl.sensor.references import nearest_reference
 
 HERE = np.zeros(2)
 SLANTED = np.array([[2.0, 0.0, 2.0, 2.0], [2.6, 0.7, 3.6, 2.3], [0.4, 2.4, 1.1, 1.9]])

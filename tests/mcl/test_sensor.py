@@ -3,14 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.blending import BLENDS, QUALITIES
-from maurice_mcl.channels import CHANNELS
-from maurice_mcl.distances import DISTANCES
-from maurice_mcl.interpolation import interpolated
-from maurice_mcl.likelihoods import LIKELIHOODS
 from maurice_mcl.records import Comparison
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.distances import DISTANCES
+from maurice_mcl.sensor.fusion import BLENDS, QUALITIES
+from maurice_mcl.sensor.likelihood import LIKELIHOODS
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import interpolated, nearest_reference
 
 BY = {"color": "thesis", "edges": "thesis"}
 THESIS = SensorParameters({"color": 1.0}, sharpness=2.0, likelihood="power", blend="sum", distances=BY)

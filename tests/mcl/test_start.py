@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.arena import Arena, Region
-from maurice_mcl.grid import make_grid
+from maurice_mcl.filter.proposal import anywhere, at_pose
+from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import stream
-from maurice_mcl.start import anywhere, at_pose
 
 BOX = Region("box", np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.5], [0.0, 1.5]]))
 PLACES = np.array([[0.5, 2.5], [1.0, 2.5], [0.5, 3.0]])

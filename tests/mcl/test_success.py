@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from maurice_mcl.belief import Belief, uniform_log_weights
-from maurice_mcl.estimate import heaviest_cluster, weighted_mean
+from maurice_mcl.analysis.success import LEFT, TOO_LATE, SuccessJudge, meets_circle, meets_tenth
+from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.geometry import INCH_M
-from maurice_mcl.success import LEFT, TOO_LATE, SuccessJudge, meets_circle, meets_tenth
+from maurice_mcl.records import Belief, uniform_log_weights
 
 ARENA_M = (204 * INCH_M, 156 * INCH_M)
 HERE = np.array([1.0, 1.0, 0.0])

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from maurice_mcl.filter.motion import TailParameters, widened
 from maurice_mcl.randomness import normals, stream
-from maurice_mcl.tails import TailParameters, widened
 
 N = 200_000
 NOISE = normals(stream(9, 1), N)

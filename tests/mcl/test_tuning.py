@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.tuning import (
+from maurice_mcl.calibration.tuning import (
     LEAST_PROBABILITY,
     Sample,
     Scores,
@@ -18,6 +17,7 @@ from maurice_mcl.tuning import (
     true_entry,
     tune,
 )
+from maurice_mcl.sensor.references import nearest_reference
 
 
 def _drawn(rng, scales, pictures=400, entries=30):

@@ -5,12 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl import tuning_samples
-from maurice_mcl.arena import Arena
+from maurice_mcl.calibration import tuning as tuning_samples
+from maurice_mcl.calibration.tuning import (
+    Measuring,
+    drive_samples,
+    library_samples,
+    neighbors,
+    spread_out,
+    true_entry,
+)
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.tuning import true_entry
-from maurice_mcl.tuning_samples import Measuring, drive_samples, library_samples, neighbors, spread_out
+from maurice_mcl.map import Arena
+from maurice_mcl.sensor.references import nearest_reference
 
 NO_WALLS = np.zeros((0, 4))
 

@@ -1,0 +1,95 @@
+"""Folders that say themselves when they are whole, and a cache of such folders."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.io.files import cache_root, discard
+
+NOTE = "simulation.json"  # written last: without it a folder is not whole
+
+
+def seal(folder: Path, key: str) -> None:
+    """Write down what a finished folder is and what its files sum to."""
+    (folder / NOTE).write_text(note_of(folder, key), encoding="utf-8")
+
+
+def is_whole(folder: Path, key: str) -> bool:
+    """Tell whether a folder is finished and its files are as they were written."""
+    try:
+        return (folder / NOTE).read_text(encoding="utf-8") == note_of(folder, key)
+    except OSError:
+        return False
+
+
+def note_of(folder: Path, key: str) -> str:
+    """Give the note of a folder: its key, and a checksum of its other files' names and contents."""
+    total = hashlib.sha256()
+    for file in sorted(folder.rglob("*")):
+        if file.is_file() and file != folder / NOTE:
+            total.update(file.relative_to(folder).as_posix().encode())
+            total.update(file.read_bytes())
+    return json.dumps({"made": key, "sha256": total.hexdigest()}) + "\n"
+
+
+def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:
+    """Give a whole folder from the user's cache (MAURICE_CACHE names another place).
+
+    It is made when absent, and made again when damaged; `make` puts it in place at once, sealed with the key.
+    Two who make it at once do no harm.
+    """
+    folder = cache_root() / kind / key
+    if folder.exists() and not is_whole(folder, key):
+        discard(folder)
+    if not folder.exists():
+        try:
+            make(folder)
+        except LogError:
+            if not is_whole(folder, key):  # otherwise somebody else was faster
+                raise
+    return folder
+
+
+def copy_whole(source: Path, target: Path) -> None:
+    """Copy a finished folder without its note. LogError at the first file that cannot be written."""
+    for file in sorted(source.rglob("*")):
+        copy = target / file.relative_to(source)
+        try:
+            if file.is_dir():
+                copy.mkdir(parents=True)
+            elif file != source / NOTE:
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file, copy)
+        except OSError as problem:
+            raise LogError(copy, f"cannot be written: {problem.strerror}; choose another place") from None
+
+
+def fingerprint(value: Any) -> str:
+    """Give a checksum of plain data: dataclasses, arrays, tuples, and what prints itself."""
+    total = hashlib.sha256()
+    _feed(total.update, value)
+    return total.hexdigest()
+
+
+def _feed(add: Callable[[bytes], None], value: Any) -> None:
+    add(type(value).__name__.encode())
+    if isinstance(value, np.ndarray):
+        add(f"{value.dtype}{value.shape}".encode())
+        add(np.ascontiguousarray(value).tobytes())
+    elif is_dataclass(value):
+        for field in fields(value):
+            _feed(add, getattr(value, field.name))
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            _feed(add, item)
+    else:
+        add(repr(value).encode())

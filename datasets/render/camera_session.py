@@ -1,0 +1,153 @@
+"""One camera on one day: the survey's or a session's pictures of a world, under what changes meanwhile.
+
+`survey_outing` and `session_outing` take a `World` and bake it; the light of the two worlds baked last is
+kept, so a survey and a session of one world bake once. Pictures are pure functions of number and pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.randomness import Domain, stream
+
+from ..seeds import Purpose
+from ..worlds.world import World
+from .baking import Lighting, bake, lighting_of, relit, unlit
+from .camera import Lens, radiance
+from .conditions import Conditions, brightness_at, events_at, named_lights, reshades, weights_at
+from .image_sensor import Exposure, Sensor, covered, draw_exposure, drifted, photograph
+from .occluders import Stand, people, standing_shade, stands_at
+from .parts import windows_of
+from .scene import Scene, joined
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outing:
+    """Everything that makes pictures of a world; see `survey_outing` and `session_outing`."""
+
+    world: World
+    scene: Scene  # lit for good; or, with `lighting`, to be lit anew for each picture
+    lighting: Lighting | None
+    exposure: Exposure
+    seed: int
+    purpose: Purpose  # of the pictures' noise
+    conditions: Conditions
+    lens: Lens
+    sensor: Sensor
+
+    def take(self, number: int, pose: F64) -> U8:
+        """Take picture `number` (H, W, 3) from a true pose (3,); in a session number is the update's."""
+        light = radiance(self._scene_at(number, pose), pose, self.lens)
+        light *= np.float32(brightness_at(self.conditions.lights, number))
+        rng = stream(Domain.SIMULATOR, self.seed, number, self.purpose)
+        exposure = self.exposure_at(number)
+        return photograph(light, self.sensor, exposure, rng, half=self.conditions.half_resolution)
+
+    def take_covered(self, number: int) -> U8:
+        """Take a picture with the lens covered."""
+        rng = stream(Domain.SIMULATOR, self.seed, number, Purpose.COVERED_NOISE)
+        return covered(self.sensor, (self.lens.height_px, self.lens.width_px), rng)
+
+    def exposure_at(self, number: int) -> Exposure:
+        """Give gain and white balance at an update; what automatic gain adds is chosen picture by picture."""
+        if not (self.conditions.drift or self.conditions.tint):
+            return self.exposure
+        return drifted(self.exposure, self.conditions, self.seed, number)
+
+    def events(self, number: int) -> tuple[str, ...]:
+        """Say what happens to the light at an update, for the log: "lights off west room lamp"."""
+        return events_at(self.conditions.lights, number)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Say for a log's header what is unlike the survey, in a few words each."""
+        conditions = self.conditions
+        told = {
+            "automatic gain": conditions.gain == "auto",
+            "half resolution: every other column read, and handed over twice": conditions.half_resolution,
+            f"gain drifts by up to {conditions.drift:.0%}": conditions.drift > 0,
+            f"white balance drifts by up to {conditions.tint:.0%}": conditions.tint > 0,
+            f"people in {conditions.occluded:.0%} of the pictures": conditions.occluded > 0,
+        }
+        return tuple(text for text, holds in told.items() if holds)
+
+    def stands(self, number: int, pose: F64) -> tuple[Stand, ...]:
+        """Give the people who stand in view in one picture."""
+        return stands_at(self.world.arena, pose, self.seed, number, self.conditions.occluded)
+
+    def _scene_at(self, number: int, pose: F64) -> Scene:
+        if self.lighting is None:
+            return self.scene
+        lighting = self.lighting
+        weights = weights_at(lighting.parts, windows_of(self.world), self.conditions.lights, number)
+        room, stands = relit(self.scene, lighting.under(weights)), self.stands(number, pose)
+        if not stands:
+            return room
+        return joined(
+            standing_shade(room, stands), people(self.world, lighting.parts, weights, stands, self.seed)
+        )
+
+
+@lru_cache(maxsize=1)
+def lit_once(world: World) -> Scene:
+    """Light a world for good; kept for the last one."""
+    return bake(world)
+
+
+def survey_outing(
+    world: World,
+    seed: int,
+    *,
+    gain: str = "fixed",
+    half_resolution: bool = False,
+    lens: Lens | None = None,
+    sensor: Sensor | None = None,
+) -> Outing:
+    """Make the survey's camera: its own light and white balance, and nothing that changes."""
+    conditions = Conditions(gain=gain, half_resolution=half_resolution)
+    return outing(world, seed, conditions, (Purpose.SURVEY_LIGHT, Purpose.SURVEY_NOISE), lens, sensor)
+
+
+def session_outing(
+    world: World,
+    seed: int,
+    conditions: Conditions | None = None,
+    *,
+    lens: Lens | None = None,
+    sensor: Sensor | None = None,
+) -> Outing:
+    """Make the session's camera: the same camera on another day, under conditions.
+
+    ValueError with one line for a light that the world does not have.
+    """
+    purposes = Purpose.SESSION_LIGHT, Purpose.SESSION_NOISE
+    return outing(world, seed, conditions or Conditions(), purposes, lens, sensor)
+
+
+def outing(
+    world: World,
+    seed: int,
+    conditions: Conditions,
+    purposes: tuple[Purpose, Purpose],
+    lens: Lens | None,
+    sensor: Sensor | None,
+) -> Outing:
+    """Put an outing together; `purposes` are those of its light and of its noise."""
+    lights = named_lights(world, conditions.lights)
+    drawn = draw_exposure(stream(Domain.SIMULATOR, seed, 0, purposes[0]))
+    moving = reshades(conditions) or conditions.occluded > 0
+    return Outing(
+        world=world,
+        scene=unlit(lighting_of(world)) if moving else lit_once(world),
+        lighting=lighting_of(world) if moving else None,
+        exposure=Exposure(drawn.gain, conditions.gain == "auto"),
+        seed=seed,
+        purpose=purposes[1],
+        conditions=replace(conditions, lights=lights),
+        lens=lens or Lens(),
+        sensor=sensor or Sensor(),
+    )

@@ -1,0 +1,260 @@
+"""What may change during a session: light, drift, people, gain; and how bright each part of the light is.
+
+`parse_lights` reads the notation of `--lights`, told in docs/conditions.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+
+from ..tasks import Tier
+from ..worlds.world import World
+from .parts import Part, windows_of
+
+# What may change during a session: light, drift, people, the camera's gain; and how light is written.
+
+DIM_SHARE = 0.6  # of the light that `dim` leaves when it does not say
+DRIFT_SHARE = 0.2  # largest change of gain that `drift` makes when it does not say, as in tier hard
+TINT_SHARE = 0.5  # white balance drifts by this share of what the gain does
+GAINS = ("fixed", "auto")
+EXAMPLE = "dim@40,off@60,daylight@20-100,on@80"
+
+
+@dataclass(frozen=True, slots=True)
+class LightChange:
+    """One change of light."""
+
+    kind: str  # "dim", "off", "on", "daylight" or "drift"
+    update: int = 1  # the first update that has it; the beginning for drift
+    until: int | None = None  # daylight: the update at which it stops moving
+    amount: float | None = None  # dim: share of the light that is left; drift: largest change of gain
+    source: str = ""  # off: the lamp, "" for the first; on: the lamp, "" for everything
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """All that may differ between a session and the survey. The default: a session with nothing changing."""
+
+    lights: tuple[LightChange, ...] = ()
+    drift: float = 0.0  # largest slow change of gain, as a share
+    tint: float = 0.0  # the same of the white balance of red and blue
+    occluded: float = 0.0  # share of the frames in which people stand in view, where there is room for them
+    gain: str = "fixed"  # or "auto": the camera chooses for every picture
+    half_resolution: bool = False  # as the CMUcam2: every other column is read, and handed over twice
+
+    def __post_init__(self) -> None:
+        for name, value in (("drift", self.drift), ("tint", self.tint), ("occluded", self.occluded)):
+            if not 0 <= value <= 1:
+                raise ValueError(f"found {name} {value}, expected a share from 0 to 1")
+        if self.gain not in GAINS:
+            raise ValueError(f"found gain {self.gain!r}, expected {' or '.join(GAINS)}")
+
+
+def conditions_for(
+    tier: Tier,
+    lights: tuple[LightChange, ...] = (),
+    *,
+    gain: str = "fixed",
+    half_resolution: bool = False,
+) -> Conditions:
+    """Put together what a tier asks for and what the user asks for besides; the stronger drift counts."""
+    asked = max((change.amount or 0.0 for change in lights if change.kind == "drift"), default=0.0)
+    return Conditions(
+        tuple(change for change in lights if change.kind != "drift"),
+        max(tier.drift, asked),
+        max(tier.tint, TINT_SHARE * asked),
+        tier.occluded,
+        gain,
+        half_resolution,
+    )
+
+
+def parse_lights(text: str) -> tuple[LightChange, ...]:
+    """Read changes like "dim@40,off@60,daylight@20-100,on@80", sorted by update; "" is none.
+
+    ValueError with one line for what cannot be read.
+    """
+    if not text.strip():
+        return ()
+    changes = [parse_change(part.strip()) for part in text.split(",")]
+    return tuple(sorted(changes, key=lambda change: change.update))
+
+
+def parse_change(text: str) -> LightChange:
+    """Read one change: kind[:what][@when]."""
+    before, at, when = text.partition("@")
+    kind, _, what = (part.strip() for part in before.partition(":"))
+    if kind not in READERS:
+        raise complaint(text, f"one of {', '.join(READERS)}")
+    if bool(at) != (kind != "drift"):
+        raise complaint(text, "drift without @" if at else f"{kind}@ and the update at which it happens")
+    return READERS[kind](text, what, when.strip())
+
+
+def complaint(text: str, wanted: str) -> ValueError:
+    """Say what was found among the light changes and what was expected."""
+    return ValueError(f"found light change {text!r}, expected {wanted}; for example {EXAMPLE}")
+
+
+def read_dim(text: str, what: str, when: str) -> LightChange:
+    """dim@40 or dim:0.4@40."""
+    return LightChange("dim", read_update(text, when), amount=read_share(text, what, DIM_SHARE))
+
+
+def read_off(text: str, what: str, when: str) -> LightChange:
+    """off@60 or off:west room lamp@60."""
+    return LightChange("off", read_update(text, when), source=what)
+
+
+def read_on(text: str, what: str, when: str) -> LightChange:
+    """on@80 or on:west room lamp@80."""
+    return LightChange("on", read_update(text, when), source=what)
+
+
+def read_daylight(text: str, what: str, when: str) -> LightChange:
+    """daylight@20-100."""
+    first, dash, last = when.partition("-")
+    if what or not dash:
+        raise complaint(text, "daylight@FIRST-LAST")
+    change = LightChange("daylight", read_update(text, first), until=read_update(text, last))
+    if change.until is None or change.until <= change.update:
+        raise complaint(text, "a span whose last update comes after its first")
+    return change
+
+
+def read_drift(text: str, what: str, when: str) -> LightChange:
+    """drift or drift:0.1."""
+    return LightChange("drift", amount=read_share(text, what, DRIFT_SHARE))
+
+
+READERS: dict[str, Callable[[str, str, str], LightChange]] = {
+    "dim": read_dim,
+    "off": read_off,
+    "on": read_on,
+    "bright": read_on,
+    "daylight": read_daylight,
+    "drift": read_drift,
+}
+
+
+def read_update(text: str, number: str) -> int:
+    """Read the number of an update, from 1."""
+    digits = number.strip()
+    if not (digits.isascii() and digits.isdigit() and 0 < int(digits[:10]) < 10**9):
+        raise complaint(text, "an update as a whole number from 1")
+    return int(digits)
+
+
+def read_share(text: str, what: str, default: float) -> float:
+    """Read a share from 0 to 1; the default where there is none."""
+    if not what:
+        return default
+    try:
+        share = float(what)
+    except ValueError:
+        share = math.nan
+    if not 0 <= share <= 1:
+        raise complaint(text, "a share from 0 to 1 after the colon")
+    return share
+
+
+# How bright each part of a world's light is at one update of a session.
+
+LATE = (0.52, 0.40, 0.28)  # daylight at the end of its span, of what it was: lower and warmer; invented
+TURN = 0.85  # so much of each window's far side is then missing, and so much more comes from the other
+
+
+def named_lights(world: World, lights: tuple[LightChange, ...]) -> tuple[LightChange, ...]:
+    """Give changes that name their lamp, in order; the first lamp is the default of `off`.
+
+    ValueError with one line for a source that the world does not have.
+    """
+    lamps = [source for source in world.sources if source not in windows_of(world)]
+    named = []
+    for change in sorted(lights, key=lambda change: change.update):
+        source = change.source
+        if change.kind == "off" and not source:
+            if not lamps:
+                raise ValueError(f"found no lamp in {world.name} that could go off; leave off out")
+            source = lamps[0]
+        if source and source not in world.sources:
+            raise ValueError(f"found no light called {source!r}; {world.name} has {', '.join(world.sources)}")
+        named.append(LightChange(change.kind, change.update, change.until, change.amount, source))
+    return tuple(named)
+
+
+def brightness_at(lights: tuple[LightChange, ...], number: int) -> float:
+    """Give the share of the whole building's light that is left at an update."""
+    share = 1.0
+    for change in lights:
+        if change.update <= number and change.kind == "dim":
+            share = left_by(change)
+        if change.update <= number and change.kind == "on" and not change.source:
+            share = 1.0
+    return share
+
+
+def left_by(change: LightChange) -> float:
+    """Give the share of light that a dimming leaves."""
+    return DIM_SHARE if change.amount is None else change.amount
+
+
+def sources_off(lights: tuple[LightChange, ...], number: int) -> frozenset[str]:
+    """Name the sources that give nothing at an update."""
+    off: frozenset[str] = frozenset()
+    for change in lights:
+        if change.update <= number and change.kind == "off":
+            off = off | {change.source}
+        if change.update <= number and change.kind == "on":
+            off = off - {change.source} if change.source else frozenset()
+    return off
+
+
+def daylight_at(lights: tuple[LightChange, ...], number: int) -> float:
+    """Give how far daylight has moved, smoothly from 0 to 1; the span that began last counts."""
+    spans = [change for change in lights if change.kind == "daylight" and change.update <= number]
+    if not spans or spans[-1].until is None:
+        return 0.0
+    share = min((number - spans[-1].update) / (spans[-1].until - spans[-1].update), 1.0)
+    return share * share * (3 - 2 * share)
+
+
+def weights_at(
+    parts: tuple[Part, ...], windows: frozenset[str], lights: tuple[LightChange, ...], number: int
+) -> F64:
+    """Give the weights (S, 3) of the parts' light at an update, all 1 where nothing has changed."""
+    off, moved = sources_off(lights, number), daylight_at(lights, number)
+    color = 1 + moved * (np.array(LATE) - 1)
+    return np.array(
+        [
+            (part.source not in off)
+            * (color * (1 + TURN * moved * part.side) if part.source in windows else np.ones(3))
+            for part in parts
+        ]
+    ).reshape(-1, 3)
+
+
+def reshades(conditions: Conditions) -> bool:
+    """Tell whether shading ever changes, and not only the brightness of everything."""
+    return any(change.kind in ("off", "daylight") for change in conditions.lights)
+
+
+def events_at(lights: tuple[LightChange, ...], number: int) -> tuple[str, ...]:
+    """Say what happens to the light at an update, as a log's events do."""
+    begun = [told(change) for change in lights if change.update == number and change.kind != "drift"]
+    return (*begun, *("lights daylight rests" for change in lights if change.until == number))
+
+
+def told(change: LightChange) -> str:
+    """Tell one change."""
+    if change.kind == "dim":
+        return f"lights dim to {left_by(change):.0%}"
+    if change.kind == "daylight":
+        return "lights daylight moves"
+    return f"lights {change.kind} {change.source}".rstrip()

@@ -1,0 +1,223 @@
+"""Light at points: lamps with soft shadows, open sky of each room, dark corners."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from maurice_mcl.arrays import F32, F64, I32, Bool
+from maurice_mcl.geometry import INCH_M
+
+from ..worlds.world import Box, Face, Lamp, World, inside
+from .parts import Part, parts_of
+
+# Light at points: lamps with soft shadows, open sky of each room, dark corners, each source apart.
+
+
+@dataclass(frozen=True, slots=True)
+class Baking:
+    """How finely light is computed."""
+
+    spacing_m: float = 3.5 * INCH_M  # between points on a face; soft shadows need no finer
+    directions: int = 24  # rays a point that look for dark corners
+    reach_m: float = 30 * INCH_M  # things nearer than this take away light of the room
+    lift_m: float = 0.1 * INCH_M  # points start this far before their face
+    least: float = 0.04  # share of the room's light that seeps in everywhere
+    chunk: int = 1500  # points at once, so that few boxes are near them
+    probe: int = 5  # every so many points of a chunk ask first whether a lamp is seen at all
+
+
+def hit_distance(start: F32, toward: F32, boxes: tuple[Box, ...]) -> F32:
+    """Give how far each ray (R, 3), (R, 3) goes before it meets a box: (R,), inf where it meets none.
+
+    The slab method (Kay and Kajiya 1986) in each box's own frame; a ray that starts inside a box has gone 0.
+    """
+    nearest = np.full(len(start), np.inf, dtype=np.float32)
+    safe = np.where(np.abs(toward) < 1e-7, np.float32(1e-7), toward)
+    for box in boxes:
+        cos, sin = np.float32(np.cos(box.yaw_rad)), np.float32(np.sin(box.yaw_rad))
+        away = start - np.asarray(box.center, dtype=np.float32)
+        enter = np.zeros(len(start), dtype=np.float32)
+        leave = np.full(len(start), np.inf, dtype=np.float32)
+        for axis in range(3):
+            if axis == 2 or box.yaw_rad == 0:
+                at, step = away[:, axis], safe[:, axis]
+            elif axis == 0:
+                at, step = cos * away[:, 0] + sin * away[:, 1], cos * safe[:, 0] + sin * safe[:, 1]
+            else:
+                at, step = cos * away[:, 1] - sin * away[:, 0], cos * safe[:, 1] - sin * safe[:, 0]
+            inverse = 1 / np.where(np.abs(step) < 1e-7, np.float32(1e-7), step)
+            middle, reach = -at * inverse, np.abs(box.half[axis] * inverse)
+            enter, leave = np.maximum(enter, middle - reach), np.minimum(leave, middle + reach)
+        nearest = np.where(enter < leave, np.minimum(nearest, enter), nearest)
+    return nearest
+
+
+def hemisphere(count: int) -> F64:
+    """Give `count` unit vectors around +z, as dense as the cosine (a Fibonacci spiral)."""
+    k = np.arange(count) + 0.5
+    radius, angle = np.sqrt(k / count), k * np.pi * (3 - np.sqrt(5))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - k / count)], axis=1)
+
+
+def face_points(face: Face, baking: Baking) -> tuple[F64, tuple[int, int]]:
+    """Lay a grid of points (K, 3) just before a face; also its rows and columns."""
+    rows = max(2, round(float(np.linalg.norm(face.down)) / baking.spacing_m))
+    columns = max(2, round(float(np.linalg.norm(face.across)) / baking.spacing_m))
+    t, s = np.meshgrid((np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns, indexing="ij")
+    points = face.corner + s.reshape(-1, 1) * face.across + t.reshape(-1, 1) * face.down
+    return points + face.normal * baking.lift_m, (rows, columns)
+
+
+def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) -> F64:
+    """Give how open the view from each point (K, 3) along its normal (K, 3) is: (K,) from `least` to 1."""
+    side = np.where(np.abs(normals[:, 2:]) > 0.9, [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
+    first = np.cross(side, normals)
+    second = np.cross(normals, first)
+    total = np.zeros(len(points))
+    for a, b, c in hemisphere(baking.directions):
+        toward = a * first + b * second + c * normals
+        far = hit_distance(points.astype(np.float32), toward.astype(np.float32), boxes)
+        total += np.clip(far / baking.reach_m, 0, 1)
+    return np.asarray(np.maximum(total / baking.directions, baking.least))
+
+
+def carried(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...], probe: int = 1) -> F64:
+    """Give how much of each of a lamp's points (P) arrives at points (K, 3) with normals (K, 3): (P, K).
+
+    Squared distance, both angles and what stands between are in it. With `probe` above 1 only every so many
+    points ask first for the lamp's first and last point: most lamps of a large world are behind walls.
+    """
+    total = np.zeros((len(lamp.points), len(points)))
+    ends = lamp.points[[0, -1]]
+    if probe > 1 and not any(arriving(points[::probe], normals[::probe], lamp, p, boxes).any() for p in ends):
+        return total
+    for row, source in zip(total, lamp.points, strict=True):
+        row[:] = arriving(points, normals, lamp, source, boxes)
+    return total
+
+
+def arriving(points: F64, normals: F64, lamp: Lamp, source: F64, boxes: tuple[Box, ...]) -> F64:
+    """Give how much of one point (3,) of a lamp arrives at points (K, 3): (K,)."""
+    ray = source - points
+    distance = np.maximum(np.linalg.norm(ray, axis=1), 0.15)
+    toward = ray / distance[:, None]
+    slant = np.clip(np.sum(toward * normals, axis=1), 0, None)
+    if lamp.facing is not None:
+        slant = slant * np.clip(-(toward @ lamp.facing), 0, None)
+    result, lit = np.zeros(len(points)), np.flatnonzero(slant > 0)
+    if len(lit):
+        between = boxes_within(boxes, np.vstack([points[lit], source]))
+        seen = lit[reached(points[lit], toward[lit], distance[lit] - 0.01, between)]
+        result[seen] = slant[seen] / distance[seen] ** 2
+    return result
+
+
+def reached(start: F64, toward: F64, distance: F64, boxes: tuple[Box, ...]) -> I32:
+    """Number the rays (R, 3), (R, 3) that go `distance` (R,) without meeting a box.
+
+    As `hit_distance`, but rays that have met one are dropped at once, so the largest boxes should come first.
+    """
+    alive = np.arange(len(start), dtype=np.int32)
+    origin, way = start.T.astype(np.float32), toward.T.astype(np.float32)
+    far = distance.astype(np.float32)
+    for box in boxes:
+        clear = ~blocked(origin, way, far, box)
+        if not clear.all():
+            alive, origin, way, far = alive[clear], origin[:, clear], way[:, clear], far[clear]
+        if not len(alive):
+            break
+    return alive
+
+
+def blocked(origin: F32, way: F32, far: F32, box: Box) -> Bool:
+    """Tell which rays (3, R), (3, R) meet one box within `far` (R,)."""
+    away = origin - np.array(box.center, dtype=np.float32)[:, None]
+    if box.yaw_rad:
+        cos, sin = np.float32(np.cos(box.yaw_rad)), np.float32(np.sin(box.yaw_rad))
+        into = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]], dtype=np.float32)
+        away, way = into @ away, into @ way
+    inverse = 1 / np.where(np.abs(way) < 1e-7, np.float32(1e-7), way)
+    middle, reach = -away * inverse, np.abs(np.array(box.half, dtype=np.float32)[:, None] * inverse)
+    enter = np.maximum((middle - reach).max(axis=0), 0)
+    return np.asarray((enter < (middle + reach).min(axis=0)) & (enter <= far))
+
+
+@lru_cache(maxsize=4)
+def extents(boxes: tuple[Box, ...]) -> tuple[F64, F64]:
+    """Give the lowest and highest corners (B, 3), (B, 3) of boxes."""
+    center, half = np.array([box.center for box in boxes]), np.array([box.half for box in boxes])
+    turn = np.array([(abs(np.cos(box.yaw_rad)), abs(np.sin(box.yaw_rad))) for box in boxes])
+    x = turn[:, 0] * half[:, 0] + turn[:, 1] * half[:, 1]
+    y = turn[:, 1] * half[:, 0] + turn[:, 0] * half[:, 1]
+    reach = np.stack([x, y, half[:, 2]], axis=1)
+    return center - reach, center + reach
+
+
+def boxes_within(boxes: tuple[Box, ...], points: F64, margin_m: float = 0.0) -> tuple[Box, ...]:
+    """Give the boxes that touch the upright box around points (K, 3), the largest first."""
+    if not boxes:
+        return ()
+    low, high = extents(boxes)
+    first, last = points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
+    touching = np.flatnonzero(((low <= last) & (high >= first)).all(axis=1))
+    size = np.sort(high[touching] - low[touching], axis=1)
+    return tuple(boxes[k] for k in touching[np.argsort(-size[:, 1] * size[:, 2], kind="stable")])
+
+
+def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
+    """Give the light (K, 3) that one lamp throws on points (K, 3) with normals (K, 3), shadows included."""
+    return np.asarray(carried(points, normals, lamp, boxes).mean(axis=0)[:, None] * lamp.color)
+
+
+def irradiance(world: World, points: F64, normals: F64, baking: Baking) -> F64:
+    """Give all light (K, 3) at points (K, 3) with normals (K, 3): lamps and the rooms' own."""
+    return np.asarray(irradiance_by_part(world, parts_of(world), points, normals, baking).sum(axis=0))
+
+
+def irradiance_by_part(
+    world: World, parts: tuple[Part, ...], points: F64, normals: F64, baking: Baking
+) -> F64:
+    """Give the light (S, K, 3) of each part at points (K, 3) with normals (K, 3)."""
+    light = np.zeros((len(parts), len(points), 3))
+    probe = baking.probe if len(points) > baking.chunk // 4 else 1
+    for lamp in world.lamps:
+        arrives = carried(points, normals, lamp, world.boxes, probe) / len(lamp.points)
+        for k, part in enumerate(parts):
+            if part.source == lamp.source:
+                light[k] += (part.shares(lamp) @ arrives)[:, None] * lamp.color
+    near = boxes_within(world.boxes, points, baking.reach_m)
+    view = openness(points, normals, near, baking)
+    for room in world.room_lights:
+        here = (inside(room.room.polygon, points[:, :2]) * view)[:, None] * room.ambient
+        for k, part in enumerate(parts):
+            if part.source == room.source:
+                light[k] += here * part.whole
+    return light
+
+
+# Which lamps a point sees: few rays, many boxes.
+
+
+def seen_past(point: F64, targets: F64, boxes: tuple[Box, ...]) -> Bool:
+    """Tell which targets (P, 3) can be seen from a point (3,) past boxes, by the slab method."""
+    if not boxes:
+        return np.ones(len(targets), dtype=bool)
+    cos, sin = np.array([(np.cos(box.yaw_rad), np.sin(box.yaw_rad)) for box in boxes]).T
+    half = np.array([box.half for box in boxes])
+    away = point - np.array([box.center for box in boxes])  # (B, 3)
+    step = np.broadcast_to((targets - point)[:, None], (len(targets), len(boxes), 3))
+    at, by = into(away, cos, sin), into(step, cos, sin)
+    by = np.where(np.abs(by) < 1e-9, 1e-9, by)
+    enter = ((-at - np.sign(by) * half) / by).max(axis=-1)
+    leave = ((-at + np.sign(by) * half) / by).min(axis=-1)
+    blocked = (enter < leave) & (leave > 0) & (enter < 0.995)
+    return np.asarray(~blocked.any(axis=1))
+
+
+def into(vectors: F64, cos: F64, sin: F64) -> F64:
+    """Turn vectors (..., B, 3) into the frames of B boxes."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=-1)

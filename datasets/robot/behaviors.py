@@ -1,0 +1,227 @@
+"""The robot's behaviors, the proximity ring that they sense with, and the arbiter that chooses one.
+
+This is the thesis's hybrid control (3.5, appendix B): small behaviors that know nothing of each other, and an
+arbiter (arbiter.py) that chooses among their proposals by priority.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.map import Arena
+
+# Infrared proximity: a ring of short-sighted distance sensors, and what they say about the way ahead.
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """The sensors. The thesis names infrared detectors (its appendix) and no numbers: all are invented."""
+
+    count: int = 24  # evenly all around, the first straight ahead: a box of 5 in is never missed at 20 in
+    reach_m: float = 30 * INCH_M  # nothing farther is seen: triangulating infrared sensors end at 0.8 m
+    noise: float = 0.02  # sd of a reading as a share of it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proximity:
+    """One reading of the ring."""
+
+    bearings_rad: F64  # (S,) counter-clockwise from straight ahead
+    ranges_m: F64  # (S,) from the robot's middle to what is there; `reach_m` where nothing is
+    reach_m: float
+
+    @property
+    def nearest_m(self) -> float:
+        """The smallest range."""
+        return float(self.ranges_m.min())
+
+    def open_m(self, bearing_rad: float, half_width_m: float) -> float:
+        """Give how far a disc of that half width can go towards a bearing before it touches what is seen."""
+        angle = self.bearings_rad - bearing_rad
+        ahead, aside = self.ranges_m * np.cos(angle), np.abs(self.ranges_m * np.sin(angle))
+        there = (self.ranges_m < self.reach_m) & (ahead > 0) & (aside < half_width_m)
+        touch = ahead[there] - np.sqrt(half_width_m**2 - aside[there] ** 2)
+        return max(0.0, float(touch.min(initial=self.reach_m - half_width_m)))
+
+
+def sense(arena: Arena, pose: F64, ring: Ring, rng: np.random.Generator) -> Proximity:
+    """Read the whole ring once at a pose (3,)."""
+    bearings: F64 = np.linspace(0, 2 * np.pi, ring.count, endpoint=False, dtype=np.float64)
+    true = distances(arena, pose[:2], pose[2] + bearings)
+    read = true * (1 + ring.noise * rng.standard_normal(ring.count))
+    return Proximity(bearings, np.clip(read, 0, ring.reach_m), ring.reach_m)
+
+
+def distances(arena: Arena, point: F64, headings_rad: F64) -> F64:
+    """Give how far it is from a point (2,) along headings (S,) to the first wall or obstacle, else inf."""
+    starts, ends = outlines(arena)
+    along = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)[:, None]  # (S, 1, 2)
+    wall, away = ends - starts, starts - point  # (W, 2)
+    cross = along[..., 0] * wall[:, 1] - along[..., 1] * wall[:, 0]  # (S, W)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = (away[:, 0] * wall[:, 1] - away[:, 1] * wall[:, 0]) / cross
+        share = (away[:, 0] * along[..., 1] - away[:, 1] * along[..., 0]) / cross
+    hit = (cross != 0) & (far >= 0) & (share >= 0) & (share <= 1)
+    return np.asarray(np.where(hit, far, np.inf).min(axis=1, initial=np.inf))
+
+
+def outlines(arena: Arena) -> tuple[F64, F64]:
+    """Give where every wall and every edge of an obstacle starts and ends, (W, 2) each."""
+    polygons = [obstacle.polygon for obstacle in arena.obstacles]
+    starts = np.concatenate([arena.walls[:, :2], *polygons])
+    ends = np.concatenate([arena.walls[:, 2:], *(np.roll(p, -1, axis=0) for p in polygons)])
+    return starts, ends
+
+
+# The robot's behaviors: each looks at what the robot senses and proposes a movement, or nothing.
+
+DICE = 16  # uniform numbers an update; a behavior that leaves something to chance looks at them
+
+Command = tuple[float, float]  # turn_rad, then forward_m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Senses:
+    """All that a behavior may look at."""
+
+    proximity: Proximity
+    dice: F64  # (DICE,) uniform between 0 and 1, drawn anew every update
+    bumped: bool = False  # the last motion ended where the robot ran into something: contact switches
+    unseen: bool = False  # a motion was completed and no picture has been taken since
+    goal_rad: float | None = None  # bearing of the next point on the way to the goal; None without a goal
+    command: Command | None = None  # the next one of the list, in teleoperation
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What a behavior would do now."""
+
+    behavior: str
+    priority: int  # the largest wins
+    turn_rad: float = 0.0
+    forward_m: float = 0.0
+    look: bool = False  # stand still and take a picture instead
+
+
+class Behavior(Protocol):
+    """Anything that makes proposals."""
+
+    def propose(self, senses: Senses) -> Proposal | None:
+        """Say what it would do, or None when this is none of its business."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Stride:
+    """How far the robot goes at once, and how wide it takes itself to be."""
+
+    shortest_m: float = 5 * INCH_M  # drawn evenly from this ...
+    longest_m: float = 18 * INCH_M  # ... to this: 1000 in are reached within 120 updates
+    half_width_m: float = 6 * INCH_M  # body and an inch to spare
+
+    def length(self, die: float, open_m: float) -> float:
+        """Choose a length by a die, cut to what is open."""
+        return min(self.shortest_m + die * (self.longest_m - self.shortest_m), open_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Localize:
+    """Stop and look: one completed motion, one update (thesis 2: motion is blocked meanwhile)."""
+
+    def propose(self, senses: Senses) -> Proposal | None:
+        """Look once after every motion."""
+        return Proposal("localization", 4, look=True) if senses.unseen else None
+
+
+@dataclass(frozen=True, slots=True)
+class AvoidCollision:
+    """Get away from what is so near that the robot all but touches it, or from what it ran into."""
+
+    near_m: float = 5.6 * INCH_M  # from the robot's middle; its body ends at 5 in
+    back_rad: float = float(np.radians(60))  # after contact: straight back, give or take this
+    stride: Stride = Stride()
+
+    def propose(self, senses: Senses) -> Proposal | None:
+        """Turn away, and go: back after contact, else the most open way when something is near."""
+        if senses.bumped:  # a thin edge may stand between two sensors, so do not trust them here
+            bearing = (2 * senses.dice[7] - 1) * self.back_rad
+            bearing += np.pi if bearing < 0 else -np.pi
+            open_m = senses.proximity.open_m(bearing, self.stride.half_width_m)
+        elif senses.proximity.nearest_m <= self.near_m:
+            bearing, open_m = most_open(senses.proximity, self.stride)
+        else:
+            return None
+        return Proposal("collision avoidance", 2, bearing, self.stride.length(senses.dice[0], open_m))
+
+
+@dataclass(frozen=True, slots=True)
+class Teleoperate:
+    """Do what the next command of a list says."""
+
+    def propose(self, senses: Senses) -> Proposal | None:
+        """Pass the command on."""
+        return None if senses.command is None else Proposal("teleoperation", 3, *senses.command)
+
+
+@dataclass(frozen=True, slots=True)
+class GoToPoint:
+    """Head for the next point on the way to the goal, loosely.
+
+    Bearings on a raster prefer its eight directions, which are those of the library. Steering off by up to
+    half of 45 degrees either way, evenly, leaves headings that prefer nothing.
+    """
+
+    loose_rad: float = float(np.radians(22.5))  # steers off by up to this
+    stride: Stride = Stride()
+
+    def propose(self, senses: Senses) -> Proposal | None:
+        """Turn about there and go as far as the die says; None where that way is closed."""
+        if senses.goal_rad is None:
+            return None
+        for die in senses.dice[1:5]:
+            bearing = senses.goal_rad + (2 * die - 1) * self.loose_rad
+            open_m = senses.proximity.open_m(bearing, self.stride.half_width_m)
+            if open_m >= self.stride.shortest_m:
+                turn = (bearing + np.pi) % (2 * np.pi) - np.pi
+                return Proposal("going to a point", 1, turn, self.stride.length(senses.dice[5], open_m))
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Wander:
+    """Go anywhere that is open: what is left when nobody wants anything."""
+
+    stride: Stride = Stride()
+
+    def propose(self, senses: Senses) -> Proposal | None:
+        """Take the first of some bearings drawn at random that is open, else the most open one."""
+        bearings = (2 * senses.dice[8:] - 1) * np.pi
+        length = self.stride.length(senses.dice[6], np.inf)
+        for bearing in bearings:
+            if senses.proximity.open_m(float(bearing), self.stride.half_width_m) >= length:
+                return Proposal("wandering", 0, float(bearing), length)
+        bearing, open_m = most_open(senses.proximity, self.stride)
+        return Proposal("wandering", 0, bearing, min(length, open_m))
+
+
+def most_open(proximity: Proximity, stride: Stride) -> Command:
+    """Give the sensor's bearing in which the robot can go farthest, in [-pi, pi), and how far."""
+    open_m = [proximity.open_m(float(b), stride.half_width_m) for b in proximity.bearings_rad]
+    best = int(np.argmax(open_m))
+    bearing = (float(proximity.bearings_rad[best]) + np.pi) % (2 * np.pi) - np.pi
+    return bearing, open_m[best]
+
+
+# The arbiter: asks all behaviors and does what the most urgent one proposes.
+
+
+def choose(behaviors: Sequence[Behavior], senses: Senses) -> Proposal | None:
+    """Give the proposal of the highest priority, of equals the first one's; None when nobody has any."""
+    proposals = [p for p in (behavior.propose(senses) for behavior in behaviors) if p is not None]
+    return max(proposals, key=lambda p: p.priority, default=None)

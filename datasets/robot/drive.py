@@ -1,0 +1,171 @@
+"""A drive: the robot senses, its behaviors propose, the arbiter chooses, the robot moves, and then it looks.
+
+The robot is told the bearing of the next point on the way to its goal, as by somebody who walks beside it and
+sees the whole arena; everything else it decides from its proximity sensors. Nobody knows of library nodes.
+Every update is a turn of any size, a straight, and a picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.map import Arena
+from maurice_mcl.randomness import Domain, stream
+
+from ..seeds import Purpose
+from .behaviors import (
+    DICE,
+    AvoidCollision,
+    Behavior,
+    Command,
+    GoToPoint,
+    Localize,
+    Proposal,
+    Ring,
+    Senses,
+    Teleoperate,
+    Wander,
+    choose,
+    sense,
+)
+from .motion import Chassis, Movement, draw_luck, draw_slip, drive_by, turn_by
+from .planner import Raster, free_pose
+
+REACHED_M = 9.0 * INCH_M  # a goal counts as reached from here
+KIDNAP_M = 48 * INCH_M  # a kidnapped robot is put down at least so far away
+BEHAVIORS: tuple[Behavior, ...] = (Localize(), Teleoperate(), AvoidCollision(), GoToPoint(), Wander())
+STAY = Proposal("nobody", -1)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What somebody else wants of the robot, besides what it senses."""
+
+    goal_rad: float | None = None  # bearing of the next point on the way to a goal
+    command: Command | None = None  # from a list
+
+
+Wish = Callable[[int, F64], Wanted | None]  # by update and true pose (3,); None: that is all
+Carry = Callable[[int, F64], F64 | None]  # where somebody carries the robot after an update; None: nowhere
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Update:
+    """One update of a drive: a turn, a straight, and then the robot looks."""
+
+    turn: Movement
+    straight: Movement
+    behavior: str  # whose proposal it was
+    kidnapped_to: F64 | None = None  # (3,) where it is carried after it has looked
+
+    @property
+    def pose(self) -> F64:
+        """The true pose (3,) at its end, where it looks."""
+        return np.asarray(self.straight.path[-1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot:
+    """Everything that stays the same during one drive."""
+
+    arena: Arena
+    seed: int
+    chassis: Chassis = field(default_factory=Chassis)
+    behaviors: Sequence[Behavior] = BEHAVIORS
+    ring: Ring = field(default_factory=Ring)
+
+    def decide(
+        self, step: int, pose: F64, wanted: Wanted, last: Update | None, unseen: bool
+    ) -> Proposal | None:
+        """Sense everything once and let the arbiter choose among the behaviors."""
+        around = sense(self.arena, pose, self.ring, self.chance(step, Purpose.PROXIMITY))
+        dice = self.chance(step, Purpose.WANDER).random(DICE)
+        bumped = last is not None and last.straight.bumped
+        return choose(self.behaviors, Senses(around, dice, bumped, unseen, wanted.goal_rad, wanted.command))
+
+    def move(self, step: int, pose: F64, chosen: Proposal) -> Update:
+        """Carry out what was chosen, as well as chance lets it."""
+        slip = draw_slip(self.chance(step, Purpose.SLIP), self.chassis)
+        luck = draw_luck(self.chance(step, Purpose.ROBOT), slip)
+        turn = turn_by(pose, chosen.turn_rad, luck, self.chassis)
+        straight = drive_by(turn.path[-1], chosen.forward_m, luck, self.arena, self.chassis)
+        return Update(turn, straight, chosen.behavior)
+
+    def chance(self, step: int, purpose: Purpose) -> np.random.Generator:
+        """Open the random stream of one update and purpose."""
+        return stream(Domain.SIMULATOR, self.seed, step, purpose)
+
+
+class Guide:
+    """Walks beside the robot: chooses goals anywhere in free space and says where to go next.
+
+    Remembers the goal of the moment; the goals themselves are the seed's.
+    """
+
+    def __init__(self, map_: Raster, seed: int) -> None:
+        self._map = map_
+        self._rng = stream(Domain.SIMULATOR, seed, 0, Purpose.DRIVER)
+        self._goal = free_pose(map_, self._rng)
+        self._way = map_.way_to(self._goal[:2])
+
+    def bearing(self, pose: F64) -> float:
+        """Give the bearing of the next point on the way from a pose (3,), counter-clockwise from ahead."""
+        while float(np.hypot(*(self._goal - pose)[:2])) < REACHED_M:
+            self._goal = free_pose(self._map, self._rng)
+            self._way = self._map.way_to(self._goal[:2])
+        x, y = self._map.next_point(pose[:2], self._way) - pose[:2]
+        return float(np.arctan2(y, x)) - float(pose[2])
+
+
+def drive(
+    robot: Robot, map_: Raster, updates: int, kidnap_at: int | None = None, start: F64 | None = None
+) -> tuple[F64, Iterator[Update]]:
+    """Give the start pose (3,) and so many updates, driven as they are asked for, from goal to goal.
+
+    Without a start one is drawn evenly from all free poses.
+    After update `kidnap_at` the robot is carried to a place drawn evenly from all that are far enough away.
+    """
+    begin = free_pose(map_, robot.chance(0, Purpose.START)) if start is None else start
+    guide = Guide(map_, robot.seed)
+
+    def wish(step: int, pose: F64) -> Wanted | None:
+        return Wanted(goal_rad=guide.bearing(pose)) if step <= updates else None
+
+    def carry(step: int, pose: F64) -> F64 | None:
+        at = robot.chance(step, Purpose.KIDNAP)
+        return free_pose(map_, at, pose, KIDNAP_M) if step == kidnap_at else None
+
+    return begin, go(robot, begin, wish, carry)
+
+
+def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[Update]:
+    """Teleoperate from a pose (3,): one update a command (turn_rad, forward_m), stopped only by contact."""
+
+    def wish(step: int, pose: F64) -> Wanted | None:
+        return Wanted(command=commands[step - 1]) if step <= len(commands) else None
+
+    return go(robot, start, wish)
+
+
+def go(robot: Robot, pose: F64, wish: Wish, carry: Carry = lambda step, pose: None) -> Iterator[Update]:
+    """Let the robot live from a pose (3,) until nothing is wished for any more.
+
+    A motion after which nobody has looked stops everything else, as localization outranks all behaviors: one
+    completed motion is one update.
+    """
+    step, last, unseen = 1, None, False
+    while (wanted := wish(step, pose)) is not None:
+        chosen = robot.decide(step, pose, wanted, last, unseen) or STAY
+        if last is None or not chosen.look:
+            last, unseen = robot.move(step, pose, chosen), True
+            pose = last.pose
+            continue
+        carried = carry(step, pose)
+        yield replace(last, kidnapped_to=carried)
+        pose = pose if carried is None else carried
+        step, unseen = step + 1, False

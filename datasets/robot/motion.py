@@ -1,0 +1,189 @@
+"""The simulated Maurice: what it really does when told to turn or to drive, and what its encoders say.
+
+The laws of error are the thesis's (3.2, 3.3): turning is over-read by a gain and scatters once a turn,
+straights fall short once a movement, and the heading drifts with distance, by floor. Where a floor ends the
+robot now and then slips and is turned by more than the model of a turn allows for (3.6). It stops where it
+touches something.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import INCH_M, wrap
+from maurice_mcl.map import Arena
+
+from ..worlds.world import clearance, floor_at
+
+SUBSTEP_M = 0.5 * INCH_M  # a straight is followed in steps of about this
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How the heading drifts on one floor, counter-clockwise, in proportion to distance."""
+
+    bias_rad_per_m: float
+    sd_rad_per_m: float  # one draw a straight, times its length
+
+
+PER_YARD = float(np.radians(1) / (36 * INCH_M))  # one degree per 36 in
+DRIFTS = {"wood": Drift(0.0, 1 * PER_YARD), "carpet": Drift(8 * PER_YARD, 3 * PER_YARD)}
+NO_DRIFT = Drift(0.0, 0.0)  # off the map
+
+
+@dataclass(frozen=True, slots=True)
+class Chassis:
+    """Maurice's errors as measured in the thesis; what it leaves open is marked invented."""
+
+    turn_over_read: float = 1.3695  # measured over actual turn (figure 5)
+    turn_bias_rad: float = float(np.radians(0.2681))  # mean residual of a turn (figure 8)
+    turn_sd_rad: float = float(np.radians(4.916))  # its scatter, once a turn
+    straight_bias_m: float = -0.6978 * INCH_M  # mean of actual - measured, once a movement (figure 11)
+    straight_sd_m: float = 0.6356 * INCH_M  # its scatter
+    drifts: dict[str, Drift] = field(default_factory=lambda: dict(DRIFTS))  # by floor; numbers invented
+    track_m: float = 10 * INCH_M  # between left and right wheels; invented
+    encoder_sd_m: float = 0.15 * INCH_M  # front against rear wheel of a side; invented
+    radius_m: float = 5 * INCH_M  # of its body, a disc: nothing solid comes nearer to its middle; invented
+    stall_m: float = 0.5 * INCH_M  # what the wheels still turn when it has run into something; invented
+    slip_chance: float = 0.0  # of a slip at a movement's first crossing into another floor; simulate has 0.15
+    slip_from_sd: float = 3.5  # size of a slip in sd of a turn, drawn evenly from this: beyond three sd ...
+    slip_to_sd: float = 6.0  # ... to this; thesis 3.6 gives neither number nor size, so both are invented
+
+    def motion_header(self) -> dict[str, Any]:
+        """Give the motion parameters as a session's header names them, for a filter to read."""
+        return {
+            "model": "maurice",
+            "turn_gain": 1 / self.turn_over_read,
+            "turn_bias_rad": self.turn_bias_rad,
+            "turn_sd_rad": self.turn_sd_rad,
+            "straight_bias_m": self.straight_bias_m,
+            "straight_sd_m": self.straight_sd_m,
+            "drift": {
+                floor: {"bias_rad_per_m": d.bias_rad_per_m, "sd_rad_per_m": d.sd_rad_per_m}
+                for floor, d in self.drifts.items()
+            },
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Luck:
+    """The standard normal draws of one update, taken before the driver decides."""
+
+    turn: float
+    straight: float
+    drift: float
+    wheels: tuple[float, float]  # left and right side
+    slip_rad: float = 0.0  # by which the robot is turned where the floor changes, if it does; mostly 0
+
+
+def draw_luck(rng: np.random.Generator, slip_rad: float = 0.0) -> Luck:
+    """Draw what chance has in store for one update; always five numbers."""
+    z = [float(v) for v in rng.standard_normal(5)]
+    return Luck(z[0], z[1], z[2], (z[3], z[4]), slip_rad)
+
+
+def draw_slip(rng: np.random.Generator, chassis: Chassis) -> float:
+    """Draw the slip of one update: mostly 0, else beyond three standard deviations of a turn, either way."""
+    happens, size, side = (float(v) for v in rng.random(3))
+    if happens >= chassis.slip_chance:
+        return 0.0
+    sds = chassis.slip_from_sd + size * (chassis.slip_to_sd - chassis.slip_from_sd)
+    return (1 if side < 0.5 else -1) * sds * chassis.turn_sd_rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Movement:
+    """One movement: what was measured, and where the robot went."""
+
+    measured: F64  # (3,) forward_m, left_m, turn_rad
+    encoders_m: F64  # (4,) front left, front right, rear left, rear right
+    path: F64  # (K, 3) true poses, the first where it started, the last where it ended
+    slipped_rad: float = 0.0  # by which it was turned where the floor changed
+    bumped: bool = False  # it ran into something and stopped there
+
+
+def turn_by(pose: F64, told_rad: float, luck: Luck, chassis: Chassis) -> Movement:
+    """Turn on the spot: the robot stops when its encoders show the turn it was told, over-reading included.
+
+    actual = measured / 1.3695 + N(0.2681, 4.916) degrees.
+    """
+    actual = told_rad + chassis.turn_bias_rad + chassis.turn_sd_rad * luck.turn
+    measured = np.array([0.0, 0.0, chassis.turn_over_read * told_rad])
+    end = np.array([pose[0], pose[1], pose[2] + actual])
+    end[2:] = wrap(end[2:])
+    return Movement(measured, encoders(measured, luck, chassis), np.stack([pose, end]))
+
+
+def drive_by(pose: F64, told_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> Movement:
+    """Drive straight on: falls short once, drifts by the floor beneath as it goes, stops where it touches.
+
+    A length of 0 is no movement. A robot that is stopped half way has measured half of what it was told, and
+    a little more that the wheels turned on the spot.
+    """
+    error = chassis.straight_bias_m + chassis.straight_sd_m * luck.straight
+    length = max(told_m + error, 0.0) if told_m > 0 else 0.0
+    path, slipped = follow(pose, length, luck, arena, chassis)
+    whole = len(path)
+    path = path[: touches(path, arena, chassis.radius_m)]
+    if bumped := len(path) < whole:
+        told_m = min(told_m, told_m * (len(path) - 1) / (whole - 1) + chassis.stall_m)
+        slipped = slipped if floors_change(path, arena) else 0.0
+    measured = np.array([told_m, 0.0, 0.0])
+    return Movement(measured, encoders(measured, luck, chassis), path, slipped, bumped)
+
+
+def follow(pose: F64, length_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> tuple[F64, float]:
+    """Follow a drifting straight in small steps; gives the true poses (K, 3), K >= 2, and the slip."""
+    count = max(1, round(length_m / SUBSTEP_M))
+    step = length_m / count
+    x, y, heading = (float(v) for v in pose)
+    poses, slipped, begun_on = [[x, y, heading]], 0.0, floor_at(arena, x, y)
+    for _ in range(count):
+        floor = floor_at(arena, x, y)
+        if luck.slip_rad and not slipped and floor != begun_on:
+            slipped = luck.slip_rad
+            heading += slipped
+        drift = chassis.drifts.get(floor, NO_DRIFT)
+        bend = (drift.bias_rad_per_m + drift.sd_rad_per_m * luck.drift) * step
+        x += step * float(np.cos(heading + bend / 2))
+        y += step * float(np.sin(heading + bend / 2))
+        heading += bend
+        poses.append([x, y, heading])
+    path = np.array(poses)
+    path[:, 2] = wrap(path[:, 2])
+    return path, slipped
+
+
+def touches(path: F64, arena: Arena, radius_m: float) -> int:
+    """Count the poses of a path (K, 3) up to where a disc touches something, the last free one included.
+
+    A disc that stands too near to begin with may move away, never nearer: nothing is passed through.
+    """
+    if not len(arena.walls) and not arena.obstacles:
+        return len(path)
+    room = clearance(arena, path[:, :2])
+    stuck = (room[1:] < radius_m) & (room[1:] < room[:-1])
+    return int(np.argmax(stuck)) + 1 if stuck.any() else len(path)
+
+
+def floors_change(path: F64, arena: Arena) -> bool:
+    """Tell whether a path (K, 3) lies on more than one floor, its last pose aside."""
+    return len({floor_at(arena, float(x), float(y)) for x, y, _ in path[:-1]}) > 1
+
+
+def encoders(measured: F64, luck: Luck, chassis: Chassis) -> F64:
+    """Give four wheel advances (4,) whose mean and difference are exactly the measured movement.
+
+    Front and rear wheel of one side differ by chance; their mean does not.
+    """
+    forward, _, turn = (float(v) for v in measured)
+    half = turn * chassis.track_m / 2
+    left = chassis.encoder_sd_m * luck.wheels[0]
+    right = chassis.encoder_sd_m * luck.wheels[1]
+    return np.array(
+        [forward - half + left, forward + half + right, forward - half - left, forward + half - right]
+    )

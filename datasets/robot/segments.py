@@ -1,0 +1,148 @@
+"""What happens between two pictures, with its times: the stuff of a session log, however it came about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.map import Arena
+
+from ..worlds.world import floor_at
+from .drive import Update
+
+FRAME_S = 3.3  # to fetch an 88 x 143 frame at 115,200 baud (worked out from the CMUcam2's manual)
+SETTLE_S = 0.5  # before and after each movement; invented
+TURN_RAD_S = float(np.radians(45))  # invented
+DRIVE_M_S = 0.15  # invented
+KIDNAPPED = "kidnapped"  # the event
+CARRY_S = 20.0  # to carry the robot somewhere else; invented
+
+Progress = Callable[[int, int, str], None]  # done, all, what is being made
+
+
+class Log(Protocol):
+    """Anything that a session is written to, line by line, as `SessionWriter` does it."""
+
+    def odometry(self, t_s: float, motion: F64, encoders_m: F64 | None = None) -> None:
+        """Write a movement."""
+        ...
+
+    def image(self, t_s: float, image_rgb: U8, *, camera: str | None = None) -> object:
+        """Write a picture."""
+        ...
+
+    def truth(self, t_s: float, pose: F64) -> None:
+        """Write a true pose."""
+        ...
+
+    def event(self, t_s: float, text: str) -> None:
+        """Write what happened."""
+        ...
+
+
+class Eye(Protocol):
+    """A camera on one day, as eye.py makes them."""
+
+    def take(self, number: int, pose: F64) -> U8:
+        """Take picture `number` (H, W, 3) from a true pose (3,)."""
+        ...
+
+    def events(self, number: int) -> tuple[str, ...]:
+        """Say what happens to the light at that picture."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moved:
+    """A movement as the robot measured it."""
+
+    t_s: float
+    motion: F64  # (3,) forward_m, left_m, turn_rad
+    encoders_m: F64 | None = None  # (4,)
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """Something that happened."""
+
+    t_s: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leg:
+    """Everything from the last picture up to and with the next one."""
+
+    entries: tuple[Moved | Happened, ...]  # in order, none after `t_s`
+    t_s: float  # when the picture is there
+    pose: F64  # (3,) where it was taken
+    kidnapped_to: F64 | None = None  # (3,) where the robot was carried afterwards
+
+
+def write_legs(
+    log: Log, start: F64, legs: Iterable[Leg], eye: Eye, arena: Arena, total: int, report: Progress
+) -> None:
+    """Write a session as it goes: movements, events, a picture and the truth for each leg."""
+    log.event(0.0, floor_event(arena, start))
+    log.truth(0.0, start)
+    for number, leg in enumerate(legs, start=1):
+        for entry in leg.entries:
+            if isinstance(entry, Moved):
+                log.odometry(entry.t_s, entry.motion, entry.encoders_m)
+            else:
+                log.event(entry.t_s, entry.text)
+        for text in eye.events(number):
+            log.event(leg.t_s, text)
+        log.image(leg.t_s, eye.take(number, leg.pose), camera="front")
+        log.truth(leg.t_s, leg.pose)
+        if leg.kidnapped_to is not None:
+            log.event(leg.t_s + CARRY_S, KIDNAPPED)
+            log.event(leg.t_s + CARRY_S, floor_event(arena, leg.kidnapped_to))
+            log.truth(leg.t_s + CARRY_S, leg.kidnapped_to)
+        report(number, total, "session")
+
+
+def floor_event(arena: Arena, pose: F64) -> str:
+    """Say on which floor a pose (3,) is, as a log does."""
+    return f"floor {floor_at(arena, float(pose[0]), float(pose[1]))}".strip()
+
+
+def driven_legs(updates: Iterable[Update], arena: Arena) -> Iterator[Leg]:
+    """Give the updates of a drive their times: each movement settles before the next begins."""
+    t_s = 0.0
+    for update in updates:
+        leg = timed(t_s, update, arena)
+        yield leg
+        t_s = leg.t_s + (0.0 if leg.kidnapped_to is None else CARRY_S)
+
+
+def timed(t_s: float, update: Update, arena: Arena) -> Leg:
+    """Give one update that begins at a time its own times."""
+    turn, straight = update.turn, update.straight
+    turned = t_s + 2 * SETTLE_S + abs(float(turn.measured[2])) / TURN_RAD_S
+    took = float(straight.measured[0]) / DRIVE_M_S
+    driven = turned + 2 * SETTLE_S + took
+    changes = crossings(straight.path, arena)
+    happened = [
+        Happened(turned + SETTLE_S + share * took, f"floor {name}".strip()) for share, name in changes
+    ]
+    if straight.slipped_rad:
+        slip = f"slip {np.degrees(straight.slipped_rad):+.1f} deg"
+        happened.insert(1, Happened(happened[0].t_s, slip))
+    if straight.bumped:
+        happened.append(Happened(driven, "bump"))
+    moved = (
+        Moved(turned, turn.measured, turn.encoders_m),
+        Moved(driven, straight.measured, straight.encoders_m),
+    )
+    return Leg((moved[0], *happened, moved[1]), driven + FRAME_S, update.pose, update.kidnapped_to)
+
+
+def crossings(path: F64, arena: Arena) -> list[tuple[float, str]]:
+    """Give how far along a path (K, 3) the floor changes, as a share of it, and to which floor."""
+    names = [floor_at(arena, float(x), float(y)) for x, y, _ in path]
+    return [(k / (len(names) - 1), names[k]) for k in range(1, len(names)) if names[k] != names[k - 1]]

@@ -1,0 +1,282 @@
+"""From a plan and a seed to a world: everything that a file leaves to the seed is drawn here."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from maurice_loaders.errors import LogError
+from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.map import Arena, Region
+from maurice_mcl.randomness import Domain, stream
+
+from ..seeds import Purpose
+from ..tasks import Tier
+from .draw import PLAIN_PALETTE, Bareness, Palette, number, paint_of
+from .furniture import MAKERS, Stand, block
+from .openings import (
+    Opening,
+    Windows,
+    along,
+    check_doors,
+    check_rooms,
+    check_windows,
+    map_walls,
+    opening_of,
+    wall_of,
+)
+from .plan import FloorPlan, FurniturePlan, LibraryPlan, Plan, RoomPlan
+from .shell import Look, bounds_of, door_faces, draw_look, rectangle, room_faces, solid_boxes
+from .solids import flat
+from .world import Face, Lamp, Piece, RoomLight, World, clearance, inside, touching
+
+# Putting furniture up: where a plan says, inside a room, and never one piece in another.
+
+GAP_IN = 0.5  # between furniture and the wall it stands against
+PER_INCH = 6.0
+
+
+def pieces_of(rng: np.random.Generator, plan: Plan) -> tuple[FurniturePlan, ...]:
+    """Give the pieces that are always there and those of one layout."""
+    layout = plan.layouts[int(rng.integers(len(plan.layouts)))] if plan.layouts else ()
+    return (*plan.furniture, *layout)
+
+
+def place_all(rng: np.random.Generator, layout: tuple[FurniturePlan, ...], plan: Plan) -> tuple[Piece, ...]:
+    """Put up all pieces; LogError where one stands in a wall or in another."""
+    rooms = {room.name: room for room in plan.rooms}
+    placed: list[tuple[FurniturePlan, Piece]] = []
+    for piece in layout:
+        made = make(rng, piece, stand_of(rng, piece, rooms))
+        if not any(within(room, made.plan) for room in plan.rooms):
+            raise LogError(
+                plan.file, f"{piece.key}: the {piece.kind} reaches into a wall or out of its room; move it"
+            )
+        for other, earlier in placed:
+            if touching(made.plan, earlier.plan):
+                raise LogError(
+                    plan.file,
+                    f"{piece.key}: the {piece.kind} stands in the {other.kind} of {other.key}; move one",
+                )
+        placed.append((piece, made))
+    return tuple(made for _, made in placed)
+
+
+def make(rng: np.random.Generator, piece: FurniturePlan, stand: Stand) -> Piece:
+    """Make one piece where it stands."""
+    if piece.paint is None or piece.height_in is None:
+        return MAKERS[piece.kind](rng, stand)
+    sides = paint_of(rng, piece.paint, PLAIN_PALETTE, PER_INCH)
+    top = sides if piece.top is None else paint_of(rng, piece.top, PLAIN_PALETTE, PER_INCH)
+    return block(rng, stand, number(rng, piece.height_in), sides, top)
+
+
+def stand_of(rng: np.random.Generator, piece: FurniturePlan, rooms: dict[str, RoomPlan]) -> Stand:
+    """Draw place and size of a piece; with `against` its back is at the wall."""
+    width, depth = (number(rng, size) for size in piece.size_in)
+    at = [number(rng, value) for value in piece.at_in]
+    yaw = number(rng, piece.front) + math.pi / 2  # the front is local -y
+    if piece.against is None or piece.room is None:
+        return Stand(at[0], at[1], width, depth, yaw)
+    x1, y1, x2, y2 = rooms[piece.room].rect
+    away = GAP_IN + depth / 2
+    x, y = {
+        "south": (at[0], y1 + away),
+        "north": (at[0], y2 - away),
+        "west": (x1 + away, at[0]),
+        "east": (x2 - away, at[0]),
+    }[piece.against]
+    return Stand(x, y, width, depth, yaw)
+
+
+def within(room: RoomPlan, plan_m: F64) -> bool:
+    """Tell whether an outline (4, 2) in metres lies wholly in a room."""
+    (x1, y1), (x2, y2) = plan_m.min(axis=0) / INCH_M, plan_m.max(axis=0) / INCH_M
+    return bool(room.rect[0] <= x1 and room.rect[1] <= y1 and x2 <= room.rect[2] and y2 <= room.rect[3])
+
+
+# From a plan and a seed to a world: all that a file leaves to the seed is drawn here.
+
+
+def build_world(plan: Plan, seed: int, tier: Tier) -> World:
+    """Draw the world of a seed; LogError where what is drawn cannot stand or no node is free."""
+    check_rooms(plan)
+    openings = tuple(opening_of(plan, door) for door in plan.doors)
+    check_doors(plan, openings)
+    rng = stream(Domain.SIMULATOR, seed, 0, Purpose.WORLD)
+    bare = Bareness(tier.bare, stream(Domain.SIMULATOR, seed, 0, Purpose.BARE))
+    looks = draw_looks(rng, plan, tier.light, bare)
+    windows = {room.name: draw_windows(rng, plan, room, looks[room.name], openings) for room in plan.rooms}
+    layout = pieces_of(rng, plan)
+    pieces = place_all(rng, layout, plan)
+    floors, regions = lay_floors(rng, plan)
+    frames = [door_faces(rng, opening) for opening in openings]
+    walls = [
+        face
+        for room in plan.rooms
+        for face in room_faces(rng, plan, room, looks[room.name], windows[room.name], openings, bare)
+    ]
+    arena = map_of(plan, openings, pieces, regions)
+    world = World(
+        name=f"{plan.name}, seed {seed}",
+        arena=arena,
+        shell=(*floors, *walls, *(face for faces, _ in frames for face in faces)),
+        solid=(*solid_boxes(plan, openings), *(box for _, boxes in frames for box in boxes)),
+        furniture=pieces,
+        lamps=tuple(lamp for r in plan.rooms for lamp in lamps_of(r, looks[r.name], windows[r.name])),
+        room_lights=tuple(
+            light for r in plan.rooms for light in ambient_of(r, looks[r.name], windows[r.name])
+        ),
+        nodes=free_nodes(plan.library, arena),
+        headings=plan.library.headings,
+        start=None if plan.start is None else np.array(plan.start) * [INCH_M, INCH_M, 1.0],
+    )
+    check_world(plan, world, [piece.key for piece in layout])
+    return world
+
+
+def map_of(
+    plan: Plan, openings: tuple[Opening, ...], pieces: tuple[Piece, ...], floors: tuple[Region, ...]
+) -> Arena:
+    """Give the map of a world: what the robot is told of it."""
+    x1, y1, x2, y2 = (float(v) for v in np.array(bounds_of(plan)) * INCH_M)
+    return Arena(
+        (x1, y1, x2, y2),
+        map_walls(plan, openings) * INCH_M,
+        tuple(Region(piece.name, piece.plan) for piece in pieces),
+        floors,
+        tuple(Region(room.name, rectangle(*room.rect) * INCH_M) for room in plan.rooms),
+    )
+
+
+def draw_looks(rng: np.random.Generator, plan: Plan, light: float, bare: Bareness) -> dict[str, Look]:
+    """Draw how each room looks; with `shuffle_styles` the rooms get each other's styles."""
+    names = [room.style for room in plan.rooms]
+    if plan.shuffle_styles:
+        names = [names[int(k)] for k in rng.permutation(len(names))]
+    styles = {style.name: style for style in plan.styles}
+    return {
+        room.name: draw_look(rng, styles[name], light, bare)
+        for room, name in zip(plan.rooms, names, strict=True)
+    }
+
+
+def draw_windows(
+    rng: np.random.Generator, plan: Plan, room: RoomPlan, look: Look, openings: tuple[Opening, ...]
+) -> Windows:
+    """Draw where the windows of a room are; none where no daylight comes in."""
+    drawn = tuple((window, number(rng, window.at_in)) for window in room.windows)
+    check_windows(plan, room, drawn, openings)
+    return drawn if look.daylight > 0 else ()
+
+
+def lamps_of(room: RoomPlan, look: Look, windows: Windows) -> list[Lamp]:
+    """What lights a room: its ceiling lamps together are one source, its windows another."""
+    lamps = []
+    spread = np.array([[-8, -8, -8], [8, -8, -8], [8, 8, -8], [-8, 8, -8.0]])
+    for x, y in room.lamps if look.lamp > 0 else ():
+        points = (np.array([x, y, room.height_in]) + spread) * INCH_M
+        lamps.append(Lamp(f"{room.name} lamp", points, look.lamp * np.array(look.lamp_color)))
+    for window, at in windows:
+        wall = wall_of(room, window.wall)
+        middle, aside = along(wall, at), window.width_in / 3
+        low, high = window.sill_in + 10, window.top_in - 18
+        heights = (low, high) if low < high else ((window.sill_in + window.top_in) / 2,)
+        points = np.array([np.append(wall.at(middle + a, 1), z) for a in (-aside, 0, aside) for z in heights])
+        inward = np.append(wall.at(middle, 1) - wall.at(middle, 0), 0.0)
+        color = look.daylight * np.array(look.daylight_color)
+        lamps.append(Lamp(f"{room.name} window", points * INCH_M, color, inward))
+    return lamps
+
+
+def ambient_of(room: RoomPlan, look: Look, windows: Windows) -> list[RoomLight]:
+    """Share the light of a room after many bounces out among its lamps and windows, by brightness.
+
+    Bounced light is half as colored as its source.
+    """
+    sources = [
+        (f"{room.name} lamp", look.lamp * len(room.lamps), look.lamp_color),
+        (f"{room.name} window", look.daylight * len(windows), look.daylight_color),
+    ]
+    total = sum(strength for _, strength, _ in sources)
+    if total == 0:
+        sources, total = [(f"{room.name} lamp", 1.0, (1.0, 1.0, 1.0))], 1.0
+    here = Region(room.name, rectangle(*room.rect) * INCH_M)
+    return [
+        RoomLight(name, here, look.ambient * strength / total * (1 + np.array(color)) / 2)
+        for name, strength, color in sources
+        if strength > 0
+    ]
+
+
+FLOOR_PER_INCH = 5.0
+
+
+def lay_floors(rng: np.random.Generator, plan: Plan) -> tuple[list[Face], tuple[Region, ...]]:
+    """Lay the floors, later ones a little above earlier ones."""
+    faces, regions = [], []
+    for k, floor in enumerate(plan.floors):
+        corners = rectangle(*floor_rect(rng, plan, floor))
+        paint = paint_of(rng, floor.paint, Palette(), FLOOR_PER_INCH)
+        faces.append(flat(rng, corners, 0.15 * k, paint, per_inch=FLOOR_PER_INCH))
+        regions.append(Region(floor.name, corners * INCH_M))
+    return faces, tuple(regions)
+
+
+def floor_rect(rng: np.random.Generator, plan: Plan, floor: FloorPlan) -> tuple[float, float, float, float]:
+    """Draw the rectangle of a floor."""
+    if floor.rect is None:
+        return bounds_of(plan)
+    x1, y1, x2, y2 = (number(rng, value) for value in floor.rect)
+    return x1, y1, x2, y2
+
+
+def grid_nodes(library: LibraryPlan, arena: Arena) -> F64:
+    """Give all places (K, 2) of the library's grid in rooms and clear of walls, from the south-west."""
+    axes = []
+    for axis in (0, 1):
+        first, step = library.anchor_in[axis] * INCH_M, library.spacing_in * INCH_M
+        low, high = ((arena.bounds[axis + end] - first) / step for end in (0, 2))
+        axes.append(first + step * np.arange(np.ceil(low - 1e-9), np.floor(high + 1e-9) + 1))
+    nodes = np.stack(np.meshgrid(axes[0], axes[1]), axis=-1).reshape(-1, 2)
+    bare = Arena(arena.bounds, arena.walls)
+    return nodes[(clearance(bare, nodes) > library.clearance_in * INCH_M) & in_rooms(arena, nodes)]
+
+
+def free_nodes(library: LibraryPlan, arena: Arena) -> F64:
+    """Those places of the grid (K, 2) where a robot can stand."""
+    nodes = grid_nodes(library, arena)
+    return nodes[clearance(arena, nodes) > library.clearance_in * INCH_M]
+
+
+def in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Tell which points (K, 2) lie in a room."""
+    found = np.zeros(len(points), bool)
+    for room in arena.rooms:
+        found |= inside(room.polygon, points)
+    return found
+
+
+def check_world(plan: Plan, world: World, keys: list[str]) -> None:
+    """Refuse a world without free nodes, or with something solid where the robot starts."""
+    if not len(world.nodes):
+        raise LogError(
+            plan.file,
+            f"library: no node of the grid is free in {world.name}; use a smaller spacing or clearance",
+        )
+    if world.start is None:
+        return
+    at = world.start[None, :2]
+    if not in_rooms(world.arena, at)[0]:
+        raise LogError(plan.file, "start.pose: lies in no room; move it into one")
+    need = plan.library.clearance_in * INCH_M
+    bare = Arena(world.arena.bounds, world.arena.walls)
+    if clearance(bare, at)[0] < need:
+        raise LogError(plan.file, "start.pose: has a wall through it or nearer than the clearance; move it")
+    for region, key in zip(world.arena.obstacles, keys, strict=True):
+        if clearance(Arena(bare.bounds, np.zeros((0, 4)), (region,)), at)[0] < need:
+            raise LogError(
+                plan.file, f"start.pose: has {key} ({region.name}) on it or too near; move one of them"
+            )

@@ -1,0 +1,170 @@
+"""What hangs on walls: prints, boards, doors, radiators, sockets, windows with their curtains."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from maurice_mcl.arrays import F32, F64
+
+from .draw import Bareness
+from .solids import Paint, upright
+from .surfaces import offices, textures
+from .surfaces import wall_pictures as pictures
+from .surfaces.palettes import Rgb, dye, wood
+from .world import Face
+
+Interval = tuple[float, float]  # along a wall, inches from its left end
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """One stretch of wall, from left to right as seen from inside its room; inches."""
+
+    left: tuple[float, float]
+    right: tuple[float, float]
+
+    @property
+    def length_in(self) -> float:
+        """How wide it is."""
+        return float(np.hypot(self.right[0] - self.left[0], self.right[1] - self.left[1]))
+
+    def at(self, along_in: float, out_in: float = 0.0) -> F64:
+        """Give the plan point (2,) so far from its left end, and so far out into the room."""
+        left, right = np.array(self.left), np.array(self.right)
+        ahead = (right - left) / self.length_in
+        return np.asarray(left + ahead * along_in + np.array([ahead[1], -ahead[0]]) * out_in)
+
+
+def hang(
+    rng: np.random.Generator, wall: Wall, middle_in: float, width_in: float, span_in: Interval, paint: Paint
+) -> Face:
+    """Hang something flat on a wall: around a middle from its left end, between two heights."""
+    ends = wall.at(middle_in - width_in / 2, 0.3), wall.at(middle_in + width_in / 2, 0.3)
+    return upright(rng, ends[0], ends[1], span_in[0], span_in[1], paint, per_inch=5)
+
+
+def shaded(paint: Paint) -> Paint:
+    """Let what hangs on a wall throw a thin shadow: its lower and right edges are dark."""
+
+    def framed(rng: np.random.Generator, size: textures.Size) -> F32:
+        picture = np.array(paint(rng, size), np.float32)
+        picture[-max(1, size[0] // 80) :] *= np.float32(0.35)
+        picture[:, -max(1, size[1] // 80) :] *= np.float32(0.45)
+        return np.clip(picture, 0.02, 0.95)
+
+    return framed
+
+
+def printed(rng: np.random.Generator, wall: Wall, middle_in: float, painter: Paint) -> Face:
+    """A poster or painting, hung low enough for a camera near the floor."""
+    width, height = float(rng.uniform(18, 32)), float(rng.uniform(20, 34))
+    bottom = float(rng.uniform(9, 20))
+    return hang(rng, wall, middle_in, width, (bottom, bottom + height), shaded(painter))
+
+
+def board(rng: np.random.Generator, wall: Wall, middle_in: float, painter: Paint) -> Face:
+    """A wide board at the height of a desk."""
+    return hang(
+        rng, wall, middle_in, float(rng.uniform(30, 38)), (26, float(rng.uniform(50, 58))), shaded(painter)
+    )
+
+
+def closed_door(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
+    """A door that stays shut."""
+    color = (0.6, 0.58, 0.53) if rng.random() < 0.5 else wood(rng, 0.2, 0.5)
+    return hang(rng, wall, middle_in, 30, (0, 78), partial(pictures.door, color=color))
+
+
+def radiator(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
+    """A radiator near the floor."""
+    return hang(rng, wall, middle_in, 32, (4, 27), pictures.radiator)
+
+
+Hanging = Callable[[np.random.Generator, Wall, float], Face]
+
+
+def _print(painter: Paint) -> Hanging:
+    return lambda rng, wall, middle: printed(rng, wall, middle, painter)
+
+
+def _board(painter: Paint) -> Hanging:
+    return lambda rng, wall, middle: board(rng, wall, middle, painter)
+
+
+HANGINGS: dict[str, Hanging] = {
+    "landscape": _print(pictures.landscape),
+    "shapes": _print(pictures.shapes),
+    "portrait": _print(pictures.portrait),
+    "chart": _print(pictures.chart),
+    "notices": _board(offices.notices),
+    "whiteboard": _board(offices.whiteboard),
+    "door": closed_door,
+    "radiator": radiator,
+}
+
+
+def decorate(
+    rng: np.random.Generator,
+    wall: Wall,
+    kinds: tuple[str, ...],
+    every_in: float,
+    bare: Bareness,
+    skip: tuple[Interval, ...] = (),
+) -> list[Face]:
+    """Hang something every so often, except across the stretches to skip; and one socket."""
+    if wall.length_in < 24:
+        return []
+    faces = []
+    count = max(1, round(wall.length_in / every_in)) if every_in > 0 else 0
+    slack = min(5.0, max(0.0, wall.length_in / max(count, 1) / 2 - 17))
+    for middle in (np.arange(count) + 0.5) * wall.length_in / max(count, 1):
+        at = float(middle + rng.uniform(-slack, slack))
+        face = HANGINGS[kinds[int(rng.integers(len(kinds)))]](rng, wall, at)
+        left_out = bare.leaves_out()
+        if not left_out and not any(low - 18 < at < high + 18 for low, high in skip):
+            faces.append(face)
+    socket = hang(rng, wall, float(rng.uniform(8, wall.length_in - 8)), 3.0, (10, 14.6), outlet)
+    return [*faces, socket]
+
+
+def outlet(rng: np.random.Generator, size: textures.Size) -> F32:
+    """A socket in the wall: a white plate with two dark holes."""
+    plate = textures.tint((0.7, 0.69, 0.66), 1 + 0.02 * textures.noise(rng, size, (2, 2)))
+    rows, columns = size
+    for row in (rows // 4, 3 * rows // 4):
+        plate[row - 1 : row + 2, columns // 3 : 2 * columns // 3] = 0.05
+    return plate
+
+
+def window_in(
+    rng: np.random.Generator, wall: Wall, middle_in: float, width_in: float, span_in: Interval, glow: float
+) -> list[Face]:
+    """A window with a sill, and a curtain on either side."""
+    half = width_in / 2
+    ends = wall.at(middle_in - half, 0.3), wall.at(middle_in + half, 0.3)
+    pane = upright(rng, ends[0], ends[1], span_in[0], span_in[1], pictures.window, per_inch=4, glow=glow)
+    cloth = partial(pictures.curtain, color=dye(rng))
+    low, high = max(3.0, span_in[0] - 8), span_in[1] + 6
+    sides = [
+        upright(rng, wall.at(middle_in + a, 1.5), wall.at(middle_in + b, 1.5), low, high, cloth, per_inch=4)
+        for a, b in ((-half - 6, -half + 3), (half - 3, half + 6))
+    ]
+    sill_ends = wall.at(middle_in - half, 1.2), wall.at(middle_in + half, 1.2)
+    sill = upright(rng, sill_ends[0], sill_ends[1], span_in[0] - 1.6, span_in[0], white, per_inch=3)
+    return [pane, sill, *sides]
+
+
+def white(rng: np.random.Generator, size: textures.Size) -> F32:
+    """White paint."""
+    return textures.plaster(rng, size, (0.62, 0.6, 0.56), 0.05)
+
+
+def trim(color: Rgb) -> Paint:
+    """A painter of boards: with the grain of wood when they are brown, else painted smooth."""
+    if color[0] < 1.4 * color[2]:
+        return partial(textures.plaster, color=color, stains=0.04)
+    return partial(textures.timber, color=color)

@@ -1,0 +1,363 @@
+"""From a TOML file to a `Plan`: every key checked, nothing drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from maurice_loaders.errors import LogError
+
+from .furniture import MAKERS
+from .hangings import HANGINGS
+from .plan import (
+    DoorPlan,
+    FloorPlan,
+    FurniturePlan,
+    LibraryPlan,
+    LightPlan,
+    Number,
+    PaintPlan,
+    Plan,
+    PosterPlan,
+    RoomPlan,
+    Span,
+    StylePlan,
+    WindowPlan,
+    Word,
+)
+from .surfaces.paints import TEXTURES, read_image
+from .surfaces.palettes import COLORS, GROUPS, LIGHTS, is_color, is_light
+from .toml_table import Table, read_toml
+
+# Reading how things look: words for colors and textures, paints, the styles of rooms.
+
+PLASTER = PaintPlan("plaster")
+HEX = '"#rrggbb"'
+
+
+class Known:
+    """Which words are known, and how they are listed in an error."""
+
+    def __init__(self, what: str, tell: Callable[[str], bool], listed: str) -> None:
+        self.what, self.tell, self.listed = what, tell, listed
+
+
+COLOR = Known("color", is_color, ", ".join([*GROUPS, *COLORS, HEX]))
+LIGHT = Known("color of light", is_light, ", ".join([*LIGHTS, HEX]))
+TEXTURE = Known("texture", TEXTURES.__contains__, ", ".join(TEXTURES))
+
+
+def word(
+    table: Table, key: str, known: Known, default: str | None = None, more: tuple[str, ...] = ()
+) -> Word:
+    """Take a word of some kind out, or a choice of them; `more` are known as well."""
+    if default is not None and not table.has(key):
+        return default
+    value = table.word(key, table.take(key))
+    for option in (value,) if isinstance(value, str) else value.options:
+        if option not in more and not known.tell(option):
+            listed = ", ".join([*more, known.listed])
+            table.fail(key, f"no {known.what} called {option!r}; there are {listed}")
+    return value
+
+
+def paint(table: Table, key: str, default: PaintPlan, more: tuple[str, ...] = ()) -> PaintPlan:
+    """Take a paint out; `more` are names of colors that the room knows."""
+    return paint_value(table, key, table.take(key), more) if table.has(key) else default
+
+
+def paint_value(table: Table, key: str, value: object, more: tuple[str, ...] = ()) -> PaintPlan:
+    """Read a paint: the name of a texture, or a table with texture or image, colors and size."""
+    inner = table.as_table(
+        key, value if isinstance(value, dict) and "any" not in value else {"texture": value}
+    )
+    if inner.has("image"):
+        file = inner.file.parent / inner.text("image")
+        if not file.is_file():
+            inner.fail("image", f"there is no file {file}; its path is relative to the world file")
+        try:
+            read_image(file)
+        except LogError as problem:
+            inner.fail("image", str(problem))
+        result = PaintPlan("plaster", image=file)
+    else:
+        result = PaintPlan(
+            texture=word(inner, "texture", TEXTURE),
+            color=word(inner, "color", COLOR, more=more) if inner.has("color") else None,
+            other=word(inner, "other", COLOR, more=more) if inner.has("other") else None,
+            size_in=inner.drawn("size", inner.take("size"), inner.inches, 0.5) if inner.has("size") else None,
+        )
+    inner.done()
+    return result
+
+
+def light(table: Table, key: str, brightness: float, color: str) -> LightPlan:
+    """Take a light out: `{ brightness = 1.2, color = "warm" }`."""
+    inner = table.table(key)
+    plan = LightPlan(inner.number("brightness", brightness, 0, 100), word(inner, "color", LIGHT, color))
+    inner.done()
+    return plan
+
+
+def read_style(table: Table) -> StylePlan:
+    """Read one [style.NAME]."""
+    colors_table = table.table("colors")
+    colors = tuple((name, word(colors_table, name, COLOR)) for name, _ in colors_table.items())
+    names = tuple(name for name, _ in colors)
+    style = StylePlan(
+        name=table.key.removeprefix("style."),
+        colors=colors,
+        walls=read_walls(table, names),
+        shuffle_walls=table.flag("shuffle_walls"),
+        skirting=word(table, "skirting", COLOR, "white", names),
+        ceiling=paint(table, "ceiling", PaintPlan("plaster", "white"), names),
+        lamp=light(table, "lamp", 1.0, "neutral"),
+        daylight=light(table, "daylight", 1.2, "daylight"),
+        ambient=table.number("ambient", 0.2, 0, 100),
+        hang=read_hang(table),
+        hang_every_in=table.length("hang_every", 0.0),
+    )
+    if 0 < style.hang_every_in < 20:
+        table.fail("hang_every", "is less than 20 in; hang things further apart, or write 0 for none")
+    table.done()
+    return style
+
+
+def read_walls(table: Table, names: tuple[str, ...]) -> tuple[PaintPlan, ...]:
+    """Read the paints of the walls: one for all, or four."""
+    if not table.has("walls"):
+        return (PLASTER,)
+    return tuple(paint_value(table, "walls", value, names) for value in table.items_of("walls", (1, 4)))
+
+
+def read_hang(table: Table) -> tuple[str, ...]:
+    """Read the list of what hangs on the walls."""
+    if not table.has("hang"):
+        return tuple(HANGINGS)
+    kinds = table.items_of("hang", tuple(range(1, 65)))
+    for kind in kinds:
+        if not isinstance(kind, str) or kind not in HANGINGS:
+            table.fail("hang", f"nothing called {kind!r} can hang; there are {', '.join(HANGINGS)}")
+    return tuple(str(kind) for kind in kinds)
+
+
+# From a TOML file to a `Plan`: every key checked, nothing drawn.
+
+FORMAT = 1
+INCHES = {"in": 1.0, "ft": 12.0, "m": 1 / 0.0254, "cm": 1 / 2.54}
+WALLS = ("south", "east", "north", "west")
+FRONTS = {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}
+BLOCK = "block"
+KINDS = (*MAKERS, BLOCK)
+
+
+def read_plan(file: Path) -> Plan:
+    """Read a world file; LogError names the file, the key and what is wrong with it."""
+    top = read_toml(file)
+    if top.take("format") != FORMAT:
+        top.fail("format", f"expected {FORMAT}; this program reads no other")
+    top.inches = INCHES[top.one_of("units", tuple(INCHES))]
+    height_in = top.length("height", 96.0, low=20.0)
+    styles = tuple(read_style(t) for t in named_tables(top, "style"))
+    names = tuple(style.name for style in styles)
+    rooms = tuple(read_room(t, height_in, names) for t in top.tables("room"))
+    if not rooms:
+        top.fail("room", "found none, expected at least one; add a [[room]]")
+    known = tuple(room.name for room in rooms)
+    if len(set(known)) < len(known):
+        top.fail("room", "two have the same name; give each its own")
+    plan = Plan(
+        file=file,
+        name=top.text("name", file.stem),
+        rooms=rooms,
+        styles=styles,
+        shuffle_styles=top.flag("shuffle_styles"),
+        doors=tuple(read_door(t) for t in top.tables("door")),
+        floors=tuple(read_floor(t, k == 0) for k, t in enumerate(top.tables("floor"))),
+        posters=tuple(read_poster(t, known) for t in top.tables("poster")),
+        furniture=tuple(read_furniture(t, known) for t in top.tables("furniture")),
+        layouts=tuple(read_layout(t, known) for t in top.tables("layout")),
+        library=read_library(top.table("library")),
+        start=read_start(top),
+    )
+    if not plan.floors:
+        top.fail("floor", "found none, expected at least one; add a [[floor]] without rect")
+    top.done()
+    return plan
+
+
+def named_tables(top: Table, key: str) -> list[Table]:
+    """Take the tables [key.NAME] out, each with its name as key."""
+    inner = top.table(key)
+    tables = [inner.as_table(name, value) for name, value in inner.items()]
+    if not tables:
+        top.fail(key, f"found none, expected at least one; add a [{key}.NAME]")
+    return tables
+
+
+def read_room(table: Table, height_in: float, styles: tuple[str, ...]) -> RoomPlan:
+    """Read one [[room]]."""
+    rect = table.rect("rect")
+    lamps = table.items_of("lamps", tuple(range(33))) if table.has("lamps") else None
+    middle = ((rect[0] + rect[2]) / 2, (rect[1] + rect[3]) / 2)
+    room = RoomPlan(
+        key=table.key,
+        name=table.text("name"),
+        rect=rect,
+        height_in=table.length("height", height_in, low=20.0),
+        style=table.one_of("style", styles),
+        lamps=(middle,) if lamps is None else tuple(place(table, "lamps", value) for value in lamps),
+        windows=tuple(read_window(t) for t in table.tables("windows")),
+    )
+    for x, y in room.lamps:
+        if not (rect[0] < x < rect[2] and rect[1] < y < rect[3]):
+            table.fail("lamps", "one hangs outside the room; move it within rect")
+    table.done()
+    return room
+
+
+def place(table: Table, key: str, value: object) -> tuple[float, float]:
+    """Check a place [x, y]."""
+    if not isinstance(value, list) or len(value) != 2:
+        table.fail(key, f"found {value!r}, expected [x, y]")
+    return table.real(key, value[0], table.inches), table.real(key, value[1], table.inches)
+
+
+def one_length(table: Table, key: str, low: float = -1e5) -> Number:
+    """Take one length out that a seed may draw."""
+    return table.drawn(key, table.take(key), table.inches, low)
+
+
+def read_window(table: Table) -> WindowPlan:
+    """Read one window of a room."""
+    window = WindowPlan(
+        wall=table.one_of("wall", WALLS),
+        at_in=one_length(table, "at"),
+        width_in=table.length("width", 42.0, low=4.0),
+        sill_in=table.length("sill", 20.0),
+        top_in=table.length("top", 68.0),
+    )
+    if window.top_in <= window.sill_in:
+        table.fail("top", "lies below the sill; give a greater height")
+    table.done()
+    return window
+
+
+def read_door(table: Table) -> DoorPlan:
+    """Read one [[door]]; `frame = "none"` makes it a plain opening up to `top`."""
+    frame = word(table, "frame", COLOR, default="white", more=("none",))
+    door = DoorPlan(
+        table.key, table.rect("rect"), table.length("top", 78.0, low=20.0), None if frame == "none" else frame
+    )
+    table.done()
+    return door
+
+
+def read_floor(table: Table, first: bool) -> FloorPlan:
+    """Read one [[floor]]; only the first may cover everything."""
+    rect = table.lengths("rect", (4,)) if table.has("rect") else None
+    if first != (rect is None):
+        table.fail("rect", "the first [[floor]] has no rect and covers everything; all others have one")
+    name = table.text("name")
+    floor = FloorPlan(
+        key=table.key,
+        name=name,
+        rect=None if rect is None else (rect[0], rect[1], rect[2], rect[3]),
+        paint=paint(table, "paint", PLASTER),
+    )
+    if rect is not None and not (highest(rect[0]) < lowest(rect[2]) and highest(rect[1]) < lowest(rect[3])):
+        table.fail("rect", "has no area; write [x1, y1, x2, y2] with x1 < x2 and y1 < y2")
+    table.done()
+    return floor
+
+
+def lowest(value: Number) -> float:
+    """Give the least that can be drawn."""
+    return value.low if isinstance(value, Span) else value
+
+
+def highest(value: Number) -> float:
+    """Give the most that can be drawn."""
+    return value.high if isinstance(value, Span) else value
+
+
+def read_poster(table: Table, rooms: tuple[str, ...]) -> PosterPlan:
+    """Read one [[poster]]."""
+    room, wall = table.one_of("room", rooms), table.one_of("wall", WALLS)
+    at, bottom = one_length(table, "at"), table.length("bottom", 14.0)
+    width, height = (table.real("size", v, table.inches, 0.5, 1000) for v in table.items_of("size", (2,)))
+    poster = PosterPlan(table.key, room, wall, at, bottom, (width, height), paint(table, "paint", PLASTER))
+    table.done()
+    return poster
+
+
+def read_layout(table: Table, rooms: tuple[str, ...]) -> tuple[FurniturePlan, ...]:
+    """Read one [[layout]]: a list of furniture."""
+    pieces = tuple(read_furniture(t, rooms) for t in table.tables("furniture"))
+    table.done()
+    return pieces
+
+
+def read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
+    """Read one piece of furniture."""
+    kind = table.one_of("kind", KINDS)
+    against = table.one_of("against", WALLS) if table.has("against") else None
+    if against is None:
+        room, at, front = None, table.lengths("at", (2,)), read_front(table)
+    else:
+        room, at = table.one_of("room", rooms), (one_length(table, "at"),)
+        front = FRONTS[WALLS[(WALLS.index(against) + 2) % 4]]
+    size = table.lengths("size", (2,), low=0.5)
+    block = kind == BLOCK
+    piece = FurniturePlan(
+        key=table.key,
+        kind=kind,
+        at_in=at,
+        size_in=(size[0], size[1]),
+        front=front,
+        room=room,
+        against=against,
+        height_in=one_length(table, "height", 0.5) if block else None,
+        paint=paint(table, "paint", PLASTER) if block else None,
+        top=paint(table, "top", PLASTER) if block and table.has("top") else None,
+    )
+    table.done()
+    return piece
+
+
+def read_front(table: Table) -> Number:
+    """Take out where a piece looks: a compass word, or degrees counter-clockwise from +x."""
+    value = table.take("front") if table.has("front") else "south"
+    if isinstance(value, str):
+        if value not in FRONTS:
+            table.fail("front", f"found {value!r}; there are {', '.join(FRONTS)}, or a number of degrees")
+        return FRONTS[value]
+    return table.drawn("front", value, math.pi / 180)
+
+
+def read_library(table: Table) -> LibraryPlan:
+    """Read [library]."""
+    anchor = place(table, "anchor", table.take("anchor"))
+    headings = table.number("headings", 8, 1, 360)
+    if not isinstance(headings, float | int) or headings != int(headings):
+        table.fail("headings", "expected a whole number")
+    library = LibraryPlan(
+        anchor, table.length("spacing", low=1.0), int(headings), table.length("clearance", 4.5)
+    )
+    table.done()
+    return library
+
+
+def read_start(top: Table) -> tuple[float, float, float] | None:
+    """Read [start] where there is one."""
+    if not top.has("start"):
+        return None
+    table = top.table("start")
+    x, y, heading = table.items_of("pose", (3,))
+    table.done()
+    return (
+        table.real("pose", x, table.inches),
+        table.real("pose", y, table.inches),
+        table.real("pose", heading, math.pi / 180),
+    )

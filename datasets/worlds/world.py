@@ -1,0 +1,157 @@
+"""A simulated world as plain data: textured faces, solid boxes, lamps, and the map that goes with them.
+
+Renderer, surveyor and robot take a `World` as an argument and know nothing of how it was made. Everything
+is in metres; z points up and the floor is z = 0. Colors are linear (not gamma-coded) RGB.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maurice_mcl.arrays import F32, F64, Bool
+from maurice_mcl.map import Arena, Region
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Face:
+    """A textured parallelogram, seen from one side: where `across` points right and `down` points down."""
+
+    corner: F64  # (3,) top left, as seen from its front
+    across: F64  # (3,) from the top left to the top right corner
+    down: F64  # (3,) from the top left to the bottom left corner
+    albedo: F32  # (H, W, 3) share of light given back, 0 to 1, top row first
+    glow: float = 0.0  # radiance of its own in units of `albedo`; above 0 for windows and lamp shades
+
+    @property
+    def normal(self) -> F64:
+        """Unit vector (3,) out of the side that can be seen."""
+        out = np.cross(self.down, self.across)
+        return out / np.linalg.norm(out)
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A solid box that stands upright; it throws shadows. Its faces are separate."""
+
+    center: tuple[float, float, float]
+    half: tuple[float, float, float]  # half the width, depth and height, before turning
+    yaw_rad: float = 0.0  # counter-clockwise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lamp:
+    """Something that gives light: a few points that stand for its surface."""
+
+    source: str  # what it is one of, like "west room lamp": lights go out and grow dim by source
+    points: F64  # (K, 3)
+    color: F64  # (3,) intensity of all points together: radiance of a white face 1 m away
+    facing: F64 | None = None  # (3,) unit vector for windows, which light one side only; None: all around
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomLight:
+    """Light of one source that comes from everywhere in one room, after many bounces."""
+
+    source: str  # the lamp or window it began at
+    room: Region
+    ambient: F64  # (3,) radiance of an open white face
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """One piece of furniture; it may be moved after the survey."""
+
+    name: str
+    faces: tuple[Face, ...]
+    boxes: tuple[Box, ...]
+    plan: F64  # (4, 2) outline on the floor, metres
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """A place to drive in: what can be seen, what is solid, its map, and where references are taken."""
+
+    name: str
+    arena: Arena
+    shell: tuple[Face, ...]  # floors, ceilings, walls and what hangs on them
+    solid: tuple[Box, ...]  # walls, floors and ceilings as boxes, to throw shadows
+    furniture: tuple[Piece, ...]
+    lamps: tuple[Lamp, ...]
+    room_lights: tuple[RoomLight, ...]
+    nodes: F64  # (K, 2) free nodes of the library's grid
+    headings: int  # references a node
+    start: F64 | None = None  # (3,) pose that its file names as a place to start from; most name none
+
+    @property
+    def faces(self) -> tuple[Face, ...]:
+        """All that can be seen."""
+        return (*self.shell, *(face for piece in self.furniture for face in piece.faces))
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """All that throws shadows."""
+        return (*self.solid, *(box for piece in self.furniture for box in piece.boxes))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of its sources of light, in order, each once."""
+        return tuple(
+            dict.fromkeys([lamp.source for lamp in self.lamps] + [r.source for r in self.room_lights])
+        )
+
+
+def inside(polygon: F64, points: F64) -> Bool:
+    """Tell which points (K, 2) lie inside a polygon (P, 2), by counting crossings."""
+    x, y = points[:, 0], points[:, 1]
+    result = np.zeros(len(points), dtype=bool)
+    for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y1 != y2:
+            crosses = ((y1 > y) != (y2 > y)) & (x < (x2 - x1) * (y - y1) / (y2 - y1) + x1)
+            result = result ^ crosses
+    return result
+
+
+def floor_at(arena: Arena, x_m: float, y_m: float) -> str:
+    """Name the topmost floor at a point; "" where there is none."""
+    point = np.array([[x_m, y_m]])
+    for floor in reversed(arena.floors):
+        if inside(floor.polygon, point)[0]:
+            return floor.name
+    return ""
+
+
+def segment_distance(points: F64, start: F64, end: F64) -> F64:
+    """Give the distance (K,) of points (K, 2) to the nearest segment from start (S, 2) to end (S, 2)."""
+    along = end - start
+    away = points[:, None] - start
+    length2 = np.maximum(np.sum(along**2, axis=1), 1e-12)
+    share = np.clip(np.sum(away * along, axis=2) / length2, 0, 1)
+    gap = away - share[..., None] * along
+    return np.asarray(np.sqrt(np.sum(gap**2, axis=2).min(axis=1)))
+
+
+def clearance(arena: Arena, points: F64) -> F64:
+    """Give the distance (K,) from points (K, 2) to the nearest wall or obstacle; 0 inside obstacles."""
+    outlines = [obstacle.polygon for obstacle in arena.obstacles]
+    starts = np.concatenate([arena.walls[:, :2], *outlines])
+    ends = np.concatenate([arena.walls[:, 2:], *(np.roll(outline, -1, axis=0) for outline in outlines)])
+    distance = segment_distance(points, starts, ends)
+    for outline in outlines:
+        distance = np.where(inside(outline, points), 0.0, distance)
+    return distance
+
+
+def touching(a: F64, b: F64) -> bool:
+    """Tell whether two rectangles (4, 2) share any ground.
+
+    They do not where some side of either has all of the other beyond it.
+    """
+    for outline_, other in ((a, b), (b, a)):
+        for k in range(len(outline_)):
+            side = outline_[(k + 1) % len(outline_)] - outline_[k]
+            out = np.array([side[1], -side[0]])
+            if ((other - outline_[k]) @ out >= -1e-9).all():
+                return False
+    return True

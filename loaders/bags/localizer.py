@@ -1,0 +1,264 @@
+"""Another localizer's output in a bag: its particles and its pose, update by update.
+
+AMCL and Beluga publish their cloud after resampling, so that its weights are nearly equal. Their pose comes
+in a message of its own, at nearly the same time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.map import Arena, open_arena
+from maurice_mcl.session import SessionInfo
+
+from ..errors import LogError
+from ..formats.registry import OpenOptions
+from ..io.findings import Findings
+from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
+from ..transforms.time_alignment import Aligner, Steps, as_rows
+from .map import GRID, arena_of
+from .messages import CLOUDS, UNSURE_POSE, cloud_of, pose_of, use_recorded
+from .parts import NO_VALUE, WINDOW_S, OneTopic, Timed, in_order, read_parts, time_s
+from .recording import BagRecording, peek
+from .source import BagSource, Message, OpenBag, Topic
+from .topics import listed, readable
+
+# What a localizer's messages in a bag become: its particles, and its pose with a covariance.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """The particles of a recorded localizer at one time."""
+
+    t_s: float
+    poses: F64  # (N, 3) x_m, y_m, heading_rad in the map's frame
+    weights: F64 | None  # (N,) as recorded; None: the message has none
+
+
+@dataclass(frozen=True, slots=True)
+class Clouds(OneTopic):
+    """Makes clouds of a topic's messages."""
+
+    types: ClassVar[Collection[str]] = CLOUDS
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Give the cloud of one message."""
+        del number
+        if self.hears(message):
+            found = message.decode()
+            yield Cloud(time_s(found, message.log_ns, recorded=recorded), *cloud_of(found))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BelievedPose:
+    """Where a recorded localizer thought that the robot was."""
+
+    t_s: float
+    pose: F64  # (3,)
+    sd: F64  # (3,) standard deviations of x_m, y_m and heading_rad, by its own covariance
+
+
+@dataclass(frozen=True, slots=True)
+class BelievedPoses(OneTopic):
+    """Makes a localizer's poses of a topic of PoseWithCovarianceStamped."""
+
+    types: ClassVar[Collection[str]] = (UNSURE_POSE,)
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Give the pose of one message."""
+        del number
+        if self.hears(message):
+            found = message.decode()
+            variances = np.asarray(found.pose.covariance, np.float64)[[0, 7, 35]]
+            sd = np.sqrt(np.where(variances > 0, variances, 0))
+            yield BelievedPose(time_s(found, message.log_ns, recorded=recorded), pose_of(found), sd)
+
+
+# What another localizer left in a bag: its particles and its pose, update by update.
+
+NEAR_S = 0.5  # pose and cloud of one update are no further apart
+MAX_DT_S = 1.0  # odometry this near to an update tells how the robot moved
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedUpdate:
+    """One cloud of the localizer, and what was known when it was published."""
+
+    t_s: float
+    poses: F64  # (N, 3) in the map's frame, N > 0
+    weights: F64 | None  # (N,) as recorded; None: the message has none
+    pose: BelievedPose | None  # the localizer's own, within 0.5 s
+    motions: F64  # (M, 3) by odometry since the last update
+    truth: F64 | None  # (3,)
+    read: Callable[[], U8] | None  # decodes the last picture before; None: there was none yet
+    picture: str  # its name
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """What there will be, from one reading."""
+
+    updates: int
+    has_truth: bool
+    most_particles: int
+    arena: Arena  # the bag's map, or where the particles were
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CloudPicture(Picture):
+    """A cloud on its way through the pairing by time, which is made for pictures."""
+
+    cloud: Cloud
+    pose: BelievedPose | None
+    camera: Picture | None
+
+
+class RecordedLocalizer:
+    """The localizer of a bag. LogError where the bag holds no particles, or is damaged."""
+
+    def __init__(self, path: Path, open_bag: OpenBag, options: OpenOptions) -> None:
+        self.path = path
+        self._options = options
+        self._drive = BagRecording(path, open_bag, options, nothing_will_do=True)
+        with open_bag(path, keep_going=options.keep_going) as bag:
+            self.cloud = _cloud_topic(path, bag.topics)
+            self.pose = _pose_topic(bag.topics)
+            self._map = _map_of(bag)
+            names = [self.cloud.name, *([self.pose.name] if self.pose else []), *self._drive.chosen.topics]
+            self._recorded = bool(use_recorded({name: peek(bag, name) for name in names}))
+
+    @property
+    def info(self) -> SessionInfo:
+        """What is known before the first update."""
+        return self._drive.info
+
+    @property
+    def has_pictures(self) -> bool:
+        """Tell whether any are read."""
+        return self._drive.chosen.image is not None
+
+    def updates(self, findings: Findings) -> Iterator[RecordedUpdate]:
+        """Read all updates from the first, lazily; what is broken goes to `findings`."""
+        steps, aligner = Steps(), Aligner(MAX_DT_S)
+        for aligned in aligner(_joined(self._stream(findings))):
+            one = aligned.picture
+            if not isinstance(one, _CloudPicture):
+                continue
+            pose = aligned.odometry_at(MAX_DT_S)
+            motions = steps.add(aligned.motions, pose, aligner.first_odometry)
+            steps.used(pose)
+            yield RecordedUpdate(
+                one.t_s,
+                one.cloud.poses,
+                one.cloud.weights,
+                one.pose,
+                as_rows(motions),
+                aligned.truth_at(),
+                None if one.camera is None else one.camera.read,
+                "" if one.camera is None else one.camera.name,
+            )
+
+    def overview(self) -> Overview:
+        """Read it once, without any picture."""
+        count, truth, most = 0, False, 0
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        for update in self.updates(Findings(self._options.keep_going)):
+            count, most = count + 1, max(most, len(update.poses))
+            truth = truth or update.truth is not None
+            some = [update.poses, *([update.truth[None]] if update.truth is not None else [])]
+            xy = np.concatenate(some)[:, :2]
+            low, high = np.minimum(low, xy.min(axis=0)), np.maximum(high, xy.max(axis=0))
+        if not count:
+            raise LogError(
+                self.path, f"found no particles at {self.cloud.name}, expected a localizer's cloud"
+            )
+        return Overview(count, truth, most, self._map or open_arena(np.stack([low, high])))
+
+    def _stream(self, findings: Findings) -> Iterator[Timed]:
+        parts = [*self._drive.parts(), Clouds(self.cloud.name)]
+        if self.pose is not None:
+            parts.append(BelievedPoses(self.pose.name))
+        late: list[int] = [0]
+
+        def leave_out(_: Timed) -> None:
+            late[0] += 1
+
+        keep_going = self._options.keep_going
+        opening = self._drive.open_bag
+        going = read_parts(
+            self.path, opening, parts, findings, keep_going=keep_going, recorded=self._recorded
+        )
+        yield from in_order(going, leave_out)
+        if late[0]:
+            findings.warning(
+                f"{late[0]} messages were left out: their times fall by more than {WINDOW_S:g} s"
+            )
+
+
+def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
+    """Join each cloud with the pose nearest in time; of the pictures the last one goes with it."""
+    held: deque[Timed] = deque()
+    last: list[Picture | BelievedPose | None] = [None, None]  # picture and pose so far
+    for record in stream:
+        held.append(record)
+        while held[0].t_s < record.t_s - NEAR_S:
+            yield from _passed(held, last)
+    while held:
+        yield from _passed(held, last)
+
+
+def _passed(held: deque[Timed], last: list[Picture | BelievedPose | None]) -> Iterator[Record]:
+    """Let the first record go; all that is near it in time stands behind it."""
+    record = held.popleft()
+    if isinstance(record, Picture):
+        last[0] = record
+    elif isinstance(record, BelievedPose):
+        last[1] = record
+    elif isinstance(record, Motion | OdometryPose | TruthPose):
+        yield record
+    elif isinstance(record, Cloud) and len(record.poses):
+        near = [p for p in (last[1], *held) if isinstance(p, BelievedPose)]
+        pose = min(near, key=lambda p: abs(p.t_s - record.t_s), default=None)
+        if pose is not None and abs(pose.t_s - record.t_s) > NEAR_S:
+            pose = None
+        camera = last[0] if isinstance(last[0], Picture) else None
+        yield _CloudPicture(record.t_s, _nothing, "", record, pose, camera)
+
+
+def _nothing() -> U8:
+    return np.zeros((1, 1, 3), np.uint8)
+
+
+def _cloud_topic(path: Path, topics: tuple[Topic, ...]) -> Topic:
+    """Choose the cloud with the most messages; one with weights before one without."""
+    found = readable(topics, CLOUDS)
+    if not found:
+        wanted = "expected a localizer's particles (PoseArray or ParticleCloud)"
+        raise LogError(path, f"found no cloud, {wanted}; it holds {listed(topics)}")
+    return min(found, key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
+
+
+def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
+    found = [t for t in readable(topics, {UNSURE_POSE}) if "initial" not in t.name]
+    return min(found, key=lambda t: ("amcl" not in t.name, -t.count, t.name), default=None)
+
+
+def _map_of(bag: BagSource) -> Arena | None:
+    """Give the first map of the bag that makes sense; a costmap is none."""
+    for topic in readable(bag.topics, {GRID}):
+        if "costmap" in topic.name:
+            continue
+        for message in islice(bag.messages({topic.name}), 1):
+            try:
+                return arena_of(message.decode())
+            except (LogError, *NO_VALUE):
+                continue
+    return None

@@ -1,0 +1,244 @@
+"""ROS and Foxglove messages: times, poses in the plane, particle clouds, coordinate frames.
+
+A message is any object with the fields of its type as attributes. Quaternions are x, y, z, w by name, z is
+up, and a pose in the plane is the position without z and the yaw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+
+# What ROS and Foxglove messages say: times, poses in the plane, clouds.
+
+ODOMETRY = "nav_msgs/Odometry"
+ODOMETRIES = frozenset((ODOMETRY, "foxglove.Odometry"))
+UNSURE_POSE = "geometry_msgs/PoseWithCovarianceStamped"  # what localizers publish
+PICTURES = frozenset(
+    ("sensor_msgs/Image", "sensor_msgs/CompressedImage", "foxglove.RawImage", "foxglove.CompressedImage")
+)
+VIDEOS = frozenset(("foxglove.CompressedVideo", "ffmpeg_image_transport_msgs/FFMPEGPacket"))
+POSES = frozenset(
+    (
+        *(*ODOMETRIES, UNSURE_POSE),
+        *("geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped"),
+        *("geometry_msgs/Pose2D", "geometry_msgs/Pose", "turtlesim/Pose", "foxglove.PoseInFrame"),
+    )
+)
+TRANSFORMS = frozenset(
+    ("tf2_msgs/TFMessage", "tf/tfMessage", "foxglove.FrameTransform", "foxglove.FrameTransforms")
+)
+TEXT = "std_msgs/String"
+CLOUDS = frozenset(("geometry_msgs/PoseArray", "nav2_msgs/ParticleCloud", "foxglove.PosesInFrame"))
+
+STAMPS = (("sec", ("nanosec", "nsec")), ("seconds", ("nanos",)))  # ROS and JSON, protobuf
+
+
+class MessageError(ValueError):
+    """What a message holds makes no sense."""
+
+
+def known_type(name: str) -> str:
+    """Give the name that a type goes by here; ROS messages of Foxglove's types are those of Foxglove."""
+    return name.replace("foxglove_msgs/", "foxglove.")
+
+
+def stamp_ns(message: Any) -> int | None:
+    """Give the time that a message says it was measured at; None when it says none, or zero."""
+    if hasattr(message, "transforms"):
+        return stamp_ns(message.transforms[0]) if len(message.transforms) else None
+    stamp = getattr(message, "timestamp", None)
+    if hasattr(message, "header"):
+        stamp = getattr(message.header, "stamp", None)
+    for seconds, names in STAMPS:
+        if hasattr(stamp, seconds):
+            rest = next((getattr(stamp, name) for name in names if hasattr(stamp, name)), 0)
+            return (int(getattr(stamp, seconds)) * 10**9 + int(rest)) or None
+    return None
+
+
+def pose_of(message: Any) -> F64:
+    """Give the pose (3,) x_m, y_m, heading_rad of any message of `POSES`. MessageError for none."""
+    if hasattr(message, "theta"):
+        return _checked([message.x, message.y, message.theta])
+    inner = message
+    while hasattr(inner, "pose"):
+        inner = inner.pose
+    return planar(matrix_of(inner))
+
+
+def matrix_of(placed: Any) -> F64:
+    """Give the homogeneous matrix (4, 4) of a pose or a transform."""
+    placed = getattr(placed, "transform", placed)
+    at = placed.position if hasattr(placed, "position") else placed.translation
+    turned = placed.orientation if hasattr(placed, "orientation") else placed.rotation
+    matrix = np.eye(4)
+    matrix[:3, :3] = _rotation(turned)
+    matrix[:3, 3] = [at.x, at.y, at.z]
+    if not np.isfinite(matrix).all():
+        raise MessageError("found a pose with NaN or infinity, expected numbers")
+    return matrix
+
+
+def planar(matrix: F64) -> F64:
+    """Give the pose (3,) in the plane of a matrix (4, 4)."""
+    return np.array([matrix[0, 3], matrix[1, 3], math.atan2(matrix[1, 0], matrix[0, 0])])
+
+
+def cloud_of(message: Any) -> tuple[F64, F64 | None]:
+    """Give the poses (N, 3) of a cloud, and the weights (N,) where the message has any."""
+    if hasattr(message, "particles"):
+        weights = np.array([particle.weight for particle in message.particles], np.float64)
+        return _poses([particle.pose for particle in message.particles]), weights
+    return _poses(message.poses), None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """One transform: where a frame stands in its parent."""
+
+    parent: str
+    child: str
+    matrix: F64  # (4, 4) child to parent
+    stamp_ns: int | None
+
+
+def links_of(message: Any) -> list[Link]:
+    """Give the transforms of a message of `TRANSFORMS`; leading slashes, as ROS 1 had them, are dropped."""
+    parts = message.transforms if hasattr(message, "transforms") else [message]
+    return [_link(part) for part in parts]
+
+
+def _link(part: Any) -> Link:
+    parent = part.parent_frame_id if hasattr(part, "parent_frame_id") else part.header.frame_id
+    names = (str(parent).lstrip("/"), str(part.child_frame_id).lstrip("/"))
+    return Link(*names, matrix_of(part), stamp_ns(part))
+
+
+def _poses(placed: Sequence[Any]) -> F64:
+    """Give the poses (N, 3) in the plane of N poses."""
+    values = np.array(
+        [
+            (p.position.x, p.position.y, p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w)
+            for p in placed
+        ],
+        np.float64,
+    ).reshape(-1, 6)
+    x, y, z, w = values[:, 2:].T
+    heading = np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    poses = np.column_stack([values[:, :2], heading])
+    if not np.isfinite(poses).all():
+        raise MessageError("found a pose with NaN or infinity in a cloud, expected numbers")
+    return poses
+
+
+def _rotation(q: Any) -> F64:
+    """Give the rotation (3, 3) of a quaternion, which need not be of length one."""
+    x, y, z, w = float(q.x), float(q.y), float(q.z), float(q.w)
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if not length > 1e-6:
+        raise MessageError(f"found a quaternion of length {length:g}, expected 1; was it never filled in?")
+    x, y, z, w = x / length, y / length, z / length, w / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _checked(values: Sequence[float]) -> F64:
+    pose = np.array(values, np.float64)
+    if not np.isfinite(pose).all():
+        raise MessageError("found a pose with NaN or infinity, expected numbers")
+    return pose
+
+
+# The tree of coordinate frames that a bag's transforms make, as far as it is known so far.
+
+DEEPEST = 100  # links from a frame to the root; more is a ring
+
+
+class FrameTree:
+    """Where each frame stands in its parent, the latest said."""
+
+    def __init__(self) -> None:
+        self._links: dict[str, Link] = {}
+
+    def add(self, link: Link) -> None:
+        """Take in one transform."""
+        self._links[link.child] = link
+
+    def chain(self, frame: str, child: str) -> list[Link] | None:
+        """Give the links from a frame down to one below it, the lowest first; None when it is not known."""
+        found: list[Link] = []
+        while child != frame:
+            link = self._links.get(child)
+            if link is None or len(found) > DEEPEST:
+                return None
+            found.append(link)
+            child = link.parent
+        return found
+
+    def __len__(self) -> int:
+        return len(self._links)
+
+    def news(self, links: Sequence[Link], frame: str, child: str) -> tuple[int | None, F64] | None:
+        """Take in transforms; where they move one frame within the other: the first one's time, and where.
+
+        The time is in ns, or None where the transform says none; the place is a matrix (4, 4).
+        """
+        for link in links:
+            self.add(link)
+        chain = self.chain(frame, child) or []
+        new = [link for link in links if link in chain]
+        matrix = self.place(frame, child) if new else None
+        return None if matrix is None else (new[0].stamp_ns, matrix)
+
+    def place(self, frame: str, child: str) -> F64 | None:
+        """Give the matrix (4, 4) of a frame within one above it; None when it is not known."""
+        chain = self.chain(frame, child)
+        if chain is None:
+            return None
+        matrix = np.eye(4)
+        for link in chain:
+            matrix = link.matrix @ matrix
+        return matrix
+
+
+# When a message counts as measured: at the time it carries, or where that is of no use, when recorded.
+
+AGREE_S = 1.0  # stamps of two sensors that stray further apart are on different clocks
+Stamps = Sequence[tuple[int | None, int]]  # of a topic's first messages: the stamp or None, time recorded
+
+
+def use_recorded(first: Mapping[str, Stamps]) -> str:
+    """Tell why the times of recording have to be used; "" when the stamps of the messages serve."""
+    lag_s = {}
+    for topic, stamps in first.items():
+        if not stamps:
+            continue
+        if any(stamp is None for stamp, _ in stamps):
+            return f"messages of {topic} carry no time"
+        if len(stamps) > 1 and len({stamp for stamp, _ in stamps}) == 1 < len({log for _, log in stamps}):
+            return f"the times that messages of {topic} carry stand still"
+        lag_s[topic] = ((stamps[0][0] or 0) - stamps[0][1]) / 1e9
+    if not lag_s:
+        return ""
+    low, high = min(lag_s, key=lambda t: lag_s[t]), max(lag_s, key=lambda t: lag_s[t])
+    if lag_s[high] - lag_s[low] > AGREE_S:
+        return f"the clocks of {low} and {high} are {lag_s[high] - lag_s[low]:.3f} s apart"
+    return ""
+
+
+def recorded_as_measured(first: Mapping[str, Stamps]) -> bool:
+    """Tell whether the times of recording are near those that messages carry, or used for all."""
+    lags_s = [(stamp - log) / 1e9 for stamps in first.values() for stamp, log in stamps if stamp is not None]
+    return bool(use_recorded(first)) or all(abs(lag_s) <= AGREE_S for lag_s in lags_s)

@@ -1,0 +1,216 @@
+"""Which topics of a bag are pictures, odometry and truth: as asked, or a guess that is said."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import LogError
+from .messages import CLOUDS, ODOMETRIES, PICTURES, POSES, TRANSFORMS, UNSURE_POSE, VIDEOS, known_type
+from .source import Topic
+from .video import INSTALL, can_decode
+
+TRUE = re.compile(r"ground_?truth|(^|[/_])(gt|truth|vicon|mocap|optitrack|qualisys|leica)([/_]|\d|$)", re.I)
+GUESSED = re.compile(
+    r"amcl|beluga|localiz|estimate|particle|initial_?pose|(^|[/_])(goal|plan|target)([/_]|$)", re.I
+)
+FIXED = re.compile(r"(^|/)(odom|odom_combined|odometry)$")
+BASE = ("base_footprint", "base_link")
+FIRST = re.compile(r"color|rgb|front|left", re.I)  # of several cameras
+LAST = re.compile(r"depth|infra|(^|[/_])ir([/_]|$)|disparity|mask|debug|thermal|right|rear|back", re.I)
+SHOWN = 12  # topics that an error lists
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Where poses come from: a topic of poses, or two frames of its transforms."""
+
+    topic: str
+    frames: tuple[str, str] | None = None  # the pose of the second in the first
+
+    def __str__(self) -> str:
+        """Write it as it is typed: `/odom`, `/tf:odom.base_link`."""
+        return self.topic if self.frames is None else f"{self.topic}:{'.'.join(self.frames)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """What is read of a bag."""
+
+    image: str | None
+    odometry: Route | None
+    truth: Route | None
+    guess: str = ""  # what was guessed, in a line; "" when nothing was
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """All topics read, each once."""
+        names = (self.image, *(route.topic for route in (self.odometry, self.truth) if route))
+        return tuple(dict.fromkeys(name for name in names if name))
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """The topics that were asked for; None: guess. "none" asks for none."""
+
+    image: str | None = None
+    odometry: str | None = None
+    truth: str | None = None
+
+
+def choose(
+    path: Path, topics: Sequence[Topic], wishes: Wishes, edges: Collection[tuple[str, str]] = ()
+) -> Chosen:
+    """Choose what is read; `edges` are the parent and child frames that the bag's transforms hold.
+
+    LogError for a topic that is not there or has another type.
+    """
+    image = _image(path, topics, wishes.image)
+    truth = _route(path, topics, wishes.truth, _guess_truth(topics))
+    taken = truth.topic if truth is not None and truth.frames is None else None
+    odometry = _route(path, topics, wishes.odometry, _guess_odometry(topics, edges, taken))
+    return Chosen(image, odometry, truth, _say(topics, wishes, image, odometry, truth))
+
+
+def nothing_to_read(topics: Sequence[Topic]) -> str:
+    """Say that a bag has neither pictures nor poses, and what it has."""
+    wanted = "expected pictures (--image-topic), odometry (--odometry-topic) or truth (--truth-topic)"
+    more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
+    more += [advice] if (advice := _video_advice(topics)) else []
+    said = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
+    return "; ".join(said)
+
+
+def listed(topics: Sequence[Topic]) -> str:
+    """List topics with their types and counts."""
+    parts = [f"{t.name} ({t.type or 'no type'}, {t.count}{_why(t)})" for t in topics[:SHOWN]]
+    more = f" and {len(topics) - SHOWN} more" if len(topics) > SHOWN else ""
+    return f"{', '.join(parts)}{more}" if parts else "no topic at all"
+
+
+def _why(topic: Topic) -> str:
+    return f", {topic.unreadable}" if topic.unreadable else ""
+
+
+def readable(topics: Sequence[Topic], types: Collection[str]) -> list[Topic]:
+    """Give the topics of these types that hold anything and can be decoded."""
+    return [t for t in topics if known_type(t.type) in types and t.count and not t.unreadable]
+
+
+def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
+    if wish is None:
+        kinds = PICTURES | VIDEOS if can_decode() else PICTURES
+        found = sorted(readable(topics, kinds), key=_first_camera)
+        return found[0].name if found else None
+    if wish == "none":
+        return None
+    named = _named(path, topics, wish, PICTURES | VIDEOS)
+    if known_type(named.type) in VIDEOS and not can_decode():
+        raise LogError(path, _needs_extra(named))
+    return named.name
+
+
+def _video_advice(topics: Sequence[Topic]) -> str:
+    """Say what decodes video where there is some and nothing to decode it; "" elsewhere."""
+    found = [] if can_decode() else readable(topics, VIDEOS)
+    return _needs_extra(found[0]) if found else ""
+
+
+def _needs_extra(topic: Topic) -> str:
+    return f"{topic.name} is video; decoding it needs an extra; {INSTALL}"
+
+
+def _first_camera(topic: Topic) -> tuple[bool, bool, bool, int, int, str]:
+    """Order cameras: color before depth, pictures before video, then by count.
+
+    Of a picture sent twice the raw one is taken, for its shorter name.
+    """
+    return (
+        bool(LAST.search(topic.name)),
+        known_type(topic.type) in VIDEOS,
+        not FIRST.search(topic.name),
+        -topic.count,
+        len(topic.name),
+        topic.name,
+    )
+
+
+def _route(path: Path, topics: Sequence[Topic], wish: str | None, guess: Route | None) -> Route | None:
+    if wish is None:
+        return guess
+    if wish == "none":
+        return None
+    name, _, frames = wish.partition(":")
+    if not frames:
+        topic = _named(path, topics, name, POSES | TRANSFORMS)
+        if known_type(topic.type) in TRANSFORMS:
+            raise LogError(path, f"found transforms at {name}, expected frames too: {name}:odom.base_link")
+        return Route(name)
+    _named(path, topics, name, TRANSFORMS)
+    parent, _, child = frames.partition(".")
+    if not parent or not child:
+        raise LogError(path, f"found frames {frames!r}, expected two: {name}:odom.base_link")
+    return Route(name, (parent.lstrip("/"), child.lstrip("/")))
+
+
+def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str]) -> Topic:
+    """Find the topic that was asked for."""
+    same = [t for t in topics if t.name.lstrip("/") == name.lstrip("/")]
+    if not same:
+        raise LogError(path, f"found no topic {name}; it holds {listed(topics)}")
+    for topic in same:
+        if known_type(topic.type) in types and not topic.unreadable:
+            return topic
+    what = same[0].unreadable or f"it carries {same[0].type or 'no known type'}"
+    raise LogError(path, f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}")
+
+
+def _guess_truth(topics: Sequence[Topic]) -> Route | None:
+    found = [t for t in readable(topics, POSES) if TRUE.search(t.name)]
+    return Route(min(found, key=lambda t: (-t.count, t.name)).name) if found else None
+
+
+def _guess_odometry(
+    topics: Sequence[Topic], edges: Collection[tuple[str, str]], taken: str | None
+) -> Route | None:
+    """Prefer Odometry, then the transform from odom to the base, then whatever poses there are."""
+    poses = [t for t in readable(topics, POSES) if t.name != taken and not TRUE.search(t.name)]
+    odometry = [t for t in poses if known_type(t.type) in ODOMETRIES and not GUESSED.search(t.name)]
+    if odometry:
+        return Route(min(odometry, key=lambda t: ("filtered" in t.name, -t.count, len(t.name), t.name)).name)
+    if edge := _odometry_edge(edges):
+        moving = [t for t in readable(topics, TRANSFORMS) if "static" not in t.name]
+        if moving:
+            return Route(moving[0].name, edge)
+    others = [t for t in poses if t.type != UNSURE_POSE and not GUESSED.search(t.name)]
+    return Route(min(others, key=lambda t: (-t.count, t.name)).name) if others else None
+
+
+def _odometry_edge(edges: Collection[tuple[str, str]]) -> tuple[str, str] | None:
+    found = [edge for edge in edges if FIXED.search(edge[0])]
+    return min(found, key=lambda edge: (edge[1].rpartition("/")[2] not in BASE, edge), default=None)
+
+
+def _say(
+    topics: Sequence[Topic], wishes: Wishes, image: str | None, odometry: Route | None, truth: Route | None
+) -> str:
+    """Say what was guessed, what else there is, and how to choose otherwise."""
+    roles = (
+        ("pictures", "--image-topic", wishes.image, image, PICTURES | VIDEOS),
+        ("odometry", "--odometry-topic", wishes.odometry, odometry, POSES),
+        ("truth", "--truth-topic", wishes.truth, truth, POSES),
+    )
+    guessed = [one for one in roles if one[2] is None]
+    if not guessed:
+        return ""
+    said = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]
+    used = {str(taken).partition(":")[0] for *_, taken, _ in roles if taken}
+    kinds = PICTURES | VIDEOS | POSES | CLOUDS
+    others = [t for t in readable(topics, kinds) if t.name not in used]
+    choices = ", ".join(one[1] for one in guessed)
+    also = f"also there: {listed(others)}" if others else ""
+    video = "" if image else _video_advice(topics)
+    told = (f"guessed {', '.join(said)} ({choices} to choose otherwise)", also, video)
+    return "; ".join(text for text in told if text)

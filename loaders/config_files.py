@@ -1,0 +1,147 @@
+"""Configuration and motion parameters as TOML files."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from datetime import date, datetime, time
+from pathlib import Path
+from typing import Any
+
+from maurice_mcl.config.presets import PRESETS
+from maurice_mcl.config.schema import Configuration, Layer, configure, flatten
+
+from .errors import LogError
+from .io.files import expect_regular
+
+# Configuration files: TOML with the tables and names of `maurice_mcl.config.parameters`, and the environment.
+
+PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
+
+
+def read_config(path: Path) -> Layer:
+    """Read a configuration file. LogError for one that is no TOML; what its keys mean is checked later."""
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise LogError(path, f"cannot be read: {problem.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise LogError(path, f"is no TOML: {problem}") from None
+    return Layer(str(path), flatten(tree))
+
+
+def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
+    """Give a layer for each variable that starts with MAURICE_FILTER_; two underscores stand for a dot."""
+    return [
+        Layer(name, {name.removeprefix(PREFIX).lower().replace("__", "."): value})
+        for name, value in sorted(environment.items())
+        if name.startswith(PREFIX)
+    ]
+
+
+def configuration_of(
+    preset: str | None,
+    file: Path | None,
+    environment: Mapping[str, str],
+    typed: Mapping[str, Any],
+) -> Configuration:
+    """Put together what is in force: default, preset, file, environment, command line, the last one winning.
+
+    `typed` maps keys to values given on the command line. LogError in one line for anything that is wrong.
+    """
+    layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
+    layers += [] if file is None else [read_config(file)]
+    layers += environment_layers(environment)
+    layers += [Layer("command line", {key: value}) for key, value in typed.items()]
+    try:
+        return configure(layers)
+    except ValueError as problem:  # its text begins with the origin
+        origin, _, what = str(problem).partition(": ")
+        raise LogError(Path(origin), what) from None
+
+
+def to_toml(configuration: Configuration, *, origins: bool = False) -> str:
+    """Write everything in force as TOML that `read_config` reads back to the same values.
+
+    With `origins` a comment behind each value says where it came from.
+    """
+    tables: dict[str, list[str]] = {"": []}
+    for setting in configuration.settings:
+        if setting.value is None:
+            continue
+        table, _, name = setting.key.rpartition(".")
+        comment = f"  # from {_printable(setting.origin)}" if origins else ""
+        tables.setdefault(table, []).append(f"{name} = {toml_value(setting.value)}{comment}")
+    parts = ["\n".join(tables.pop(""))]
+    parts += [f"[{table}]\n" + "\n".join(lines) for table, lines in tables.items()]
+    return "\n\n".join(parts) + "\n"
+
+
+def toml_value(value: Any) -> str:
+    """Write one value as TOML."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{_key(name)} = {toml_value(entry)}" for name, entry in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
+    if isinstance(value, str):  # TOML's basic strings are escaped as JSON's are, but for DEL
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(toml_value(entry) for entry in value)}]"
+    return str(value) if isinstance(value, (date, datetime, time)) else repr(value)
+
+
+def _printable(text: str) -> str:
+    """Keep a comment in its line, whatever a file is called."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def _key(name: str) -> str:
+    bare = bool(name) and name.isascii() and all(c.isalnum() or c in "_-" for c in name)
+    return name if bare else toml_value(name)
+
+
+# Motion parameters as a TOML file: what a session header holds under robot.motion, kept apart.
+
+TABLE = "robot.motion"
+
+
+def motion_to_toml(values: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
+    """Write motion parameters, as a header holds them, as TOML that begins with comments."""
+    plain = {key: value for key, value in values.items() if not isinstance(value, Mapping)}
+    lines = [*(f"# {' '.join(text.splitlines())}" for text in comments), f"[{TABLE}]"]
+    lines += [f"{key} = {_value(value)}" for key, value in plain.items()]
+    for floor, drift in values.get("drift", {}).items():
+        lines += ["", f"[{TABLE}.drift.{_quoted(floor)}]"]
+        lines += [f"{key} = {_value(value)}" for key, value in drift.items()]
+    return "\n".join(lines) + "\n"
+
+
+def read_motion(file: Path) -> dict[str, Any]:
+    """Read the table robot.motion; what its fields mean is the motion model's to check.
+
+    LogError where the file is no TOML, or holds no such table.
+    """
+    expect_regular(file, "a TOML file")
+    try:
+        found = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise LogError(file, "found no such file, expected motion parameters; check the path") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as problem:
+        raise LogError(file, f"cannot be read as TOML: {problem}") from None
+    robot = found.get("robot")
+    motion = robot.get("motion") if isinstance(robot, dict) else None
+    if not isinstance(motion, dict) or not motion:
+        names = ", ".join(found) or "nothing"
+        raise LogError(file, f"found {names}, expected a table [{TABLE}], as calibrate motion writes it")
+    return motion
+
+
+def _value(value: Any) -> str:
+    return _quoted(value) if isinstance(value, str) else repr(float(value))
+
+
+def _quoted(text: str) -> str:
+    """Quote a text for TOML, whose basic strings are escaped as JSON's are, but for DEL."""
+    return json.dumps(text).replace("\x7f", "\\u007f")

@@ -1,0 +1,246 @@
+"""A saved run as tables and trajectories: CSV, Parquet, TUM, KITTI.
+
+TUM has a line `t x y z qx qy qz qw` a pose, KITTI the twelve numbers of the upper three rows of a
+transformation, without a time. Numbers are written so that reading them gives the same float64.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TextIO
+
+import numpy as np
+import polars as pl
+import pyarrow as pa  # type: ignore[import-untyped]  # has no types
+import pyarrow.parquet as pq  # type: ignore[import-untyped]  # has no types
+
+from maurice_mcl.analysis.metrics import FIRST_SCORED
+from maurice_mcl.arrays import F64, U8
+
+from ..errors import LogError
+from ..io.files import expect_absent
+from ..recording import moved
+from ..runs.rows import StepRows, steps_schema
+from ..runs.store import SavedRun
+
+# What other tools are given of a saved run, update by update (docs/export.md).
+
+PATHS = ("estimate", "truth", "odometry")  # in the order in which files and tables have them
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExportStep:
+    """One update: three poses (3,) x_m, y_m, heading_rad, and the saved rows they came from."""
+
+    rows: StepRows
+    time_s: float  # since the session's first record, and what was asked to be added
+    estimate: F64  # the scored one, in the map's frame
+    truth: F64 | None  # in the map's frame; None where it is not known
+    odometry: F64  # as measured, uncorrected, in a frame of its own that begins at 0, 0, 0
+
+    @property
+    def scored(self) -> bool:
+        """Tell whether this project's tables count it: all but the first three are."""
+        return int(self.rows.step["step"]) >= FIRST_SCORED
+
+    def pose(self, path: str) -> F64 | None:
+        """Give the pose of one of `PATHS`."""
+        return {"estimate": self.estimate, "truth": self.truth, "odometry": self.odometry}[path]
+
+
+class Sink(Protocol):
+    """A file that is being written."""
+
+    def add(self, step: ExportStep, image: U8 | None) -> None:
+        """Take in the next update, and its picture (H, W, 3) RGB where that is at hand."""
+        ...
+
+
+def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportStep]:
+    """Go through a saved run from its first update, holding one at a time. LogError where it is damaged."""
+    odometry = np.zeros(3)
+    for rows in run.steps():
+        for motion in rows.step["motions"]:
+            odometry = moved(odometry, np.array(motion, np.float64))
+        truth = None if rows.step["truth_x_m"] is None else _pose(rows, "truth")
+        time_s = rows.step["time_s"] + t_offset_s
+        yield ExportStep(rows, time_s, _pose(rows, "estimate"), truth, odometry)
+
+
+def _pose(rows: StepRows, kind: str) -> F64:
+    return np.array([rows.step[f"{kind}_{name}"] for name in ("x_m", "y_m", "heading_rad")])
+
+
+@contextmanager
+def filling(target: Path, *, force: bool) -> Iterator[Path]:
+    """Give a name to fill beside the target; it becomes the target when all went well.
+
+    Where nothing was written nothing appears, and what `force` replaces is gone. LogError when the target
+    exists and `force` is not given, or when it cannot be written.
+    """
+    expect_absent(target, force=force)
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        yield part
+        if part.exists():
+            part.replace(target)
+        else:
+            target.unlink(missing_ok=True)
+    except OSError as problem:
+        reason = problem.strerror or problem
+        raise LogError(target, f"cannot be written: {reason}; choose another place") from None
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+# A saved run as one table, a row an update: CSV for spreadsheets, Parquet for programs.
+
+LEFT_OUT = ("picture_sha256", "motions", "best_entries", "best_quality", "events", "session_events")
+TEXTS = ("events", "session_events")  # lists in a saved run; one text here
+GROUP_ROWS = 2000  # of a Parquet file are written at once; no more are held
+
+
+def table_columns(channels: Sequence[str]) -> dict[str, type]:
+    """Give names and Python types of the columns, for a run with these channels."""
+    kinds = {pl.Int32: int, pl.Float64: float, pl.String: str}
+    kept = {name: kinds[kind] for name, kind in steps_schema(channels).items() if name not in LEFT_OUT}
+    odometry = {f"odometry_{name}": float for name in ("x_m", "y_m", "heading_rad")}
+    return kept | odometry | dict.fromkeys(TEXTS, str)
+
+
+def table_row(step: ExportStep) -> dict[str, Any]:
+    """Give one row, by the names of `table_columns`; None where a value is not known."""
+    row = dict(step.rows.step) | {"time_s": step.time_s}
+    odometry = zip(("x_m", "y_m", "heading_rad"), step.odometry.tolist(), strict=True)
+    row |= {f"odometry_{name}": value for name, value in odometry}
+    return row | {name: "; ".join(row[name]) for name in TEXTS}
+
+
+class CsvSink:
+    """Writes a row an update."""
+
+    def __init__(self, writer: csv.DictWriter[str]) -> None:
+        self._writer = writer
+
+    def add(self, step: ExportStep, image: U8 | None) -> None:
+        """Write one update."""
+        self._writer.writerow(table_row(step))
+
+
+@contextmanager
+def csv_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[CsvSink]:
+    """Open a CSV file (RFC 4180, UTF-8, a header line). LogError as for `filling`."""
+    with filling(file, force=force) as part, part.open("w", encoding="utf-8", newline="") as out:
+        writer = csv.DictWriter(
+            out, list(table_columns(channels)), extrasaction="ignore", lineterminator="\n"
+        )
+        writer.writeheader()
+        yield CsvSink(writer)
+
+
+class ParquetSink:
+    """Writes groups of rows, so that memory holds no more than one."""
+
+    def __init__(self, writer: Any, schema: Any) -> None:
+        self._writer, self._schema = writer, schema
+        self._rows: list[dict[str, Any]] = []
+
+    def add(self, step: ExportStep, image: U8 | None) -> None:
+        """Take in one update."""
+        row = table_row(step)
+        self._rows.append({name: row[name] for name in self._schema.names})
+        if len(self._rows) >= GROUP_ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is waiting."""
+        if self._rows:
+            self._writer.write_table(pa.Table.from_pylist(self._rows, self._schema))
+        self._rows = []
+
+
+@contextmanager
+def parquet_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[ParquetSink]:
+    """Open a Parquet file. LogError as for `filling`."""
+    kinds = {int: pa.int32(), float: pa.float64(), str: pa.string()}
+    schema = pa.schema([(name, kinds[kind]) for name, kind in table_columns(channels).items()])
+    with filling(file, force=force) as part, pq.ParquetWriter(part, schema, compression="zstd") as writer:
+        sink = ParquetSink(writer, schema)
+        yield sink
+        sink.flush()
+
+
+# Paths as text that evo, rpg_trajectory_evaluation and others read: TUM and KITTI.
+
+Line = Callable[[float, F64], str]
+
+
+def tum_line(time_s: float, pose: F64) -> str:
+    """Write one pose (3,) as TUM has it: seconds, metres, and a quaternion with w last."""
+    x, y, heading = (float(v) for v in pose)
+    return _joined(time_s, x, y, 0.0, 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
+
+
+def kitti_line(time_s: float, pose: F64) -> str:
+    """Write one pose (3,) as KITTI has it, in our axes: x and y in the plane, z up."""
+    x, y, heading = (float(v) for v in pose)
+    cos, sin = math.cos(heading), math.sin(heading)
+    return _joined(cos, -sin, 0.0, x, sin, cos, 0.0, y, 0.0, 0.0, 1.0, 0.0)
+
+
+def _joined(*values: float) -> str:
+    return " ".join(repr(float(value)) for value in values) + "\n"
+
+
+def path_files(file: Path, paths: Sequence[str]) -> dict[str, Path]:
+    """Name a file for each path: the estimate has the name that was asked for, `-truth` is the truth's.
+
+    A single path always has the name that was asked for.
+    """
+    if len(paths) == 1:
+        return {paths[0]: file}
+    beside = {name: file.with_name(f"{file.stem}-{name}{file.suffix}") for name in paths}
+    return {name: file if name == PATHS[0] else path for name, path in beside.items()}
+
+
+class PathSink:
+    """Writes one line an update into the file of each path; a file is made by its first line."""
+
+    def __init__(self, files: Mapping[str, Path], line: Line, *, together: bool, stack: ExitStack) -> None:
+        self._files, self._line, self._together, self._stack = files, line, together, stack
+        self._open: dict[str, TextIO] = {}
+        self.left_out = 0  # updates of which no path has a line
+
+    def add(self, step: ExportStep, image: U8 | None) -> None:
+        """Write one update. With `together` one whose truth is not known has no line in any file."""
+        if self._together and step.truth is None:
+            self.left_out += 1
+            return
+        for name in self._files:
+            pose = step.pose(name)
+            if pose is not None:
+                self._file(name).write(self._line(step.time_s, pose))
+
+    def _file(self, name: str) -> TextIO:
+        if name not in self._open:
+            file = self._files[name].open("w", encoding="ascii", newline="\n")
+            self._open[name] = self._stack.enter_context(file)
+        return self._open[name]
+
+
+@contextmanager
+def path_sink(
+    files: Mapping[str, Path], line: Line, *, together: bool = False, force: bool = False
+) -> Iterator[PathSink]:
+    """Open the files of some paths; all appear when all went well. LogError as for `filling`."""
+    with ExitStack() as whole:
+        parts = {name: whole.enter_context(filling(file, force=force)) for name, file in files.items()}
+        with ExitStack() as opened:
+            yield PathSink(parts, line, together=together, stack=opened)

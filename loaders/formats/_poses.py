@@ -1,0 +1,285 @@
+"""Poses in text files, and folders whose files are merged by time."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.session import SessionInfo
+
+from ..errors import LogError
+from ..io.fields import MOST_T_S, show, up_to
+from ..io.findings import Findings
+from ..recording import OdometryPose, Record, TruthPose
+from ..transforms.clocks import PER_SECOND, Span, apart, detect_unit, offset_between, seconds
+from ._picture_lists import PictureList
+from ._tables import Row, is_number, names_columns, number_of, rows, words_of
+
+# Poses in space to poses in the plane: x, y, and where the forward axis points.
+
+LEANING_RAD = math.radians(30)  # more than that off the plane is worth saying
+
+
+def rotation(quaternion_wxyz: F64) -> F64:
+    """Give the rotation matrix (3, 3) of a quaternion (4,). ValueError when its length is not about 1."""
+    length = float(np.linalg.norm(quaternion_wxyz))
+    if not 0.9 < length < 1.1:
+        raise ValueError(f"found a quaternion of length {length:.3g}, expected 1")
+    w, x, y, z = (float(v) / length for v in quaternion_wxyz)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def forward_axis(rotations: Iterable[F64]) -> str:
+    """Tell which axis of a body looks forward, "x" or "z", by the one that stands upright in a z-up world.
+
+    A robot's z is up and its x forward (REP-103); a camera's y is down and its z forward (optical frame),
+    and so it is with a camera whose x is up (EuRoC).
+    """
+    upright = np.mean([np.abs(r[2]) for r in rotations], axis=0)
+    return "x" if int(np.argmax(upright)) == 2 else "z"
+
+
+def planar(position: F64, turned: F64, axis: str) -> F64:
+    """Give x, y and the heading of the forward axis (3,) of a pose in a z-up world."""
+    ahead = turned[:, 0 if axis == "x" else 2]
+    return np.array([position[0], position[1], math.atan2(ahead[1], ahead[0])])
+
+
+def leaning(turned: F64, axis: str) -> float:
+    """Tell how far, in radians, the forward axis points out of the plane."""
+    return abs(math.asin(max(-1.0, min(1.0, float(turned[2, 0 if axis == "x" else 2])))))
+
+
+# Text files of stamped poses in space: position and quaternion, in any order of columns.
+
+COMMENTS = ("#", "%")
+MOST = 50_000  # poses that are held to compare two clocks
+LOOKED_AT = 200  # rows from which unit and forward axis are told
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where what stands in a row; the time comes first."""
+
+    position: tuple[int, int, int] = (1, 2, 3)
+    quaternion: tuple[int, int, int, int] = (7, 4, 5, 6)  # of w, x, y, z
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFile:
+    """A file of poses; nothing is read before it is asked for."""
+
+    file: Path
+    kind: type[OdometryPose] | type[TruthPose]
+    layout: Layout = Layout()
+    unit: str | None = None  # of the times; None: told from them
+    offset_s: float = 0.0  # added to the times
+
+    def poses(self, findings: Findings) -> Iterator[OdometryPose | TruthPose]:
+        """Give the poses in the plane, in the file's order; broken rows and times that fall are problems."""
+        last_t_s, steepest = -np.inf, 0.0
+        for row in self._rows():
+            try:
+                t_s = self._time(row)
+                position, turned = self._pose(row)
+                if t_s < last_t_s:
+                    found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
+                    raise LogError(self.file, found, row.number)
+            except LogError as problem:
+                findings.problem(problem)
+                continue
+            last_t_s, steepest = t_s, max(steepest, leaning(turned, self._axis))
+            yield self.kind(t_s, planar(position, turned, self._axis))
+        if steepest > LEANING_RAD:
+            tilt = f"{np.degrees(steepest):.0f} degrees out of the plane"
+            findings.warning(f"{self.file}: poses point up to {tilt}; only x, y and the heading are used")
+
+    @cached_property
+    def span(self) -> Span:
+        """First and last time of the rows that can be read; reads the whole file once."""
+        span = Span()
+        for pose in self.poses(Findings(keep_going=True)):
+            span.add(pose.t_s)
+        return span
+
+    def track(self) -> tuple[F64, F64]:
+        """Give the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
+        found = list(islice(self.poses(Findings(keep_going=True)), MOST))
+        return np.array([one.t_s for one in found]), np.array([one.pose for one in found]).reshape(-1, 3)
+
+    def check(self) -> None:
+        """Read the first row. LogError where it is broken, or there is none."""
+        first = next(self._rows(), None)
+        if first is None:
+            raise LogError(self.file, "found no poses, expected one a line")
+        self._pose(first)
+
+    @cached_property
+    def _unit(self) -> str:
+        words = [self._words(row)[0] for row in islice(self._rows(), LOOKED_AT)]
+        return self.unit or detect_unit([word for word in words if is_number(word)] or ["0"])
+
+    @property
+    def body(self) -> tuple[F64, F64]:
+        """Which axes of the body (3,) look forward, as headings are told, and up, of length 1."""
+        forward = np.array([1.0, 0, 0] if self._axis == "x" else [0, 0, 1.0])
+        up = np.mean([turned[2] for turned in self._turned] or [[0, 0, 1.0]], axis=0)
+        return forward, up / max(float(np.linalg.norm(up)), 1e-9)
+
+    @cached_property
+    def _axis(self) -> str:
+        return forward_axis(self._turned) if self._turned else "x"
+
+    @cached_property
+    def _turned(self) -> list[F64]:
+        """The body's rotations in the first rows."""
+        turned = []
+        for row in islice(self._rows(), LOOKED_AT):
+            try:
+                turned.append(self._pose(row)[1])
+            except LogError:
+                continue
+        return turned
+
+    def _rows(self) -> Iterator[Row]:
+        for number, row in enumerate(rows(self.file)):
+            if not row.text.startswith(COMMENTS) and (number or not names_columns(row.text)):
+                yield row
+
+    def _words(self, row: Row) -> list[str]:
+        return words_of(row.text)
+
+    def _time(self, row: Row) -> float:
+        word, per_s = self._words(row)[0], PER_SECOND[self._unit]
+        number_of(self.file, row, word, "time", MOST_T_S * per_s)
+        t_s = seconds(word, self._unit) + self.offset_s
+        if abs(t_s) > MOST_T_S:
+            raise LogError(self.file, f"found time {show(word)}, expected {up_to(MOST_T_S)}", row.number)
+        return t_s
+
+    def _pose(self, row: Row) -> tuple[F64, F64]:
+        words = self._words(row)
+        wanted = (*self.layout.position, *self.layout.quaternion)
+        if len(words) <= max(wanted):
+            found = f"found {len(words)} values ({show(row.text)}), expected at least {max(wanted) + 1}"
+            raise LogError(self.file, found, row.number)
+        values = np.array([number_of(self.file, row, words[at], "value") for at in wanted])
+        try:
+            return values[:3], rotation(values[3:])
+        except ValueError as problem:
+            raise LogError(self.file, str(problem), row.number) from None
+
+
+def pose_file(
+    file: Path | None,
+    kind: type[OdometryPose] | type[TruthPose],
+    unit: str | None,
+    offset_s: float,
+    layout: Layout | None = None,
+) -> PoseFile | None:
+    """Give a file of poses; None where there is none."""
+    if file is None or not file.is_file():
+        return None
+    return PoseFile(file, kind, layout or Layout(), unit, offset_s)
+
+
+def first_file(folder: Path, names: Sequence[str]) -> Path | None:
+    """Give the first of some files that a folder has."""
+    return next((folder / name for name in names if (folder / name).is_file()), None)
+
+
+def layout_of(names: Sequence[str]) -> Layout | None:
+    """Tell by the columns' names where position and quaternion stand; None where they are not there."""
+    lower = [name.partition("[")[0].strip().lower() for name in names]
+    position = [_ending(lower, axis) for axis in "xyz"]
+    after = (position[2] or 0) + 1
+    quaternion = [_ending(lower[after:], axis) for axis in "wxyz"]
+    if None in position or None in quaternion:
+        return None
+    x, y, z = (at for at in position if at is not None)
+    w, qx, qy, qz = (after + at for at in quaternion if at is not None)
+    return Layout((x, y, z), (w, qx, qy, qz))
+
+
+def _ending(columns: Sequence[str], axis: str) -> int | None:
+    """Find the first column of an axis: `x`, `tx`, `p_RS_R_x`, `q_x`."""
+    for at, name in enumerate(columns):
+        if name == axis or name.endswith((f"_{axis}", f".{axis}", f"q{axis}", f"p{axis}", f"t{axis}")):
+            return at
+    return None
+
+
+# A folder of pictures with files of odometry and truth beside it, merged by time.
+
+SLACK_S = 1.0  # spans that miss each other by less are of one clock
+
+
+@dataclass(frozen=True, eq=False)
+class TimedFolder:
+    """Pictures, odometry and truth, each a file of its own with times; any of them may be missing."""
+
+    path: Path
+    info: SessionInfo
+    pictures: PictureList | None
+    odometry: PoseFile | None
+    truth: PoseFile | None
+    remarks: tuple[str, ...] = ()  # said at every reading
+
+    def check(self) -> TimedFolder:
+        """Read the first row of every file. LogError where one is broken or all are missing."""
+        if self.pictures is None and self.odometry is None and self.truth is None:
+            raise LogError(self.path, "found neither pictures nor poses in it")
+        for file in (self.odometry, self.truth):
+            if file is not None:
+                file.check()
+        return self
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Merge all by time: poses before the pictures of the same time."""
+        for text in self.remarks:
+            findings.warning(text)
+        streams: list[Iterator[Record]] = []
+        if self.odometry is not None:
+            streams.append(self.odometry.poses(findings))
+        if self.truth is not None and self._one_clock(self.truth, findings):
+            streams.append(self.truth.poses(findings))
+        if self.pictures is not None:
+            streams.append(self.pictures.pictures(findings))
+        return heapq.merge(*streams, key=lambda record: record.t_s)
+
+    def _one_clock(self, truth: PoseFile, findings: Findings) -> bool:
+        """Tell whether truth is of the time of pictures or odometry; say what would help when it is not."""
+        main = self.pictures or self.odometry
+        if main is None or not main.span.count or main.span.overlaps(truth.span, SLACK_S):
+            return True
+        name = "pictures" if self.pictures is not None else "odometry"
+        where = apart(name, main.span, "truth", truth.span)
+        advice = f"the clocks disagree, so truth is left out; {self._offset(truth, main.span)}"
+        findings.warning(f"{truth.file}: {where}; {advice}")
+        return False
+
+    def _offset(self, truth: PoseFile, main: Span) -> str:
+        """Say what would bring the truth's clock to the other: by the movement, else by the beginnings."""
+        odometry = self.odometry
+        if odometry is not None and (odometry.span.overlaps(main, SLACK_S)):
+            found = offset_between(*odometry.track(), *truth.track())
+            if found is not None:
+                alike = f"its movement is most like the odometry's (correlation {found.correlation:.2f}) with"
+                return f"{alike} --truth-offset {found.offset_s + truth.offset_s:.6f}"
+        together = f"--truth-offset {main.first_s - truth.span.first_s + truth.offset_s:.6f}"
+        no_help = "" if odometry is None else "movement does not tell how far; "
+        return f"{no_help}if both begin together, use {together}"

@@ -1,0 +1,201 @@
+"""CARMEN text logs: odometry, and truth where the log has it. Packed with gzip or not.
+
+Format: http://carmen.sourceforge.net/doc/binary__loggerplayback.html.
+Truth are the lines TRUEPOS, or else the laser's poses of a corrected log; a log is taken for corrected when
+the laser is not always at the same place on the robot, or odometry is set anew after scans.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.session import SessionInfo
+
+from ..errors import LogError
+from ..io.fields import MOST_T_S, show
+from ..io.findings import Findings
+from ..recording import OdometryPose, Record, TruthPose, motion_between, moved
+from ._tables import Row, begin_lines, number_of, rows
+from .registry import Format, OpenOptions
+
+WORDS = ("ODOM", "FLASER", "RLASER", "TRUEPOS", "ROBOTLASER1", "PARAM", "SYNC", "NEFF", "GLASER", "SCANMARK")
+_WORD = re.compile(r"[A-Z][A-Z0-9_]+$")  # what a line begins with, known here or not
+MOST_BACK_S = 10.0  # times that fall by less come of several clocks in one log
+NO_TIME_S = 1e-9  # less is none: some writers leave a zero that is not quite one
+SAME_M, SAME_RAD = 0.01, 0.01  # a laser whose place on the robot differs by more was moved by a correction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pose:
+    """A pose of a line, with its time."""
+
+    row: Row
+    word: str
+    t_s: float
+    pose: F64  # (3,) of the robot's odometry, or of TRUEPOS
+    laser: F64 | None = None  # (3,) of the laser
+
+
+@dataclass(frozen=True, eq=False)
+class CarmenRecording:
+    """A log; there are no pictures in it."""
+
+    path: Path
+    info: SessionInfo
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Read the log's lines in order.
+
+        The order of lines counts: a time that falls a little is raised to the one before. Odometry that is
+        set anew (an ODOM with a scan's pose and no time, as corrections leave it) goes on from where it was.
+        """
+        odometry, last_t_s, fallen, before = _Continuous(), 0.0, 0, None
+        source, truth = self._odometry_word, self._truth_word
+        for found in self._poses(findings):
+            set_anew = _set_anew(before, found, last_t_s)
+            before = found
+            if found.t_s < last_t_s - MOST_BACK_S and not set_anew:
+                text = f"found time {found.t_s:g} after {last_t_s:g}, expected time not to fall"
+                findings.problem(LogError(self.path, text, found.row.number))
+                continue
+            fallen += found.t_s < last_t_s and not set_anew
+            last_t_s = max(last_t_s, found.t_s)
+            if found.word == source:
+                yield OdometryPose(last_t_s, odometry.take(found.pose, set_anew=set_anew))
+            if found.word == truth:
+                yield TruthPose(last_t_s, found.pose if found.laser is None else found.laser)
+        if fallen:
+            findings.warning(f"{self.path}: {fallen} times fall a little and are raised to the ones before")
+
+    @cached_property
+    def _words(self) -> frozenset[str]:
+        return frozenset(found.word for found in self._poses(Findings(keep_going=True)))
+
+    @property
+    def _odometry_word(self) -> str | None:
+        return next((word for word in ("ODOM", "FLASER", "ROBOTLASER1") if word in self._words), None)
+
+    @cached_property
+    def _truth_word(self) -> str | None:
+        if "TRUEPOS" in self._words:
+            return "TRUEPOS"
+        lasers = (found for found in self._poses(Findings(keep_going=True)) if found.word != "RLASER")
+        mounted: F64 | None = None
+        before, last_t_s = None, 0.0
+        for found in lasers:
+            if _set_anew(before, found, last_t_s):
+                return "FLASER"
+            before, last_t_s = found, max(last_t_s, found.t_s)
+            if found.laser is None:
+                continue
+            place = motion_between(found.pose, found.laser)
+            mounted = place if mounted is None else mounted
+            apart = np.abs(place - mounted)
+            if math.hypot(apart[0], apart[1]) > SAME_M or min(apart[2], 2 * math.pi - apart[2]) > SAME_RAD:
+                return found.word
+        return None
+
+    def _poses(self, findings: Findings) -> Iterator[_Pose]:
+        for row in rows(self.path):
+            words = row.text.split()
+            try:
+                found = _parsed(self.path, row, words)
+            except LogError as problem:
+                findings.problem(problem)
+                continue
+            if found is not None:
+                yield found
+
+
+def _set_anew(before: _Pose | None, found: _Pose, last_t_s: float) -> bool:
+    """Tell whether odometry was set to the pose of a scan, without a time of its own."""
+    untimed = found.t_s < last_t_s - MOST_BACK_S or found.t_s < NO_TIME_S < last_t_s
+    after_scan = before is not None and before.word == "FLASER" and found.word == "ODOM"
+    return untimed and after_scan and before is not None and np.array_equal(before.pose, found.pose)
+
+
+class _Continuous:
+    """Odometry without the jumps where it was set anew."""
+
+    def __init__(self) -> None:
+        self._raw: F64 | None = None
+        self._pose: F64 | None = None
+
+    def take(self, raw: F64, *, set_anew: bool) -> F64:
+        """Give the pose (3,) in the frame of the log's first one."""
+        if self._raw is None or self._pose is None:
+            self._pose = raw
+        elif not set_anew:
+            self._pose = moved(self._pose, motion_between(self._raw, raw))
+        self._raw = raw
+        return self._pose
+
+
+def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
+    """Read a line that has a pose; None for every other. LogError for one that is cut or no number."""
+    if words[0] == "ODOM":  # x y theta tv rv accel, then times
+        return _Pose(row, "ODOM", _time(file, row, words), _vector(file, row, words, 1))
+    if words[0] == "TRUEPOS":  # true x y theta, odometry's x y theta, then times
+        return _Pose(row, "TRUEPOS", _time(file, row, words), _vector(file, row, words, 1))
+    if words[0] == "FLASER":  # n, n ranges, laser's x y theta, odometry's x y theta, then times
+        at = 2 + _count(file, row, words, 1)
+        laser, pose = (_vector(file, row, words, at + skip) for skip in (0, 3))
+        return _Pose(row, "FLASER", _time(file, row, words), pose, laser)
+    if (
+        words[0] == "ROBOTLASER1"
+    ):  # type and 6 numbers, n, ranges, m, remissions, laser's and robot's pose ...
+        at = 9 + _count(file, row, words, 8)
+        at += 1 + _count(file, row, words, at)
+        laser, pose = (_vector(file, row, words, at + skip) for skip in (0, 3))
+        return _Pose(row, "ROBOTLASER1", _time(file, row, words), pose, laser)
+    return None
+
+
+def _time(file: Path, row: Row, words: list[str]) -> float:
+    """Give the logger's time, which stands last; it is of one clock throughout."""
+    if len(words) < 4:
+        raise LogError(file, f"found {show(row.text)}, expected pose, times and host", row.number)
+    return number_of(file, row, words[-1], "time", MOST_T_S)
+
+
+def _vector(file: Path, row: Row, words: list[str], at: int) -> F64:
+    if len(words) < at + 6:  # three more at least follow every pose
+        raise LogError(
+            file, f"found {len(words)} values, expected at least {at + 6}; was it cut?", row.number
+        )
+    return np.array([number_of(file, row, word, "value") for word in words[at : at + 3]])
+
+
+def _count(file: Path, row: Row, words: list[str], at: int) -> int:
+    word = words[at] if at < len(words) else ""
+    if not word.isdecimal() or len(word) > 6:
+        raise LogError(file, f"found {show(word)} for a count of readings, expected a number", row.number)
+    return int(word)
+
+
+def open_carmen(path: Path, options: OpenOptions) -> CarmenRecording:
+    """Open a log. LogError where no line of it has a pose."""
+    recording = CarmenRecording(path, SessionInfo(path.name.removesuffix(".gz").removesuffix(".log")))
+    if next(recording._poses(Findings(keep_going=True)), None) is None:
+        raise LogError(path, "found no ODOM, FLASER or TRUEPOS, expected a CARMEN log")
+    return recording
+
+
+def looks_carmen(path: Path) -> bool:
+    """Tell a log by the words that its lines begin with."""
+    lines = [line for line in begin_lines(path, 16384) if line.strip()]
+    if any(line.startswith("# message formats defined") for line in lines[:3]):
+        return True
+    words = [line.split()[0] for line in lines if not line.startswith("#")][:50]
+    return any(word in WORDS for word in words) and all(_WORD.match(word) for word in words)
+
+
+FORMATS = (Format("carmen", "a CARMEN log: odometry, and truth where it has it", looks_carmen, open_carmen),)

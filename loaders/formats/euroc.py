@@ -1,0 +1,241 @@
+"""EuRoC / ASL folders: one folder per sensor, each with a `data.csv` whose first line names the columns.
+
+Layout: https://projects.asl.ethz.ch/datasets/doku.php?id=kmavvisualinertialdatasets.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.session import Camera, SessionInfo
+
+from ..errors import LogError
+from ..io.files import PICTURES
+from ..recording import OdometryPose, TruthPose
+from ..transforms.clocks import unit_in
+from ._picture_lists import PictureList
+from ._poses import Layout, PoseFile, TimedFolder, layout_of
+from ._tables import begin_lines, begin_of, words_of
+from .registry import Format, OpenOptions
+
+# What an EuRoC camera's `sensor.yaml` says: size, angle of view, and where the camera looks on the body.
+
+_LISTS = re.compile(r"^\s*(T_BS|data|resolution|intrinsics)\s*:\s*(?:\[([^\]]*)\])?", re.MULTILINE)
+MOST_BYTES = 2**16  # a description has one or two thousand
+
+
+def camera_of(file: Path, name: str, poses: PoseFile | None) -> Camera:
+    """Describe a camera as far as the file does, and its yaw as far as the poses of the body tell it.
+
+    What is missing or makes no sense stays unknown. The file is YAML of a fixed form: `resolution: [w, h]`,
+    `intrinsics: [fu, fv, cu, cv]` in pixels, and `T_BS` with its 16 numbers in rows under `data`, which lead
+    from the camera's frame (z along its optical axis) to the body's.
+    """
+    lists = _lists(begin_of(file, MOST_BYTES).decode(errors="replace"))
+    size, inner, turned = (lists.get(key, []) for key in ("resolution", "intrinsics", "T_BS"))
+    width, height = (int(v) for v in size) if len(size) == 2 and min(size) >= 1 else (None, None)
+    wide = width is not None and len(inner) == 4 and inner[0] > 0
+    fov = 2 * math.atan2(width / 2, inner[0]) if wide and width else None
+    yaw = yaw_on_body(np.array(turned).reshape(4, 4), poses) if len(turned) == 16 and poses else 0.0
+    return Camera(name, width, height, fov, yaw)
+
+
+def yaw_on_body(camera_to_body: F64, poses: PoseFile) -> float:
+    """Tell where a camera looks, counter-clockwise from the forward axis that the poses' headings have.
+
+    Which way is up on the body the poses tell: on a flying robot (EuRoC) it is x, on a driving one z.
+    """
+    forward, up = poses.body
+    looks = camera_to_body[:3, 2]
+    return math.atan2(float(looks @ np.cross(up, forward)), float(looks @ forward))
+
+
+def _lists(text: str) -> dict[str, list[float]]:
+    """Find the lists of numbers by their names; the first `data` after T_BS is its."""
+    found: dict[str, list[float]] = {}
+    inside = ""
+    for name, values in _LISTS.findall(text):
+        if name == "T_BS":
+            inside = name
+        key = inside if name == "data" else name
+        try:
+            numbers = [float(word) for word in values.replace("\n", " ").split(",") if word.strip()]
+        except ValueError:
+            continue
+        if numbers and np.isfinite(numbers).all() and key:
+            found.setdefault(key, numbers)
+    return found
+
+
+# EuRoC / ASL folders: one folder a sensor, each with a `data.csv` whose first line names the columns.
+
+TRUTHS = ("state_groundtruth_estimate0", "groundtruth", "gt", "vicon", "mocap", "leica")  # best first
+ODOMETRY = ("odom",)
+DEPTH, TABLE, DESCRIBED = 2, "data.csv", "sensor.yaml"
+ASIDE_RAD = math.radians(10)  # a camera that looks further off is worth a word
+USUAL = ("timestamp", "p_x", "p_y", "p_z", "q_w", "q_x", "q_y", "q_z")  # of poses without a header
+
+
+@dataclass(frozen=True, slots=True)
+class _Sensor:
+    """A data.csv by what its columns are."""
+
+    file: Path
+    columns: tuple[str, ...]  # without units
+    unit: str | None  # of the times, as the header has it
+
+    @property
+    def name(self) -> str:
+        return self.file.parent.name
+
+    @property
+    def has_pictures(self) -> bool:
+        return len(self.columns) >= 2 and "filename" in self.columns[1]
+
+    @property
+    def has_places(self) -> bool:
+        """Tell a tracker's positions, which come without a quaternion (EuRoC's leica0)."""
+        return (
+            self.layout is None
+            and [name[-2:] for name in self.columns[1:4]] == ["_x", "_y", "_z"]
+            and (self.name.startswith(TRUTHS))
+        )
+
+    @property
+    def layout(self) -> Layout | None:
+        """Tell where position and quaternion stand; None where they are not there."""
+        return layout_of(self.columns)
+
+
+def open_euroc(path: Path, options: OpenOptions) -> TimedFolder:
+    """Open a folder; `options.camera` chooses a camera's. LogError where there is neither camera nor pose."""
+    sensors = _sensors(path)
+    cameras = [one for one in sensors if one.has_pictures]
+    if not sensors:
+        raise LogError(path, f"found no {TABLE} below it, expected an EuRoC / ASL folder")
+    camera = _camera(path, cameras, options.camera)
+    poses = [one for one in sensors if not one.has_pictures and one.layout]
+    truth = _named(poses, TRUTHS)
+    odometry = _named(poses, ODOMETRY)
+    unit = options.time_unit
+    went = None if odometry is None else _pose_file(odometry, OdometryPose, unit, options.odometry_offset_s)
+    true = None if truth is None else _pose_file(truth, TruthPose, unit, options.truth_offset_s)
+    described = (
+        None if camera is None else camera_of(camera.file.with_name(DESCRIBED), camera.name, true or went)
+    )
+    return TimedFolder(
+        path,
+        SessionInfo(path.resolve().name, cameras=() if described is None else (described,)),
+        None if camera is None else _pictures(camera, unit),
+        went,
+        true,
+        (*_about(described, true or went), *_remarks(cameras, camera, sensors, {truth, odometry})),
+    ).check()
+
+
+def looks_euroc(path: Path) -> bool:
+    """Tell an EuRoC folder by a data.csv with times below it."""
+    return bool(_sensors(path)) if path.is_dir() else False
+
+
+def _sensors(path: Path) -> list[_Sensor]:
+    """Find what is in a folder, or in its `mav0`, by the first lines of the tables."""
+    found = []
+    patterns = ["/".join(["*"] * depth + [TABLE]) for depth in range(1, DEPTH + 1)]
+    for file in sorted(file for pattern in patterns for file in path.glob(pattern)):
+        names = _columns(file)
+        if names:
+            columns = tuple(name.partition("[")[0].strip().lower() for name in names)
+            found.append(_Sensor(file, columns, unit_in(names[0])))
+    return found
+
+
+def _columns(file: Path) -> list[str]:
+    """Give the names of a table's columns, the usual ones where it has no header; none for other tables."""
+    first = next(iter(begin_lines(file)), "")
+    words = words_of(first) if first else [""]
+    if "time" in words[0].lower():
+        return [name.lstrip("#").strip() for name in words] if len(words) > 1 else []
+    if not words[0].isdecimal() or len(words) < 2:
+        return []
+    if words[1].lower().endswith(PICTURES):
+        return ["timestamp", "filename"]
+    return list(USUAL) if len(words) >= len(USUAL) and file.parent.name.startswith(TRUTHS) else []
+
+
+def _camera(path: Path, cameras: Sequence[_Sensor], wanted: str | None) -> _Sensor | None:
+    if wanted is None:
+        return cameras[0] if cameras else None
+    for one in cameras:
+        if one.name == wanted:
+            return one
+    names = ", ".join(one.name for one in cameras) or "no camera"
+    raise LogError(path, f"found {names}, expected {wanted!r} among them")
+
+
+def _named(sensors: Sequence[_Sensor], words: Sequence[str]) -> _Sensor | None:
+    for word in words:
+        for one in sensors:
+            if word in one.name.lower():
+                return one
+    return None
+
+
+def _pictures(camera: _Sensor, unit: str | None) -> PictureList:
+    return PictureList(camera.file, camera.file.parent / "data", 1, unit or camera.unit)
+
+
+def _pose_file(
+    sensor: _Sensor, kind: type[OdometryPose] | type[TruthPose], unit: str | None, offset_s: float
+) -> PoseFile:
+    return PoseFile(sensor.file, kind, sensor.layout or Layout(), unit or sensor.unit, offset_s)
+
+
+def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
+    """Say which way is forward on a body whose z is not up, and of a camera that looks elsewhere."""
+    said = []
+    if poses is not None and poses.body[0][2]:
+        said.append(f"{poses.file}: on this body x or y is up, so that headings are those of its z axis")
+    if camera is not None and abs(camera.yaw_rad) > ASIDE_RAD:
+        degrees = math.degrees(camera.yaw_rad)
+        where = f"camera {camera.name} looks {degrees:+.0f} degrees off the forward axis of the poses"
+        said.append(f"{where} ({DESCRIBED}); with another robot's library see `library build --yaw`")
+    return said
+
+
+def _remarks(
+    cameras: Sequence[_Sensor],
+    camera: _Sensor | None,
+    sensors: Sequence[_Sensor],
+    used: set[_Sensor | None],
+) -> tuple[str, ...]:
+    """Say which camera is used, which poses are not, and what holds no poses."""
+    others = [one.name for one in cameras if one is not camera]
+    said = []
+    if others and camera is not None:
+        said.append(f"camera {camera.name} is used, {', '.join(others)} is not; see --camera")
+    poses = [one.name for one in sensors if one.layout and not one.has_pictures and one not in used]
+    if poses:
+        said.append(f"poses of {', '.join(poses)} are not used")
+    places = [one.name for one in sensors if one.has_places]
+    if places:
+        said.append(f"{', '.join(places)} holds positions without orientation, which make no poses")
+    return tuple(said)
+
+
+FORMATS = (
+    Format(
+        "euroc",
+        "an EuRoC / ASL folder: a data.csv for each sensor, pictures",
+        looks_euroc,
+        open_euroc,
+        shifts=True,
+    ),
+)

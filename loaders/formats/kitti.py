@@ -1,0 +1,204 @@
+"""KITTI odometry: `sequences/NN` with `times.txt` and `image_K/`, poses in `poses/NN.txt`, and poses alone.
+
+Format: https://www.cvlibs.net/datasets/kitti/eval_odometry.php. A row is a 3 x 4 matrix of the left camera in
+the frame of its first picture (x right, y down, z forward); here x is forward, y left: z, -x.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.session import Camera, SessionInfo
+
+from ..errors import LogError
+from ..io.fields import MOST_T_S, show
+from ..io.findings import Findings
+from ..recording import Picture, Record, TruthPose
+from ..transforms.clocks import clock_s
+from ._picture_lists import read_picture
+from ._poses import first_file
+from ._tables import Row, begin_lines, number_of, rows, words_of
+from .registry import Format, OpenOptions
+
+CAMERAS = ("image_2", "image_0", "image_3", "image_1")  # color before gray, left before right
+RAW = tuple(name.replace("_", "_0") for name in CAMERAS)  # as raw drives have them, pictures in `data`
+TIMES = ("times.txt", "timestamps.txt")
+WIDTHS = (6, 10)  # digits of a picture's name, in sequences and in raw drives
+PERIOD_S = 0.1  # of poses without times: KITTI's cameras take ten pictures a second
+NUMBERS = 12
+ENDINGS = (".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True, eq=False)
+class KittiRecording:
+    """A sequence, or poses alone; truth without odometry."""
+
+    path: Path
+    info: SessionInfo
+    times: Path | None
+    pictures: Path | None  # the camera's folder
+    poses: Path | None
+    truth_offset_s: float = 0.0
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Read times, pictures and poses row by row."""
+        if self.times is None:
+            findings.warning(f"found no {TIMES[0]}: {1 / PERIOD_S:g} pictures or poses a second are taken")
+        if self.poses is None:
+            findings.warning("found no poses, so the truth is unknown")
+        if not self.truth_offset_s:
+            yield from self._merged(findings)
+            return
+        truth = (one for one in self._merged(findings) if isinstance(one, TruthPose))
+        others = (one for one in self._merged(Findings(True)) if not isinstance(one, TruthPose))
+        shifted = (TruthPose(one.t_s + self.truth_offset_s, one.pose) for one in truth)
+        yield from heapq.merge(shifted, others, key=lambda record: record.t_s)
+
+    def _merged(self, findings: Findings) -> Iterator[Record]:
+        times = self._untimed() if self.times is None else rows(self.times)
+        poses = iter(()) if self.poses is None else rows(self.poses)
+        number, posed = -1, 0
+        for number, (time, pose) in enumerate(zip_longest(times, poses)):
+            try:
+                if self.times is not None and time is None:
+                    found = f"found more poses than the {number} times of {self.times}"
+                    raise LogError(self._posed(), found, pose.number if pose else None)
+                t_s = self._time(time) if time is not None and self.times else number * PERIOD_S
+                truth = None if pose is None else planar_pose(self._posed(), pose)
+            except LogError as problem:
+                findings.problem(problem)
+                continue
+            if truth is not None:
+                posed += 1
+                yield TruthPose(t_s, truth)
+            if self.pictures is not None:
+                yield self._picture(number, t_s)
+        if self.times is not None and self.pictures is not None and self._file(number + 1).is_file():
+            findings.warning(f"{self.times}: {number + 1} times, and more pictures; those are left out")
+        if self.poses is not None and posed <= number:
+            findings.warning(f"{self.poses}: {posed} poses for {number + 1} times")
+
+    def _posed(self) -> Path:
+        return self.poses or self.path
+
+    def _time(self, row: Row) -> float:
+        file = self.times or self.path
+        try:
+            return clock_s(row.text)
+        except ValueError:
+            return number_of(file, row, row.text, "time", MOST_T_S)
+
+    def _untimed(self) -> Iterator[Row]:
+        """Give a row a picture, as long as there are any."""
+        number = 0
+        while self.pictures is not None and self._file(number).is_file():
+            number += 1
+            yield Row(number, "")
+
+    def _file(self, number: int) -> Path:
+        """Find a picture by its number."""
+        folder = self.pictures or self.path
+        names = [f"{number:0{width}d}{end}" for width in WIDTHS for end in ENDINGS]
+        return next((folder / name for name in names if (folder / name).is_file()), folder / names[0])
+
+    def _picture(self, number: int, t_s: float) -> Picture:
+        file = self._file(number)
+        name = file.relative_to(self.path).as_posix()
+        return Picture(t_s, partial(read_picture, file, name), name)
+
+
+def planar_pose(file: Path, row: Row) -> F64:
+    """Give the pose (3,) of a row of twelve numbers. LogError for anything else."""
+    words = words_of(row.text)
+    if len(words) != NUMBERS:
+        found = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
+        raise LogError(file, found, row.number)
+    matrix = np.array([number_of(file, row, word, "value") for word in words]).reshape(3, 4)
+    if not np.allclose(np.linalg.norm(matrix[:, :3], axis=0), 1, atol=0.1):
+        raise LogError(file, f"found {show(row.text)}, expected a rotation and a place", row.number)
+    return np.array([matrix[2, 3], -matrix[0, 3], math.atan2(-matrix[0, 2], matrix[2, 2])])
+
+
+def open_sequence(path: Path, options: OpenOptions) -> KittiRecording:
+    """Open a sequence; `options.camera` is image_0 to image_3. LogError where there are no pictures."""
+    found = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
+    if not found:
+        raise LogError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
+    folder = found[0]
+    if options.camera is not None:
+        folder = path / options.camera
+        if folder not in found:
+            names = ", ".join(one.name for one in found)
+            raise LogError(path, f"found cameras {names}, expected {options.camera!r} among them")
+    name = path.resolve().name
+    places = (*poses_beside(path), *(path / one for one in (f"poses/{name}.txt", "poses.txt", f"{name}.txt")))
+    poses = options.table or next((file for file in places if file.is_file()), None)
+    times = first_file(path, TIMES) or first_file(folder, TIMES)
+    info = SessionInfo(f"KITTI {name}", cameras=(Camera(folder.name),))
+    pictures = folder / "data" if (folder / "data").is_dir() else folder
+    return KittiRecording(path, info, times, pictures, poses, options.truth_offset_s)
+
+
+def poses_beside(path: Path) -> list[Path]:
+    """Give a sequence's poses where KITTI has them, none where they are not there."""
+    whole = path.resolve()
+    file = whole.parent.parent / "poses" / f"{whole.name}.txt"
+    return [file] if file.is_file() else []
+
+
+def open_poses(path: Path, options: OpenOptions) -> KittiRecording:
+    """Open poses alone; the times of `times.txt` beside them, where there is one. LogError for a bad row."""
+    first = next(rows(path), None)
+    if first is None:
+        raise LogError(path, "found no poses, expected twelve numbers a line")
+    planar_pose(path, first)
+    times = next(iter(times_beside(path)), None)
+    return KittiRecording(path, SessionInfo(path.stem), times, None, path)
+
+
+def times_beside(path: Path) -> list[Path]:
+    """Give the times of poses alone, beside them or in their sequence, whichever are there."""
+    sequence = path.parent.resolve().parent / "sequences" / path.stem / "times.txt"
+    return [file for file in (path.parent / "times.txt", sequence) if file.is_file()]
+
+
+def looks_like_sequence(path: Path) -> bool:
+    """Tell a sequence by the folders of its cameras."""
+    return any((path / name).is_dir() for name in (*CAMERAS, *RAW))
+
+
+def looks_like_poses(path: Path) -> bool:
+    """Tell poses alone by twelve numbers in each of the first rows."""
+    found = [words_of(line) for line in begin_lines(path)[:5] if line.strip()]
+    try:
+        return bool(found) and all(len(words) == NUMBERS and [float(w) for w in words] for words in found)
+    except ValueError:
+        return False
+
+
+FORMATS = (
+    Format(
+        "kitti",
+        "a KITTI odometry sequence: image_0 to 3, times.txt",
+        looks_like_sequence,
+        open_sequence,
+        shifts=True,
+        beside=poses_beside,
+    ),
+    Format(
+        "kitti-poses",
+        "poses alone: twelve numbers a line",
+        looks_like_poses,
+        open_poses,
+        beside=times_beside,
+    ),
+)

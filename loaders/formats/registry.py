@@ -1,0 +1,257 @@
+"""The formats that can be read, by name, and detecting one from a file's content before its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
+from importlib import import_module
+from itertools import islice
+from pathlib import Path
+from shlex import quote
+
+from ..errors import LogError
+from ..io.files import expect_regular
+from ..recorded_session import MAX_DT_S, Pairing, RecordedSession
+from ..recording import Recording
+from ..session_log.reader import SessionLog
+from ..transforms.corrected import Correction, corrected
+from ..transforms.made_odometry import odometry_from_truth
+
+# The formats that can be read, by name, and guessing one from a file's content before its name.
+
+NATIVE = "session-log"
+BARE = ("pictures", "video")  # formats that a table goes beside
+MODULES = (  # in the order in which they are asked whether a file looks like theirs; each has `FORMATS`
+    ".native",
+    "..bags.formats",
+    ".tum",
+    ".openloris",
+    ".euroc",
+    ".kitti",
+    ".carmen",
+    ".cmucam",
+    ".video",
+    ".picture_folder",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenOptions:
+    """How a recording is opened; None and empty: as the format has it, or guessed."""
+
+    format: str | None = None  # by name, where the guess is wrong
+    camera: str | None = None  # by name, where there are several
+    image_topic: str | None = None
+    odometry_topic: str | None = None
+    truth_topic: str | None = None
+    table: Path | None = None  # of poses or odometry, where pictures lie in a folder or video
+    columns: Mapping[str, str] = field(default_factory=dict)  # what is in a table's column, by role
+    time_unit: str | None = None  # "s", "ms", "us" or "ns"
+    odometry_offset_s: float = 0.0  # added to odometry's times, so that its clock is the pictures'
+    truth_offset_s: float = 0.0  # added to truth's times
+    picture_offset_s: float = 0.0  # added to the pictures' times
+    odometry_scale: float = 1.0  # these and those below: see `Correction`
+    turn_scale: float = 1.0
+    turn_gain: float = 1.0
+    odometry_forward_rad: float = 0.0
+    odometry_are: str | None = None
+    truth_scale: float = 1.0
+    truth_turn_scale: float = 1.0
+    camera_yaw_rad: float = 0.0
+    max_dt_s: float = MAX_DT_S
+    min_distance_m: float = 0.0
+    min_angle_rad: float = 0.0
+    odometry_from_truth: bool = False  # makes some, with noise; see `made_odometry`
+    odometry_seed: int = 0  # of that noise
+    keep_going: bool = False
+
+    @property
+    def pairing(self) -> Pairing:
+        """What of it is about pairing."""
+        return Pairing(self.max_dt_s, self.min_distance_m, self.min_angle_rad, self.keep_going)
+
+    @property
+    def correction(self) -> Correction:
+        """What of it puts right what was written."""
+        return Correction(**{one.name: getattr(self, one.name) for one in fields(Correction)})
+
+    @property
+    def as_it_is(self) -> bool:
+        """Whether a session log is read as it stands: nothing paired, made or put right."""
+        paired = self.min_distance_m or self.min_angle_rad or self.odometry_from_truth
+        unit = self.time_unit not in (None, "s")
+        return not (paired or unit) and self.correction == Correction()
+
+
+def nothing_beside(path: Path) -> Sequence[Path]:
+    """Say that a recording is all in one place, as nearly all are."""
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format that can be read."""
+
+    name: str  # as `--format` takes it
+    what: str  # one line
+    looks_like: Callable[[Path], bool]  # by content before name; quick, never raises
+    open: Callable[[Path, OpenOptions], Recording]  # LogError for what cannot be read
+    extra: str | None = None  # the extra that has to be installed for it
+    shifts: bool = False  # whether it adds the offsets of odometry and truth itself
+    beside: Callable[[Path], Sequence[Path]] = nothing_beside  # files outside the path that are read too
+
+
+@cache
+def formats() -> dict[str, Format]:
+    """Give all formats by name, in the order in which they are asked."""
+    package = __name__.rpartition(".")[0]
+    found = [one for module in MODULES for one in import_module(module, package).FORMATS]
+    return {one.name: one for one in found}
+
+
+def guess(path: Path) -> Format:
+    """Tell the format of a file or folder. LogError says what was found, and which formats there are."""
+    one = _guess(path)
+    if one is None:
+        found, names = describe(path, _known, BARE), ", ".join(formats())
+        raise LogError(path, f"found {found}, expected one of these formats: {names}; see --format")
+    return one
+
+
+def _guess(path: Path) -> Format | None:
+    _expect_there(path)
+    return next((one for one in formats().values() if one.looks_like(path)), None)
+
+
+def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
+    """Open any recording as a stream of records."""
+    options = options or OpenOptions()
+    return _opened(chosen(path, options), path, options)
+
+
+def open_session(path: Path, options: OpenOptions | None = None) -> SessionLog | RecordedSession:
+    """Open any recording as a session; a native log as it is as a SessionLog."""
+    options = options or OpenOptions()
+    one = chosen(path, options)
+    if one.name == NATIVE and options.as_it_is:
+        return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
+    return RecordedSession(_opened(one, path, options), options.pairing)
+
+
+def _opened(one: Format, path: Path, options: OpenOptions) -> Recording:
+    correction = options.correction
+    if one.shifts:
+        correction = replace(correction, odometry_offset_s=0.0, truth_offset_s=0.0)
+    recording = corrected(one.open(path, options), correction)
+    if not options.odometry_from_truth:
+        return recording
+    return odometry_from_truth(recording, options.odometry_seed)
+
+
+def chosen(path: Path, options: OpenOptions) -> Format:
+    """Give the format that was named, or the guess. LogError for a name that is none."""
+    if options.format is None:
+        if not (options.table or options.columns):
+            return guess(path)
+        one = _guess(path)  # a table whose columns have other names looks like nothing
+        return formats()["table"] if one is None or one.name in BARE else one
+    if options.format not in formats():
+        names = ", ".join(formats())
+        raise LogError(path, f"there is no format {options.format!r}, expected one of {names}")
+    _expect_there(path)
+    return formats()[options.format]
+
+
+def _expect_there(path: Path) -> None:
+    """Refuse what is not there, and what might never begin or end."""
+    if not path.exists():
+        raise LogError(path, "found no such file or folder, expected a recording; check the path")
+    expect_regular(path, "a recording")
+
+
+def _known(path: Path) -> str | None:
+    """Give the name of the format that a path looks like; None for what is none, or cannot be opened."""
+    try:
+        one = _guess(path)
+    except LogError:
+        return None
+    return None if one is None else one.name
+
+
+# What is said of a path that is no recording: what it is, and what was probably meant.
+
+DEPTH = 2  # folders below that are looked into, as KITTI's sequences need
+MOST_LOOKED_AT = 200  # files and folders of a level
+MOST_NAMED = 3
+MOST_LISTED = 4
+ARCHIVES = {  # by their first bytes
+    b"PK\x03\x04": ("a ZIP archive", "unzip {}"),
+    b"\x1f\x8b": ("a file packed by gzip", "gunzip {}"),
+    b"BZh": ("a file packed by bzip2", "bunzip2 {}"),
+    b"\xfd7zXZ": ("a file packed by xz", "unxz {}"),
+    b"\x28\xb5\x2f\xfd": ("a file packed by zstd", "zstd -d {}"),
+    b"7z\xbc\xaf\x27\x1c": ("a 7z archive", "7z x {}"),
+    b"Rar!": ("a RAR archive", "unrar x {}"),
+}
+TAR_NAMES = (".tgz", ".tbz2", ".txz", ".tar.gz", ".tar.bz2", ".tar.xz", ".tar.zst")
+
+Known = Callable[[Path], str | None]  # the name of the format that a path looks like
+
+
+def describe(path: Path, known: Known, bare: Sequence[str]) -> str:
+    """Say what a path is. Formats that are `bare` are not meant where a folder holds others."""
+    if not path.is_dir():
+        return _describe_file(path)
+    names = sorted((entry.name for entry in path.iterdir()), key=lambda name: (name.startswith("."), name))
+    if not names:
+        return "an empty folder"
+    found = _below(path, known)
+    meant = [one for one, name in found.items() if name not in bare]
+    hint = _did_you_mean(meant) or table_hint(path) or _did_you_mean(list(found))
+    return f"a folder with {', '.join(names[:MOST_LISTED])}{hint}"
+
+
+def _describe_file(path: Path) -> str:
+    with path.open("rb") as file:
+        begin = file.read(512)
+    for magic, (what, command) in ARCHIVES.items():
+        if begin.startswith(magic):
+            command = "tar xf {}" if path.name.lower().endswith(TAR_NAMES) else command
+            return f"{what} (unpack it: `{command.format(quote(path.name))}`)"
+    if begin[257:262] == b"ustar":
+        return f"a tar archive (unpack it: `tar xf {quote(path.name)}`)"
+    return f"a file that begins with {begin[:16]!r}{table_hint(path)}" if begin else "an empty file"
+
+
+def _below(path: Path, known: Known) -> dict[Path, str]:
+    """Give what looks like a recording in a folder, or in the folders there, and its format."""
+    level = [path]
+    for _ in range(DEPTH):
+        inside = sorted(islice((one for folder in level for one in _entries(folder)), MOST_LOOKED_AT))
+        if found := {one: name for one in inside if (name := known(one)) is not None}:
+            return found
+        level = [one for one in inside if one.is_dir()]
+    return {}
+
+
+def _entries(folder: Path) -> Iterator[Path]:
+    try:
+        yield from (entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    except OSError:
+        return
+
+
+def _did_you_mean(found: Sequence[Path]) -> str:
+    if not found:
+        return ""
+    named = ", ".join(map(str, found[:MOST_NAMED])) + (", ..." if len(found) > MOST_NAMED else "")
+    return f" (did you mean {named}?)" if len(found) == 1 else f" (did you mean one of {named}?)"
+
+
+def table_hint(path: Path) -> str:
+    """Say how a table is read whose columns have names of its own; empty where there is none."""
+    tables = sorted(path.glob("*.[ct]sv")) if path.is_dir() else [path]
+    if not tables or tables[0].suffix.lower() not in (".csv", ".tsv"):
+        return ""
+    return f" (if {tables[0].name} is a table, say what its columns are with --columns)"

@@ -1,0 +1,108 @@
+"""TUM RGB-D folders (`rgb.txt`, `groundtruth.txt`), and trajectories in TUM's format by themselves.
+
+Format: https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats: `timestamp tx ty tz qx qy qz qw`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from maurice_mcl.session import SessionInfo
+
+from ..errors import LogError
+from ..recording import OdometryPose, TruthPose
+from ..transforms.clocks import unit_in
+from ._picture_lists import PictureList
+from ._poses import COMMENTS, Layout, PoseFile, TimedFolder, first_file, layout_of, pose_file
+from ._tables import NAMES, begin_lines, is_number, names_columns, words_of
+from .registry import Format, OpenOptions
+
+PICTURES = "rgb.txt"
+PAIRED = ("associated.txt", "associations.txt", "associate.txt")  # time and picture twice: color and depth
+TRUTH, ODOMETRY = ("groundtruth.txt", "groundtruth"), ("odometry.txt", "odom.txt")
+COLOR = ("rgb", "color", "image")  # how the folders of pictures that are no depth are called
+
+
+def open_tum(path: Path, options: OpenOptions) -> TimedFolder:
+    """Open a folder with rgb.txt or associated.txt. LogError where both are missing."""
+    listed = _listed(path)
+    if listed is None:
+        raise LogError(path, f"found no {PICTURES} in it, expected a TUM RGB-D folder")
+    unit = options.time_unit
+    return TimedFolder(
+        path,
+        SessionInfo(path.resolve().name),
+        PictureList(listed, path, _color_column(listed), unit),
+        pose_file(first_file(path, ODOMETRY), OdometryPose, unit, options.odometry_offset_s),
+        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s),
+    ).check()
+
+
+def open_trajectory(path: Path, options: OpenOptions) -> TimedFolder:
+    """Open a trajectory by itself; its poses are the truth."""
+    names = _names(path)
+    layout = (layout_of(names) if names else None) or Layout()
+    unit = options.time_unit or (unit_in(names[0]) if names else None)
+    truth = PoseFile(path, TruthPose, layout, unit, options.truth_offset_s)
+    return TimedFolder(path, SessionInfo(path.stem), None, None, truth).check()
+
+
+def looks_tum(path: Path) -> bool:
+    """Tell a TUM RGB-D folder by its rgb.txt or associated.txt."""
+    return _listed(path) is not None
+
+
+def looks_like_trajectory(path: Path) -> bool:
+    """Tell a trajectory by its first rows: eight numbers each, or more where columns are named."""
+    if not path.is_file():
+        return False
+    names = _names(path)
+    if names and not _is_poses(names):
+        return False
+    lines = [line for line in begin_lines(path) if line.strip() and not line.startswith(COMMENTS)]
+    found = [words_of(line) for line in lines if not names_columns(line)][:5]
+    if names and layout_of(names):
+        return bool(found) and all(is_number(words[0]) for words in found)
+    return bool(found) and all(len(words) == 8 and all(map(is_number, words)) for words in found)
+
+
+def _listed(path: Path) -> Path | None:
+    """Find what lists the pictures."""
+    if first_file(path, (PICTURES,)) is not None:
+        return path / PICTURES
+    paired = first_file(path, PAIRED)
+    return paired if paired is not None and _color_column(paired) is not None else None
+
+
+def _color_column(listed: Path) -> int | None:
+    """Tell which column names the pictures in a list of pairs: that of the color folder, else the first."""
+    if listed.name == PICTURES:
+        return None
+    lines = [line for line in begin_lines(listed) if not line.startswith("#")]
+    words = words_of(lines[0])[:4] if lines else []
+    named = [at for at, word in enumerate(words) if at % 2 and not is_number(word)]
+    return next((at for at in named if words[at].lower().startswith(COLOR)), named[0] if named else None)
+
+
+def _names(path: Path) -> list[str]:
+    """Give the names of a file's columns, where its first line has them between commas."""
+    first = next(iter(begin_lines(path)), "").lstrip("#%").strip()
+    return words_of(first) if first and names_columns(first) and len(words_of(first)) > 7 else []
+
+
+def _is_poses(names: list[str]) -> bool:
+    """Tell whether columns are a time and one pose, not a table of pictures or odometry as well."""
+    others = [name for name in names if name.lower() in NAMES["image"] or name.lower().startswith("odom")]
+    return not others and ("time" in names[0].lower() or names[0].lower() in NAMES["time"])
+
+
+FORMATS = (
+    Format("tum", "a TUM RGB-D folder: rgb.txt, groundtruth.txt, pictures", looks_tum, open_tum, shifts=True),
+    Format(
+        "tum-trajectory",
+        "poses alone: t x y z qx qy qz qw a line",
+        looks_like_trajectory,
+        open_trajectory,
+        shifts=True,
+    ),
+)

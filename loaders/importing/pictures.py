@@ -1,0 +1,262 @@
+"""A folder of pictures and a table of poses as a survey log and a session log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.map import Arena, open_arena
+from maurice_mcl.session import SessionInfo
+
+from ..errors import LogError
+from ..io.fields import show
+from ..io.files import new_folder
+from ..io.pictures import PictureError, decode_picture
+from ..libraries.files import check_span
+from ..session_log.writer import SessionWriter
+from ..transforms.made_odometry import OdometryNoise, synthetic_motions
+from .pose_table import Columns, PoseRow, arena_from_lines, pose_runs, read_pose_table
+
+# Dividing one pass of labelled pictures honestly into a library and a drive.
+
+Run = Sequence[PoseRow]  # consecutive rows of equal pose
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Split:
+    """Which rows go where; rows keep the table's order."""
+
+    session: tuple[PoseRow, ...]
+    library: tuple[PoseRow, ...]
+    session_runs: int
+    guarded_runs: int  # left out of the library because of the guard
+
+    def nearest_reference_m(self) -> F64:
+        """Give the distance (S,) of every session picture to the nearest library pose."""
+        return nearest_m(xy_of(self.session), xy_of(self.library))
+
+
+def split_runs(
+    runs: Sequence[Run], every: int, guard_m: float, session_pictures: int, library_pictures: int
+) -> Split:
+    """Give every so many-th run to the session, beginning with the first, and the rest to the library.
+
+    A library run within `guard_m` of any session pose is dropped, wherever it looks: in one pass the
+    neighboring frames are almost the same picture, and a filter that finds them proves nothing.
+    """
+    session = [run for number, run in enumerate(runs) if number % every == 0]
+    others = [run for number, run in enumerate(runs) if number % every != 0]
+    driven = xy_of([run[0] for run in session])
+    library = [run for run in others if nearest_m(xy_of(run[:1]), driven)[0] >= guard_m]
+    return Split(
+        session=tuple(row for run in session for row in spread(run, session_pictures)),
+        library=tuple(row for run in library for row in spread(run, library_pictures)),
+        session_runs=len(session),
+        guarded_runs=len(others) - len(library),
+    )
+
+
+def spread(run: Run, most: int) -> list[PoseRow]:
+    """Choose at most so many rows of a run, evenly spread: one is the middle one."""
+    count = min(most, len(run))
+    return [run[(2 * k + 1) * len(run) // (2 * count)] for k in range(count)]
+
+
+def nearest_m(from_xy: F64, to_xy: F64) -> F64:
+    """Give the distance (A,) of each point (A, 2) to the nearest of (B, 2); infinite when there is none."""
+    apart = [float(np.hypot(*(to_xy - point).T).min(initial=np.inf)) for point in from_xy]
+    return np.array(apart)
+
+
+def xy_of(rows: Sequence[PoseRow]) -> F64:
+    """Give the positions (K, 2) of rows."""
+    return np.array([row.pose[:2] for row in rows], np.float64).reshape(-1, 2)
+
+
+# A folder of pictures and a table of poses become a survey log and a session log.
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """What is read, and how it is split into library and session."""
+
+    columns: Columns = field(default_factory=Columns)  # names and units of the table's columns
+    name: str | None = None  # of the place; None: the name of the table's folder
+    map_lines: Path | None = None  # file of wall segments x1 y1 x2 y2; None: no map, all is free
+    map_unit: str = "mm"  # of that file: "m" or "mm"
+    session_every: int = 10  # each so many-th run of equal poses is the session's, from the first one
+    session_pictures: int = 5  # at most so many of a run, evenly spread: standing still tells little
+    library_pictures: int = 1  # at most so many of a run; 1 takes the middle one, others are near copies
+    guard_m: float = 0.5  # no library picture this near to any session pose: neighbors look alike
+    noise: OdometryNoise = field(default_factory=OdometryNoise)  # of the synthetic odometry
+    seed: int = 0  # of that noise
+
+
+@dataclass(frozen=True, slots=True)
+class ImportSummary:
+    """What came of an import."""
+
+    session: Path  # the session log
+    survey: Path  # the survey log
+    rows: int  # of the table
+    runs: int  # of equal poses
+    session_runs: int  # of these, in the session
+    session_pictures: int  # pictures in the session
+    library_pictures: int  # pictures in the survey
+    guarded_runs: int  # runs left out of the library because of the guard
+    nearest_reference_median_m: float  # from a session picture to the nearest library pose
+    nearest_reference_max_m: float  # the same, at worst
+    notes: tuple[str, ...]  # as the session's header has them
+
+
+def import_pictures(
+    folder: Path | str,
+    poses_csv: Path,
+    out: Path,
+    options: ImportOptions | None = None,
+    *,
+    force: bool = False,
+) -> ImportSummary:
+    """Split pictures with poses into a library and a drive; `out` stands alone, and appears whole or not.
+
+    Rows are taken to be one pass in order, a second apart. The odometry is made from the pose steps plus
+    noise and said to be synthetic in the header. Library pictures within `guard_m` of any session pose
+    are dropped (see `split_runs`). LogError for a folder that does not exist, a table that cannot be read,
+    poses too far apart (see `check_span`), a missing or broken picture, a split that leaves nothing, or an
+    `out` that exists already; ValueError for senseless options.
+    """
+    options = options or ImportOptions()
+    _check(options)
+    source = _existing(folder)
+    rows = read_pose_table(poses_csv, options.columns)
+    check_span(poses_csv, xy_of(rows))
+    runs = pose_runs(rows)
+    split = split_runs(
+        runs, options.session_every, options.guard_m, options.session_pictures, options.library_pictures
+    )
+    if not split.library:
+        advice = "lower the guard, or give fewer runs to the session"
+        raise LogError(poses_csv, f"found no picture {options.guard_m:g} m off the session's; {advice}")
+    info = _info(rows, options, poses_csv)
+    with new_folder(out, force=force, ours="session.log") as filling:
+        copy = _Copier(source, poses_csv, filling)
+        _write_survey(filling / "survey.log", info, split, copy)
+        _write_session(filling / "session.log", info, rows, split, options, copy)
+    return _summary(out, len(rows), len(runs), split, info)
+
+
+def _check(options: ImportOptions) -> None:
+    counts = (options.session_pictures, options.library_pictures, options.session_every - 1)
+    if min(counts) < 1 or not options.guard_m >= 0:
+        raise ValueError("expected session_every from 2, at least one picture of a run, and a guard from 0 m")
+
+
+def _existing(folder: Path | str) -> Path:
+    """Refuse what is no folder, "" too: as a Path it would be the working directory."""
+    if not str(folder) or not Path(folder).exists():
+        found = f"found no such folder {show(str(folder))}"
+        raise LogError(Path(folder), f"{found}, expected the one that picture names start from")
+    if not Path(folder).is_dir():
+        raise LogError(Path(folder), "found a file, expected the folder that picture names start from")
+    return Path(folder)
+
+
+def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> SessionInfo:
+    split_note = (
+        f"one run of equal poses in {options.session_every} is the session, at most "
+        f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "
+        f"other run that is at least {options.guard_m:g} m from every session pose"
+    )
+    return SessionInfo(
+        name=options.name or poses_csv.resolve().parent.name or "pictures",
+        arena=_arena(rows, options),
+        notes=(
+            options.noise.describe(options.seed),
+            "times are synthetic: one second a row of the table",
+            split_note,
+        ),
+    )
+
+
+def _arena(rows: Sequence[PoseRow], options: ImportOptions) -> Arena:
+    positions = xy_of(rows)
+    if options.map_lines is None:
+        return open_arena(positions)
+    return arena_from_lines(options.map_lines, options.map_unit, positions)
+
+
+def _write_survey(path: Path, info: SessionInfo, split: Split, copy: _Copier) -> None:
+    with SessionWriter(path, info, "survey") as writer:
+        for row in split.library:
+            writer.image_path(float(row.number), copy(row), pose=row.pose)
+
+
+def _write_session(
+    path: Path,
+    info: SessionInfo,
+    rows: Sequence[PoseRow],
+    split: Split,
+    options: ImportOptions,
+    copy: _Copier,
+) -> None:
+    """Write the drive from its first picture to its last; rows of the library still move the robot."""
+    pictures = {row.number for row in split.session}
+    first, last = split.session[0], split.session[-1]
+    info = replace(info, survey=Path("survey.log"), start=first.pose)
+    with SessionWriter(path, info) as writer:
+        before = first
+        for row in rows[first.number : last.number + 1]:
+            t_s = float(row.number)
+            for motion in synthetic_motions(before.pose, row.pose, options.noise, options.seed, row.number):
+                writer.odometry(t_s, motion)
+            if row.number in pictures:
+                writer.truth(t_s, row.pose)
+                writer.image_path(t_s, copy(row))
+            before = row
+
+
+class _Copier:
+    """Copies the picture of a row into the new folder, once it is known to be whole."""
+
+    def __init__(self, folder: Path, poses_csv: Path, out: Path) -> None:
+        self._places = (folder, poses_csv.parent)
+        self._table = poses_csv
+        self._out = out
+
+    def __call__(self, row: PoseRow) -> str:
+        """Give the copy's path relative to the logs; its name is the row's number and tells no pose."""
+        source = next((p / row.image for p in self._places if (p / row.image).is_file()), None)
+        if source is None:
+            tried = self._places[0] / row.image
+            raise LogError(self._table, f"found no picture {tried}, expected a file", row.line)
+        data = source.read_bytes()
+        try:
+            decode_picture(data)
+        except PictureError as problem:
+            raise LogError(self._table, f"{source}: {problem}", row.line) from None
+        relative = f"pictures/{row.number:05d}{source.suffix.lower()}"
+        copied = self._out / relative
+        copied.parent.mkdir(exist_ok=True)
+        copied.write_bytes(data)
+        return relative
+
+
+def _summary(out: Path, rows: int, runs: int, split: Split, info: SessionInfo) -> ImportSummary:
+    nearest = split.nearest_reference_m()
+    return ImportSummary(
+        session=out / "session.log",
+        survey=out / "survey.log",
+        rows=rows,
+        runs=runs,
+        session_runs=split.session_runs,
+        session_pictures=len(split.session),
+        library_pictures=len(split.library),
+        guarded_runs=split.guarded_runs,
+        nearest_reference_median_m=float(np.median(nearest)),
+        nearest_reference_max_m=float(nearest.max()),
+        notes=info.notes,
+    )

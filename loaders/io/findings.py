@@ -1,0 +1,71 @@
+"""What reading a log brought to light: broken lines and things worth saying, bounded in number."""
+
+from __future__ import annotations
+
+from ..errors import LogError
+
+MOST_KEPT = 100
+
+
+class Findings:
+    """Collects problems and warnings of one reading; the first 100 of each are kept, problems are counted.
+
+    Without `keep_going` the first problem is raised.
+    """
+
+    def __init__(self, keep_going: bool) -> None:
+        self._keep_going = keep_going
+        self._problems: list[LogError] = []
+        self._warnings: dict[str, None] = {}  # in order, each once
+        self.count = 0  # problems found, kept or not
+        self._told: set[str] = set()  # of those that are found again and again
+
+    def problem(self, error: LogError) -> None:
+        """Count a broken line, or raise the error when not keeping going."""
+        if not self._keep_going:
+            raise error from None
+        self.count += 1
+        if len(self._problems) < MOST_KEPT:
+            self._problems.append(error)
+
+    def damage(self, error: LogError) -> None:
+        """Count a part of the file that was left out: once, though several passes find it."""
+        if str(error) not in self._told:
+            self._told.add(str(error))
+            self.problem(error)
+
+    def warning(self, text: str) -> None:
+        """Note something worth saying; the same text is kept once."""
+        if len(self._warnings) < MOST_KEPT:
+            self._warnings[text] = None
+
+    @property
+    def problems(self) -> tuple[LogError, ...]:
+        """The first problems found."""
+        return tuple(self._problems)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The first warnings, each once."""
+        return tuple(self._warnings)
+
+
+class Finder:
+    """What a session shows of its findings; each says by itself when a reading begins them anew."""
+
+    _findings: Findings
+
+    @property
+    def problem_count(self) -> int:
+        """How much the last reading left out (0 without `keep_going`: the first problem is raised)."""
+        return self._findings.count
+
+    @property
+    def problems(self) -> tuple[LogError, ...]:
+        """The first 100 problems of the last reading."""
+        return self._findings.problems
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last reading found worth saying, for example an unfinished last line."""
+        return self._findings.warnings

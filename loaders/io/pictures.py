@@ -1,0 +1,114 @@
+"""Picture files to and from arrays: RGB uint8, top row first, as the camera was held (EXIF)."""
+
+from __future__ import annotations
+
+import re
+import zlib
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import U8
+
+JPEG_OPTIONS = (
+    *(cv2.IMWRITE_JPEG_QUALITY, 95),
+    # Full color resolution: halved chroma would blur the color histograms.
+    *(cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444),
+)
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_MARKER = re.compile(rb"\xff+([^\x00\xff])", re.DOTALL)
+_START_OF_SCAN = 0xDA
+_END_OF_IMAGE = b"\xff\xd9"
+
+
+class PictureError(ValueError):
+    """Bytes that are no whole picture; the message says what was found and expected."""
+
+
+def encode_jpeg(image_rgb: U8) -> bytes:
+    """Encode an RGB image (H, W, 3) as JPEG, quality 95, 4:4:4."""
+    if image_rgb.dtype != np.uint8 or image_rgb.ndim != 3 or image_rgb.shape[2] != 3:
+        raise ValueError(f"a picture is uint8 (H, W, 3), found {image_rgb.dtype} {image_rgb.shape}")
+    done, data = cv2.imencode(".jpg", cv2.cvtColor(image_rgb, cv2.COLOR_RGB2BGR), list(JPEG_OPTIONS))
+    if not done:
+        raise ValueError(f"a picture of {image_rgb.shape} cannot be written as JPEG")
+    return data.tobytes()
+
+
+def decode_picture(data: bytes, *, deep: bool = False) -> U8:
+    """Decode a whole JPEG, PNG, WebP or BMP to RGB uint8 (H, W, 3); gray becomes RGB, alpha is dropped.
+
+    Raises PictureError for other formats, cut files (OpenCV would fill them with gray, silently) and
+    more than 8 bits a channel (often depth, which no scaling makes a color); `deep` takes the upper 8 of 16,
+    for lists that hold a camera's pictures only.
+    """
+    kind = picture_format(data)
+    _WHOLE[kind](data)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise PictureError(f"found a {kind} picture that cannot be decoded, expected a readable one")
+    if deep and image.dtype == np.uint16:
+        image = (image // 256).astype(np.uint8)
+    if image.dtype != np.uint8:
+        bits = 8 * image.dtype.itemsize
+        raise PictureError(f"found {bits} bits a channel, expected 8; convert the picture to 8 bits")
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def picture_format(data: bytes) -> str:
+    """Name the format by its first bytes: JPEG, PNG, WebP or BMP; PictureError for anything else."""
+    if not data:
+        raise PictureError("found an empty picture, expected JPEG, PNG, WebP or BMP")
+    if data.startswith(b"\xff\xd8"):
+        return "JPEG"
+    if data.startswith(_PNG_SIGNATURE[: len(data)]):
+        return "PNG"
+    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
+        return "WebP"
+    if data.startswith(b"BM"):
+        return "BMP"
+    raise PictureError(f"found a picture that begins with {data[:4]!r}, expected JPEG, PNG, WebP or BMP")
+
+
+def _check_jpeg(data: bytes) -> None:
+    """Walk the segments to the first scan, so that a thumbnail's end does not deceive, then find the end.
+
+    Within scan data FF is never followed by D9, so that the first FF D9 is the end marker.
+    """
+    at = 2
+    while marker := _MARKER.search(data, at):
+        code, at = marker[1][0], marker.end()
+        if code == _START_OF_SCAN:
+            at = data.find(_END_OF_IMAGE, at)
+            break
+        at += int.from_bytes(data[at : at + 2], "big")
+    if not marker or at < 0:
+        raise PictureError("found a cut JPEG picture (no end marker), expected a whole one")
+
+
+def _check_png(data: bytes) -> None:
+    """Walk the chunks to IEND and compare their checksums."""
+    at = len(_PNG_SIGNATURE)
+    while (end := at + 8 + int.from_bytes(data[at : at + 4], "big")) + 4 <= len(data):
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            raise PictureError("found a damaged PNG picture (checksum), expected a whole one")
+        if data[at + 4 : at + 8] == b"IEND":
+            return
+        at = end + 4
+    raise PictureError("found a cut PNG picture (no IEND), expected a whole one")
+
+
+def _check_webp(data: bytes) -> None:
+    if len(data) < 8 + int.from_bytes(data[4:8], "little"):
+        raise PictureError("found a cut WebP picture, expected a whole one")
+
+
+def _check_bmp(data: bytes) -> None:
+    if len(data) < max(26, int.from_bytes(data[2:6], "little")):
+        raise PictureError("found a cut BMP picture, expected a whole one")
+
+
+_WHOLE = {"JPEG": _check_jpeg, "PNG": _check_png, "WebP": _check_webp, "BMP": _check_bmp}

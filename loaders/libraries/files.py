@@ -1,0 +1,235 @@
+"""A library as a folder of its own: manifest, entries, map, pictures, one file per channel."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import shutil
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.map import Arena
+from maurice_mcl.sensor.descriptors import CHANNELS, OUR_NAMES
+
+from ..errors import LogError
+from ..io.fields import MOST, FieldError, items, mapping, read_json, show, text, up_to
+from ..io.files import new_folder
+from ..session_log.header import arena_from_json, arena_to_json
+
+# How much ground a survey may cover: one wild pose would make the map's cells larger than the rooms.
+
+MOST_SPAN_M = 10_000.0  # from its middle to its border float32 still tells half a millimetre
+
+
+def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
+    """Raise LogError, naming the file, when poses (L, 2 or 3) or map are over 10 km wide or deep together."""
+    xy = poses[:, :2]
+    span_m = _span(xy)
+    expected = f"expected at most {MOST_SPAN_M:g} m; are they in metres?"
+    if span_m > MOST_SPAN_M:
+        off = np.abs(xy - np.median(xy, axis=0)).max(axis=1).argmax()
+        at = ", ".join(f"{v:.15g}" for v in xy[off])
+        raise LogError(file, f"found poses {span_m:g} m apart, the farthest off at ({at}), {expected}")
+    if arena is not None:
+        span_m = _span(np.concatenate([xy, _corners(arena)]))
+        if span_m > MOST_SPAN_M:
+            raise LogError(file, f"found a map that with the poses spans {span_m:g} m, {expected}")
+
+
+def _span(points: F64) -> float:
+    """Give the larger of width and depth of points (K, 2)."""
+    return float(np.ptp(points, axis=0).max())
+
+
+def _corners(arena: Arena) -> F64:
+    """Give all points (K, 2) that a map names."""
+    regions = (*arena.obstacles, *arena.floors, *arena.rooms)
+    borders = np.array(arena.bounds).reshape(2, 2)
+    return np.concatenate([borders, arena.walls.reshape(-1, 2), *(region.polygon for region in regions)])
+
+
+# A library as a folder that stands alone: manifest, entries, map, pictures, one file a channel.
+
+FORMAT = "maurice-library"
+VERSION = 1
+MANIFEST = "manifest.json"
+
+
+def save_library(
+    library: Library, folder: Path, *, force: bool = False, warnings: Sequence[str] = ()
+) -> None:
+    """Write a library and copies of its pictures; the folder appears whole or not at all.
+
+    LogError when the folder exists already and `force` is not given, or is not a library's.
+    """
+    with new_folder(folder, force=force) as filling:
+        _write_json(filling / "map.json", arena_to_json(library.arena))
+        _write_entries(library, filling)
+        files = {name: f"{name}-{parameter_hash(name)}.npz" for name in library.index}
+        for name, index in library.index.items():
+            np.savez(
+                filling / files[name],
+                references=index.references,
+                noise_floor=index.noise_floor,
+                relevance=index.relevance,
+            )
+        _write_json(filling / MANIFEST, _manifest(library, filling, files, warnings))
+
+
+def load_library(folder: Path) -> Library:
+    """Read a library folder.
+
+    LogError, one line, when it is none, damaged, of other channel parameters, or spans too much ground.
+    """
+    try:
+        manifest = read_manifest(folder)
+        _check_files(folder, manifest)
+        poses, pictures = _read_entries(folder)
+        library = Library(
+            name=text(manifest.get("name"), "name"),
+            poses=poses,
+            pictures=pictures,
+            index=_read_channels(folder, manifest, len(poses)),
+            arena=arena_from_json(read_json((folder / "map.json").read_bytes())),
+            display_units=text(manifest.get("display_units"), "display_units"),
+        )
+    except (
+        FieldError,
+        OSError,
+        ValueError,
+        KeyError,
+        zipfile.BadZipFile,
+        pl.exceptions.PolarsError,
+    ) as problem:
+        raise LogError(folder, f"is a damaged library ({problem}); build it again from its survey") from None
+    check_span(folder, library.poses, library.arena)
+    return library
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Read a library's manifest. LogError when the folder is no library of a known version."""
+    file = folder / MANIFEST
+    if not file.is_file():
+        raise LogError(
+            folder, f"found no {MANIFEST} in it, expected a library folder; build one from a survey"
+        )
+    manifest = mapping(read_json(file.read_bytes()), MANIFEST)
+    if manifest.get("format") != FORMAT:
+        raise LogError(file, f"found format {show(manifest.get('format'))}, expected {FORMAT!r}")
+    if manifest.get("version") != VERSION:
+        raise LogError(
+            file, f"found version {show(manifest.get('version'))}, expected {VERSION}; build it again"
+        )
+    return manifest
+
+
+def manifest_warnings(folder: Path) -> tuple[str, ...]:
+    """Give what was worth saying when the library in this folder was built."""
+    return tuple(text(w, "warnings") for w in items(read_manifest(folder).get("warnings", []), "warnings"))
+
+
+def parameter_hash(channel: str) -> str:
+    """Give 12 characters that change with a channel's parameters."""
+    return hashlib.sha256(_canonical(CHANNELS[channel].parameters())).hexdigest()[:12]
+
+
+def _canonical(value: Any) -> bytes:
+    return json.dumps(value, sort_keys=True, allow_nan=False).encode()
+
+
+def _write_json(file: Path, value: Mapping[str, Any]) -> None:
+    file.write_text(json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _write_entries(library: Library, folder: Path) -> None:
+    (folder / "pictures").mkdir()
+    names: list[str | None] = []
+    for number, picture in enumerate(library.pictures):
+        kept = None if picture is None else f"pictures/{number:05d}{picture.suffix.lower()}"
+        if picture is not None and kept is not None:
+            try:
+                shutil.copyfile(picture, folder / kept)
+            except OSError as problem:
+                raise LogError(picture, f"cannot be copied into the library: {problem.strerror}") from None
+        names.append(kept)
+    columns = {key: library.poses[:, k] for k, key in enumerate(("x_m", "y_m", "heading_rad"))}
+    entries = pl.DataFrame({**columns, "picture": pl.Series(names, dtype=pl.String)})
+    entries.write_parquet(folder / "entries.parquet")
+
+
+def _manifest(
+    library: Library, folder: Path, files: Mapping[str, str], warnings: Sequence[str]
+) -> dict[str, Any]:
+    parts = ["map.json", "entries.parquet", *files.values()]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": library.name,
+        "display_units": library.display_units,
+        "entries": library.size,
+        "channels": {
+            name: {"file": files[name], "parameters": CHANNELS[name].parameters()} for name in files
+        },
+        "warnings": list(warnings),
+        "sha256": {part: hash_file(folder / part) for part in parts},
+    }
+
+
+def hash_file(file: Path) -> str:
+    """Give a file's SHA-256 in hexadecimal."""
+    with file.open("rb") as data:
+        return hashlib.file_digest(data, "sha256").hexdigest()
+
+
+def _check_files(folder: Path, manifest: Mapping[str, Any]) -> None:
+    """Compare every part with its checksum, so that no parser ever sees damaged bytes."""
+    for part, expected in mapping(manifest.get("sha256"), "sha256").items():
+        if not (folder / part).is_file():
+            raise FieldError(f"{part} is missing")
+        if hash_file(folder / part) != expected:
+            raise FieldError(f"{part} was changed after it was written")
+
+
+def _read_entries(folder: Path) -> tuple[F64, tuple[Path | None, ...]]:
+    entries = pl.read_parquet(io.BytesIO((folder / "entries.parquet").read_bytes()))  # a path could be a glob
+    poses = entries.select("x_m", "y_m", "heading_rad").to_numpy().astype(np.float64)
+    pictures = tuple(None if name is None else folder / name for name in entries["picture"])
+    lost = [picture for picture in pictures if picture is not None and not picture.is_file()]
+    if lost or not np.isfinite(poses).all():
+        raise FieldError(f"{lost[0].name} is missing" if lost else "a pose is not finite")
+    if np.abs(poses).max(initial=0.0) > MOST:
+        raise FieldError(f"found a pose of {np.abs(poses).max():g}, expected {up_to()}")
+    return poses, pictures
+
+
+def _read_channels(folder: Path, manifest: Mapping[str, Any], entries: int) -> dict[str, ChannelIndex]:
+    index = {}
+    for name, value in mapping(manifest.get("channels"), "channels").items():
+        described = mapping(value, f"channels.{name}")
+        known = CHANNELS.get(name)
+        if known is not None and _canonical(known.parameters()) != _canonical(described.get("parameters")):
+            if name not in OUR_NAMES:
+                continue  # somebody else's changed: only a run that asks for it needs another library
+            advice = "build it again from its survey"
+            raise LogError(
+                folder, f"was measured with other parameters of channel {name!r} than today's; {advice}"
+            )
+        index[name] = _read_channel(folder / text(described.get("file"), f"channels.{name}.file"), entries)
+    return index
+
+
+def _read_channel(file: Path, entries: int) -> ChannelIndex:
+    with np.load(file, allow_pickle=False) as arrays:
+        index = ChannelIndex(arrays["references"], arrays["noise_floor"], arrays["relevance"])
+    length = index.references.shape[1:]
+    if index.references.shape[0] != entries or not length == index.noise_floor.shape == index.relevance.shape:
+        raise FieldError(f"{file.name} has other shapes than the entries")
+    return index

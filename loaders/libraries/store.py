@@ -1,0 +1,220 @@
+"""Libraries: opened from a folder, or built once from a survey and kept in the cache."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import F32, F64, U8
+from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.map import Arena, open_arena
+from maurice_mcl.sensor.descriptors import CHANNELS, OUR_NAMES, Channel, describe
+
+from ..errors import LogError
+from ..io.files import cache_root, discard
+from ..io.findings import Findings
+from ..session_log.reader import SessionLog, SurveyPicture
+from ..session_log.records import PictureRecord, read_header, read_records
+from .files import VERSION, check_span, hash_file, load_library, manifest_warnings, save_library
+from .survey import Survey
+
+# From a survey log to a library: every picture measured by every channel.
+
+Progress = Callable[[int, int], None]  # pictures done, pictures in all
+Warn = Callable[[str], None]
+
+
+def build_library(
+    survey: Path,
+    channels: Sequence[str] | None = None,
+    *,
+    keep_going: bool = False,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+    log: Survey | None = None,
+    yaw_rad: float = 0.0,
+) -> Library:
+    """Measure the pictures of a survey log, or of the survey given as `log`; its poses become the library's.
+
+    `yaw_rad` is how far, counter-clockwise, the robot's camera looks off where the survey's looked at the
+    same heading.
+
+    The noise floor is the mean of the covered-lens pictures (zeros, with a warning, when there are none),
+    the relevance the maximum of each bin over the library (thesis 3.3). Without a map in the survey all is
+    free. Pictures are held one at a time. LogError for a broken survey, one without any picture, or
+    poses too far apart (see `check_span`). A third-party channel that fails is left out, with a warning.
+    """
+    log = log or SessionLog(survey, keep_going=keep_going)
+    rows = _Rows(chosen_channels(channels), yaw_rad)
+    total = log.count_pictures() if progress else 0
+    for done, picture in enumerate(log.survey_pictures(), start=1):
+        rows.add(picture)
+        if progress:
+            progress(done, total)
+    if not rows.poses:
+        raise LogError(survey, "found no picture with a pose, expected at least one; is this the survey?")
+    check_span(survey, np.array(rows.poses), log.info.arena)
+    arena = log.info.arena or open_arena(np.array(rows.poses))
+    library = rows.library(log.info.name, arena, log.info.display_units)
+    for text in [*rows.broken, *_warnings(log, library, rows.has_covered)]:
+        (warn or silent)(text)
+    return library
+
+
+class _Rows:
+    """What has been measured so far, picture by picture."""
+
+    def __init__(self, channels: Mapping[str, Channel], yaw_rad: float) -> None:
+        self.poses: list[F64] = []
+        self.broken: list[str] = []  # channels of somebody else's that failed, and why
+        self._pictures: list[Path | None] = []
+        self._channels = dict(channels)  # those that have not failed
+        self._references: dict[str, list[F32]] = {name: [] for name in channels}
+        self._covered: dict[str, list[F32]] = {name: [] for name in channels}
+        self._sizes: dict[str, int] = {}
+        self._yaw_rad = yaw_rad
+
+    @property
+    def has_covered(self) -> bool:
+        """Whether there was a picture with the lens covered."""
+        return any(self._covered.values())
+
+    def add(self, picture: SurveyPicture) -> None:
+        """Measure a picture by every channel."""
+        rows = self._covered if picture.pose is None else self._references
+        for name, channel in list(self._channels.items()):
+            row = self._measured(name, channel, picture.image)
+            if row is None:
+                del self._channels[name]
+            else:
+                rows[name].append(row)
+                self._sizes[name] = len(row)
+        if picture.pose is not None:
+            self.poses.append(picture.pose - [0.0, 0.0, self._yaw_rad])
+            self._pictures.append(None if picture.path is None else picture.path.resolve())
+
+    def library(self, name: str, arena: Arena, display_units: str) -> Library:
+        """Make a library of it."""
+        index = {one: _index(self._references[one], self._covered[one]) for one in self._channels}
+        return Library(name, np.array(self.poses), tuple(self._pictures), index, arena, display_units)
+
+    def _measured(self, name: str, channel: Channel, image: U8) -> F32 | None:
+        if name in OUR_NAMES:
+            return channel.describe(image)
+        try:
+            return describe(channel, image, self._sizes.get(name))
+        except ValueError as problem:
+            self.broken.append(f"{' '.join(str(problem).split())}; the library is built without it")
+            return None
+
+
+def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:
+    """Give the named channels, or all; ValueError for a name that is none."""
+    unknown = [name for name in names or () if name not in CHANNELS]
+    if unknown:
+        raise ValueError(f"found channel {unknown[0]!r}, expected one of {', '.join(CHANNELS)}")
+    return {name: CHANNELS[name] for name in (CHANNELS if names is None else names)}
+
+
+def _index(references: list[F32], covered: list[F32]) -> ChannelIndex:
+    rows = np.array(references, np.float32)
+    floor = np.mean(covered, axis=0, dtype=np.float64) if covered else np.zeros(rows.shape[1])
+    return ChannelIndex(rows, np.asarray(floor, np.float32), rows.max(axis=0))
+
+
+def _warnings(log: Survey, library: Library, covered: bool) -> list[str]:
+    texts = list(log.warnings)
+    if log.problem_count:
+        texts.append(f"{log.path}: {log.problem_count} broken records skipped, the first: {log.problems[0]}")
+    if not covered:
+        texts.append(f"{log.path}: found no picture with the lens covered, so the noise floor is zero")
+    x_min, y_min, x_max, y_max = library.arena.bounds
+    x, y = library.poses[:, 0], library.poses[:, 1]
+    outside = int(((x < x_min) | (x > x_max) | (y < y_min) | (y > y_max)).sum())
+    if outside:
+        texts.append(f"{log.path}: {outside} of {library.size} surveyed poses lie outside the map")
+    return texts
+
+
+def silent(text: str) -> None:
+    """Drop a warning that nobody asked for."""
+
+
+# Libraries on disk: a library folder is read, a survey log is built once and kept in the cache.
+
+__all__ = ["build_library", "library_key", "load_library", "open_library", "save_library"]
+
+
+def open_library(
+    path: Path,
+    channels: Sequence[str] | None = None,
+    *,
+    keep_going: bool = False,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Library:
+    """Read a library folder, or build a survey log's library unless the cache has it.
+
+    The cache knows a library by the content of log and pictures and by the channels' parameters; what is
+    damaged there is built again. LogError for anything that is neither library nor survey.
+    """
+    if path.is_dir():
+        return load_library(path)
+    kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
+    cached = _from_cache(kept, warn)
+    if cached is not None and set(chosen_channels(channels)) <= set(cached.index):
+        return cached  # else a channel failed when it was built, and may have been mended since
+    warnings: list[str] = []
+    built = build_library(path, channels, keep_going=keep_going, progress=progress, warn=warnings.append)
+    kept_now = _into_cache(built, kept, warnings)
+    for text in warnings:
+        (warn or silent)(text)
+    return kept_now
+
+
+def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_going: bool = False) -> str:
+    """Name a survey's library by content: log, pictures, channel parameters, and what decodes pictures."""
+    parameters = {name: channel.parameters() for name, channel in chosen_channels(channels).items()}
+    made_by = [VERSION, keep_going, parameters, cv2.__version__]
+    _, kind = read_header(survey)
+    digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode())
+    digest.update(hash_file(survey).encode())
+    for record in read_records(survey, kind, Findings(keep_going=True)):
+        if isinstance(record, PictureRecord) and record.path is not None:
+            file = survey.parent / record.path
+            digest.update((hash_file(file) if file.is_file() else "missing").encode())
+    return digest.hexdigest()[:32]
+
+
+def _from_cache(kept: Path, warn: Warn | None) -> Library | None:
+    try:
+        library = load_library(kept)
+        for text in manifest_warnings(kept):
+            (warn or silent)(text)
+    except (LogError, ValueError):  # not there, or damaged: it is only a cache
+        return None
+    return library
+
+
+def _into_cache(built: Library, kept: Path, warnings: list[str]) -> Library:
+    """Keep a library; where that fails the built one serves as well, with its pictures at the survey."""
+    there = kept.exists()  # asked before it is read: what comes into place afterwards is never thrown away
+    quicker = _from_cache(kept, None)
+    if quicker is not None and set(built.index) <= set(quicker.index):
+        return quicker
+    try:
+        if there:
+            discard(kept)  # it is damaged, or lacks a channel
+        save_library(built, kept, warnings=warnings)
+        not_kept = "it was removed meanwhile"
+    except (LogError, OSError) as problem:
+        not_kept = str(problem)
+    library = _from_cache(kept, None)  # ours, or that of another process that was quicker still
+    if library is None:
+        warnings.append(f"the library was not kept for next time: {not_kept}")
+    return library or built

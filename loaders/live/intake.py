@@ -1,0 +1,235 @@
+"""Live lines, checked: a header, then records in time order on one clock."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from maurice_mcl.session import SessionInfo
+
+from ..io.fields import MOST_T_S, FieldError, up_to
+from ..io.findings import Findings
+from ..io.pictures import PictureError
+from ..session_log.header import header_from_json
+from ..session_log.reader import picture_bytes
+from ..session_log.records import Event, Line, PictureRecord, Record, parse_object, record_of
+from .listening import Begun, Broken, Listening, Lost
+from .source import LiveError, LiveSource
+
+# One clock for a session whose source may begin anew: times that do not fall.
+
+APART_S = 2.0  # put between two beginnings: truth is not joined over more than 1 s
+SET_BACK = 20  # records running that fall mean that the clock was set back
+
+
+class LiveClock:
+    """Moves the times of a source that begins anew behind those that it said before."""
+
+    def __init__(self) -> None:
+        self.shift_s = 0.0  # added to what the source says
+        self.last_s = -math.inf  # the last time given
+        self._anew = True
+        self._falls = 0
+
+    def begin_anew(self) -> None:
+        """Hear that the next time may come from another clock."""
+        self._anew = True
+
+    def time(self, t_s: float) -> float:
+        """Give the session's time for the source's. FieldError for one that falls, or is too large.
+
+        A clock that goes on after a pause keeps its times. One that has begun anew, or that falls for 20
+        records running, is moved to 2 s behind the last time.
+        """
+        if t_s + self.shift_s < self.last_s:
+            self._falls += 1
+            if not self._anew and self._falls < SET_BACK:
+                found = f"found t {t_s:.15g} after t {self.last_s - self.shift_s:.15g}"
+                raise FieldError(f"{found}, expected time not to fall")
+            self.shift_s = self.last_s + APART_S - t_s
+        if abs(t_s + self.shift_s) > MOST_T_S:
+            raise FieldError(f"found t {t_s:.15g}, expected {up_to(MOST_T_S)}")
+        self._anew, self._falls = False, 0
+        self.last_s = t_s + self.shift_s
+        return self.last_s
+
+
+# What a live source says, checked line by line: a header, then records in time order.
+
+MOST_BROKEN = 100  # lines running that make no sense: a peer is hung up on
+GAP = "gap"  # first word of the event that says so
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heard:
+    """A record, and the line that it stands in."""
+
+    record: Record
+    line: bytes  # with its end
+
+
+@dataclass(slots=True)
+class Counts:
+    """What came of a source so far."""
+
+    records: int = 0
+    pictures: int = 0
+    broken: int = 0  # lines left out
+    gaps: int = 0  # times that it was away
+
+
+class Intake:
+    """Goes through a source once. What is broken is counted and left out; LiveError where nothing is left."""
+
+    def __init__(
+        self, source: LiveSource, listening: Listening, findings: Findings, say: Callable[[str], None]
+    ) -> None:
+        """Say in a line what people want to know at once through `say`."""
+        self.info: SessionInfo | None = None  # from the first header on
+        self.counts = Counts()
+        self._source, self._listening, self._findings, self._say = source, listening, findings, say
+        self._clock = LiveClock()
+        self._header_next = True
+        self._broken_running = 0
+        self._why = ""  # it is away
+        self._hung_up = ""  # why we hung up the last time
+        self._away_since_s: float | None = None
+
+    def __iter__(self) -> Iterator[Heard | None]:
+        """Give the records; None when nothing came for a moment, and when a header did."""
+        for arrival in self._listening:
+            if arrival is None:
+                yield None
+            elif isinstance(arrival, Line):
+                yield from self._take(arrival)
+            elif isinstance(arrival, Broken):
+                self._count(LiveError(self._source.name, arrival.why))
+            elif isinstance(arrival, Begun):
+                self._header_next, self._broken_running = True, 0
+            else:
+                self._lose(arrival)
+                yield None
+        if self.info is None and not self._listening.stopped:
+            reason = self._hung_up or self._why
+            why = f"found no session log there ({reason})" if reason else "found nothing"
+            raise LiveError(self._source.name, f"{why}, expected its header; is this the right source?")
+
+    @property
+    def away(self) -> bool:
+        """Tell whether the source is away now."""
+        return self._away_since_s is not None
+
+    def _take(self, line: Line) -> Iterator[Heard | None]:
+        if not line.data.strip():
+            return
+        try:
+            if line.too_long:
+                raise FieldError(f"found a line of more than {len(line.data) // 2**20} MiB")
+            if self._header_next or _is_header(line):
+                self._greet(line)
+                yield None
+                return
+            record = record_of(line, "session")
+            t_s = self._clock.time(record.t_s)
+            yield from self._mind_the_gap(t_s)
+            heard = self._as_recorded(record, line, t_s)
+        except FieldError as problem:
+            self._broken(line, problem)
+            return
+        self._broken_running = 0
+        self._listening.heard()
+        self.counts.records += 1
+        self.counts.pictures += isinstance(record, PictureRecord)
+        yield heard
+
+    def _greet(self, line: Line) -> None:
+        """Take in a header; the first one stays, and a later one means that the source has begun anew."""
+        info, kind = header_from_json(parse_object(line), self._folder / "live")
+        if kind != "session":
+            raise FieldError(f"found a {kind} log, expected a session log")
+        self._header_next = False
+        self._listening.greeted()
+        self._clock.begin_anew()
+        if self.info is None:
+            self.info = info
+        elif (info.name, info.robot, info.cameras) != (self.info.name, self.info.robot, self.info.cameras):
+            self._findings.warning(
+                f"{self._source.name}: came back with another header ({info.name}); the first one stays"
+            )
+
+    def _lose(self, lost: Lost) -> None:
+        if lost.why != self._why:
+            self._say(f"{self._source.name}: {lost.why}; trying again")
+        self._why = lost.why
+        self._hung_up = lost.why if lost.hung_up else self._hung_up
+        if self._away_since_s is None:
+            self._away_since_s = time.monotonic()
+
+    def _mind_the_gap(self, t_s: float) -> Iterator[Heard]:
+        """Say by an event that the source was away."""
+        if self._away_since_s is None:
+            return
+        away_s, self._away_since_s, self._why = time.monotonic() - self._away_since_s, None, ""
+        if self.counts.records:
+            self.counts.gaps += 1
+            text = f"{GAP}: the source was away for {away_s:.1f} s"
+            self._say(f"{self._source.name}: back after {away_s:.1f} s")
+            yield Heard(Event(0, t_s, text), _line({"t": t_s, "event": text}))
+
+    def _as_recorded(self, record: Record, line: Line, t_s: float) -> Heard:
+        """Give a record that stands for itself: with its session's time, its picture inside. FieldError."""
+        by_path = isinstance(record, PictureRecord) and record.path is not None
+        if not by_path and not self._clock.shift_s:
+            return Heard(record, line.data + b"\n")
+        said, record = parse_object(line) | {"t": t_s}, replace(record, t_s=t_s)
+        if by_path and isinstance(record, PictureRecord):
+            inline = self._inline(record)
+            said["image"] = {"base64": inline}
+            record = replace(record, base64=inline)  # its path stays, for people
+        return Heard(record, _line(said))
+
+    def _inline(self, record: PictureRecord) -> str:
+        if self._source.folder is None:
+            raise FieldError(f"found a picture by its path {record.path!r}, expected it inline as base64")
+        try:
+            return base64.b64encode(picture_bytes(record, self._folder / "live")).decode("ascii")
+        except PictureError as problem:
+            raise FieldError(f"{record.path}: {problem}") from None
+
+    @property
+    def _folder(self) -> Path:
+        return self._source.folder or Path.cwd()
+
+    def _broken(self, line: Line, problem: FieldError) -> None:
+        """Count a line that makes no sense; end the connection where nothing else is to be expected."""
+        if not line.ended and not line.too_long:
+            self._findings.warning(f"{self._source.name}: the last line was cut off and was left out")
+            return
+        error = LiveError(self._source.name, str(problem), line.number)
+        if self._header_next and self.info is None:
+            raise error
+        self._count(error)
+        if self._source.peer and (self._header_next or self._broken_running >= MOST_BROKEN):
+            self._listening.hang_up(f"does not speak the session log ({problem}); hung up")
+
+    def _count(self, error: LiveError) -> None:
+        self.counts.broken += 1
+        self._broken_running += 1
+        self._findings.problem(error)
+
+
+def _is_header(line: Line) -> bool:
+    """Tell a header in the middle: a writer that has begun anew in the same file."""
+    if b'"format"' not in line.data[:200] or not line.data.lstrip().startswith(b"{"):
+        return False
+    return "format" in parse_object(line)
+
+
+def _line(value: dict[str, Any]) -> bytes:
+    return (json.dumps(value, allow_nan=False) + "\n").encode()  # ASCII: a note may hold half a character

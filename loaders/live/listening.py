@@ -1,0 +1,201 @@
+"""Listening to a live source: its bytes as lines, and reconnecting when it goes away."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from threading import Event
+from typing import TypeAlias
+
+from ..errors import LogError
+from ..io.fields import FieldError
+from ..session_log.records import Line
+from .channels import Channel
+from .source import LiveSource
+
+# Bytes as they come, cut into lines: a peer that sends an endless line costs no more than a long one.
+
+MOST_LINE_BYTES = 16 * 2**20  # a picture of 12 megapixels inline; more is no log
+
+
+class LineCutter:
+    """Takes in bytes in any portions and gives the same lines whatever the portions were."""
+
+    def __init__(self, most: int = MOST_LINE_BYTES) -> None:
+        """Hold at most `most` bytes of a line; what is beyond that is dropped, and the line marked."""
+        self._most = most
+        self._held = bytearray()
+        self._too_long = False
+        self._number = 0
+
+    @property
+    def overflowing(self) -> bool:
+        """Tell whether the line that is coming in is too long already."""
+        return self._too_long
+
+    def feed(self, data: bytes) -> list[Line]:
+        """Take in some bytes; give the lines that end within them."""
+        lines, begin = [], 0
+        while (end := data.find(b"\n", begin)) >= 0:
+            self._hold(data[begin:end])
+            lines.append(self._take(ended=True))
+            begin = end + 1
+        self._hold(data[begin:])
+        return lines
+
+    def rest(self) -> Line | None:
+        """Give the line that has no end, when no more will come; None where the last one had its end."""
+        return self._take(ended=False) if self._held else None
+
+    def _hold(self, piece: bytes) -> None:
+        self._too_long = self._too_long or len(self._held) + len(piece) > self._most
+        self._held += piece[: self._most - len(self._held)]
+
+    def _take(self, *, ended: bool) -> Line:
+        self._number += 1
+        line = Line(self._number, bytes(self._held).rstrip(b"\r"), ended, self._too_long)
+        self._held, self._too_long = bytearray(), False
+        return line
+
+
+# Listening to a live source as long as it makes sense: what goes away is tried again, ever more slowly.
+
+POLL_S = 0.25  # how often the one who listens looks whether it is over
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0  # between two attempts
+SENSE_S = 10.0  # a peer that says nothing of sense for so long after a connection is hung up on
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """A connection stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The source is away, or was never there."""
+
+    why: str
+    hung_up: bool = False  # by us, because of what it said
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """Something that no line could be made of."""
+
+    why: str
+
+
+Arrival: TypeAlias = Line | Broken | Begun | Lost | None  # None: nothing came for a moment
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """When listening ends by itself."""
+
+    away_s: float = 30.0  # a source that is away for so long does not come back
+    silent_s: float | None = None  # one that is there and says nothing; None: for ever
+
+
+class Listening:
+    """Gives what arrives, over as many connections as it takes, until told to stop or out of patience."""
+
+    def __init__(self, source: LiveSource, stop: Event, patience: Patience | None = None) -> None:
+        self.ended = ""  # why, when it has ended by itself
+        self._source, self._stop = source, stop
+        self._patience = patience or Patience()
+        self._wait_s = FIRST_WAIT_S
+        self._heard_s = time.monotonic()
+        self._begun_s = 0.0
+        self._sense = False  # made since the connection began
+        self._ever = False  # made at all
+        self._hung_up = ""
+
+    @property
+    def stopped(self) -> bool:
+        """Tell whether it was told to stop."""
+        return self._stop.is_set()
+
+    def greeted(self) -> None:
+        """Hear that there was a header, which is sense, but no reason for patience."""
+        self._sense = self._ever = True
+
+    def heard(self) -> None:
+        """Hear that the last line was a record."""
+        self._heard_s = time.monotonic()
+        self._sense = self._ever = True
+        self._wait_s = FIRST_WAIT_S
+
+    def hang_up(self, why: str) -> None:
+        """End this connection; the next one is tried for after a while."""
+        self._hung_up = why
+
+    def __iter__(self) -> Iterator[Arrival]:
+        while not self._stop.is_set():
+            try:
+                channel = self._source.connect()
+            except OSError as problem:
+                yield Lost(_said(problem))
+            else:
+                yield Begun()
+                yield from self._connection(channel)
+                if self._source.once:
+                    return
+            if self._out_of_patience():
+                return
+            self._stop.wait(self._wait_s)
+            self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
+
+    def _connection(self, channel: Channel) -> Iterator[Arrival]:
+        """Give the lines of one connection, and at its end why it did, unless we ended it."""
+        cutter, why = LineCutter(), "has hung up"
+        self._begun_s, self._sense, self._hung_up = time.monotonic(), False, ""
+        try:
+            while not self._stop.is_set():
+                try:
+                    data = channel.read(POLL_S)
+                except FieldError as problem:
+                    yield Broken(str(problem))
+                except LogError as problem:  # it can never be read; unless it could before
+                    if not self._ever:
+                        raise
+                    self.hang_up(problem.message)
+                else:
+                    if data == b"":
+                        break
+                    yield from [None] if data is None else cutter.feed(data)
+                self._judge(cutter)
+                if self._hung_up or self._silent_too_long():
+                    break
+            if not self._hung_up and (rest := cutter.rest()) is not None:
+                yield rest
+        except OSError as problem:
+            why = _said(problem)
+        finally:
+            channel.close()
+        if not self._stop.is_set() and not self._source.once and not self.ended:
+            yield Lost(self._hung_up or why, bool(self._hung_up))
+
+    def _judge(self, cutter: LineCutter) -> None:
+        """Hang up on a peer that sends an endless line, or nothing of sense."""
+        if not self._source.peer:
+            return
+        if cutter.overflowing:
+            self.hang_up(f"sends a line of more than {MOST_LINE_BYTES // 2**20} MiB; hung up")
+        elif not self._sense and time.monotonic() - self._begun_s > SENSE_S:
+            self.hang_up(f"says nothing that makes sense for {SENSE_S:g} s; hung up")
+
+    def _silent_too_long(self) -> bool:
+        limit = self._patience.silent_s
+        if limit is not None and time.monotonic() - self._heard_s > limit:
+            self.ended = f"{self._source.name} has said nothing for {limit:g} s"
+        return bool(self.ended)
+
+    def _out_of_patience(self) -> bool:
+        if not self.ended and time.monotonic() - self._heard_s > self._patience.away_s:
+            self.ended = f"{self._source.name} was away for {self._patience.away_s:g} s"
+        return bool(self.ended)
+
+
+def _said(problem: OSError) -> str:
+    return str(problem.strerror or problem or type(problem).__name__)

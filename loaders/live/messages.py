@@ -1,0 +1,367 @@
+"""Messages of a running robot as lines of a session log."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import time
+from bisect import insort
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+
+from ..bags.images import picture_of
+from ..bags.messages import (
+    TRANSFORMS,
+    FrameTree,
+    known_type,
+    links_of,
+    planar,
+    pose_of,
+    stamp_ns,
+    use_recorded,
+)
+from ..bags.source import Message
+from ..bags.topics import Route
+from ..bags.video import Video, codec_of
+from ..io.fields import MOST_T_S, FieldError, show, up_to
+from ..io.pictures import encode_jpeg
+from ..recording import TruthPose, interpolated, motion_between
+
+# Where a running robot says that it is: what each topic's messages tell, and the poses told lately.
+
+MOST_KEPT = 2000  # poses of one topic that pictures are looked up in
+MOST_FRAMES = 1000  # in a tree of transforms; robots have some tens
+
+NO_POSE = (ArithmeticError, AttributeError, TypeError, ValueError)  # raised by messages that are none
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A pose, and when the message says that it was measured."""
+
+    stamp_ns: int | None
+    pose: F64  # (3,)
+
+
+class Teller:
+    """Reads the poses that a topic tells, or two frames of the transforms."""
+
+    def __init__(self, route: Route) -> None:
+        self._route = route
+        self._tree = FrameTree()
+
+    def hears(self, topic: str, kind: str) -> bool:
+        """Tell whether it is concerned with a topic; of transforms it needs all."""
+        if self._route.frames is not None:
+            return known_type(kind) in TRANSFORMS
+        return topic == self._route.topic
+
+    def tell(self, message: Any, *, static: bool) -> Iterator[Told]:
+        """Give the pose that a message tells, if it tells one. FieldError for a message without sense.
+
+        What a topic of `static` transforms says is no movement, and its time is none of a movement.
+        """
+        try:
+            if self._route.frames is None:
+                yield Told(time_of(message), pose_of(message))
+                return
+            news = self._tree.news(links_of(message), *self._route.frames)
+            stamp = None if news is None else in_range(news[0])
+        except NO_POSE as problem:
+            raise FieldError(f"found no pose in a message ({short(problem)})") from None
+        if len(self._tree) > MOST_FRAMES:
+            self._tree = FrameTree()
+        if news is not None and not static:
+            yield Told(stamp, planar(news[1]))
+
+
+class Track:
+    """The poses that one topic has told lately, by their times."""
+
+    def __init__(self) -> None:
+        self.first: F64 | None = None
+        self._poses: deque[tuple[float, int, F64]] = deque()
+        self._number = 0
+
+    @property
+    def last_s(self) -> float:
+        """The latest time of a pose."""
+        return self._poses[-1][0] if self._poses else float("-inf")
+
+    def add(self, t_s: float, pose: F64) -> None:
+        """Take in a pose, also one that comes a little late."""
+        self._number += 1
+        self.first = pose if self.first is None else self.first
+        if t_s >= self.last_s:
+            self._poses.append((t_s, self._number, pose))
+        else:
+            insort(self._poses, (t_s, self._number, pose))
+        if len(self._poses) > MOST_KEPT:
+            self._poses.popleft()
+
+    def at(self, t_s: float, max_dt_s: float) -> F64 | None:
+        """Give the pose (3,) at a time: between two that near, or the only one that is."""
+        before = next((one for one in reversed(self._poses) if one[0] <= t_s), None)
+        after = next((one for one in self._poses if one[0] >= t_s), None) if self.last_s >= t_s else None
+        if before is not None and before is after:
+            return before[2]
+        near = [one for one in (before, after) if one is not None and abs(one[0] - t_s) <= max_dt_s]
+        if len(near) == 2:
+            return interpolated(TruthPose(near[0][0], near[0][2]), TruthPose(near[1][0], near[1][2]), t_s)
+        return near[0][2] if near else None
+
+
+def time_of(message: Any) -> int | None:
+    """Give the time in ns that a message says it was measured at. ValueError, or one of `NO_POSE`."""
+    return in_range(stamp_ns(message))
+
+
+def in_range(stamp: int | None) -> int | None:
+    """Give a time in ns back. FieldError for one that is no time of a session."""
+    if stamp is not None and abs(stamp) > MOST_T_S * 10**9:
+        raise FieldError(f"found the time {show(stamp)} ns, expected {up_to(MOST_T_S)} in seconds")
+    return stamp
+
+
+def short(problem: Exception) -> str:
+    """Say what is wrong in a short line."""
+    return " ".join(str(problem).split())[:200] or type(problem).__name__
+
+
+# Messages of a running robot as lines of a session log: pictures, and what moved between them.
+
+MOST_PICTURES = 8  # that wait for the odometry after them ...
+LONGEST_S = 1.0  # ... and for how long by our own clock
+MOST_UNDATED = 50  # messages held back until every topic has shown what its times are worth
+COMPRESSED = re.compile(r"jpe?g|png|webp", re.I)
+IMAGE, ODOMETRY, TRUTH = "image", "odometry", "truth"
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """What is read: a topic of pictures, and where poses come from."""
+
+    image: str | None
+    odometry: Route | None = None
+    truth: Route | None = None
+    transforms: tuple[str, ...] = ()  # topics of transforms, all of them, where frames are wanted
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All topics to listen to, each once."""
+        poses = [route.topic for route in self.routes.values()]
+        return tuple(dict.fromkeys(name for name in (self.image, *poses, *self.transforms) if name))
+
+    @property
+    def routes(self) -> Mapping[str, Route]:
+        """Where poses come from, by "odometry" and "truth"."""
+        found = {ODOMETRY: self.odometry, TRUTH: self.truth}
+        return {role: route for role, route in found.items() if route is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """What a message says for one role; the stamp is the message's own."""
+
+    role: str
+    stamp_ns: int | None
+    log_ns: int
+    said: Any  # a picture not encoded yet, or a pose (3,)
+
+
+def json_message(data: bytes | str) -> Any:
+    """Decode a JSON message into an object with its fields."""
+    return json.loads(data, object_hook=as_object)
+
+
+def as_object(found: dict[str, Any]) -> Any:
+    """Give a JSON object as an object with fields; the parts of a ROS 1 time are named as in ROS 2."""
+    if found.keys() == {"secs", "nsecs"}:
+        found = {"sec": found["secs"], "nanosec": found["nsecs"]}
+    return SimpleNamespace(**found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Unencoded:
+    """A picture as it came."""
+
+    encoded: Callable[[], str]  # gives its file as base64. FieldError where it cannot be read
+    note: str = ""  # what one should know of it
+
+
+class Translator:
+    """Turns messages into records of a session log, as objects to be written as lines."""
+
+    def __init__(self, max_dt_s: float) -> None:
+        self.problems: deque[FieldError] = deque(maxlen=100)  # pictures that were left out
+        self._max_dt_s = max_dt_s
+        self._tracks = {ODOMETRY: Track(), TRUTH: Track()}
+        self._tellers: dict[Route, Teller] = {}
+        self._undated: list[_Item] | None = []  # None once it is known what times are worth
+        self._recorded = False  # the times that messages carry are of no use
+        self._pictures: deque[tuple[float, float, _Unencoded]] = deque()  # time, our own clock's
+        self._last_pose: F64 | None = None
+        self._last_s = float("-inf")
+        self._has_odometry = False
+        self._video = Video()
+
+    def take(self, message: Message, topics: Topics) -> Iterator[dict[str, Any]]:
+        """Take in a message. FieldError for one that makes no sense."""
+        self._has_odometry = topics.odometry is not None
+        for item in self._items(message, topics):
+            if self._undated is None:
+                yield from self._sort(item)
+                continue
+            self._undated.append(item)
+            roles = {one.role for one in self._undated}
+            if roles >= {IMAGE, *topics.routes} or self._many_undated():
+                yield from self._settle_clock()
+
+    def _items(self, message: Message, topics: Topics) -> Iterator[_Item]:
+        """Give what a message says, for each role that it is read for."""
+        tellers = {
+            role: self._tellers.setdefault(route, Teller(route)) for role, route in topics.routes.items()
+        }
+        hearing = {role: one for role, one in tellers.items() if one.hears(message.topic, message.type)}
+        if message.topic != topics.image and not hearing:
+            return
+        found = decoded(message)
+        if message.topic == topics.image:
+            stamp = _stamp(found)
+            picture = self._picture(found, (message.log_ns if stamp is None else stamp) / 1e9)
+            if picture is not None:
+                yield _Item(IMAGE, stamp, message.log_ns, picture)
+        for role, teller in hearing.items():
+            for told in teller.tell(found, static="static" in message.topic):
+                yield _Item(role, told.stamp_ns, message.log_ns, told.pose)
+
+    def _picture(self, message: Any, t_s: float) -> _Unencoded | None:
+        """Give a message's picture; None for video before its first key frame."""
+        if codec_of(message) is None:
+            return _Unencoded(_encoded(message))
+        try:
+            part = self._video.add(message, t_s)
+        except NO_POSE as problem:
+            raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None
+        return None if part is None else _Unencoded(partial(_as_jpeg, part.read), part.note)
+
+    def idle(self) -> Iterator[dict[str, Any]]:
+        """Give what has waited long enough, when nothing comes."""
+        if self._undated:
+            yield from self._settle_clock()
+        yield from self._ready()
+
+    def _many_undated(self) -> bool:
+        undated = self._undated or []
+        return len(undated) > MOST_UNDATED or sum(one.role == IMAGE for one in undated) > MOST_PICTURES
+
+    def _settle_clock(self) -> Iterator[dict[str, Any]]:
+        undated, self._undated = self._undated or [], None
+        stamps: dict[str, list[tuple[int | None, int]]] = {}
+        for one in undated:
+            stamps.setdefault(one.role, []).append((one.stamp_ns, one.log_ns))
+        if why := use_recorded(stamps):
+            self._recorded = True
+            t_s = undated[0].log_ns / 1e9
+            yield {"t": t_s, "event": f"clock: the bridge's times are used, because {why}"}
+        for one in undated:
+            yield from self._sort(one)
+
+    def _sort(self, item: _Item) -> Iterator[dict[str, Any]]:
+        stamp = None if self._recorded else item.stamp_ns
+        t_s = (item.log_ns if stamp is None else stamp) / 1e9
+        if item.role == IMAGE:
+            self._pictures.append((t_s, time.monotonic(), item.said))
+        else:
+            self._tracks[item.role].add(t_s, item.said)
+        yield from self._ready()
+
+    def _ready(self) -> Iterator[dict[str, Any]]:
+        """Give the pictures about which nothing more will be known."""
+        while self._pictures:
+            t_s, since_s, picture = self._pictures[0]
+            known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
+            waited = time.monotonic() - since_s > LONGEST_S or len(self._pictures) > MOST_PICTURES
+            if not known and not waited:
+                return
+            self._pictures.popleft()
+            try:
+                yield from self._lines(t_s, picture)
+            except FieldError as problem:  # before any of its lines
+                self.problems.append(problem)
+
+    def _lines(self, t_s: float, picture: _Unencoded) -> Iterator[dict[str, Any]]:
+        """Give the lines of one picture: what moved, the truth, the picture."""
+        if t_s < self._last_s:
+            raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
+        pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
+        if pose is None and self._has_odometry:
+            raise FieldError(f"found no odometry within {self._max_dt_s:g} s of a picture; see --max-dt")
+        image = {"base64": picture.encoded()}
+        self._last_s = t_s
+        if pose is not None:
+            before = self._tracks[ODOMETRY].first if self._last_pose is None else self._last_pose
+            self._last_pose = pose
+            if before is not None and not np.array_equal(before, pose):
+                yield {"t": t_s, "odometry": motion_between(before, pose).tolist()}
+        truth = self._tracks[TRUTH].at(t_s, self._max_dt_s)
+        if truth is not None:
+            yield {"t": t_s, "truth": truth.tolist()}
+        if picture.note:
+            yield {"t": t_s, "event": picture.note}
+        yield {"t": t_s, "image": image}
+
+
+def decoded(message: Message) -> Any:
+    """Decode a message. FieldError where that does not work."""
+    try:
+        return message.decode()
+    except Exception as problem:  # decoders raise anything on what a broken peer sends
+        raise FieldError(
+            f"found a message of {message.topic} that cannot be decoded ({short(problem)})"
+        ) from None
+
+
+def _stamp(message: Any) -> int | None:
+    try:
+        return time_of(message)
+    except NO_POSE as problem:
+        raise FieldError(f"found a message whose time makes no sense ({short(problem)})") from None
+
+
+def _encoded(message: Any) -> Callable[[], str]:
+    """Give what makes a picture's file as base64: as it came where it is compressed, else as JPEG."""
+    form = str(getattr(message, "format", ""))
+    if hasattr(message, "encoding") or not COMPRESSED.search(form) or "Depth" in form:
+        return partial(_as_jpeg, partial(picture_of, message))
+    return partial(_as_it_came, message)
+
+
+def _as_it_came(message: Any) -> str:
+    with _usable():
+        data = message.data
+        return data if isinstance(data, str) else base64.b64encode(bytes(data)).decode("ascii")
+
+
+def _as_jpeg(read: Callable[[], U8]) -> str:
+    with _usable():
+        return base64.b64encode(encode_jpeg(read())).decode("ascii")
+
+
+@contextmanager
+def _usable() -> Iterator[None]:
+    """Raise FieldError where a picture cannot be read."""
+    try:
+        yield
+    except NO_POSE as problem:
+        raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None

@@ -1,0 +1,316 @@
+"""A live source as a session: one thread listens and records, whoever asks for moments gets the latest."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Condition, Thread
+from threading import Event as Flag
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.session import Frame, Moment, SessionInfo
+
+from ..io.findings import Finder, Findings
+from ..io.pictures import PictureError, decode_picture
+from ..recording import moved, together
+from ..session_log.header import Kind
+from ..session_log.reader import CameraChoice, picture_bytes
+from ..session_log.records import Event, Odometry, PictureRecord, Record
+from ..session_log.truth import with_truth
+from ..transforms.gating import Gate
+from ..transforms.time_alignment import as_rows
+from .intake import Counts, Heard, Intake
+from .listening import Listening, Patience
+from .recorder import LiveRecorder
+from .source import LiveError, LiveSource
+
+# Pictures that wait for the filter, few enough: what cannot be kept up with is left out and counted.
+
+ROOM = 4  # pictures that wait; the view is at most so many updates behind
+MOST_MOTIONS = 1000  # kept apart for one picture; more are joined, two by two
+MOST_EVENTS = 1000  # kept for one picture; more are dropped
+
+
+@dataclass(slots=True, eq=False)
+class Waiting:
+    """A picture, and what belongs to it."""
+
+    picture: PictureRecord
+    truth: F64 | None
+    motions: list[F64] = field(default_factory=list)  # (3,) each, since the picture before
+    events: list[str] = field(default_factory=list)
+
+    def follow(self, earlier: Waiting) -> None:
+        """Take over what moved and happened before a picture that was left out."""
+        self.motions = joined([*earlier.motions, *self.motions])
+        self.events = [*earlier.events, *self.events][:MOST_EVENTS]
+
+
+class Backlog:
+    """Hands pictures from the one who listens to the one who filters.
+
+    With `keep_up` the oldest that waits is left out when there is no room; its motions and events go to the
+    next one. Otherwise whoever puts waits, which a file or a pipe does not mind.
+    """
+
+    def __init__(self, *, keep_up: bool, room: int = ROOM) -> None:
+        self.skipped = 0
+        self._keep_up, self._room = keep_up, room
+        self._waiting: deque[Waiting] = deque()
+        self._changed = Condition()
+        self._over = False
+
+    def put(self, one: Waiting, stop: Flag) -> None:
+        """Add a picture, unless told to stop while waiting for room."""
+        with self._changed:
+            while len(self._waiting) >= self._room and not self._keep_up and not stop.is_set():
+                self._changed.wait(LOOK_S)
+            self._waiting.append(one)
+            if len(self._waiting) > self._room:
+                left_out = self._waiting.popleft()
+                self._waiting[0].follow(left_out)
+                self.skipped += 1
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Say that no more will come; what waits is still given."""
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()
+
+    def __iter__(self) -> Iterator[Waiting]:
+        while True:
+            with self._changed:
+                while not self._waiting and not self._over:
+                    self._changed.wait(LOOK_S)
+                if not self._waiting:
+                    return
+                one = self._waiting.popleft()
+                self._changed.notify_all()
+            yield one
+
+
+def joined(motions: list[F64]) -> list[F64]:
+    """Join neighbors of too many motions: where they lead stays the same."""
+    while len(motions) > MOST_MOTIONS:
+        pairs = zip(motions[::2], motions[1::2], strict=False)
+        odd = motions[-1:] if len(motions) % 2 else []
+        motions = [moved(first, second) for first, second in pairs] + odd
+    return motions
+
+
+# A live source as a session: one thread listens and records, whoever asks for moments gets the latest.
+
+QUIET = 4  # looks in vain (a second) after which no truth is waited for
+LOOK_S = 0.2
+FAREWELL_S = 5.0
+NOTHING_COMES = Event(0, math.inf, "")  # put among the records when nothing has come for a while
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """How a source is listened to."""
+
+    keep_up: bool | None = None  # leave pictures out when the filter is slower; None: as the source is
+    patience: Patience = field(default_factory=Patience)
+    camera: str | None = None
+    gate: Gate = field(default_factory=Gate)  # which pictures make an update
+    only_record: bool = False  # nobody asks for moments
+    library: Path | None = None  # named in the recorded header in place of the source's own survey
+
+
+class LiveSession(Finder):
+    """A drive that is going on, as a `maurice_mcl.session.Session` that can be gone through once.
+
+    Use it as a context manager: listening ends with it. With a recorder everything that makes sense is
+    written down, whether the filter keeps up or not. LogError when the source is none, or recording fails.
+    """
+
+    kind: Kind = "session"
+
+    def __init__(
+        self,
+        source: LiveSource,
+        listen: Listen | None = None,
+        recorder: LiveRecorder | None = None,
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.source, self._listen = source, listen or Listen()
+        self.keep_up = not source.waits if self._listen.keep_up is None else self._listen.keep_up
+        self._findings = Findings(keep_going=True)
+        self._stop, self._greeted = Flag(), Flag()
+        self._listening = Listening(source, self._stop, self._listen.patience)
+        self._intake = Intake(source, self._listening, self._findings, say)
+        self._backlog = Backlog(keep_up=self.keep_up)
+        self._recorder = recorder
+        self._info: SessionInfo | None = None
+        self._begin_s: float | None = None
+        self._first = True  # the first picture always makes an update
+        self._error: Exception | None = None
+        self._thread = Thread(target=self._run, name="listening", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop listening, and wait until the recording is whole; closing twice does no harm."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(FAREWELL_S)
+        if self._recorder is not None and not self._thread.is_alive():
+            self._recorder.close()  # where it was stopped before it began to listen
+
+    @property
+    def path(self) -> Path:
+        """Where it is recorded; else the source's name."""
+        return Path(self.source.name) if self._recorder is None else self._recorder.path
+
+    @property
+    def info(self) -> SessionInfo:
+        """What the header says; waits for it. LogError when none comes."""
+        while not self._greeted.wait(LOOK_S):
+            pass
+        if self._info is None:
+            raise self._error or LiveError(self.source.name, "stopped before its header came")
+        return self._info
+
+    @property
+    def info_if_any(self) -> SessionInfo | None:
+        """What the header says, if it came already."""
+        return self._info
+
+    @property
+    def begun_s(self) -> float:
+        """The time of the first record heard, by the source's own clock; 0 before it comes."""
+        return self._begin_s or 0.0
+
+    @property
+    def counts(self) -> Counts:
+        """What came so far."""
+        return self._intake.counts
+
+    @property
+    def skipped(self) -> int:
+        """How many pictures were left out so far because the filter could not keep up."""
+        return self._backlog.skipped
+
+    @property
+    def ended(self) -> str:
+        """Why listening ended by itself; nothing while it goes on, and when it was stopped."""
+        return self._listening.ended
+
+    def moments(self) -> Iterator[Moment]:
+        """Give updates as they come, once; those left out give their motions and events to the next one."""
+        step, earlier = 0, None
+        for one in self._backlog:
+            if earlier is not None:
+                one.follow(earlier)
+            try:
+                image = self._image(one.picture)
+            except PictureError as problem:
+                self._findings.problem(LiveError(self.source.name, f"{self._name(one.picture)}: {problem}"))
+                earlier = one
+                continue
+            step, earlier = step + 1, None
+            time_s = one.picture.t_s - (self._begin_s or 0.0)
+            frame = Frame(step, time_s, as_rows(one.motions), image, self._name(one.picture))
+            yield Moment(frame, one.truth, tuple(one.events))
+        if self._error is not None:
+            raise self._error
+
+    def listen(self, seen: Callable[[Counts], None] = lambda counts: None) -> None:
+        """Only listen and record, until the source ends or patience does."""
+        while self._thread.is_alive():
+            self._thread.join(LOOK_S)
+            seen(self.counts)
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        """Listen, in a thread of its own; whatever goes wrong there is raised where moments are taken."""
+        try:
+            self._take_in()
+        except Exception as problem:
+            self._error = problem
+        finally:
+            if self._recorder is not None:
+                self._recorder.close()
+            self._greeted.set()
+            self._backlog.close()
+
+    def _take_in(self) -> None:
+        taken: CameraChoice | None = None
+        motions: list[F64] = []
+        way: F64 = np.zeros(3)  # where they lead together
+        events: list[str] = []
+        for record, truth in with_truth(self._records()):
+            if isinstance(record, Odometry):
+                motions.append(record.motion)
+                way = together(way, record.motion)
+                motions = joined(motions) if len(motions) > 2 * MOST_MOTIONS else motions
+            elif isinstance(record, Event) and record is not NOTHING_COMES:
+                events = [*events[-MOST_EVENTS:], record.text]
+            elif isinstance(record, PictureRecord) and not record.covered:
+                taken = taken or self._camera()
+                if taken(record) and self._makes_an_update(way):
+                    self._backlog.put(Waiting(record, truth, motions, events), self._stop)
+                    motions, way, events = [], np.zeros(3), []
+
+    def _makes_an_update(self, way: F64) -> bool:
+        """Tell whether a picture is for the filter, by the way (3,) since the last one that was."""
+        if self._listen.only_record:
+            return False
+        if self._first or self._listen.gate.open_after(way):
+            self._first = False
+            return True
+        return False
+
+    def _records(self) -> Iterator[Record]:
+        """Record what comes, and pass it on; say when nothing does."""
+        quiet = 0
+        for heard in self._intake:
+            if self._info is None and self._intake.info is not None:
+                self._greet(self._intake.info)
+            quiet = quiet + 1 if heard is None else 0
+            if isinstance(heard, Heard):
+                if self._recorder is not None:
+                    self._recorder.add(heard.line)
+                self._begin_s = heard.record.t_s if self._begin_s is None else self._begin_s
+                yield heard.record
+            elif quiet >= QUIET or self._intake.away:
+                yield NOTHING_COMES
+
+    def _greet(self, info: SessionInfo) -> None:
+        if self._listen.library is not None:
+            info = replace(info, survey=self._listen.library.resolve())
+        if self._recorder is not None:
+            self._recorder.begin(info)
+        self._info = info
+        self._greeted.set()
+
+    def _image(self, picture: PictureRecord) -> U8:
+        return decode_picture(picture_bytes(replace(picture, path=None), self.path))
+
+    def _name(self, picture: PictureRecord) -> str:
+        return picture.path or f"line {picture.line} of {self.source.name}"
+
+    def _camera(self) -> CameraChoice:
+        known = [one.name for one in self.info.cameras]
+        wanted = self._listen.camera
+        if wanted is not None and known and wanted not in known:
+            found = f"found cameras {', '.join(known)}, expected {wanted!r} among them"
+            raise LiveError(self.source.name, found)
+        return CameraChoice(wanted or (known[0] if known else None), self._findings)

@@ -1,0 +1,180 @@
+"""The manifest of a saved run: what it was made from, with what, and how far it got."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import polars as pl
+import scipy
+from numpy.typing import NDArray
+
+from maurice_mcl.library import Library
+
+from ..errors import LogError
+from ..formats.registry import NATIVE, OpenOptions
+from ..io.fields import FieldError, flag, items, mapping, numbers, read_json, show, text
+from ..libraries.files import MANIFEST
+from .sources import Source, reading_from_json, reading_to_json, whole
+
+FORMAT, COMPARISON = "maurice-run", "maurice-runs"
+VERSION = 2
+VERSIONS = (1, VERSION)  # that can be read; 1 has no `reading` and no `table`
+READING_1 = {"format": NATIVE}  # only session logs could be saved then
+CONFIGURATION = "configuration.toml"
+MAP = "map.json"
+SHARED = ("world", "session", "compare")  # in a recording these stand for what runs share
+STATES = ("writing", "complete", "stopped", "failed")  # a killed process leaves "writing"
+
+
+@dataclass(frozen=True, slots=True)
+class RunManifest:
+    """One saved run. `start` is None for anywhere."""
+
+    label: str
+    seed: int
+    start: tuple[float, ...] | None  # x_m, y_m, heading_rad
+    channels: tuple[str, ...]
+    origin_m: tuple[float, ...]  # what the clouds' x_m and y_m are relative to
+    name: str  # of the session
+    display_units: str
+    pictures: int  # of the session
+    has_truth: bool
+    keep_going: bool
+    session: Source
+    library: Source
+    library_content: str  # of what the filter used of it, see `library_hash`
+    configuration_sha256: str
+    versions: Mapping[str, str]
+    state: str = "writing"
+    steps: int | None = None  # written when it ended; None while writing
+    reading: OpenOptions = field(default_factory=OpenOptions)  # all but its `table` and `keep_going`
+    table: Source | None = None  # what --table named
+
+
+def library_hash(library: Library, channels: Sequence[str]) -> str:
+    """Give a SHA-256 of poses, walls and measurements: two libraries of one hash give the same run."""
+    digest = sha256(repr(library.arena.bounds).encode())
+    arrays: list[NDArray[Any]] = [
+        library.poses,
+        library.arena.walls,
+        *(r.polygon for r in library.arena.obstacles),
+    ]
+    for name in channels:
+        index = library.index[name]
+        arrays += [index.references, index.noise_floor, index.relevance]
+    for array in arrays:
+        digest.update(str(array.shape).encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
+
+
+def versions_now() -> dict[str, str]:
+    """Name what a run depends on beside its inputs."""
+    named = {"maurice-replay": version("maurice-replay"), "python": platform.python_version()}
+    named |= {"numpy": np.__version__, "opencv": cv2.__version__, "scipy": scipy.__version__}
+    return named | {"polars": pl.__version__, "machine": platform.machine()}
+
+
+def write_manifest(folder: Path, manifest: RunManifest) -> None:
+    """Write it at once or not at all."""
+    found = asdict(manifest) | {"reading": reading_to_json(manifest.reading)}
+    put(folder / MANIFEST, to_bytes({"format": FORMAT, "version": VERSION, **found}))
+
+
+def ended(manifest: RunManifest, state: str, steps: int) -> RunManifest:
+    """Say how a run ended and how far it got."""
+    return replace(manifest, state=state, steps=steps)
+
+
+def to_bytes(value: Mapping[str, Any]) -> bytes:
+    """Write an object as JSON for people and programs."""
+    return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def put(file: Path, data: bytes) -> None:
+    """Write a file whole: it appears under its name when it is complete."""
+    part = file.with_name(f".{file.name}.part")
+    part.write_bytes(data)
+    part.replace(file)
+
+
+def read_manifest(folder: Path) -> RunManifest:
+    """Read the manifest of one run. LogError for anything else, in one line."""
+    found = read_object(folder, FORMAT)
+    try:
+        return _manifest(found)
+    except (FieldError, TypeError) as problem:
+        raise LogError(folder / MANIFEST, f"{problem}; is it damaged?") from None
+
+
+def read_object(folder: Path, *formats: str) -> dict[str, Any]:
+    """Read a manifest of one of some formats and of this version. LogError otherwise."""
+    file = folder / MANIFEST
+    if not file.is_file():
+        raise LogError(
+            folder, f"found no {MANIFEST} in it, expected a saved run's folder; make one with --run"
+        )
+    try:
+        found = mapping(read_json(file.read_bytes()), "manifest")
+    except ValueError as problem:
+        raise LogError(file, f"is no manifest ({problem}); is it damaged?") from None
+    if found.get("format") not in formats:
+        raise LogError(file, f"found format {show(found.get('format'))}, expected {formats[0]!r}")
+    if found.get("version") not in VERSIONS:
+        known = f"expected {VERSION} at most; replay the session again with --run"
+        raise LogError(file, f"found version {show(found.get('version'))} of the format, {known}")
+    return found
+
+
+def _manifest(found: Mapping[str, Any]) -> RunManifest:
+    start, steps, state = found.get("start"), found.get("steps"), found.get("state")
+    if state not in STATES:
+        raise FieldError(f"found state {show(state)}, expected one of {', '.join(STATES)}")
+    return RunManifest(
+        label=_label(found.get("label")),
+        seed=whole(found.get("seed"), "seed"),
+        start=None if start is None else tuple(numbers(start, 3, "start")),
+        channels=tuple(text(name, "channels") for name in items(found.get("channels"), "channels")),
+        origin_m=tuple(numbers(found.get("origin_m"), 2, "origin_m")),
+        name=text(found.get("name"), "name"),
+        display_units=_units(found.get("display_units")),
+        pictures=whole(found.get("pictures"), "pictures"),
+        has_truth=flag(found.get("has_truth"), "has_truth"),
+        keep_going=flag(found.get("keep_going"), "keep_going"),
+        session=_source(found.get("session"), "session"),
+        library=_source(found.get("library"), "library"),
+        library_content=text(found.get("library_content"), "library_content"),
+        configuration_sha256=text(found.get("configuration_sha256"), "configuration_sha256"),
+        versions={k: text(v, k) for k, v in mapping(found.get("versions"), "versions").items()},
+        state=str(state),
+        steps=None if steps is None else whole(steps, "steps"),
+        reading=reading_from_json(found.get("reading", READING_1)),
+        table=None if found.get("table") is None else _source(found["table"], "table"),
+    )
+
+
+def _source(value: Any, what: str) -> Source:
+    found = mapping(value, what)
+    return Source(*(text(found.get(key), f"{what}.{key}") for key in ("path", "beside", "sha256")))
+
+
+def _label(value: Any) -> str:
+    label = text(value, "label")
+    if "/" in label or label in SHARED:
+        raise FieldError(f"found label {show(label)}, expected a word without '/'")
+    return label
+
+
+def _units(value: Any) -> str:
+    if value not in ("m", "in"):
+        raise FieldError(f"found display_units {show(value)}, expected 'm' or 'in'")
+    return str(value)

@@ -1,0 +1,175 @@
+"""The header, the first line of a log, and the map as JSON."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from maurice_mcl.map import Arena, Region
+from maurice_mcl.session import Camera, SessionInfo
+
+from ..io.fields import FieldError, items, mapping, number, numbers, show, text
+
+# A map as a JSON object, and back.
+
+
+def arena_to_json(arena: Arena) -> dict[str, Any]:
+    """Give the header's `map` object: `bounds_m`, `walls_m`, `obstacles`, `floors`, `rooms`."""
+    return {
+        "bounds_m": [float(v) for v in arena.bounds],
+        "walls_m": arena.walls.tolist(),
+        "obstacles": _regions_to_json(arena.obstacles),
+        "floors": _regions_to_json(arena.floors),
+        "rooms": _regions_to_json(arena.rooms),
+    }
+
+
+def arena_from_json(value: Any) -> Arena:
+    """Read a `map` object; all but `bounds_m` may be left out. Raises FieldError."""
+    found = mapping(value, "map")
+    x_min, y_min, x_max, y_max = numbers(found.get("bounds_m"), 4, "map.bounds_m")
+    if x_min >= x_max or y_min >= y_max:
+        raise FieldError(f"found map.bounds_m {found['bounds_m']}, expected x_min < x_max and y_min < y_max")
+    walls = [numbers(w, 4, "map.walls_m") for w in items(found.get("walls_m", []), "map.walls_m")]
+    return Arena(
+        (x_min, y_min, x_max, y_max),
+        np.array(walls, np.float64).reshape(-1, 4),
+        _regions_from_json(found, "obstacles"),
+        _regions_from_json(found, "floors"),
+        _regions_from_json(found, "rooms"),
+    )
+
+
+def _regions_to_json(regions: Sequence[Region]) -> list[dict[str, Any]]:
+    return [{"name": r.name, "polygon_m": r.polygon.tolist()} for r in regions]
+
+
+def _regions_from_json(found: dict[str, Any], key: str) -> tuple[Region, ...]:
+    return tuple(_region(value, f"map.{key}") for value in items(found.get(key, []), f"map.{key}"))
+
+
+def _region(value: Any, what: str) -> Region:
+    found = mapping(value, what)
+    corners = [numbers(c, 2, f"{what}.polygon_m") for c in items(found.get("polygon_m"), f"{what}.polygon_m")]
+    if len(corners) < 3:
+        raise FieldError(f"found {len(corners)} corners in {what}.polygon_m, expected at least 3")
+    return Region(text(found.get("name"), f"{what}.name"), np.array(corners, np.float64))
+
+
+# The header, the first line of a log, to and from SessionInfo.
+
+FORMAT = "maurice-session-log"
+VERSION = 1
+Kind = Literal["session", "survey"]
+KINDS: tuple[Kind, ...] = ("session", "survey")
+UNITS = ("m", "in")
+
+
+def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any]:
+    """Give the header object of a log in `folder`; what is unknown is left out.
+
+    An absolute `info.survey` is written relative to the folder; a relative one is taken to be so already.
+    """
+    header: dict[str, Any] = {"format": FORMAT, "version": VERSION, "kind": kind, "name": info.name}
+    header["robot"] = {"name": info.robot} | ({} if info.motion is None else {"motion": info.motion})
+    header["cameras"] = {camera.name: _camera_to_json(camera) for camera in info.cameras}
+    header["display_units"] = info.display_units
+    if info.survey is not None:
+        header["survey"] = _relative(info.survey, folder)
+    header["start"] = None if info.start is None else [float(v) for v in info.start]
+    if info.arena is not None:
+        header["map"] = arena_to_json(info.arena)
+    header["notes"] = list(info.notes)
+    return header
+
+
+def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
+    """Read the header object of the log at `path`. Unknown keys are ignored; raises FieldError."""
+    found = mapping(value, "a header")
+    if found.get("format") != FORMAT:
+        raise FieldError(
+            f"found format {show(found.get('format'))}, expected {FORMAT!r}; is this a session log?"
+        )
+    if found.get("version") != VERSION or isinstance(found["version"], bool):
+        version = show(found.get("version"))
+        raise FieldError(
+            f"found format version {version}, expected {VERSION}; a newer maurice-replay may read it"
+        )
+    kind = next((k for k in KINDS if k == found.get("kind")), None)
+    if kind is None:
+        raise FieldError(f"found kind {show(found.get('kind'))}, expected 'session' or 'survey'")
+    return _info(found, path), kind
+
+
+def _info(found: dict[str, Any], path: Path) -> SessionInfo:
+    robot = mapping(found.get("robot") or {}, "robot")
+    motion, start, arena, survey = (
+        robot.get("motion"),
+        found.get("start"),
+        found.get("map"),
+        found.get("survey"),
+    )
+    return SessionInfo(
+        name=text(found.get("name", path.stem), "name"),
+        display_units=_units(found.get("display_units", "m")),
+        robot=text(robot.get("name", "robot"), "robot.name"),
+        motion=None if motion is None else mapping(motion, "robot.motion"),
+        cameras=tuple(_camera(n, c) for n, c in mapping(found.get("cameras") or {}, "cameras").items()),
+        start=None if start is None else np.array(numbers(start, 3, "start")),
+        survey=None if survey is None else _survey(path.parent, text(survey, "survey")),
+        arena=None if arena is None else arena_from_json(arena),
+        notes=tuple(text(n, "notes") for n in items(found.get("notes") or [], "notes")),
+    )
+
+
+def _survey(folder: Path, name: str) -> Path:
+    try:
+        return (folder / name).resolve()
+    except (OSError, RuntimeError, ValueError):  # a zero in it, links in a ring
+        raise FieldError(f"found survey {show(name)}, expected the path of a log") from None
+
+
+def _units(value: Any) -> str:
+    if value not in UNITS:
+        raise FieldError(f"found display_units {show(value)}, expected 'm' or 'in'")
+    return str(value)
+
+
+def _camera_to_json(camera: Camera) -> dict[str, Any]:
+    keys = ("width_px", "height_px", "horizontal_fov_rad", "yaw_rad", "height_m")
+    return {key: getattr(camera, key) for key in keys if getattr(camera, key) is not None}
+
+
+def _camera(name: str, value: Any) -> Camera:
+    found = mapping(value, f"cameras.{name}")
+
+    def size(key: str) -> int | None:
+        pixels = optional(key)
+        if pixels is not None and (pixels != int(pixels) or pixels < 1):
+            raise FieldError(f"found cameras.{name}.{key} {pixels}, expected a whole number of pixels")
+        return None if pixels is None else int(pixels)
+
+    def optional(key: str) -> float | None:
+        return None if found.get(key) is None else number(found[key], f"cameras.{name}.{key}")
+
+    return Camera(
+        name=name,
+        width_px=size("width_px"),
+        height_px=size("height_px"),
+        horizontal_fov_rad=optional("horizontal_fov_rad"),
+        yaw_rad=optional("yaw_rad") or 0.0,
+        height_m=optional("height_m"),
+    )
+
+
+def _relative(survey: Path, folder: Path) -> str:
+    if not survey.is_absolute():
+        return survey.as_posix()
+    try:
+        return Path(os.path.relpath(survey.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return survey.as_posix()

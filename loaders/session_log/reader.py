@@ -1,0 +1,177 @@
+"""Reading a session log or a survey log (docs/session-log.md)."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.session import Frame, Moment, SessionInfo
+
+from ..errors import LogError
+from ..io.findings import Finder, Findings
+from ..io.pictures import PictureError, decode_picture
+from .header import Kind
+from .records import Event, Odometry, PictureRecord, Truth, read_header, read_records
+from .truth import with_truth
+
+MAX_PICTURE_BYTES = 256 * 2**20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurveyPicture:
+    """One picture of a survey."""
+
+    path: Path | None  # None when it is inline
+    image: U8  # (H, W, 3) RGB
+    pose: F64 | None  # (3,) x_m, y_m, heading_rad as surveyed; None when covered
+    covered: bool  # taken with the lens cap on
+
+
+class SessionLog(Finder):
+    """A log on disk; a `maurice_mcl.session.Session`. The header is read at once, records as asked.
+
+    Raises LogError for what is not a log, and while iterating for a broken line; with `keep_going` such
+    lines are skipped and counted instead. `camera` chooses whose pictures are read: by default the
+    header's first camera, or the first one seen. Pictures that name no camera are always read.
+    """
+
+    def __init__(self, path: Path, *, keep_going: bool = False, camera: str | None = None) -> None:
+        self.path = Path(path)
+        self._keep_going = keep_going
+        self._info, self.kind = read_header(self.path)
+        self._camera = self._choose(camera)
+        self._findings = Findings(keep_going)
+
+    @property
+    def info(self) -> SessionInfo:
+        """What the header says."""
+        return self._info
+
+    def moments(self) -> Iterator[Moment]:
+        """Read the drive from its beginning, a picture at a time; covered pictures make no moment.
+
+        What was measured before a picture that is skipped belongs to the next one. LogError at the first
+        broken line unless keeping going, and at once when this is a survey.
+        """
+        self._expect("session", "build a library from it, and replay a session")
+        return self._moments()
+
+    def survey_pictures(self) -> Iterator[SurveyPicture]:
+        """Read the pictures of a survey from its beginning. LogError as for `moments`."""
+        self._expect("survey", "only a survey's pictures have poses")
+        return self._survey_pictures()
+
+    def count_pictures(self) -> int:
+        """Count the picture records without opening any picture."""
+        return sum(1 for _ in self._pictures(Findings(self._keep_going)))
+
+    def overview(self) -> tuple[int, bool]:
+        """Count the pictures that make a moment, and tell whether any truth is there; opens no picture."""
+        findings = Findings(self._keep_going)
+        taken = CameraChoice(self._camera, findings)
+        pictures, truth = 0, False
+        for record in read_records(self.path, self.kind, findings):
+            pictures += isinstance(record, PictureRecord) and taken(record) and not record.covered
+            truth = truth or isinstance(record, Truth)
+        return pictures, truth
+
+    def _moments(self) -> Iterator[Moment]:
+        findings = self._findings = Findings(self._keep_going)
+        motions: list[F64] = []
+        events: list[str] = []
+        step, begin_s = 0, None
+        taken = CameraChoice(self._camera, findings)
+        for record, truth in with_truth(read_records(self.path, self.kind, findings)):
+            begin_s = record.t_s if begin_s is None else begin_s
+            if isinstance(record, Odometry):
+                motions.append(record.motion)
+            elif isinstance(record, Event):
+                events.append(record.text)
+            elif isinstance(record, PictureRecord) and taken(record) and not record.covered:
+                image = self._image(record, findings)
+                if image is None:
+                    continue
+                step += 1
+                moved = np.array(motions, np.float64).reshape(-1, 3)
+                name = record.path or f"{self.path.name}, picture {step}"
+                frame = Frame(step, record.t_s - begin_s, moved, image, name)
+                yield Moment(frame, truth, tuple(events))
+                motions, events = [], []
+
+    def _survey_pictures(self) -> Iterator[SurveyPicture]:
+        findings = self._findings = Findings(self._keep_going)
+        for record in self._pictures(findings):
+            image = self._image(record, findings)
+            if image is not None:
+                path = None if record.path is None else self.path.parent / record.path
+                yield SurveyPicture(path, image, record.pose, record.covered)
+
+    def _pictures(self, findings: Findings) -> Iterator[PictureRecord]:
+        taken = CameraChoice(self._camera, findings)
+        for record in read_records(self.path, self.kind, findings):
+            if isinstance(record, PictureRecord) and taken(record):
+                yield record
+
+    def _image(self, record: PictureRecord, findings: Findings) -> U8 | None:
+        """Read a picture; a problem gives None."""
+        try:
+            return decode_picture(picture_bytes(record, self.path))
+        except PictureError as problem:
+            findings.problem(
+                LogError(self.path, f"{record.path or 'inline picture'}: {problem}", record.line)
+            )
+            return None
+
+    def _choose(self, camera: str | None) -> str | None:
+        known = [c.name for c in self._info.cameras]
+        if camera is not None and known and camera not in known:
+            raise LogError(self.path, f"found cameras {', '.join(known)}, expected {camera!r} among them", 1)
+        return camera or (known[0] if known else None)
+
+    def _expect(self, kind: Kind, advice: str) -> None:
+        if self.kind != kind:
+            raise LogError(self.path, f"found a {self.kind} log, expected a {kind} log; {advice}", 1)
+
+
+class CameraChoice:
+    """Says whose pictures are read: the named camera's, or that of the first one seen."""
+
+    def __init__(self, name: str | None, findings: Findings) -> None:
+        self._name = name
+        self._findings = findings
+
+    def __call__(self, record: PictureRecord) -> bool:
+        """Take a picture, or leave it out with a warning; a picture that names no camera is taken."""
+        if record.camera is None:
+            return True
+        self._name = self._name or record.camera
+        if record.camera != self._name:
+            left_out = f"pictures of camera {record.camera!r} are left out, {self._name!r} is used"
+            self._findings.warning(left_out)
+        return record.camera == self._name
+
+
+def picture_bytes(record: PictureRecord, log: Path) -> bytes:
+    """Give a picture's encoded bytes, from its file or its line. PictureError when they are not there."""
+    if record.base64 is not None:
+        try:
+            return base64.b64decode(record.base64, validate=True)
+        except (binascii.Error, ValueError):
+            raise PictureError("found broken base64, expected a picture") from None
+    file = log.parent / str(record.path)
+    try:
+        if not file.is_file():
+            raise PictureError("found no such picture, expected a file; was it moved away from the log?")
+        if file.stat().st_size > MAX_PICTURE_BYTES:
+            raise PictureError(f"found a picture of more than {MAX_PICTURE_BYTES // 2**20} MiB")
+        return file.read_bytes()
+    except (OSError, ValueError) as problem:
+        if isinstance(problem, PictureError):
+            raise
+        raise PictureError(f"cannot be read: {problem}") from None

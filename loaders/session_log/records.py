@@ -1,0 +1,255 @@
+"""The lines of a log as checked records."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, NoReturn
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.session import SessionInfo
+
+from ..errors import LogError
+from ..io.fields import MOST_T_S, FieldError, flag, mapping, number, numbers, show, text
+from ..io.files import expect_regular
+from ..io.findings import Findings
+from .header import Kind, header_from_json
+
+# A log's lines as JSON objects: streamed, bounded, strict about numbers.
+
+MAX_LINE_BYTES = 64 * 2**20  # room for a large picture inline; more is no log
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line as it stands in the file."""
+
+    number: int  # from 1
+    data: bytes  # without its end; the first MAX_LINE_BYTES of a line that is too long
+    ended: bool  # False: the file stops before the line does, somebody may still be writing
+    too_long: bool
+
+
+def read_lines(path: Path) -> Iterator[Line]:
+    """Read a file line by line, never holding more than one.
+
+    LogError when it cannot be opened or is no regular file, which might never end.
+    """
+    if path.is_dir():
+        raise LogError(path, _folder_advice(path))
+    expect_regular(path, "a log")
+    try:
+        with path.open("rb") as file:
+            number = 0
+            while data := file.readline(MAX_LINE_BYTES + 1):
+                number += 1
+                yield _line(file, number, data)
+    except FileNotFoundError:
+        raise LogError(path, "found no such file, expected a log; check the path") from None
+    except OSError as problem:
+        raise LogError(path, f"cannot be read: {problem.strerror}") from None
+
+
+def parse_object(line: Line) -> dict[str, Any]:
+    """Give the JSON object of a line. Raises FieldError for anything else, NaN and Infinity included."""
+    if line.too_long:
+        raise FieldError(f"found a line of more than {MAX_LINE_BYTES // 2**20} MiB, expected shorter ones")
+    try:
+        value = json.loads(_text(line), parse_constant=_refuse_constant, parse_float=_finite)
+    except json.JSONDecodeError as problem:
+        raise FieldError(
+            f"found broken JSON ({problem.msg} at column {problem.colno}), expected an object"
+        ) from None
+    except (RecursionError, ValueError) as problem:
+        if isinstance(problem, FieldError):
+            raise
+        raise FieldError(
+            "found JSON nested too deeply or with an endless number, expected an object"
+        ) from None
+    return mapping(value, "a line")
+
+
+def _text(line: Line) -> str:
+    data = line.data.removeprefix(b"\xef\xbb\xbf") if line.number == 1 else line.data
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as problem:
+        raise FieldError(
+            f"found bytes that are not UTF-8 at column {problem.start + 1}, expected text"
+        ) from None
+    if "\0" in text:
+        raise FieldError("found binary data, expected a JSON object")
+    return text
+
+
+def _line(file: BinaryIO, number: int, data: bytes) -> Line:
+    too_long = len(data) > MAX_LINE_BYTES
+    rest = data
+    while too_long and rest and not rest.endswith(b"\n"):
+        rest = file.readline(MAX_LINE_BYTES)
+    return Line(number, data.rstrip(b"\r\n"), rest.endswith(b"\n"), too_long)
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise FieldError(f"found {name}, expected finite numbers")
+
+
+def _finite(digits: str) -> float:
+    value = float(digits)
+    return value if math.isfinite(value) else _refuse_constant(show(digits))
+
+
+def _folder_advice(path: Path) -> str:
+    logs = sorted(file.name for file in path.glob("*.log"))
+    hint = f"; did you mean {path / logs[0]}?" if logs else ""
+    return f"found a folder, expected a log file{hint}"
+
+
+# The records of a log, checked: what each line after the header may say.
+
+RECORD_KEYS = ("odometry", "image", "truth", "event")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """A movement since the last odometry record, as the robot measured it."""
+
+    line: int
+    t_s: float
+    motion: F64  # (3,) forward_m, left_m, turn_rad
+    encoders_m: F64 | None  # (4,) front left, front right, rear left, rear right
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PictureRecord:
+    """A picture, not yet read: exactly one of `path` and `base64` is given."""
+
+    line: int
+    t_s: float
+    path: str | None  # relative to the log
+    base64: str | None
+    camera: str | None
+    covered: bool
+    pose: F64 | None  # (3,) as surveyed; None in sessions and for covered pictures
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """Where the robot really was."""
+
+    line: int
+    t_s: float
+    pose: F64  # (3,)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """What happened, in free text."""
+
+    line: int
+    t_s: float
+    text: str
+
+
+Record = Odometry | PictureRecord | Truth | Event
+
+
+def read_header(path: Path) -> tuple[SessionInfo, Kind]:
+    """Read a log's first line. LogError when it is not the header of a log."""
+    line = next(read_lines(path), None)
+    if line is None:
+        raise LogError(path, "found an empty file, expected a log; was it ever written?")
+    try:
+        return header_from_json(parse_object(line), path)
+    except FieldError as problem:
+        raise LogError(path, str(problem), 1) from None
+
+
+def read_records(path: Path, kind: Kind, findings: Findings, per_s: int = 1) -> Iterator[Record]:
+    """Read the checked records of a log in order, times never falling; broken lines go to `findings`.
+
+    `per_s` is how many units of the log's times make a second.
+    """
+    last_t_s = -np.inf
+    for line in read_lines(path):
+        if line.number == 1 or not line.data.strip():
+            continue
+        try:
+            record = record_of(line, kind, per_s)
+            if record.t_s < last_t_s:
+                raise FieldError(
+                    f"found t {record.t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
+                )
+        except FieldError as problem:
+            if not line.ended and not _parses(line):
+                findings.warning(
+                    f"{path}:{line.number}: the last line is unfinished and was left out; still writing?"
+                )
+            else:
+                findings.problem(LogError(path, str(problem), line.number))
+            continue
+        last_t_s = record.t_s
+        yield record
+
+
+def _parses(line: Line) -> bool:
+    try:
+        parse_object(line)
+    except FieldError:
+        return False
+    return True
+
+
+def record_of(line: Line, kind: Kind, per_s: int = 1) -> Record:
+    """Read the record that a line is. FieldError for anything else."""
+    found = parse_object(line)
+    t_s = number(found.get("t"), "t", MOST_T_S * per_s) / per_s
+    keys = [key for key in RECORD_KEYS if key in found]
+    if len(keys) != 1:
+        raise FieldError(
+            f"found {' and '.join(keys) or 'none'}, expected exactly one of {', '.join(RECORD_KEYS)}"
+        )
+    value = found[keys[0]]
+    if keys[0] == "odometry":
+        return Odometry(line.number, t_s, _vector(value, 3, "odometry"), _encoders(found))
+    if keys[0] == "truth":
+        return Truth(line.number, t_s, _vector(value, 3, "truth"))
+    if keys[0] == "event":
+        return Event(line.number, t_s, text(value, "event"))
+    return _picture(line.number, t_s, found, kind)
+
+
+def _encoders(found: dict[str, Any]) -> F64 | None:
+    value = found.get("encoders_m")
+    return None if value is None else _vector(value, 4, "encoders_m")
+
+
+def _picture(line: int, t_s: float, found: dict[str, Any], kind: Kind) -> PictureRecord:
+    path, inline = _source(found["image"])
+    camera = None if found.get("camera") is None else text(found["camera"], "camera")
+    covered = flag(found.get("covered", False), "covered")
+    surveyed = kind == "survey" and not covered
+    if surveyed and found.get("pose") is None:
+        raise FieldError("found a picture without its pose, expected one in a survey unless it is covered")
+    pose = _vector(found["pose"], 3, "pose") if surveyed else None
+    return PictureRecord(line, t_s, path, inline, camera, covered, pose)
+
+
+def _source(value: Any) -> tuple[str | None, str | None]:
+    if isinstance(value, str):
+        path = text(value, "image")
+        if Path(path).is_absolute():
+            raise FieldError(f"found image {show(path)}, expected a path relative to the log")
+        return path, None
+    if isinstance(value, dict):
+        return None, text(mapping(value, "image").get("base64"), "image.base64")
+    raise FieldError(f'found image {show(value)}, expected a path or {{"base64": ...}}')
+
+
+def _vector(value: Any, count: int, what: str) -> F64:
+    return np.array(numbers(value, count, what))

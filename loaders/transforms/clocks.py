@@ -1,0 +1,170 @@
+"""Clocks: units of time stamps, and the offset between two clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from scipy.signal import correlate
+
+from maurice_mcl.arrays import F64
+
+from ..io.fields import MOST_T_S
+
+# Units of time stamps, and clocks that disagree.
+
+PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+UNIX_S = (6.3e8, MOST_T_S)  # 1990 to 2096: what a time since 1970 looks like
+SLOWEST_S = 5.0  # a longer time from sample to sample means that the unit is a smaller one
+
+
+class Span:
+    """First and last time of something, and how often it came."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.first_s = 0.0
+        self.last_s = 0.0
+
+    def add(self, t_s: float) -> None:
+        """Take in one time."""
+        self.first_s = t_s if self.count == 0 else min(self.first_s, t_s)
+        self.last_s = t_s if self.count == 0 else max(self.last_s, t_s)
+        self.count += 1
+
+    def overlaps(self, other: Span, slack_s: float = 0.0) -> bool:
+        """Tell whether two spans have a time in common, or nearly so."""
+        return self.first_s <= other.last_s + slack_s and other.first_s <= self.last_s + slack_s
+
+
+def detect_unit(stamps: Sequence[str]) -> str:
+    """Tell the unit of a column of time stamps: "s", "ms", "us" or "ns".
+
+    By size where they count from 1970, else by the median step, which is taken to be at most 5 s. A decimal
+    point means seconds unless the size speaks against it.
+    """
+    values = np.array([float(stamp) for stamp in stamps])
+    middle = float(np.median(np.abs(values)))
+    for unit, per_s in PER_SECOND.items():
+        if UNIX_S[0] <= middle / per_s <= UNIX_S[1]:
+            return unit
+    if middle <= MOST_T_S and any("." in stamp for stamp in stamps):
+        return "s"
+    steps = np.abs(np.diff(values))
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    small = [unit for unit, per_s in PER_SECOND.items() if step / per_s <= SLOWEST_S]
+    fitting = [unit for unit in small if middle / PER_SECOND[unit] <= MOST_T_S]
+    return fitting[0] if fitting else "ns"
+
+
+def unit_in(name: str) -> str | None:
+    """Give the unit that the name of a column holds, as in "timestamp [ns]"."""
+    unit = name.partition("[")[2].rstrip("] ")
+    return unit if unit in PER_SECOND else None
+
+
+def seconds(stamp: str, unit: str) -> float:
+    """Give a stamp in seconds; whole numbers of nanoseconds keep all the digits that a float can hold."""
+    per_s = PER_SECOND[unit]
+    try:
+        return int(stamp) / per_s
+    except ValueError:
+        return float(stamp) / per_s
+
+
+def clock_s(text: str) -> float:
+    """Give Unix seconds of a date and time of day, UTC unless it says otherwise. ValueError for others."""
+    if ":" not in text:
+        raise ValueError(f"found {text!r:.60}, expected a date and a time of day")
+    whole, dot, rest = text.strip().partition(".")
+    digits = len(rest) - len(rest.lstrip("0123456789"))
+    moment = datetime.fromisoformat(whole + rest[digits:])
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return moment.timestamp() + (float(f"0.{rest[:digits]}") if dot and digits else 0.0)
+
+
+def apart(name: str, span: Span, other_name: str, other: Span) -> str:
+    """Say where two clocks stand, and what would bring the second's beginning to the first's."""
+    spans = f"{name} go from {span.first_s:.3f} to {span.last_s:.3f} s"
+    others = f"{other_name} from {other.first_s:.3f} to {other.last_s:.3f} s"
+    return f"{spans}, {others}; their beginnings are {span.first_s - other.first_s:.3f} s apart"
+
+
+# How far two clocks are apart, told by the movement that was recorded with both.
+
+PERIOD_S = 0.1  # both are looked at so often
+WINDOW_S = 0.5  # over which speed and turn rate are taken, so that a tracker's jitter does not count
+LONGEST_S = 20_000.0  # of a drive
+FEWEST = 50  # moments, five seconds
+LEAST_OVERLAP = 0.6  # of the shorter one
+LEAST_WAY_M, LEAST_TURN_RAD = 0.5, 0.5  # what moves less tells nothing
+ALIKE = 0.7  # correlation from which on they are taken for one movement
+CLEARLY = 0.9  # share of it that any other offset may reach
+NEAR_S = 3.0  # offsets so near are the same one
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """What has to be added to one clock's times."""
+
+    offset_s: float
+    correlation: float  # of the movements then, up to 1
+
+
+def offset_between(t_s: F64, poses: F64, other_t_s: F64, other: F64) -> Offset | None:
+    """Find what the other clock's times need, so that its poses (m, 3) move when the poses (n, 3) do.
+
+    None where either hardly moves, or where no offset is clearly the best. Frames may differ: only speed and
+    turn rate count.
+    """
+    if not (_moves(poses) and _moves(other)):
+        return None
+    ours, theirs = _rates(t_s, poses), _rates(other_t_s, other)
+    if min(len(ours), len(theirs)) < FEWEST:
+        return None
+    scale = np.maximum(np.sqrt(np.mean(ours**2, axis=0)), 1e-9)
+    alike = _correlations(ours / scale, theirs / scale)
+    best = int(np.argmax(alike))
+    lags = np.arange(len(alike)) - (len(theirs) - 1)
+    others = alike[np.abs(lags - lags[best]) * PERIOD_S > NEAR_S]
+    if alike[best] < ALIKE or (len(others) and others.max() > CLEARLY * alike[best]):
+        return None
+    return Offset(float(t_s[0] - other_t_s[0] + lags[best] * PERIOD_S), float(alike[best]))
+
+
+def _moves(poses: F64) -> bool:
+    """Tell whether there is enough movement to go by."""
+    if len(poses) < 2:
+        return False
+    span = np.ptp(poses[:, :2], axis=0).max()
+    return bool(span > LEAST_WAY_M or np.ptp(np.unwrap(poses[:, 2])) > LEAST_TURN_RAD)
+
+
+def _rates(t_s: F64, poses: F64) -> F64:
+    """Give speed, less its mean, and turn rate (k, 2) at even times from the first one on."""
+    if not PERIOD_S < t_s[-1] - t_s[0] < LONGEST_S:
+        return np.zeros((0, 2))
+    at = np.arange(t_s[0], t_s[-1], PERIOD_S)
+    columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
+    before, after = (
+        np.stack([np.interp(at + w, t_s, c) for c in columns]) for w in (-WINDOW_S / 2, WINDOW_S / 2)
+    )
+    step = (after - before) / WINDOW_S
+    speed = np.hypot(step[0], step[1])
+    return np.column_stack([speed - speed.mean(), step[2]])
+
+
+def _correlations(ours: F64, theirs: F64) -> F64:
+    """Give how alike two courses (k, 2), (m, 2) are for every shift of the second; 0 where few meet."""
+    both = sum(correlate(ours[:, c], theirs[:, c]) for c in (0, 1))
+    ones = np.ones(len(ours)), np.ones(len(theirs))
+    ours_power = correlate((ours**2).sum(axis=1), ones[1])
+    theirs_power = correlate(ones[0], (theirs**2).sum(axis=1))
+    meeting = correlate(*ones)
+    power = np.sqrt(np.maximum(ours_power * theirs_power, 1e-12))
+    enough = meeting >= LEAST_OVERLAP * min(len(ours), len(theirs))
+    # a stretch in which hardly anything moves is like any other
+    lively = np.minimum(ours_power, theirs_power) > 0.05 * meeting
+    return np.where(enough & lively, both / power, 0.0)

@@ -1,0 +1,222 @@
+"""Corrections of a recording while it is read: units, signs, frames, clocks."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.session import SessionInfo
+
+from ..errors import LogError
+from ..io.findings import Findings
+from ..recording import (
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Record,
+    Recording,
+    TruthPose,
+    Wrapped,
+    motion_between,
+    moved,
+    short_way,
+)
+
+# What is put right while a recording is read, and how it is typed.
+
+MOTIONS_ARE = ("poses", "steps")  # what numbers may hold that a format gives as motions
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What is put right; the defaults change nothing. Each field is an option of reading."""
+
+    odometry_scale: float = 1.0  # lengths of the odometry are multiplied by it: 0.001 for millimetres
+    turn_scale: float = 1.0  # turns, or the headings of poses as they stand: -1 for clockwise
+    turn_gain: float = 1.0  # true turn over measured turn; the way of poses is bent with it
+    odometry_forward_rad: float = 0.0  # where the robot's forward points in the odometry's frame
+    odometry_are: str | None = None  # one of MOTIONS_ARE, where motions are expected
+    truth_scale: float = 1.0
+    truth_turn_scale: float = 1.0
+    camera_yaw_rad: float = 0.0  # where the camera looks; headings become the camera's
+    picture_offset_s: float = 0.0  # added to the times
+    odometry_offset_s: float = 0.0
+    truth_offset_s: float = 0.0
+
+    @property
+    def typed(self) -> tuple[str, ...]:
+        """Give what is not as usual as it is typed: "--turn-scale -1"."""
+        usual = Correction()
+        changed = [f.name for f in fields(self) if getattr(self, f.name) != getattr(usual, f.name)]
+        return tuple(f"{option_name(name)} {option_value(name, getattr(self, name))}" for name in changed)
+
+
+def option_name(field: str) -> str:
+    """Give the option of a field: `camera_yaw_rad` is `--camera-yaw`."""
+    return "--" + field.removesuffix("_rad").removesuffix("_s").removesuffix("_m").replace("_", "-")
+
+
+def option_value(field: str, value: object) -> str:
+    """Write a value as it is typed, angles in degrees."""
+    if not isinstance(value, float):
+        return str(value)
+    return f"{round(math.degrees(value) if field.endswith('_rad') else value, 7):.15g}"
+
+
+# A recording with what is wrong in it put right while it is read: units, signs, frames, clocks.
+
+NEAR_M = 1.0  # a first pose so near zero is the way since the drive began
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corrected(Wrapped):
+    """A recording as it should have been written. What each correction does: docs/formats.md."""
+
+    correction: Correction
+
+    @property
+    def info(self) -> SessionInfo:
+        """What is known before the first record; a note says what was corrected."""
+        info, yaw_rad = self.measured.info, self.correction.camera_yaw_rad
+        info = replace(info, notes=(*info.notes, f"corrected in reading: {' '.join(self.correction.typed)}"))
+        if not yaw_rad:
+            return info
+        cameras = tuple(replace(camera, yaw_rad=0.0) for camera in info.cameras)
+        start = None if info.start is None else info.start + np.array([0.0, 0.0, yaw_rad])
+        return replace(info, cameras=cameras, start=start)
+
+    def records(self, findings: Findings) -> Iterator[Record]:
+        """Give the records put right, in time order.
+
+        The recording is read once for every clock, so that no more is held than without offsets.
+        """
+        clocks = [
+            self._on_clock(kinds, offset_s, Findings(keep_going=True) if number else findings)
+            for number, (offset_s, kinds) in enumerate(_clocks(self.correction))
+        ]
+        wheels = _Wheels(self.correction, self.path)
+        for record in heapq.merge(*clocks, key=lambda record: record.t_s):
+            if isinstance(record, Motion):
+                yield Motion(record.t_s, wheels.motion(record.motion))
+            elif isinstance(record, OdometryPose):
+                yield OdometryPose(record.t_s, wheels.pose(record.pose))
+            elif isinstance(record, TruthPose):
+                yield TruthPose(record.t_s, self._truth(record.pose))
+            else:
+                yield record
+
+    def _on_clock(
+        self, kinds: tuple[type[Record], ...], offset_s: float, findings: Findings
+    ) -> Iterator[Record]:
+        for record in self.measured.records(findings):
+            if isinstance(record, kinds):
+                yield record if self._one_clock else replace(record, t_s=round(record.t_s + offset_s, 6))
+
+    @property
+    def _one_clock(self) -> bool:
+        """Whether no time is moved; else all are rounded, so that what comes at one time still does."""
+        c = self.correction
+        return not (c.picture_offset_s or c.odometry_offset_s or c.truth_offset_s)
+
+    def _truth(self, pose: F64) -> F64:
+        c = self.correction
+        right: F64 = pose * [c.truth_scale, c.truth_scale, c.truth_turn_scale]
+        if c.camera_yaw_rad:
+            right[2] = short_way(float(right[2]) + c.camera_yaw_rad)
+        return right
+
+
+def corrected(recording: Recording, correction: Correction) -> Recording:
+    """Put a recording right; the recording itself where there is nothing to do."""
+    if correction == Correction():
+        return recording
+    if correction.odometry_are not in (None, *MOTIONS_ARE):
+        expected = f"expected one of {', '.join(MOTIONS_ARE)}"
+        raise LogError(recording.path, f"found --odometry-are {correction.odometry_are}, {expected}")
+    return Corrected(recording, correction)
+
+
+def _clocks(correction: Correction) -> list[tuple[float, tuple[type[Record], ...]]]:
+    """Give the kinds of records that are moved in time alike; what comes with pictures is last.
+
+    So at the same time poses come before pictures, as in every format.
+    """
+    c = correction
+    offsets: dict[type[Record], float] = {
+        Motion: c.odometry_offset_s,
+        OdometryPose: c.odometry_offset_s,
+        TruthPose: c.truth_offset_s,
+        Note: 0.0,
+        Picture: c.picture_offset_s,
+    }
+    groups: dict[float, list[type[Record]]] = {}
+    for kind, offset_s in offsets.items():
+        groups.setdefault(offset_s, []).append(kind)
+    ordered = sorted(groups.items(), key=lambda group: Picture in group[1])
+    return [(offset_s, tuple(kinds)) for offset_s, kinds in ordered]
+
+
+class _Wheels:
+    """The odometry put right, from its first record on."""
+
+    def __init__(self, correction: Correction, path: Path) -> None:
+        scale = correction.odometry_scale
+        self._are, self._gain, self._path = correction.odometry_are, correction.turn_gain, path
+        self._units: F64 = np.array([scale, scale, correction.turn_scale])
+        self._ahead_rad = correction.odometry_forward_rad + correction.camera_yaw_rad
+        self._before: F64 | None = None  # the pose (3,) before, of those that are read
+        self._at: F64 = np.zeros(3)  # the pose (3,) before, of those that are given
+        self._counted_on = False  # whether any heading was beyond half a turn
+        self._heading_rad = 0.0  # by the steps so far
+
+    def motion(self, values: F64) -> F64:
+        """Give the robot's motion (3,) of what was written in its place (3,)."""
+        forward, left, turn = (float(v) for v in self._as_motion(values * self._units))
+        forward, left = _turned(forward, left, -self._ahead_rad)
+        return np.array([forward, left, turn * self._gain])
+
+    def pose(self, values: F64) -> F64:
+        """Give the odometry's pose (3,) of what was written (3,)."""
+        if self._are == "steps":
+            found = "found odometry that is poses, and --odometry-are steps is for motions"
+            raise LogError(self._path, f"{found}; leave it out")
+        pose: F64 = values * self._units + [0.0, 0.0, self._ahead_rad]
+        if self._gain == 1:
+            return pose
+        before, self._before = self._before, pose
+        if before is None:
+            self._at = pose
+        else:
+            self._at = moved(self._at, motion_between(before, pose) * [1.0, 1.0, self._gain])
+        return self._at
+
+    def _as_motion(self, values: F64) -> F64:
+        if self._are == "poses":
+            before, self._before = self._before, values
+            if before is None:  # counted from where the drive began, unless counting began long before
+                before = np.zeros(3) if math.hypot(values[0], values[1]) < NEAR_M else values
+            return self._between(before, values)
+        if self._are == "steps":
+            heading_rad, turn = self._heading_rad, float(values[2])
+            self._heading_rad += turn
+            return np.array([*_turned(float(values[0]), float(values[1]), -heading_rad), turn])
+        return values
+
+    def _between(self, before: F64, after: F64) -> F64:
+        """Give the motion (3,) between poses (3,), the turn as it was counted where headings go on and on."""
+        motion, turn = motion_between(before, after), float(after[2] - before[2])
+        self._counted_on |= max(abs(float(before[2])), abs(float(after[2]))) > math.pi
+        counted = self._counted_on and abs(turn) < 1.5 * math.pi  # not so where they begin anew at a turn
+        return np.array([motion[0], motion[1], turn]) if counted else motion
+
+
+def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return x * cos - y * sin, x * sin + y * cos

@@ -1,0 +1,166 @@
+"""For notebooks: a run in Rerun's own widget, and its figures and traces as polars frames.
+
+The widget needs the extra `notebook` (`pip install 'maurice-replay[notebook]'`). Its viewer is served from
+this machine; `RERUN_NOTEBOOK_ASSET`, set before anything of Rerun is imported, says otherwise.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import polars as pl
+import typer
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
+
+from ..style import scale_for
+from .restoring import Pictures, Restored, restored_together
+
+if TYPE_CHECKING:
+    from rerun.notebook import Viewer
+
+    from .tracks import Collected
+
+Place: TypeAlias = str | Path
+Side: TypeAlias = int | Literal["auto"]
+
+EXTRA = "pip install 'maurice-replay[notebook]'"
+ASSETS = "RERUN_NOTEBOOK_ASSET"
+SERVED_HERE = "serve-local"  # Rerun's default is a web site of its own
+WIDTH: Side = "auto"
+HEIGHT: Side = 760
+AXES = ("x_m", "y_m", "heading_rad")
+
+
+def show(
+    source: Place,
+    *,
+    layout: str | None = None,
+    width: Side = WIDTH,
+    height: Side = HEIGHT,
+    feature: str | None = None,
+    preset: str | None = None,
+    particles: int | None = None,
+    seed: int = 0,
+) -> Viewer:
+    """Show a saved run, a recording (.rrd) or a session log in a widget; return it at the end of a cell.
+
+    `layout` names the tab to begin with, for all but a recording, which has its own. The last four are for a
+    session log: it is replayed, and its table printed. ImportError without the extra `notebook`; LogError
+    for bad files.
+    """
+    expect_widget()
+    path = Path(source)
+    if path.suffix == ".rrd":
+        return _widget(path, width, height)
+    with tempfile.TemporaryDirectory(prefix="maurice-notebook-") as folder:
+        recording = Path(folder) / "shown.rrd"
+        if path.is_dir() or is_saved(path):
+            from ..cli.snapshot import draw_saved
+
+            draw_saved(path, recording, layout)
+        else:
+            _replay(path, recording, layout, feature, preset, particles, seed)
+        return _widget(recording, width, height)
+
+
+def results(run: Place) -> pl.DataFrame:
+    """Give the figures of a saved run, or of all runs of a comparison: a row a run, as `--json` has them.
+
+    Metres, radians and seconds; null where a figure does not apply. LogError for what is no saved run.
+    """
+    from ..text.summary import to_json
+
+    rows = [to_json(_collected(one).results)["runs"][0] for one in open_runs(Path(run))]
+    return pl.DataFrame([_flat(row) for row in rows], infer_schema_length=None)
+
+
+def traces(run: Place) -> pl.DataFrame:
+    """Give what the charts show, a row a step and run: errors, spread, confidence, evidence, poses.
+
+    Metres, radians and seconds, poses in the map's frame; null where something is not known. LogError for
+    what is no saved run.
+    """
+    return pl.concat([_traces(one) for one in open_runs(Path(run))])
+
+
+def expect_widget() -> None:
+    """Raise ImportError with the command that installs it where Rerun's widget is missing."""
+    if importlib.util.find_spec("rerun_notebook") is None:
+        raise ImportError(f"Rerun's notebook widget is not installed; {EXTRA}")
+    os.environ.setdefault(ASSETS, SERVED_HERE)
+
+
+def _widget(recording: Path, width: Side, height: Side) -> Viewer:
+    from rerun.notebook import Viewer
+
+    if not recording.is_file():
+        raise LogError(recording, "found no such recording; replay a session with --save to make one")
+    # our colors are made for a dark ground, whatever the notebook's is
+    viewer = Viewer(width=width, height=height, use_global_recording=False, theme="dark")
+    # the file as it is: it begins with its layout. Through a recording stream, whose first message names
+    # a recording, the widget would have chosen a layout of its own before
+    viewer._flush_hook(recording.read_bytes())
+    return viewer
+
+
+def _replay(
+    session: Path,
+    recording: Path,
+    layout: str | None,
+    feature: str | None,
+    preset: str | None,
+    particles: int | None,
+    seed: int,
+) -> None:
+    from ..cli.options import OutputOptions, RunOptions
+    from .open import Wanted
+    from .run import replay_runs
+
+    output = OutputOptions(session.stem, recording, True, False, force=True, json=False, layout=layout)
+    options = RunOptions(seed=seed, particles=particles)
+    try:
+        replay_runs(session, None, [Wanted(preset, feature)], options, output, keep_going=False)
+    except typer.Exit:
+        raise LogError(session, "could not be replayed; the line above says why") from None
+
+
+def _collected(run: SavedRun) -> Collected:
+    """Go through a saved run without its pictures: all that is needed here was kept."""
+    from .tracks import collect, known_of
+
+    manifest, arena, one = run.manifest, run.arena(), Restored(run, None)
+    updates = restored_together([one], Pictures(None, lambda text: None))
+    scale = scale_for(manifest.display_units, arena)
+    known = {manifest.label: known_of(one)}
+    return collect(updates, known, scale, arena.size_m, _silently, manifest.pictures)
+
+
+def _silently(done: int, total: int, what: str = "", /) -> None:
+    """Show no progress."""
+
+
+def _flat(row: dict[str, Any], above: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in row.items():
+        if isinstance(value, dict):
+            found |= _flat(value, f"{above}{key}_")
+        else:
+            found[f"{above}{key}"] = value
+    return found
+
+
+def _traces(run: SavedRun) -> pl.DataFrame:
+    from .tracks import NUMBERS, POSES
+
+    (track,) = _collected(run).tracks
+    columns = {name: track.column(name) for name in NUMBERS}
+    for pose in POSES:
+        columns |= {f"{pose}_{axis}": track.path(pose)[:, k] for k, axis in enumerate(AXES)}
+    frame = pl.DataFrame(columns).fill_nan(None).with_columns(pl.col("step").cast(pl.Int32))
+    return frame.select(pl.lit(run.manifest.label).alias("label"), pl.all())

@@ -1,0 +1,70 @@
+"""`maurice-replay BAG --as-recorded`: another localizer's particles in our views, without filtering."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import typer
+
+from maurice_loaders.bags.formats import BAGS
+from maurice_loaders.bags.localizer import RecordedLocalizer
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats.registry import OpenOptions, chosen
+from maurice_loaders.io.findings import Findings
+
+from ..cli.console import note
+from ..cli.errors import one_line_errors
+from ..cli.options import OutputOptions
+from ..layouts.names import RECORDED_LAYOUT_NAMES
+from .as_recorded import AFTER_RESAMPLING, AsRecorded, map_of
+from .output import Drawn, Scene
+from .run import Playing, play
+
+
+def replay_as_recorded(path: Path, options: OpenOptions, output: OutputOptions) -> None:
+    """Show the clouds of a bag; what is wrong with it ends in one line and status 1."""
+    if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
+        names = " and ".join(RECORDED_LAYOUT_NAMES)
+        raise typer.BadParameter(f"--as-recorded has the layouts {names}, found {output.layout!r}")
+    with one_line_errors():
+        play(playing_of(open_as_recorded(path, options)), output)
+
+
+def open_as_recorded(path: Path, options: OpenOptions) -> AsRecorded:
+    """Open a bag's localizer. LogError for what is no bag, and for one without particles."""
+    name = chosen(path, options).name
+    if name not in BAGS:
+        raise LogError(path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded")
+    own = replace(options.correction, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
+    if own.typed:
+        raise LogError(path, f"--as-recorded shows a bag as it is, expected no {own.typed[0]}")
+    localizer = RecordedLocalizer(path, BAGS[name], options)
+    label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
+    return AsRecorded(localizer, localizer.overview(), label, Findings(options.keep_going))
+
+
+def playing_of(recorded: AsRecorded) -> Playing:
+    """Get the updates ready to be gone through."""
+    seen = recorded.overview
+    drawn = Drawn(recorded.label, (), None, seen.most_particles)
+    library = map_of(recorded.localizer, seen)
+    scene = Scene(
+        recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
+    )
+    return Playing(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded))
+
+
+def _remark(recorded: AsRecorded) -> None:
+    """Say what the figures stand for, and what was skipped."""
+    pose = recorded.localizer.pose
+    where = f"the pose of {pose.name}" if pose else "the heaviest cluster of the cloud"
+    note(f"{recorded.localizer.cloud.name} {AFTER_RESAMPLING}; the estimate is {where}")
+    for text in recorded.localizer.info.notes:
+        note(text)
+    if recorded.unweighted:
+        note(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")
+    for warning in recorded.findings.warnings:
+        note(warning)
+    if recorded.findings.count:
+        note(f"skipped {recorded.findings.count} broken messages, the first: {recorded.findings.problems[0]}")

@@ -1,0 +1,192 @@
+"""Opening saved runs with what they were made from, and replaying them without filtering again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
+from maurice_loaders.libraries.store import open_library
+from maurice_loaders.runs.manifest import library_hash
+from maurice_loaders.runs.sources import Source, source_hash
+from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.transforms.made_odometry import NAMED
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.library import Library
+from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.session import Moment, SessionInfo
+
+from ..cli.console import note, progress
+from ..cli.errors import one_line_errors
+from ..cli.options import OutputOptions
+from ..playback import ResultCollector, shared
+from .open import AnySession
+from .output import Drawn, Scene
+from .restoring import Pictures, Restored, restored_together
+from .run import Playing, play, remark_zeros
+from .run_events import find_notes
+
+
+def unchanged(
+    source: Source, folder: Path, what: str, beside: Callable[[Path], Sequence[Path]] = nothing_beside
+) -> Path:
+    """Find what a run was made from. LogError when it is gone, or it or a file `beside` it was changed."""
+    path = source.find(folder)
+    if path is None:
+        raise LogError(Path(source.path), f"the {what} that the run was made from is gone; put it back")
+    if source_hash(path, beside(path)) != source.sha256:
+        raise LogError(path, f"the {what} was changed after the run was made; restore it, or replay it anew")
+    return path
+
+
+def session_of(run: SavedRun) -> AnySession:
+    """Open the session of a run as it was read then. LogError when it is gone or was changed."""
+    reading = run.manifest.reading
+    path = unchanged(
+        run.manifest.session, run.folder, "session", lambda path: chosen(path, reading).beside(path)
+    )
+    table = run.manifest.table
+    found = None if table is None else unchanged(table, run.folder, "table")
+    return open_session(path, replace(reading, table=found, keep_going=run.manifest.keep_going))
+
+
+def library_of(run: SavedRun) -> Library:
+    """Open the library of a run. LogError when it is gone, was changed, or is measured otherwise today."""
+    path = unchanged(run.manifest.library, run.folder, "library")
+    with progress("library") as advance:
+        library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
+    missing = [name for name in run.manifest.channels if name not in library.index]
+    if missing or library_hash(library, run.manifest.channels) != run.manifest.library_content:
+        what = f"has no channel {missing[0]}" if missing else "holds other measurements or poses"
+        raise LogError(path, f"the library {what} than when the run was made; restore its pictures")
+    return library
+
+
+def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Localizer:
+    """Put the filter of a run together again. LogError when its parameters are refused today."""
+    parameters = run.configuration.parameters
+    try:
+        return make_localizer(library, session, parameters, seed=run.manifest.seed)
+    except (ValueError, KeyError) as problem:
+        raise LogError(run.folder, f"its filter cannot be put together here: {problem}") from None
+
+
+Part = TypeVar("Part")
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A saved run, or those of a comparison, with what is still there of what they were made from."""
+
+    runs: list[SavedRun]
+    restored: list[Restored]
+    session: AnySession | None
+    scene: Scene  # its library has no entries where pictures or comparisons cannot be made again
+
+    def updates(self) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
+        """Go through the updates from the first, every time it is called; records by the run's label."""
+        return restored_together(self.restored, Pictures(self.session, note))
+
+
+def open_saved(folder: Path) -> Opened:
+    """Open a saved run's folder, or a comparison's. LogError for anything else; notes say what is gone."""
+    runs = open_runs(folder)
+    _check_one_session(runs)
+    found = _find(runs[0])
+    first = runs[0].manifest
+    whole = found.session is not None and found.library is not None
+    library = found.library if whole and found.library is not None else _map_alone(runs[0])
+    notes_then = (NAMED,) if first.reading.odometry_from_truth else ()
+    gone = SessionInfo(first.name, first.display_units, notes=notes_then)
+    info = found.session.info if found.session else gone
+    notes = find_notes(folder, runs)
+    for problem in notes.problems:
+        note(problem)
+    restored = [Restored(run, _sensor(run, found), notes.by_label[run.manifest.label]) for run in runs]
+    return Opened(runs, restored, found.session, Scene(info, library, first.has_truth, first.pictures))
+
+
+def replay_saved(folder: Path, output: OutputOptions) -> None:
+    """Replay a saved run, or those of a comparison; what is wrong ends in one line and status 1."""
+    with one_line_errors():
+        play(playing_of(open_saved(folder)), output)
+
+
+def playing_of(opened: Opened) -> Playing:
+    """Get saved runs ready to be gone through with `running.step_through`, from their first update."""
+    return Playing(
+        shared(opened.updates()),
+        opened.runs[0].manifest.pictures,
+        [drawn_of(one) for one in opened.restored],
+        opened.scene,
+        lambda collector: remark_saved(collector, opened.runs),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What is still there of what a run was made from."""
+
+    session: AnySession | None
+    library: Library | None
+
+
+def _check_one_session(runs: list[SavedRun]) -> None:
+    for run in runs[1:]:
+        if run.manifest.session.sha256 != runs[0].manifest.session.sha256:
+            raise LogError(run.folder, f"is a run of another session than {runs[0].folder}; replay it alone")
+
+
+def _find(run: SavedRun) -> _Found:
+    """Open what is still there, and say in a line what is not."""
+    problems: list[str] = []
+    found = _Found(_tried(lambda: session_of(run), problems), _tried(lambda: library_of(run), problems))
+    if problems:
+        empty = "pictures and comparisons" if found.session is None else "comparisons"
+        note(f"{'; '.join(problems)}: the panels of {empty} stay empty")
+    return found
+
+
+def _tried(opening: Callable[[], Part], problems: list[str]) -> Part | None:
+    try:
+        return opening()
+    except LogError as problem:
+        problems.append(str(problem).split(";")[0])
+        return None
+
+
+def _sensor(run: SavedRun, found: _Found) -> SensorModel | None:
+    if found.session is None or found.library is None:
+        return None
+    return localizer_of(run, found.session, found.library).sensor
+
+
+def drawn_of(one: Restored) -> Drawn:
+    """Say how one saved run is drawn."""
+    manifest = one.saved.manifest
+    particles = one.saved.configuration.parameters.particles
+    return Drawn(manifest.label, manifest.channels, one.sensor, particles, one.bookmarks)
+
+
+def _map_alone(run: SavedRun) -> Library:
+    """Make a library without entries, of which only the map can be drawn."""
+    manifest = run.manifest
+    return Library(manifest.name, np.zeros((0, 3)), (), {}, run.arena(), manifest.display_units)
+
+
+def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun]) -> None:
+    """Say which runs ended before their session, and what went wrong in them."""
+    remark_zeros(collector)
+    for run in runs:
+        manifest = run.manifest
+        if manifest.state == "writing" or (manifest.steps or 0) < manifest.pictures:
+            how = {"writing": "was cut off", "complete": "skipped pictures"}
+            got = f"it holds {collector.updates} of {manifest.pictures} steps"
+            note(f"{run.folder}: the run {how.get(manifest.state, manifest.state)}; {got}")

@@ -1,0 +1,110 @@
+"""`--run DIR`: every run that goes is also saved, one folder each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+
+from maurice_loaders.formats.registry import OpenOptions, chosen
+from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_now
+from maurice_loaders.runs.sources import source_of
+from maurice_loaders.runs.writer import RunWriter, begin_comparison
+
+from ..cli.options import OutputOptions
+from ..errors import SinkError
+from ..playback import Run
+from .open import AnySession
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What all runs of a replay are made from."""
+
+    session: AnySession
+    library: Path  # a library folder or a survey log
+    pictures: int
+    has_truth: bool
+    keep_going: bool
+    opening: OpenOptions  # how the session was read
+
+
+@contextmanager
+def saving(runs: Sequence[Run], inputs: Inputs, output: OutputOptions) -> Iterator[Mapping[str, RunWriter]]:
+    """Open a writer a run, and at the end have each say how it ended; no writers without `--run`.
+
+    Raises LogError when the folder is taken, SinkError when it can be written to no longer.
+    """
+    if output.run is None:
+        yield {}
+        return
+    writers = _writers(runs, inputs, output.run, output.force)
+    state = "failed"
+    try:
+        yield writers
+        state = "complete"
+    except KeyboardInterrupt:
+        state = "stopped"
+        raise
+    except OSError as problem:
+        raise _full(output.run, problem) from None
+    finally:
+        _close(writers, state, output.run)
+
+
+def _writers(runs: Sequence[Run], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
+    """One run is the folder itself, several are folders below it."""
+    folders = {runs[0].label: target}
+    if len(runs) > 1:
+        begin_comparison(target, [run.label for run in runs], force=force)
+        folders = {run.label: target / run.label for run in runs}
+    return {
+        run.label: RunWriter(
+            folders[run.label],
+            manifest_of(run, inputs, folders[run.label]),
+            run.configuration,
+            run.localizer.library.arena,
+            force=force,
+        )
+        for run in runs
+    }
+
+
+def manifest_of(run: Run, inputs: Inputs, folder: Path) -> RunManifest:
+    """Say what a run is made from, as its manifest does before the first step."""
+    localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
+    channels, path = tuple(localizer.sensor.distances), inputs.session.path
+    form = chosen(path, opening)
+    return RunManifest(
+        label=run.label,
+        seed=localizer.seed,
+        start=None if run.start is None else tuple(run.start.tolist()),
+        channels=channels,
+        origin_m=tuple(localizer.library.origin.tolist()),
+        name=info.name,
+        display_units=info.display_units,
+        pictures=inputs.pictures,
+        has_truth=inputs.has_truth,
+        keep_going=inputs.keep_going,
+        session=source_of(path, folder, form.beside(path)),
+        library=source_of(inputs.library, folder),
+        library_content=library_hash(localizer.library, channels),
+        configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
+        versions=versions_now(),
+        reading=replace(opening, format=form.name),
+        table=None if opening.table is None else source_of(opening.table, folder),
+    )
+
+
+def _close(writers: Mapping[str, RunWriter], state: str, target: Path) -> None:
+    for writer in writers.values():
+        try:
+            writer.close(state)
+        except OSError as problem:
+            raise _full(target, problem) from None
+
+
+def _full(target: Path, problem: OSError) -> SinkError:
+    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); free some space")

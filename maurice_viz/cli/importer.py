@@ -1,0 +1,194 @@
+"""`rerun-importer-maurice`: on the PATH it makes `rerun session.log` show a replay.
+
+Rerun starts every importer for every file that it opens, so that a file of somebody else is given back
+quickly: only the standard library is loaded before that is known. Exit status 66 says "not mine".
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from maurice_loaders.io.fields import read_json
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+    from maurice_loaders.session_log.reader import SessionLog
+
+    from ..app.run import Playing
+
+NOT_MINE = 66
+MANIFEST = "manifest.json"  # stands for a saved run: Rerun opens a folder file by file
+GONE = "the viewer went away before everything was shown"
+LOOK_S = 0.5  # between two looks whether the viewer is still there
+HEADER_BYTES = 2**20  # a header with a large map is a few hundred kB
+LOG, RUNS = b'"maurice-session-log"', ("maurice-run", "maurice-runs")
+
+
+def main() -> None:
+    """Draw a log, or a saved run by its manifest.json, as a Rerun recording on standard output."""
+    path, recording_id = _arguments(sys.argv[1:])
+    if not is_ours(path):
+        sys.exit(NOT_MINE)
+    if sys.stdout.isatty():
+        sys.stderr.write("rerun-importer-maurice: rerun starts this itself; type: rerun FILE\n")
+        sys.exit(2)
+    if hasattr(select, "poll"):
+        threading.Thread(target=_end_with_reader, daemon=True).start()
+    try:
+        status = _import(path, recording_id)
+    except KeyboardInterrupt:
+        status = 130
+    sys.exit(status)
+
+
+def _arguments(words: list[str]) -> tuple[Path, str | None]:
+    """Give the file and the recording that Rerun wants it in; its other options do not matter here."""
+    parser = argparse.ArgumentParser("rerun-importer-maurice", description=main.__doc__, allow_abbrev=False)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--recording-id")
+    known, _ = parser.parse_known_args(words)
+    return known.file, known.recording_id
+
+
+def is_ours(path: Path) -> bool:
+    """Tell whether a path is a native log or a saved run, by its first line or its manifest; never raises."""
+    try:
+        if not path.is_file():
+            return False
+        if path.name == MANIFEST:
+            return _is_run(path)
+        with path.open("rb") as file:
+            line = file.readline(HEADER_BYTES).removeprefix(b"\xef\xbb\xbf")
+    except (OSError, ValueError):
+        return False
+    return line.lstrip().startswith(b"{") and LOG in line
+
+
+def _is_run(manifest: Path) -> bool:
+    if manifest.stat().st_size > HEADER_BYTES:
+        return False
+    found = read_json(manifest.read_bytes())
+    return isinstance(found, dict) and found.get("format") in RUNS
+
+
+def _import(path: Path, recording_id: str | None) -> int:
+    """Draw it; what is wrong with it ends in one line and status 1."""
+    import typer
+
+    from .errors import one_line_errors
+
+    try:
+        with one_line_errors():
+            _draw(path, recording_id)
+    except typer.Exit as end:
+        return end.exit_code
+    return 0
+
+
+def _draw(path: Path, recording_id: str | None) -> None:
+    from maurice_loaders.session_log.reader import SessionLog
+
+    from ..app.saved import open_saved, playing_of
+
+    if path.name == MANIFEST:
+        _play(playing_of(open_saved(path.parent)), recording_id)
+        return
+    log = SessionLog(path)
+    survey = log.info.survey
+    if log.kind == "session" and survey is not None and survey.exists():
+        _play(_usual_run(log), recording_id)
+    else:
+        _draw_alone(log, recording_id)
+
+
+def _usual_run(log: SessionLog) -> Playing:
+    """Get the run ready that `maurice-replay SESSION` does."""
+    from ..app.open import Wanted, make_runs, open_library_for
+    from ..app.output import Drawn, Scene
+    from ..app.run import Playing, remark
+    from ..playback import run_together, shared
+    from .options import RunOptions
+
+    library = open_library_for(log, None, keep_going=False)
+    runs = make_runs(log, library, [Wanted()], RunOptions())
+    pictures, has_truth = log.overview()
+    return Playing(
+        shared(run_together(runs, log)),
+        pictures,
+        [Drawn.live(run.label, run.localizer) for run in runs],
+        Scene(log.info, library, has_truth, pictures),
+        lambda collector: remark(collector, log),
+    )
+
+
+def _play(playing: Playing, recording_id: str | None) -> None:
+    """Draw runs as they go, so that the viewer shows the first steps at once."""
+    from ..app.output import layout_of, observed
+    from ..app.run import collector_of, step_through
+    from ..viewer.sinks import recording
+
+    rec = recording(playing.scene.info.name, recording_id)
+    rec.stdout(default_blueprint=layout_of(playing.drawn, playing.scene))
+    collector = collector_of(playing)
+    with observed(rec, playing.drawn, playing.scene) as observers:
+        step_through(playing, observers, {}, collector)
+    playing.remarks(collector)
+    _finish(rec)
+
+
+def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
+    """Draw a log that no library goes with."""
+    from ..app.log_moments import glances_of, moments_of
+    from ..layouts.drive import blueprint
+    from ..panels.drive import Drive, draw_drive, ways_of
+    from ..viewer.sinks import recording
+    from .console import note
+
+    advice = "This is a survey: a library is built from it."
+    if log.kind == "session":
+        missing = log.info.survey or 'no "survey" in its header'
+        advice = f"Its library is not there ({missing}), so that only the drive itself is shown."
+        note(f"{log.path}: {advice[0].lower()}{advice[1:]}")
+    drive = Drive(log.info, ways_of(glances_of(log), log.info), log.count_pictures() > 0, advice)
+    rec = recording(log.info.name, recording_id)
+    rec.stdout(default_blueprint=blueprint(drive))
+    draw_drive(rec, drive, moments_of(log))
+    _finish(rec)
+
+
+def _finish(rec: rr.RecordingStream) -> None:
+    """Write out. OSError when that is not possible."""
+    try:
+        rec.flush()
+    except (RuntimeError, ValueError):
+        raise OSError(GONE if _is_left() else "not everything could be written to standard output") from None
+    if _is_left():
+        raise OSError(GONE)
+
+
+def _end_with_reader() -> None:
+    """End this process when the viewer has gone away: the SDK would wait for a closed pipe without end."""
+    while not _nobody_reads():
+        time.sleep(LOOK_S)
+    sys.stderr.write(f"maurice-replay: {GONE}\n")
+    sys.stderr.flush()
+    os._exit(1)
+
+
+def _is_left() -> bool:
+    return hasattr(select, "poll") and _nobody_reads()  # not on Windows
+
+
+def _nobody_reads() -> bool:
+    """Tell whether standard output is a pipe whose other end was closed."""
+    asked = select.poll()
+    asked.register(sys.stdout.fileno(), 0)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in asked.poll(0))

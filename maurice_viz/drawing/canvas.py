@@ -1,0 +1,178 @@
+"""The static ground of a map view: a drawing of floors and obstacles, with a ruler around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.map import Arena, Region
+
+from ..style import EMPTY, GROUND, OBSTACLE, PALE, RGB, Scale
+from .raster import put_text, text_size
+
+LONG_SIDE_PX = 1280  # of the drawing: twice what a map view has on a screen of 1600 x 1000
+MARGIN = {"left": 0.075, "right": 0.045, "top": 0.075, "bottom": 0.05}  # shares of the arena's long side
+TEXT = 0.02  # height of capitals, as a share of the arena's long side
+FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (34, 44, 66)}
+OTHER_FLOORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
+MOST_TICKS = 9  # labels along one side of the ruler
+LEAST_SHRUNK = 0.7  # of the usual size of text, to make a name fit its obstacle
+TICK_STEPS = (1, 2, 3, 5, 10)
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """A rectangle in drawn coordinates: display units, y pointing down."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    @property
+    def width(self) -> float:
+        """Along x."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Along y."""
+        return self.bottom - self.top
+
+
+def long_side(arena: Arena, scale: Scale) -> float:
+    """Give the longer side of the arena in display units."""
+    return max(scale.length(max(arena.size_m)), scale.units.fine)
+
+
+def arena_extent(arena: Arena, scale: Scale) -> Extent:
+    """Give the rectangle of the arena itself."""
+    x_min, y_min, x_max, y_max = arena.bounds
+    corners = scale.screen(np.array([[x_min, y_max], [x_max, y_min]]))
+    (left, top), (right, bottom) = corners.tolist()
+    return Extent(left, right, top, bottom)
+
+
+def map_extent(arena: Arena, scale: Scale) -> Extent:
+    """Give the rectangle that a map view shows: the arena, its ruler and the key above it."""
+    inner, side = arena_extent(arena, scale), long_side(arena, scale)
+    return Extent(
+        inner.left - MARGIN["left"] * side,
+        inner.right + MARGIN["right"] * side,
+        inner.top - MARGIN["top"] * side,
+        inner.bottom + MARGIN["bottom"] * side,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Canvas:
+    """A drawing, and where it lies in a map view."""
+
+    image: U8  # (H, W, 3) RGB
+    extent: Extent
+    unit_per_px: float
+
+
+def draw_ground(arena: Arena, scale: Scale) -> Canvas:
+    """Draw floors and obstacles with their names, and a ruler along two sides."""
+    extent = map_extent(arena, scale)
+    unit_per_px = max(extent.width, extent.height) / LONG_SIDE_PX
+    shape = (round(extent.height / unit_per_px), round(extent.width / unit_per_px), 3)
+    canvas = Canvas(np.full(shape, GROUND, np.uint8), extent, unit_per_px)
+    text_px = TEXT * long_side(arena, scale) / unit_per_px
+    _fill_arena(canvas, arena, scale)
+    for number, floor in enumerate(arena.floors):
+        _fill_floor(canvas, _pixels(canvas, floor.polygon, scale), floor.name, number)
+    for obstacle in arena.obstacles:
+        _fill_obstacle(canvas, obstacle, scale, text_px)
+    for region, at_top in [(r, True) for r in arena.rooms] + [(f, False) for f in arena.floors]:
+        _put_name(canvas.image, region.name, _pixels(canvas, region.polygon, scale), at_top, text_px)
+    _ruler(canvas, arena, scale, text_px)
+    return canvas
+
+
+def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> F64:
+    shifted = scale.screen(xy_m) - (canvas.extent.left, canvas.extent.top)
+    return np.asarray(shifted / canvas.unit_per_px, np.float64)
+
+
+def _fill_arena(canvas: Canvas, arena: Arena, scale: Scale) -> None:
+    x_min, y_min, x_max, y_max = arena.bounds
+    corners = _pixels(canvas, np.array([[x_min, y_min], [x_max, y_max]]), scale).round().astype(int)
+    (left, bottom), (right, top) = corners.tolist()
+    canvas.image[top:bottom, left:right] = EMPTY
+
+
+def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:
+    """Fill a floor with its color; wood has planks and carpet has dots, so that color is not all."""
+    color = FLOORS.get(name.lower(), OTHER_FLOORS[number % len(OTHER_FLOORS)])
+    tile = np.full((24, 24, 3), color, np.uint8)
+    if name.lower() == "wood":
+        tile[::24] = np.asarray(color) * 3 // 4
+    elif name.lower() == "carpet":
+        tile[::12, ::12] = tile[6::12, 6::12] = np.asarray(color) * 3 // 2
+    rows, columns = canvas.image.shape[:2]
+    tiled = np.tile(tile, (rows // 24 + 1, columns // 24 + 1, 1))[:rows, :columns]
+    mask = np.zeros((rows, columns), np.uint8)
+    cv2.fillPoly(mask, [polygon.round().astype(np.int32)], 1)
+    canvas.image[mask == 1] = tiled[mask == 1]
+
+
+def _fill_obstacle(canvas: Canvas, obstacle: Region, scale: Scale, text_px: float) -> None:
+    polygon = _pixels(canvas, obstacle.polygon, scale)
+    cv2.fillPoly(canvas.image, [polygon.round().astype(np.int32)], OBSTACLE, cv2.LINE_AA)
+    room = np.ptp(polygon[:, 0]) * 0.9
+    width, height = text_size(obstacle.name, text_px)
+    shrunk = max(min(text_px, text_px * room / max(width, 1)), LEAST_SHRUNK * text_px)
+    if width * shrunk / text_px < 1.3 * room:  # a little over the edge is better than too small to read
+        middle = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
+        width, height = text_size(obstacle.name, shrunk)
+        put_text(canvas.image, obstacle.name, middle[0] - width / 2, middle[1] + height / 2, shrunk, GROUND)
+
+
+def _put_name(image: U8, name: str, polygon: F64, at_top: bool, text_px: float) -> None:
+    """Write a name near the top or bottom of its polygon, at the first place where it covers nothing."""
+    width, _ = text_size(name, text_px)
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    bases = np.arange(low[1] + 1.8 * text_px, high[1], text_px)
+    for base in bases if at_top else bases[::-1]:
+        for left in np.arange(low[0] + 0.8 * text_px, high[0] - width - 0.8 * text_px, text_px):
+            if _is_bare(image[round(base - 1.3 * text_px) : round(base), round(left) : round(left + width)]):
+                put_text(image, name, left, base, text_px, PALE)
+                return
+
+
+def _is_bare(part: U8) -> bool:
+    """Tell whether part of the drawing (h, w, 3) holds neither obstacle nor text."""
+    return not any((part == color).all(axis=2).any() for color in (OBSTACLE, PALE))
+
+
+def ticks(low: float, high: float, smallest: float) -> list[float]:
+    """Give round values from low to high, at most `MOST_TICKS`, a multiple of `smallest` apart."""
+    step = smallest
+    while (high - low) / step >= MOST_TICKS:
+        power = 10 ** int(np.floor(np.log10(step / smallest) + 1e-9))
+        step = next(s * power * smallest for s in TICK_STEPS if s * power * smallest > step * 1.001)
+    first = int(np.ceil(low / step - 1e-9))
+    return [k * step for k in range(first, int(np.floor(high / step + 1e-9)) + 1)]
+
+
+def _ruler(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> None:
+    x_min, y_min, x_max, y_max = (scale.length(v) for v in arena.bounds)
+    low = _pixels(canvas, np.array([arena.bounds[:2]]), scale)[0]
+    px = 1 / canvas.unit_per_px
+    across = ticks(x_min, x_max, scale.units.grid)
+    for x in across:
+        label = f"{x:g} {scale.units.name}" if x == across[-1] else f"{x:g}"
+        width, height = text_size(label, text_px)
+        at = low[0] + (x - x_min) * px
+        put_text(canvas.image, label, at - width / 2, low[1] + 1.9 * text_px, text_px, PALE)
+        cv2.line(canvas.image, (round(at), round(low[1])), (round(at), round(low[1] + text_px / 2)), PALE, 2)
+    for y in ticks(y_min, y_max, scale.units.grid):
+        width, height = text_size(f"{y:g}", text_px)
+        at = low[1] - (y - y_min) * px
+        put_text(canvas.image, f"{y:g}", low[0] - width - 0.8 * text_px, at + height / 2, text_px, PALE)
+        cv2.line(canvas.image, (round(low[0] - text_px / 2), round(at)), (round(low[0]), round(at)), PALE, 2)

@@ -1,0 +1,56 @@
+"""Drawing on pixel images: short texts, and encoding for the viewer. Images are (H, W, 3) uint8 RGB."""
+
+from __future__ import annotations
+
+import unicodedata
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import U8
+
+from ..style import RGB
+
+FONT = cv2.FONT_HERSHEY_DUPLEX
+JPEG_QUALITY = 90  # 60 microseconds for 176 x 144; lower is hardly quicker and shows
+
+
+def plain(text: str) -> str:
+    """Write a text in ASCII, which is all that OpenCV's fonts have: accents go, the rest becomes '?'."""
+    bare = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
+    return bare.encode("ascii", "replace").decode("ascii")
+
+
+def text_size(text: str, height_px: float) -> tuple[int, int]:
+    """Give width and height in pixels of a text whose capitals are `height_px` high."""
+    (width, height), _ = cv2.getTextSize(plain(text), FONT, _font_scale(height_px), 1)
+    return width, height
+
+
+def put_text(image: U8, text: str, left: float, base: float, height_px: float, color: RGB) -> None:
+    """Write a text on an image of one's own, its lower left corner at (left, base)."""
+    at = (round(left), round(base))
+    thickness = max(1, round(height_px / 26))
+    cv2.putText(image, plain(text), at, FONT, _font_scale(height_px), color, thickness, cv2.LINE_AA)
+
+
+def _font_scale(height_px: float) -> float:
+    return height_px / 22.0  # capitals of this font are 22 pixels high at scale 1
+
+
+def jpeg(image: U8, quality: int = JPEG_QUALITY) -> bytes:
+    """Encode a picture (H, W, 3) RGB or (H, W) gray as JPEG."""
+    return _encoded(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+
+
+def png(image: U8) -> bytes:
+    """Encode a drawing (H, W, 3) RGB without loss."""
+    return _encoded(".png", image, [])
+
+
+def _encoded(suffix: str, image: U8, options: list[int]) -> bytes:
+    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    done, data = cv2.imencode(suffix, bgr, options)
+    if not done:
+        raise ValueError(f"cannot encode an image of shape {image.shape} as {suffix}")
+    return np.asarray(data).tobytes()

@@ -1,0 +1,138 @@
+"""An explanation as a table and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from maurice_mcl.analysis.explanation import (
+    ASKED,
+    ESTIMATE,
+    TRUTH,
+    WINNER,
+    ChannelExplanation,
+    EntryExplanation,
+    Explained,
+    Offset,
+    StepExplanation,
+    offset,
+)
+
+from ..style import Scale
+from .words import say_offset
+
+# An explanation as a table: a column a reference, a row a figure. Markdown for the viewer's text panel.
+
+TITLES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
+NONE = "outside free space"
+PARTS = "loses · D · quality · rank"  # of a channel's row
+
+
+def markdown_table(step: StepExplanation, scale: Scale, order: Sequence[int] | None = None) -> str:
+    """Write all figures of an update's references side by side; `order` is that of the channels' rows."""
+    heads = ("", *(_head(explained) for explained in step.shown))
+    channels = range(len(step.channels)) if order is None else order
+    rows = [heads, ("---",) * len(heads), *_of_all(step, scale)]
+    rows += [_of_channel(step, k, step.channels[k]) for k in channels]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _of_all(step: StepExplanation, scale: Scale) -> list[tuple[str, ...]]:
+    """Give the rows of all channels together: what it is, and a cell a reference."""
+    rows = [_row(step, f"at ({scale.units.name}), looking", lambda e: _pose(e, scale))]
+    if any(e.from_truth for e in step.shown):
+        rows.append(_row(step, "away from the truth", lambda e: _from_truth(e, step, scale)))
+    rows += [
+        _row(step, "rank · quality", lambda e: f"{e.entry.rank} · {e.entry.quality:.3f}" if e.entry else ""),
+        _row(step, "log-likelihood (nats)", lambda e: f"{e.entry.log_likelihood:.2f}" if e.entry else ""),
+        _row(step, "behind the winner (nats)", lambda e: f"{e.entry.behind:.2f}" if e.entry else ""),
+    ]
+    if any(e.weighed is not None for e in step.shown):
+        rows.append(_row(step, "particle on that pose (nats)", _weighed))
+    return rows
+
+
+def _head(explained: Explained) -> str:
+    entry = NONE if explained.entry is None else f"entry {explained.entry.entry}"
+    return f"{TITLES[explained.who]}: {entry}"
+
+
+def _row(step: StepExplanation, title: str, cell: Callable[[Explained], str]) -> tuple[str, ...]:
+    return (title, *(cell(explained) for explained in step.shown))
+
+
+def _of_channel(step: StepExplanation, number: int, name: str) -> tuple[str, ...]:
+    def cell(explained: Explained) -> str:
+        if explained.entry is None:
+            return ""
+        c = explained.entry.channels[number]
+        return f"{c.loses:.2f} · {c.distance:.3g} · {c.quality:.2f} · {c.rank}"
+
+    return _row(step, f"**{name}**", cell)
+
+
+def _pose(explained: Explained, scale: Scale) -> str:
+    return scale.say_pose(explained.entry.pose).replace(f" {scale.units.name}", "") if explained.entry else ""
+
+
+def _from_truth(explained: Explained, step: StepExplanation, scale: Scale) -> str:
+    truth = step.of(TRUTH)
+    if truth is None or explained.entry is None:
+        return ""
+    return say_offset(offset(explained.entry.pose, truth.pose), scale)
+
+
+def _weighed(explained: Explained) -> str:
+    return "" if explained.weighed is None else f"{explained.weighed:.2f}"
+
+
+# An explanation as JSON, in metres, radians and nats.
+
+
+def to_json(label: str, step: StepExplanation) -> dict[str, Any]:
+    """Give `{"runs": [{"label": ..., "step": ..., "explained": [...]}]}`."""
+    explained = [_explained(one, step.winner) for one in step.shown]
+    return {"runs": [{"label": label, "step": step.step, "explained": explained}]}
+
+
+def _explained(one: Explained, winner: EntryExplanation) -> dict[str, Any]:
+    weighed = one.weighed if one.weighed is not None and math.isfinite(one.weighed) else None
+    return {
+        "who": one.who,
+        "pose": one.pose.tolist(),
+        "particle_log_likelihood": weighed,  # null outside free space
+        "from_truth": None if one.from_truth is None else _offset(one.from_truth),
+        "from_estimate": _offset(one.from_estimate),
+        "reference": None if one.entry is None else _entry(one.entry, winner),
+    }
+
+
+def _offset(offset: Offset) -> dict[str, float]:
+    return {"apart_m": offset.apart_m, "turned_rad": offset.turned_rad}
+
+
+def _entry(entry: EntryExplanation, winner: EntryExplanation) -> dict[str, Any]:
+    lost = entry.lost_to(winner).tolist()
+    return {
+        "entry": entry.entry,
+        "pose": entry.pose.tolist(),
+        "rank": entry.rank,
+        "of": entry.entries,
+        "quality": entry.quality,
+        "log_likelihood": entry.log_likelihood,
+        "behind_winner": entry.behind,
+        "channels": {c.channel: _channel(c, behind) for c, behind in zip(entry.channels, lost, strict=True)},
+    }
+
+
+def _channel(channel: ChannelExplanation, behind: float) -> dict[str, Any]:
+    return {
+        "distance_by": channel.distance_by,
+        "distance": channel.distance,
+        "calibrated_cost": channel.calibrated,
+        "quality": channel.quality,
+        "rank": channel.rank,
+        "loses": channel.loses,
+        "behind_winner": behind,
+    }

@@ -1,0 +1,312 @@
+"""Why the best reference wins and where others lose, in plain sentences.
+
+The elements of a channel stand in planes of equal length (the red bins, the green ones, ...). A run of them
+lies within one plane and has a name: "blue 96 to 119". A channel that is not known here has one plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from maurice_mcl.analysis.explanation import (
+    ASKED,
+    ESTIMATE,
+    TRUTH,
+    WINNER,
+    ChannelExplanation,
+    EntryExplanation,
+    Offset,
+    StepExplanation,
+)
+from maurice_mcl.arrays import F64
+from maurice_mcl.sensor.descriptors import (
+    CHANNELS,
+    chromaticity,
+    color_grid,
+    color_layout,
+    gain_color,
+    hog,
+    tiny,
+)
+from maurice_mcl.sensor.descriptors.histogram import BINS, HIGH, LOW, WIDTH
+
+from ..style import Scale
+
+# What the elements of a descriptor are called, so that one can say where two pictures differ.
+
+COLORS = ("red", "green", "blue")
+PARTS = color_grid.COLUMNS * color_grid.ROWS
+CELLS = hog.COLUMNS * hog.ROWS
+
+Name = Callable[[int, int, int], str]  # plane, first and last element in it -> a few words
+
+
+@dataclass(frozen=True, slots=True)
+class Planes:
+    """How a descriptor is divided."""
+
+    count: int
+    name: Name
+
+
+def planes_of(channel: str, size: int) -> Planes:
+    """Give the planes of a channel whose descriptor has so many elements."""
+    found = KNOWN.get(channel)
+    return found[1] if found and found[0] == size else Planes(1, lambda _, a, b: f"elements {_span(a, b)}")
+
+
+def _levels(what: str = "") -> Name:
+    def name(plane: int, first: int, last: int) -> str:
+        low, high = LOW + WIDTH * first, LOW + WIDTH * last + WIDTH - 1
+        return f"{COLORS[plane]}{what} {low} to {HIGH if last == BINS - 1 else high}"
+
+    return name
+
+
+def _chromaticity(red: int, first: int, last: int) -> str:
+    low, high = chromaticity.RANGE
+    step = (high - low) / chromaticity.BINS
+
+    def span(a: int, b: int) -> str:
+        return f"{low + a * step:.2f} to {low + (b + 1) * step:.2f}"
+
+    return f"red share {span(red, red)} with green share {span(first, last)}"
+
+
+def _raster(rows: int, columns: int, numbers: int) -> Name:
+    """Name cells of a raster over the picture, row by row, with so many numbers a cell."""
+
+    def name(row: int, first: int, last: int) -> str:
+        at, left, right = f"row {row + 1} of {rows}", first // numbers, last // numbers
+        if right - left == columns - 1:
+            return f"{at} of the picture"
+        return f"{at}, column {_span(left, right)} of {columns} of the picture"
+
+    return name
+
+
+def _gain_color(plane: int, first: int, last: int) -> str:
+    width = gain_color.MOST / BINS
+    return f"{COLORS[plane]} {first * width:.1f} to {(last + 1) * width:.1f} times its mean"
+
+
+def _color_grid(plane: int, first: int, last: int) -> str:
+    part, color = divmod(plane, len(COLORS))
+    width = (HIGH + 1 - LOW) / color_grid.BINS
+    low, high = round(LOW + first * width), round(LOW + (last + 1) * width) - 1
+    return f"{COLORS[color]} {low} to {high} in {_place(part, color_grid.COLUMNS)}"
+
+
+def _hog(cell: int, first: int, last: int) -> str:
+    width = 180 // hog.DIRECTIONS
+    return f"edges at {first * width} to {(last + 1) * width} deg in {_place(cell, hog.COLUMNS)}"
+
+
+def _moments(kind: int, first: int, last: int) -> str:
+    what = ("mean", "spread", "skew")[kind]
+    return f"{what} of {' and '.join(COLORS[first : last + 1])}"
+
+
+def _place(cell: int, columns: int) -> str:
+    row, column = divmod(cell, columns)
+    return f"row {row + 1}, column {column + 1} of the picture"
+
+
+def _span(first: int, last: int) -> str:
+    return str(first + 1) if first == last else f"{first + 1} to {last + 1}"
+
+
+# channel -> the size of its descriptor, and its planes
+KNOWN: Mapping[str, tuple[int, Planes]] = {
+    **{
+        channel: (3 * BINS, Planes(3, _levels()))
+        for channel in ("color", "smoothed", "blurred", "cumulative", "edge_color")
+    },
+    "edges": (3 * BINS, Planes(3, _levels(" edges of strength"))),
+    "chromaticity": (chromaticity.BINS**2, Planes(chromaticity.BINS, _chromaticity)),
+    "gain_color": (3 * BINS, Planes(3, _gain_color)),
+    "tiny": (3 * tiny.COLUMNS * tiny.ROWS, Planes(tiny.ROWS, _raster(tiny.ROWS, tiny.COLUMNS, 3))),
+    "color_layout": (
+        2 * color_layout.COLUMNS * color_layout.ROWS,
+        Planes(color_layout.ROWS, _raster(color_layout.ROWS, color_layout.COLUMNS, 2)),
+    ),
+    "color_grid": (PARTS * 3 * color_grid.BINS, Planes(PARTS * 3, _color_grid)),
+    "hog": (CELLS * hog.DIRECTIONS, Planes(CELLS, _hog)),
+    "moments": (9, Planes(3, _moments)),
+}
+
+
+# Why the winner wins and where others lose, in plain sentences.
+
+LITTLE = 0.05  # nats: less is no reason
+MOST_TOLD = 3  # channels that a sentence lists
+LARGE_FACTOR = 1e6  # beyond it a factor says nothing more
+WORDS = {
+    TRUTH: "the reference nearest to the truth",
+    ESTIMATE: "the reference nearest to the estimate",
+    ASKED: "the reference asked for",
+}
+PLACES = {
+    TRUTH: "the truth",
+    ESTIMATE: "the estimate",
+    WINNER: "the winner's pose",
+    ASKED: "the pose asked for",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """The run of elements in which one reference loses most against another."""
+
+    name: str  # "blue 96 to 119"
+    nats: float  # lost there
+    picture: float  # mean of these elements in the picture, in the channel's unit
+    reference: float  # ... at the reference
+
+
+def say_step(step: StepExplanation, scale: Scale) -> list[str]:
+    """Say in a few sentences, a paragraph each, why the winner wins and where the others lose."""
+    winner = step.winner
+    others = [e for e in step.shown if e.who != WINNER]
+    alike = [WORDS[e.who] for e in others if e.entry is not None and e.entry.entry == winner.entry]
+    also = f" It is also {' and '.join(alike)}." if alike else ""
+    says = [_winner(step, scale) + also]
+    told: dict[int, str] = {}
+    for explained in others:
+        entry = explained.entry
+        if entry is None:
+            says.append(
+                f"{_capital(PLACES[explained.who])} lies outside free space, where no particle can be."
+            )
+        elif entry.entry in told:
+            says.append(f"{_capital(WORDS[explained.who])} is the same as {told[entry.entry]}.")
+        elif entry.entry != winner.entry:
+            says.append(_other(entry, WORDS[explained.who], winner))
+            told[entry.entry] = WORDS[explained.who]
+    weighed = _weighed(step)
+    return [*says, weighed] if weighed else says
+
+
+def where_lost(mine: ChannelExplanation, best: ChannelExplanation) -> Where | None:
+    """Find the run of elements in which a reference loses most against another, by one channel.
+
+    All through the run either the picture has more than the reference, or less: what is lost where a color
+    is missing and where another one is in its place are two runs. Of all of them within one plane it is the
+    one with the largest sum over the mean of all elements, so that it ends where little is lost. None where
+    this channel loses nothing.
+    """
+    more = np.asarray(mine.nats - best.nats, np.float64)
+    planes = planes_of(mine.channel, len(more))
+    found = [
+        (plane, *_largest_run(row - more.mean()))
+        for side in (mine.sample > mine.reference, mine.sample < mine.reference)
+        for plane, row in enumerate(np.where(side, more, 0.0).reshape(planes.count, -1))
+    ]
+    plane, first, last, _ = max(found, key=lambda run: run[3])
+    begin = plane * (len(more) // planes.count)
+    at = slice(begin + first, begin + last + 1)
+    lost = float(more[at].sum())
+    if lost < LITTLE:
+        return None
+    name = planes.name(plane, first, last)
+    return Where(name, lost, float(mine.sample[at].mean()), float(mine.reference[at].mean()))
+
+
+def _largest_run(values: F64) -> tuple[int, int, float]:
+    """Give first and last element of the run with the largest sum, and that sum (Kadane)."""
+    best, found, total, first = -math.inf, (0, 0), 0.0, 0
+    for k, value in enumerate(values.tolist()):
+        if total <= 0:
+            total, first = 0.0, k
+        total += value
+        if total > best:
+            best, found = total, (first, k)
+    return *found, best
+
+
+def _winner(step: StepExplanation, scale: Scale) -> str:
+    winner, explained = step.winner, step.of(WINNER)
+    by = sorted(winner.channels, key=lambda c: -c.loses)
+    parts = ", ".join(f"{c.channel} {c.loses:.1f}" for c in by[:MOST_TOLD] if c.loses >= LITTLE)
+    among = f"Of {winner.entries} references entry {winner.entry}"
+    among = among if winner.entries > 1 else "The only reference"
+    cost = f": it loses {-winner.log_likelihood:.1f} nats{f' ({parts})' if parts and len(by) > 1 else ''}"
+    lies = explained.from_truth if explained else None
+    lies_at = "" if lies is None else f" It is {say_offset(lies, scale)} from the truth."
+    return f"{among} at {scale.say_pose(winner.pose)} matches the picture best{cost}.{lies_at}"
+
+
+def _other(entry: EntryExplanation, what: str, winner: EntryExplanation) -> str:
+    start = f"{_capital(what)}, entry {entry.entry}, is {ordinal(entry.rank)} of {entry.entries}"
+    if entry.behind < LITTLE:
+        return f"{start}: practically as likely as the winner."
+    return f"{start}, {say_behind(entry.behind)}. {_reasons(entry, winner)}"
+
+
+def say_behind(nats: float) -> str:
+    """Say what a gap in log-likelihood means: "2.3 nats behind the winner: 10 times less likely"."""
+    factor = math.exp(min(nats, 700.0))
+    if factor > LARGE_FACTOR:
+        return f"{nats:.1f} nats behind the winner: over a million times less likely"
+    times = f"{factor:.1f}" if factor < 10 else f"{float(f'{factor:.2g}'):,.0f}"
+    return f"{nats:.1f} nats behind the winner: {times} times less likely"
+
+
+def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
+    """Name the channel that costs most, where in it, and the others."""
+    costs = entry.lost_to(winner)
+    order = np.argsort(-costs, kind="stable")
+    first = int(order[0])
+    mine, best = entry.channels[first], winner.channels[first]
+    text = f"{_capital(mine.channel)} costs it {costs[first]:.1f} nats"
+    where = where_lost(mine, best)
+    if where is not None:
+        unit = CHANNELS[mine.channel].unit if mine.channel in CHANNELS else "the channel's unit"
+        text += f", {where.nats:.1f} of them at {where.name}"
+        less, picture, reference = where.picture < where.reference, where.picture, where.reference
+        text += f", where the picture has {'less' if less else 'more'}"
+        text += f" ({_number(picture)} against {_number(reference)}, {unit})"
+    more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LITTLE]
+    return f"{text}; {', '.join(more[:MOST_TOLD])}." if more else f"{text}."
+
+
+def _and(channel: str, cost: float) -> str:
+    return f"{channel} {cost:.1f}" if cost > 0 else f"{channel} speaks for it by {-cost:.1f}"
+
+
+def _weighed(step: StepExplanation) -> str:
+    """Say what a particle on the very pose gets beside what its nearest reference alone would give it."""
+    parts = []
+    for explained in step.shown:
+        weight, entry = explained.weighed, explained.entry
+        if weight is None or entry is None or explained.who == WINNER:
+            continue
+        at = f"on {PLACES[explained.who]} gets {weight:.1f} nats"
+        parts.append(f"{at} (its nearest reference alone: {entry.log_likelihood:.1f})")
+    if not parts:
+        return ""
+    start = "Particles are weighed by the references around them, those in between as well"
+    return f"{start}: one {', one '.join(parts)}."
+
+
+def say_offset(offset: Offset, scale: Scale) -> str:
+    """Say how far apart two poses are: "4.1 in and 8 deg"."""
+    return f"{scale.say(offset.apart_m)} and {math.degrees(offset.turned_rad):.0f} deg"
+
+
+def ordinal(number: int) -> str:
+    """Write a rank: 1st, 2nd, 3rd, 11th."""
+    ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{ending}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}" if value >= 10 else f"{value:.2g}"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

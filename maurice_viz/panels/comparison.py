@@ -1,0 +1,171 @@
+"""What several runs share: one map with all clouds, how they differ at every step, and where they part."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+import rerun as rr
+
+from maurice_mcl.analysis.run_comparison import PairedStep, Step
+from maurice_mcl.arrays import F32, F64, I32
+from maurice_mcl.map import Arena
+from maurice_mcl.records import Belief, StepRecord
+from maurice_mcl.session import Moment
+
+from ..drawing.canvas import long_side
+from ..drawing.raster import jpeg, png
+from ..entities import (
+    APART,
+    BELIEF_KEY,
+    CIRCLE_KEY,
+    HEADING_DIFFERENCE,
+    POSITION_DIFFERENCE,
+    RESULT,
+    RUNS_KEY,
+    TEXT,
+    Slot,
+    camera_of,
+    cloud_of,
+    parted_of,
+    truth_of,
+)
+from ..playback import RunResult
+from ..scene import Shown
+from ..style import RUN_COLORS, Scale, legible
+from ..text import comparison as compare_words
+from . import belief as draw_belief
+from . import pictures as draw_pictures
+from .comparison_keys import belief_key, circle_key, key_extent, runs_key
+from .observer import MARKDOWN, set_phase
+from .traces import LINE
+
+DOTS = 200  # of each cloud on the shared map: four clouds of thousands would hide each other
+DOT = 1.5  # radius in points of the screen
+
+
+class ComparisonDrawing:
+    """Draws into the recording of runs that are observed side by side. The first run is the measure.
+
+    `other_drives` are labels of runs that replay another drive, whose camera and truth are drawn here.
+    """
+
+    def __init__(
+        self, rec: rr.RecordingStream, labels: Sequence[str], scale: Scale, other_drives: Collection[str] = ()
+    ) -> None:
+        self._rec, self._labels, self._scale = rec, tuple(labels), scale
+        self._truths = {
+            label: draw_belief.truth_marker(truth_of(label)) for label in labels if label in other_drives
+        }
+        self._clouds = {label: cloud_of(label) for label in labels}
+        self._words: compare_words.StepWords | None = None
+        self._arrow = 0.0
+
+    def begin(self, arena: Arena, has_truth: bool) -> None:
+        """Log all that does not change."""
+        shown = Shown(arena, self._scale, has_truth)
+        self._arrow = draw_belief.ARROW * long_side(arena, self._scale)
+        self._words = compare_words.StepWords(self._labels, self._scale, has_truth)
+        self._draw_keys(shown)
+        for path in (TEXT, RESULT):
+            self._rec.log(path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
+        self._rec.log(RESULT, rr.TextDocument(compare_words.NOT_YET, media_type=MARKDOWN), static=True)
+        for label, color in zip(self._labels, RUN_COLORS, strict=False):
+            self._prepare_run(label, color)
+        self._prepare_lines()
+
+    def see(self, steps: Mapping[str, Step], pairs: Mapping[str, PairedStep]) -> None:
+        """Log one update of all runs."""
+        if self._words is None:
+            raise RuntimeError("begin() comes before see()")
+        moment, _ = steps[self._labels[0]]
+        set_phase(self._rec, moment, Slot.WEIGHT)
+        for label, (own, record) in steps.items():
+            self._rec.log(self._clouds[label], rr.Points2D.from_fields(positions=self._dots(record)))
+            if label in self._truths:
+                self._draw_drive(label, own)
+        set_phase(self._rec, moment, Slot.ESTIMATE)
+        self._draw_lines(pairs)
+        for label, pair in pairs.items():
+            if pair.event is not None and pair.apart_m is not None:
+                self._rec.log(parted_of(label), rr.Scalars(self._scale.length(pair.apart_m)))
+        self._rec.log(TEXT, rr.TextDocument.from_fields(text=legible(self._words.at(steps, pairs))))
+
+    def end(self, results: Sequence[RunResult]) -> None:
+        """Log how the runs compare over the whole drive, as far as it went."""
+        text = compare_words.result(results, self._scale.units)
+        self._rec.log(RESULT, rr.TextDocument(legible(text), media_type=MARKDOWN), static=True)
+
+    def _draw_keys(self, shown: Shown) -> None:
+        runs = len(self._labels)
+        keys = {
+            RUNS_KEY: runs_key(self._labels, shown.has_truth),
+            BELIEF_KEY: belief_key(runs, shown.has_truth),
+            CIRCLE_KEY: circle_key(runs),
+        }
+        for path, key in keys.items():
+            extent = key_extent(key, shown)
+            self._rec.log(
+                path,
+                rr.EncodedImage(contents=png(key), media_type="image/png", draw_order=-5.0),
+                rr.Transform3D(translation=[extent.left, extent.top, 0], scale=extent.width / key.shape[1]),
+                static=True,
+            )
+
+    def _prepare_run(self, label: str, color: tuple[int, int, int]) -> None:
+        points = rr.components.Radius.ui_points
+        dots = rr.Points2D.from_fields(colors=[color], radii=points(DOT), draw_order=20.0)
+        self._rec.log(self._clouds[label], dots, static=True)
+        mark = rr.SeriesPoints(
+            colors=[color], names=[f"{legible(label)} parts"], markers="diamond", marker_sizes=[5.0]
+        )
+        self._rec.log(parted_of(label), mark, static=True)
+        if label in self._truths:
+            self._truths[label].prepare(self._rec)
+            draw_pictures.prepare_jpeg(self._rec, camera_of(label))
+
+    def _prepare_lines(self) -> None:
+        others = self._labels[1:]
+        colors = list(RUN_COLORS[1 : len(self._labels)])
+        for path, what in (
+            (POSITION_DIFFERENCE, "position error"),
+            (HEADING_DIFFERENCE, "heading error"),
+            (APART, "distance"),
+        ):
+            names = [f"{label}: {what} against {self._labels[0]}" for label in others]
+            self._rec.log(
+                path, rr.SeriesLines(names=names, colors=colors, widths=[LINE] * len(others)), static=True
+            )
+
+    def _draw_lines(self, pairs: Mapping[str, PairedStep]) -> None:
+        def known(values: Sequence[float | None], unit: float) -> list[float]:
+            return [np.nan if value is None else value * unit for value in values]
+
+        per_m, per_rad = self._scale.units.per_m, float(np.rad2deg(1))
+        lines = {
+            POSITION_DIFFERENCE: known([pair.position_m for pair in pairs.values()], per_m),
+            HEADING_DIFFERENCE: known([pair.heading_rad for pair in pairs.values()], per_rad),
+            APART: known([pair.apart_m for pair in pairs.values()], per_m),
+        }
+        for path, values in lines.items():
+            if not np.isnan(values).all():
+                self._rec.log(path, rr.Scalars(values))
+
+    def _draw_drive(self, label: str, moment: Moment) -> None:
+        draw_pictures.draw_jpeg(self._rec, camera_of(label), jpeg(moment.frame.image))
+        if moment.truth is not None:
+            self._truths[label].draw(self._rec, moment.truth, self._scale, self._arrow)
+
+    def _dots(self, record: StepRecord) -> F32:
+        return self._scale.screen(_places(record.weighted, thinned(record.weighted.weights, DOTS)))
+
+
+def thinned(weights: F64, count: int) -> I32:
+    """Choose at most `count` particles of weights (N,), as densely as the weight lies; no chance in it."""
+    ends = np.cumsum(weights)
+    chosen = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1])
+    return np.asarray(chosen[np.diff(chosen, prepend=-1) > 0], np.int32)  # each once: they are in order
+
+
+def _places(belief: Belief, chosen: I32) -> F64:
+    return np.asarray(belief.poses[chosen, :2] + belief.origin)

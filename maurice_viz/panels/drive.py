@@ -1,0 +1,282 @@
+"""A drive or survey by itself: pictures, channels, paths; nothing is localized."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Protocol
+
+import numpy as np
+import rerun as rr
+
+from maurice_loaders.recording import motion_between, moved, together
+from maurice_loaders.transforms.placeholders import STAND_IN
+from maurice_loaders.transforms.simplified_path import ThinnedPath
+from maurice_mcl.arrays import F32, F64
+from maurice_mcl.library import Library
+from maurice_mcl.map import Arena
+from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.session import Moment, SessionInfo
+
+from .. import entities
+from ..drawing import keys
+from ..drawing.canvas import long_side
+from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, legible, scale_for
+from ..text import narration as narrate_parts
+from . import belief as draw_belief
+from . import pictures as draw_pictures
+from . import world as draw_world
+
+# The whole ways of a drive, by odometry and as they really were, known before anything is drawn.
+
+MOST = 4000  # points of a way that are kept; of a longer one every second, fourth, ... point
+MARGIN = 0.08  # around the ways, as a share of the longer side
+LEAST_M = 1.0  # free on each side of them
+
+
+class Known(Protocol):
+    """What is known of a moment without its picture."""
+
+    @property
+    def motions(self) -> F64:
+        """Movements (M, 3) as measured."""
+        ...
+
+    @property
+    def truth(self) -> F64 | None:
+        """The true pose (3,)."""
+        ...
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """What the log says."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ways:
+    """What is known of a drive beforehand."""
+
+    moments: int
+    events: int
+    moves: bool  # whether there is any odometry
+    begins: F64 | None  # (3,) where the way by odometry begins on the map; None: neither truth nor odometry
+    measured: F64  # (K, 2) in metres on the map, by odometry alone
+    true: F64  # (T, 2)
+
+    @property
+    def points(self) -> F64:
+        """All points of both ways (K + T, 2)."""
+        return np.concatenate([self.measured, self.true])
+
+    @property
+    def arena(self) -> Arena | None:
+        """A bare map around the ways; None where there are none."""
+        points = self.points
+        if not len(points):
+            return None
+        low, high = points.min(axis=0), points.max(axis=0)
+        free = max(LEAST_M, MARGIN * float((high - low).max()))
+        (x_min, y_min), (x_max, y_max) = (low - free).tolist(), (high + free).tolist()
+        return Arena((x_min, y_min, x_max, y_max), np.zeros((0, 4)))
+
+
+def ways_of(known: Iterable[Known], info: SessionInfo) -> Ways:
+    """Go through a drive once. The way by odometry is laid so that it meets the truth where that begins."""
+    own, measured, true = np.zeros(3), ThinnedPath(MOST), ThinnedPath(MOST)
+    begins, count, events, moves = info.start, 0, 0, False
+    for one in known:
+        count, events, moves = count + 1, events + len(one.events), moves or len(one.motions) > 0
+        for motion in one.motions:
+            own = moved(own, motion)
+        measured.add(own)
+        if one.truth is not None:
+            true.add(one.truth)
+            begins = moved(one.truth, motion_between(own, np.zeros(3))) if begins is None else begins
+    if not moves:
+        return Ways(count, events, False, begins, np.zeros((0, 2)), _points(true))
+    begins = np.zeros(3) if begins is None else begins
+    return Ways(count, events, True, begins, _laid(_points(measured), begins), _points(true))
+
+
+def _points(path: ThinnedPath) -> F64:
+    return path.poses()[:, :2]
+
+
+def _laid(points: F64, begins: F64) -> F64:
+    """Turn and shift points (K, 2) from the odometry's own frame onto the map."""
+    cos, sin = np.cos(begins[2]), np.sin(begins[2])
+    return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + begins[:2])
+
+
+# A drive or survey by itself: pictures, what the channels measure in them, ways; nothing is localized.
+
+ODOMETRY = "/session/odometry"
+EVENTS = "/session/events"
+TEXT = "/session/text"
+WAYS = "/world/ways"  # under it truth and odometry, whole and faint
+HISTOGRAM = "/session/histogram"  # under it a channel each, under that a plane each
+TRACE = "/session/trace"
+SHOWN = ("color", "edges")  # channels whose vectors are drawn, of those there are
+NOWHERE = Arena((0.0, 0.0, 10.0, 10.0), np.zeros((0, 4)))  # for the size of arrows only
+FAINT = 90  # opacity of the whole ways, of 255
+PLANE_COLORS: tuple[RGB, ...] = ((200, 60, 50), (50, 160, 80), (60, 110, 230))
+BY_ODOMETRY, BY_TRUTH = RUN_COLORS[0], RUN_COLORS[1]
+LINES: dict[str, RGB] = {
+    "forward/odometry": BY_ODOMETRY,
+    "turn/odometry": BY_ODOMETRY,
+    "apart": BY_ODOMETRY,
+    "brightness": RUN_COLORS[2],
+}
+DIGITS = 6  # of what is plotted: of a steady drive the axis would else show what rounding left
+DOTS = ("forward/truth", "turn/truth")
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What is drawn of a drive, known beforehand."""
+
+    info: SessionInfo
+    ways: Ways
+    pictures: bool  # whether there is a camera
+    advice: str = ""  # Markdown: what to do next
+
+    @property
+    def arena(self) -> Arena | None:
+        """The map, or a bare one around the ways."""
+        return self.info.arena or self.ways.arena
+
+    @property
+    def scale(self) -> Scale:
+        """From metres to what is drawn."""
+        return scale_for(self.info.display_units, self.arena or NOWHERE)
+
+    @property
+    def channels(self) -> Sequence[str]:
+        """Whose vectors are drawn."""
+        return [name for name in SHOWN if name in CHANNELS] if self.pictures else []
+
+
+def draw_drive(rec: rr.RecordingStream, drive: Drive, moments: Iterable[Moment]) -> None:
+    """Log a drive: first what stays, then moment by moment."""
+    _draw_still(rec, drive)
+    pen = _Pen(rec, drive)
+    for moment in moments:
+        rec.set_time(entities.STEP, sequence=moment.frame.step)
+        rec.set_time(entities.SESSION, duration=moment.frame.time_s)
+        pen.draw(moment)
+
+
+def _draw_still(rec: rr.RecordingStream, drive: Drive) -> None:
+    ways, scale = drive.ways, drive.scale
+    if drive.arena is not None:
+        alone = Library(drive.info.name, np.zeros((0, 3)), (), {}, drive.arena, drive.info.display_units)
+        draw_world.draw_world(rec, alone, scale)
+        draw_world.draw_key(
+            rec, entities.WEIGHT_KEY, keys.way_key(ways.moves, len(ways.true) > 0), drive.arena, scale
+        )
+    for name, points, color in (("odometry", ways.measured, ESTIMATE), ("truth", ways.true, TRUTH)):
+        if len(points):
+            faint = [(*color, FAINT)]
+            rec.log(
+                f"{WAYS}/{name}",
+                rr.LineStrips2D(
+                    [scale.screen(points)],
+                    colors=faint,
+                    radii=rr.components.Radius.ui_points(0.75),
+                    draw_order=5.0,
+                ),
+                static=True,
+            )
+    for path, color in LINES.items():
+        rec.log(f"{TRACE}/{path}", rr.SeriesLines(colors=[color], widths=[1.75]), static=True)
+    for path in DOTS:  # no line across the gaps that truth may have
+        rec.log(f"{TRACE}/{path}", rr.SeriesPoints(colors=[BY_TRUTH], marker_sizes=[2.5]), static=True)
+    rec.log(TEXT, rr.TextDocument.from_fields(media_type="text/markdown"), static=True)
+    for path in (entities.CAMERA, entities.EDGES):
+        draw_pictures.prepare_jpeg(rec, path)
+
+
+@dataclass(slots=True)
+class _Pen:
+    """Draws moments, and remembers where the last one was."""
+
+    rec: rr.RecordingStream
+    drive: Drive
+    _arrow: float = field(init=False)
+    _pose: F64 | None = field(init=False)  # by odometry, on the map
+    _truth_before: F64 | None = field(init=False, default=None)
+    _measured: draw_belief.PoseMarker = field(init=False)
+    _true: draw_belief.PoseMarker = field(init=False)
+
+    def __post_init__(self) -> None:
+        scale = self.drive.scale
+        self._arrow = draw_belief.ARROW * long_side(self.drive.arena or NOWHERE, scale)
+        self._pose = self.drive.ways.begins
+        self._measured = draw_belief.estimate_marker(ODOMETRY)
+        self._true = draw_belief.truth_marker(entities.TRUTH)
+        for marker in (self._measured, self._true):
+            marker.prepare(self.rec)
+
+    def draw(self, moment: Moment) -> None:
+        """Log one moment."""
+        if moment.frame.picture != STAND_IN:
+            draw_pictures.draw_camera(self.rec, moment.frame.image)
+            self._draw_vectors(moment)
+            self._trace("brightness", float(moment.frame.image.mean()))
+        self._draw_poses(moment)
+        self.rec.log(TEXT, rr.TextDocument.from_fields(text=legible(self._words(moment))))
+        for text in moment.events:
+            self.rec.log(EVENTS, rr.TextLog(legible(text)))
+        self._truth_before = moment.truth
+
+    def _draw_vectors(self, moment: Moment) -> None:
+        for channel in self.drive.channels:
+            planes = np.array_split(CHANNELS[channel].describe(moment.frame.image), len(PLANE_COLORS))
+            for number, (plane, color) in enumerate(zip(planes, PLANE_COLORS, strict=True)):
+                self.rec.log(f"{HISTOGRAM}/{channel}/{number}", _bars(plane, number, color))
+
+    def _draw_poses(self, moment: Moment) -> None:
+        scale, motions, truth = self.drive.scale, moment.frame.motions, moment.truth
+        if self._pose is not None and self.drive.ways.moves:
+            for motion in motions:
+                self._pose = moved(self._pose, motion)
+            self._measured.draw(self.rec, self._pose, scale, self._arrow)
+        if len(motions):
+            self._draw_way("odometry", reduce(together, motions))
+        if truth is None:
+            return
+        self._true.draw(self.rec, truth, scale, self._arrow)
+        if self._truth_before is not None:
+            self._draw_way("truth", motion_between(self._truth_before, truth))
+        if self._pose is not None and self.drive.ways.moves:
+            self._trace("apart", scale.length(float(np.hypot(*(self._pose - truth)[:2]))))
+
+    def _draw_way(self, kind: str, motion: F64) -> None:
+        self._trace(f"forward/{kind}", self.drive.scale.length(float(motion[0])))
+        self._trace(f"turn/{kind}", float(np.degrees(motion[2])))
+
+    def _trace(self, quantity: str, value: float) -> None:
+        self.rec.log(f"{TRACE}/{quantity}", rr.Scalars(round(value, DIGITS)))
+
+    def _words(self, moment: Moment) -> str:
+        """Say what is known of this moment, and what to do next."""
+        frame, scale = moment.frame, self.drive.scale
+        what = "Picture" if self.drive.pictures else "Moment"
+        parts = [f"### {what} {frame.step}, {frame.time_s:.2f} s"]
+        if self.drive.ways.moves:
+            parts.append(f"By odometry the robot {narrate_parts.motion(frame.motions, scale)}.")
+        if moment.truth is not None:
+            parts.append(f"It really was at {scale.say_pose(moment.truth)}.")
+        parts += [f"The log says: {text}." for text in moment.events[:3]]
+        if self.drive.pictures and frame.picture:
+            parts.append(f"`{frame.picture}`, {frame.image.shape[1]} x {frame.image.shape[0]} px")
+        return "\n\n".join([*parts, self.drive.advice])
+
+
+def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:
+    """Draw one plane's bins (B,), each plane 1 wide: red from 0 to 1, green to 2, blue to 3."""
+    bins = len(values)
+    at = plane + (np.arange(bins) + 0.5) / bins
+    return rr.BarChart(values, abscissa=at.astype(np.float32), widths=np.full(bins, 1 / bins), color=color)

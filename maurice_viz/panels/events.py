@@ -1,0 +1,159 @@
+"""Events as lanes over time: what state the belief is in, what was noticed, and what the log says.
+
+A lane's state holds until the next one. Events are moments: each is at the left edge of its mark, and the
+mark goes on for a share of the run that can be seen and read on a screen, or until the next one. Only changes
+are logged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from maurice_mcl.analysis import events as kinds
+from maurice_mcl.analysis import localization_status as states
+from maurice_mcl.analysis.events import Event
+from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
+
+from ..entities import RunPaths
+from ..style import ESTIMATE, PALE, RGB, RUN_COLORS, packed
+
+LOG_LANE = "/session/events"  # what the log says is the same for all runs of a recording
+HOLD_STEPS = 8  # for which the mark of an event goes on, in a run of unknown length
+LEAST_HOLD = 2
+MARKS_A_RUN = 8  # so many marks would fill a lane: each then has room for a word
+
+DOUBTFUL, ACTS, OWN, GOOD = RUN_COLORS
+LOST, TOLD = ESTIMATE, PALE
+LEGEND = "green good, orange doubtful, red lost, blue acts"  # longer ones are cut off in narrow columns
+
+STATE_COLORS: Mapping[str, RGB] = {
+    states.AT_HOME: GOOD,
+    states.SEARCHING: ACTS,
+    states.WRONG: DOUBTFUL,
+    states.ASTRAY: LOST,
+    states.CONVERGED: GOOD,
+    states.SPREAD: ACTS,
+}
+NOTICED_COLORS: Mapping[str, RGB] = {
+    kinds.LOST: LOST,
+    kinds.ALL_WEIGHTS_ZERO: LOST,
+    kinds.RECOVERED: GOOD,
+    kinds.LOCALIZED: GOOD,
+    kinds.MODE_SWITCH: DOUBTFUL,
+    kinds.BEYOND_THREE_SIGMA: DOUBTFUL,
+    kinds.ESS_DIP: DOUBTFUL,
+    kinds.PARTED: DOUBTFUL,
+    RESEEDED: ACTS,
+    EXPANDED: ACTS,
+    kinds.BOOKMARK: OWN,
+}  # the first of several at one step is shown
+LOG_COLORS: Mapping[str, RGB] = {
+    kinds.KIDNAPPED: LOST,
+    kinds.LIGHTS_CHANGED: DOUBTFUL,
+    "bump": TOLD,
+    "slip": TOLD,
+    kinds.SESSION: TOLD,
+}
+SHORT = {
+    kinds.ESS_DIP: "ESS dip",
+    kinds.LIGHTS_CHANGED: "lights",
+    kinds.BEYOND_THREE_SIGMA: "3 sigma",
+    kinds.ALL_WEIGHTS_ZERO: "all zero",
+    kinds.MODE_SWITCH: "switch",
+    kinds.SESSION: "log",
+}  # what is written on a mark, where that is not the kind's own name
+
+
+@dataclass(slots=True)
+class _Lane:
+    """One lane of moments: shows the first event of a step for so many steps, then nothing."""
+
+    path: str
+    colors: Mapping[str, RGB]
+    hold_steps: int
+    _until: int | None = None  # the step from which nothing is shown; None: nothing is shown
+
+    def draw(self, rec: rr.RecordingStream, step: int, names: Iterable[str]) -> None:
+        found = sorted(set(names) & set(self.colors), key=list(self.colors).index)
+        if found:
+            rec.log(self.path, rr.StateChange(state=found[0]))
+            self._until = step + self.hold_steps
+        elif self._until is not None and step >= self._until:
+            rec.log(self.path, rr.StateChange.from_fields(state=[]))
+            self._until = None
+
+
+@dataclass(slots=True)
+class EventLane:
+    """Draws the lanes of one run: `/<label>/events/belief` and `.../noticed`, and the log's once for all.
+
+    `scene` says whether this run also draws the lane of the log, as for the observer.
+    """
+
+    paths: RunPaths
+    scene: bool = True
+    hold_steps: int = HOLD_STEPS  # see `hold_for`
+    _state: str = ""  # drawn last
+    _noticed: _Lane = field(init=False)
+    _log: _Lane = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._noticed = _Lane(noticed_path(self.paths), NOTICED_COLORS, self.hold_steps)
+        self._log = _Lane(LOG_LANE, LOG_COLORS, self.hold_steps)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log names and colors of the states, static."""
+        _configure(rec, belief_path(self.paths), STATE_COLORS)
+        _configure(rec, self._noticed.path, NOTICED_COLORS)
+        if self.scene:
+            _configure(rec, LOG_LANE, LOG_COLORS)
+
+    def draw(self, rec: rr.RecordingStream, step: int, state: str, events: Sequence[Event]) -> None:
+        """Log what changed at a step: `state` is `EventDetector.state`, `events` what its `see` gave."""
+        if state != self._state:
+            rec.log(belief_path(self.paths), rr.StateChange(state=state))
+            self._state = state
+        shown = [event for event in events if not event.is_routine]
+        self._noticed.draw(rec, step, [event.kind for event in shown])
+        if self.scene:
+            self._log.draw(rec, step, [_log_name(event) for event in shown])
+
+
+def hold_for(updates: int) -> int:
+    """Choose for how many steps marks go on, in a run of so many updates."""
+    return max(LEAST_HOLD, round(updates / MARKS_A_RUN))
+
+
+def belief_path(paths: RunPaths) -> str:
+    """Give the lane of the belief's state."""
+    return paths.at("events", "belief")
+
+
+def noticed_path(paths: RunPaths) -> str:
+    """Give the lane of what was noticed of a run."""
+    return paths.at("events", "noticed")
+
+
+def events_view(labels: Sequence[str], title: str = "Events") -> rrb.StateTimelineView:
+    """Show the lanes of some runs and of the log, with the meaning of the colors in the title.
+
+    Each lane takes 35 pixels, title and time axis together 45: 150 pixels for one run, 220 for two.
+    """
+    contents = [f"{RunPaths(label).at('events')}/**" for label in labels]
+    return rrb.StateTimelineView(name=f"{title}: {LEGEND}", origin="/", contents=[*contents, LOG_LANE])
+
+
+def _log_name(event: Event) -> str:
+    first = event.text.split(" ")[0]
+    return first if event.kind == kinds.SESSION and first in LOG_COLORS else event.kind
+
+
+def _configure(rec: rr.RecordingStream, path: str, colors: Mapping[str, RGB]) -> None:
+    shades = [rr.components.Color(packed(color)) for color in colors.values()]
+    labels = [SHORT.get(name, name.replace("-", " ")) for name in colors]
+    style = rr.StateConfiguration(values=list(colors), labels=labels, colors=shades)
+    rec.log(path, style, static=True)

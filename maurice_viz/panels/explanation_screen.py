@@ -1,0 +1,210 @@
+"""One update explained at full size, as a recording of its own: whole pictures, a chart for each channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from maurice_mcl.analysis.explanation import ChannelExplanation, Explained, StepExplanation
+from maurice_mcl.arrays import U8
+from maurice_mcl.library import Library
+from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.session import Moment
+
+from .. import entities
+from ..drawing.canvas import long_side
+from ..drawing.contact_sheet import NOT_KEPT, read_picture
+from ..drawing.raster import jpeg, put_text
+from ..entities import RunPaths, Slot
+from ..explain.paths import COLORS, OUTSIDE, marks_path, table_path
+from ..explain.table import markdown_table
+from ..explain.words import say_step
+from ..style import BAR, MISSING, PALE, Scale
+from . import belief as draw_belief
+from . import circles as draw_circles
+from . import pictures as draw_pictures
+from . import world as draw_world
+from .explanation import ARROW, labels_on_map
+from .histograms import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, SMALLEST, bands_of
+from .observer import set_phase
+
+GRAY = (144, 176)  # rows and columns of what stands for a picture that is not there
+MARKDOWN = "text/markdown"
+NOTES = """
+**Columns**: the references nearest to truth and estimate, and the winner, which matches best.
+
+**Map**: particles white, truth a white disk, estimate an orange one.
+
+**Descriptors**: the picture's blue, the reference's orange; bins of red, green and blue on
+grounds of their color.
+
+**Nats**: what each element costs. All bars of a reference, over all channels, add up to minus its
+log-likelihood. One nat less is 2.7 times less likely.
+
+**Rank** 1 is the nearest, **quality** 0 the worst for this picture, **D** the channel's own distance.
+"""
+
+
+def picture_path(paths: RunPaths, who: str) -> str:
+    """Give the entity of a reference's picture."""
+    return paths.at("explain", who, "picture")
+
+
+def edges_path(paths: RunPaths, who: str) -> str:
+    """Give the entity of its edge picture."""
+    return paths.at("explain", who, "edges")
+
+
+def bars_path(paths: RunPaths, who: str, channel: str, kind: str) -> str:
+    """Give the entity of one channel's bars: `kind` is "descriptor" or "cost"."""
+    return paths.at("explain", who, channel, kind)
+
+
+def words_path(paths: RunPaths) -> str:
+    """Give the entity of the sentences."""
+    return paths.at("explain", "words")
+
+
+def notes_path(paths: RunPaths) -> str:
+    """Give the entity of how to read it all."""
+    return paths.at("explain", "notes")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Update:
+    """What is drawn."""
+
+    moment: Moment
+    record: StepRecord
+    step: StepExplanation
+    library: Library
+    scale: Scale
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether the truth is known at this update."""
+        return self.moment.truth is not None
+
+
+def costliest_first(step: StepExplanation) -> list[int]:
+    """Order channel numbers by what they cost the first reference that is not the winner, else the winner."""
+    others = [e.entry for e in step.shown if e.entry is not None and e.entry.entry != step.winner.entry]
+    costs = others[0].lost_to(step.winner) if others else np.array([c.loses for c in step.winner.channels])
+    return [int(k) for k in np.argsort(-costs, kind="stable")]
+
+
+def draw_full(rec: rr.RecordingStream, paths: RunPaths, update: Update) -> None:
+    """Log everything, on all three timelines at the update's own place."""
+    draw_world.draw_world(rec, update.library, update.scale)
+    set_phase(rec, update.moment, Slot.WEIGHT)
+    for path in (entities.CAMERA, entities.EDGES):
+        draw_pictures.prepare_jpeg(rec, path)
+    draw_pictures.draw_camera(rec, update.moment.frame.image)
+    _draw_map(rec, paths, update)
+    for explained in update.step.shown:
+        _draw_pictures(rec, paths, explained, update.library)
+        for number, channel in enumerate(update.step.channels):
+            _draw_charts(rec, paths, explained, number, channel, update)
+    words = "\n\n".join([f"**Step {update.step.step}**", *say_step(update.step, update.scale)])
+    rec.log(notes_path(paths), rr.TextDocument(NOTES, media_type=MARKDOWN))
+    rec.log(words_path(paths), rr.TextDocument(words, media_type=MARKDOWN))
+    table = markdown_table(update.step, update.scale, costliest_first(update.step))
+    rec.log(table_path(paths), rr.TextDocument(table, media_type=MARKDOWN))
+
+
+def _draw_map(rec: rr.RecordingStream, paths: RunPaths, update: Update) -> None:
+    record, scale = update.record, update.scale
+    circles = draw_circles.circles_for(update.library, scale)
+    circles.prepare(rec, paths)
+    circles.draw(rec, paths, record.sighting.comparison)
+    draw_belief.prepare_cloud(rec, paths.particles)
+    draw_belief.draw_predicted(rec, paths.particles, record.weighted, scale)
+    side = long_side(update.library.arena, scale)
+    markers = [(draw_belief.estimate_marker(paths.estimate), record.estimate.pose)]
+    if update.moment.truth is not None:
+        markers.append((draw_belief.truth_marker(entities.TRUTH), update.moment.truth))
+    for marker, pose in markers:
+        marker.prepare(rec)
+        marker.draw(rec, pose, scale, draw_belief.ARROW * side)
+    _draw_marks(rec, paths, update, ARROW * side)
+
+
+def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: Update, arrow: float) -> None:
+    shown = [(e.who, e) for e in update.step.shown if e.entry is not None]
+    poses = np.array([e.entry.pose for _, e in shown if e.entry is not None])
+    along = np.column_stack([np.cos(poses[:, 2]), -np.sin(poses[:, 2])]) * arrow
+    marks = rr.Arrows2D(
+        origins=update.scale.screen(poses[:, :2]),
+        vectors=np.asarray(along, np.float32),
+        colors=[COLORS[who] for who, _ in shown],
+        labels=labels_on_map(shown),
+        show_labels=True,
+        radii=rr.components.Radius.ui_points(2.0),
+        draw_order=60.0,
+    )
+    rec.log(marks_path(paths), marks)
+
+
+def _draw_pictures(rec: rr.RecordingStream, paths: RunPaths, explained: Explained, library: Library) -> None:
+    picture = _picture(explained, library)
+    edges = _gray("") if picture is None else draw_pictures.brightened(edge_image(picture))
+    if picture is None:
+        picture = _gray(OUTSIDE if explained.entry is None else NOT_KEPT)
+    for path, image in (
+        (picture_path(paths, explained.who), picture),
+        (edges_path(paths, explained.who), edges),
+    ):
+        rec.log(path, rr.EncodedImage(contents=jpeg(image), media_type="image/jpeg"))
+
+
+def _picture(explained: Explained, library: Library) -> U8 | None:
+    if explained.entry is None:
+        return None
+    path = library.pictures[explained.entry.entry]
+    return None if path is None else read_picture(path)
+
+
+def _gray(words: str) -> U8:
+    gray = np.full((*GRAY, 3), MISSING, np.uint8)
+    if words:
+        put_text(gray, words, GRAY[1] * 0.06, GRAY[0] / 2, 10.0, PALE)
+    return gray
+
+
+def _draw_charts(
+    rec: rr.RecordingStream, paths: RunPaths, explained: Explained, number: int, channel: str, update: Update
+) -> None:
+    """Log one channel's bars of one reference; charts of a channel are equally high for all references."""
+    found = [e.entry.channels[number] for e in update.step.shown if e.entry is not None]
+    mine = None if explained.entry is None else explained.entry.channels[number]
+    top = max(float(max(c.sample.max(), c.reference.max())) for c in found)
+    most = max(float(c.nats.max()) for c in found)
+    heights: dict[str, float] = {"descriptor": top, "cost": most}
+    for kind, height in heights.items():
+        path = bars_path(paths, explained.who, channel, kind)
+        for plane, color in enumerate(bands_of(len(found[0].sample))):
+            ground = [max(height, SMALLEST)]
+            band = rr.BarChart(ground, abscissa=[float(plane)], widths=[1.0], color=color)
+            rec.log(f"{path}/ground/{plane}", band)
+    if mine is not None:
+        _draw_bars(rec, paths, explained.who, mine)
+
+
+def _draw_bars(rec: rr.RecordingStream, paths: RunPaths, who: str, mine: ChannelExplanation) -> None:
+    size = len(mine.sample)
+    one = len(bands_of(size)) / size
+    lefts = np.arange(size, dtype=np.float32) * np.float32(one)
+    wide = np.full(size, one, np.float32)
+    descriptor = bars_path(paths, who, mine.channel, "descriptor")
+    for name, values, color, offset, width in (
+        ("reference", mine.reference, REFERENCE, *REFERENCE_BAR),
+        ("sample", mine.sample, SAMPLE, *SAMPLE_BAR),
+    ):
+        at = lefts + np.float32(offset * one)
+        bars = rr.BarChart(values, abscissa=at, widths=wide * np.float32(width), color=color)
+        rec.log(f"{descriptor}/{name}", bars)
+    cost = rr.BarChart(mine.nats, abscissa=lefts, widths=wide, color=BAR)
+    rec.log(f"{bars_path(paths, who, mine.channel, 'cost')}/nats", cost)

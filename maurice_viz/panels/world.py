@@ -1,0 +1,90 @@
+"""The map, drawn once: floors, obstacles, walls, library nodes, keys."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.library import Library
+from maurice_mcl.map import Arena
+
+from .. import entities
+from ..drawing import keys
+from ..drawing.canvas import Extent, draw_ground, map_extent
+from ..drawing.raster import png
+from ..style import NODE, WALL, Scale
+
+
+def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
+    """Log everything about the map, static."""
+    ground = draw_ground(library.arena, scale)
+    _log_image(rec, entities.FLOORS, ground.image, ground.extent, ground.extent.width)
+    inside = clipped(library.arena.walls, library.arena.bounds)
+    if len(inside):
+        walls = rr.LineStrips2D(
+            list(scale.screen(inside.reshape(-1, 2)).reshape(-1, 2, 2)),
+            colors=[WALL],
+            radii=rr.components.Radius.ui_points(1.75),
+            draw_order=1.0,
+        )
+        rec.log(entities.WALLS, walls, static=True)
+    nodes = rr.Points2D(
+        scale.screen(distinct_places(library.poses)),
+        colors=[NODE],
+        radii=rr.components.Radius.ui_points(1.25),
+        draw_order=2.0,
+    )
+    rec.log(entities.NODES, nodes, static=True)
+
+
+def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
+    """Cut wall segments (W, 4) at the map's bounds; those wholly outside are left out (Liang, Barsky 1984).
+
+    Maps often reach further than the part that was surveyed, and would be drawn across ruler and key.
+    """
+    start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    low, high = np.array(bounds[:2]), np.array(bounds[2:])
+    parallel = way == 0
+    step = np.where(parallel, 1.0, way)
+    first, second = (low - start) / step, (high - start) / step
+    enter = np.where(parallel, 0.0, np.minimum(first, second)).max(axis=1, initial=0.0)
+    leave = np.where(parallel, 1.0, np.maximum(first, second)).min(axis=1, initial=1.0)
+    beside = (parallel & ((start < low) | (start > high))).any(axis=1)
+    kept = (enter <= leave) & ~beside
+    ends = [start + at[:, None] * way for at in (enter, leave)]
+    return np.asarray(np.concatenate(ends, axis=1)[kept])
+
+
+def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth: bool) -> None:
+    """Log the keys that stand above the map views, static."""
+    for path, strip in (
+        (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
+        (entities.MATCH_KEY, keys.circle_key()),
+        (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
+        (entities.EXPLAIN_KEY, keys.explain_key(has_truth)),
+    ):
+        draw_key(rec, path, strip, library.arena, scale)
+
+
+def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:
+    """Log one key (H, W, 3) above the map, static."""
+    extent = map_extent(arena, scale)
+    width = min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX)
+    _log_image(rec, path, strip, extent, width)
+
+
+def distinct_places(poses: F64) -> F64:
+    """Give the positions (P, 2) of library poses (L, 3), each once (to the millimetre)."""
+    _, first = np.unique(np.round(poses[:, :2] * 1000), axis=0, return_index=True)
+    return np.asarray(poses[np.sort(first), :2])
+
+
+def _log_image(rec: rr.RecordingStream, path: str, image: U8, extent: Extent, width: float) -> None:
+    """Log an image whose upper left corner is that of the extent, as wide as said, in drawn units."""
+    rec.log(
+        path,
+        rr.EncodedImage(contents=png(image), media_type="image/png", draw_order=-10.0),
+        rr.Transform3D(translation=[extent.left, extent.top, 0], scale=width / image.shape[1]),
+        static=True,
+    )

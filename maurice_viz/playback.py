@@ -1,0 +1,116 @@
+"""Running one or several localizers over a session while others watch.
+
+The command line, a notebook and the tests call the same functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from maurice_mcl.analysis.metrics import RunScore, Scorer
+from maurice_mcl.analysis.run_comparison import Paired, PairedStep, Pairing, Step
+from maurice_mcl.analysis.success import SuccessJudge
+from maurice_mcl.analysis.watchers import Say, in_metres
+from maurice_mcl.arrays import F64
+from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment, Session
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One localizer under one name, from one start."""
+
+    label: str  # unique among the runs of a recording
+    localizer: Localizer
+    start: F64 | None  # (3,) in the map's frame; None: anywhere
+    configuration: str = ""  # what is in force, as TOML
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What came of one run."""
+
+    label: str
+    score: RunScore
+    steps_per_s: float | None  # filter steps a second, without decoding and drawing; None before the first
+    against: str | None = None  # label of the run that it is compared with; None: it is the first, or alone
+    paired: Paired | None = None  # how it compares
+
+
+def run_together(runs: Sequence[Run], session: Session) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
+    """Step all runs through one session side by side; every picture is decoded once.
+
+    Each run owns its state and its randomness, so that it goes exactly as it would alone.
+    """
+    states = {run.label: run.localizer.start(run.start) for run in runs}
+    for moment in session.moments():
+        records = {}
+        for run in runs:
+            states[run.label], records[run.label] = run.localizer.step(states[run.label], moment.frame)
+        yield moment, records
+
+
+def shared(
+    updates: Iterable[tuple[Moment, Mapping[str, StepRecord]]],
+) -> Iterator[Mapping[str, Step]]:
+    """Give each run of one drive the moment that it shares with the others."""
+    for moment, records in updates:
+        yield {label: (moment, record) for label, record in records.items()}
+
+
+def aligned(drives: Sequence[Iterable[Mapping[str, Step]]]) -> Iterator[Mapping[str, Step]]:
+    """Put runs of several drives side by side, by the number of the update, as far as the shortest goes."""
+    for parts in zip(*drives, strict=False):
+        yield {label: step for part in parts for label, step in part.items()}
+
+
+class ResultCollector:
+    """Scores runs while they go; can be asked at any time, also after an interruption."""
+
+    def __init__(
+        self,
+        labels: Sequence[str],
+        arena_m: tuple[float, float],
+        say: Say = in_metres,
+        other_drives: Collection[str] = (),
+    ) -> None:
+        """Score runs of these labels, in an arena of this width and depth; all after the first against it.
+
+        `other_drives` are the labels of those that replay another drive than the first one.
+        """
+        self._scorers = {label: Scorer() for label in labels}
+        self._judges = {label: SuccessJudge(arena_m) for label in labels}
+        self._pairings = {
+            label: Pairing(labels[0], label, say, same_drive=label not in other_drives)
+            for label in labels[1:]
+        }
+        self._took_s = dict.fromkeys(labels, 0.0)
+        self.updates = 0  # taken in so far
+        self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, a run
+
+    def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> Mapping[str, PairedStep]:
+        """Take in one update of every run of one drive; give how all after the first compare with it."""
+        return self.add_steps({label: (moment, record) for label, record in records.items()})
+
+    def add_steps(self, steps: Mapping[str, Step]) -> Mapping[str, PairedStep]:
+        """Take in one update of every run, each with its own moment."""
+        self.updates += 1
+        for label, (moment, record) in steps.items():
+            self.all_zero[label] += ALL_ZERO in record.events
+            self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
+            self._judges[label].add(record, moment.truth)
+            self._took_s[label] += sum(record.took_s.values())
+        return {label: one.see(steps[one.first], steps[label]) for label, one in self._pairings.items()}
+
+    def results(self) -> list[RunResult]:
+        """Give a result for each run, in order, as far as it went."""
+        return [self._result(label, scorer.result()) for label, scorer in self._scorers.items()]
+
+    def _result(self, label: str, score: RunScore) -> RunResult:
+        took_s = self._took_s[label]
+        score = replace(score, success=self._judges[label].result())
+        result = RunResult(label, score, score.updates / took_s if took_s > 0 else None)
+        pairing = self._pairings.get(label)
+        return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

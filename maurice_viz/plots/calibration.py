@@ -1,0 +1,266 @@
+"""The thesis's figures 4 to 11 from calibration trials, and 13 and 14 from covered-lens pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.io.files import expect_absent
+from maurice_mcl.arrays import F64
+from maurice_mcl.calibration.motion import Calibration, Trials
+from maurice_mcl.calibration.noise import COLORS, NoiseFloor, stretched
+from maurice_mcl.calibration.statistics import Fitted, Spread
+from maurice_mcl.sensor.descriptors.histogram import BINS, LOW, WIDTH
+
+from ..style import Units
+from .figure import (
+    ACTUAL,
+    BAND,
+    CORRECTED,
+    FLOORS,
+    INK,
+    MEASURED,
+    MOST_BARS,
+    RGB,
+    against_normal,
+    dress,
+    figure,
+    legend,
+    save,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# The thesis's figures 4 to 11 from calibration trials: turns in degrees, ways in display units.
+
+Whole = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """What the figures are made of."""
+
+    trials: Trials
+    fit: Calibration
+    units: Units
+
+    @property
+    def turns_deg(self) -> tuple[F64, F64]:
+        """Measured and actual turns (n,)."""
+        return np.degrees(self.trials.turns.measured_rad), np.degrees(self.trials.turns.actual_rad)
+
+    @property
+    def residual_deg(self) -> F64:
+        """What the gain leaves of every turn (n,)."""
+        measured, actual = self.turns_deg
+        return np.asarray(actual - self.fit.turns.gain.value * measured)
+
+
+def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
+    """Write figures 4 to 11 into a folder, which may exist. LogError when one of them is there already."""
+    files = [folder / f"{name}.png" for name in FIGURES]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise LogError(folder, f"cannot be made: {problem.strerror}; choose another place") from None
+    for file in files:
+        expect_absent(file, force=force)
+    for file, draw in zip(files, FIGURES.values(), strict=True):
+        save(draw(shown), file, force=force)
+    return files
+
+
+def turn_trials(shown: Shown) -> Figure:
+    """Figure 4: measured and actual turn of every trial."""
+    made, axes = figure("Measured and actual turns", "trial", "turn (degrees, counter-clockwise)")
+    measured, actual = shown.turns_deg
+    _side_by_side(axes, {"measured by the encoders": (measured, MEASURED), "actual": (actual, ACTUAL)})
+    legend(made)
+    return made
+
+
+def turn_scatter(shown: Shown) -> Figure:
+    """Figure 5: measured against actual turns, and the slope."""
+    made, axes = figure("Measured against actual turns", "actual turn (degrees)", "measured turn (degrees)")
+    made.set_size_inches(6.4, 6.0)
+    measured, actual = shown.turns_deg
+    ends = np.array([actual.min(), actual.max()])
+    slope = shown.fit.turns.figure_5_slope
+    axes.axline((0, 0), slope=1, color="#9AA0AA", linestyle=(0, (4, 4)), label="measured = actual")
+    said = f"least squares through the origin: {slope.value:.4f}"
+    axes.plot(ends, slope.value * ends, color=INK, linewidth=1.6, label=said)
+    axes.scatter(actual, measured, s=28, color=ACTUAL, alpha=0.8, edgecolor="white", label="trials", zorder=3)
+    made.legend(loc="outside lower center", ncols=1, frameon=False)
+    return made
+
+
+def turns_corrected(shown: Shown) -> Figure:
+    """Figure 6: actual turns and those that the gain makes of the measured ones."""
+    gain = shown.fit.turns.gain.value
+    made, axes = figure("Actual and corrected turns", "trial", "turn (degrees, counter-clockwise)")
+    measured, actual = shown.turns_deg
+    corrected = (gain * measured, CORRECTED)
+    _side_by_side(axes, {"actual": (actual, ACTUAL), f"corrected, {gain:.4f} x measured": corrected})
+    legend(made)
+    return made
+
+
+def turn_residuals(shown: Shown) -> Figure:
+    """Figure 7: what the correction leaves of every turn."""
+    made, axes = figure("Residual of every turn", "trial", "actual - corrected turn (degrees)")
+    _band(axes, _degrees(shown.fit.turns.residual), "degrees")
+    _stems(axes, np.arange(1, shown.fit.turns.count + 1), shown.residual_deg, ACTUAL, "residual")
+    legend(made)
+    return made
+
+
+def turn_histogram(shown: Shown) -> Figure:
+    """Figure 8: how the residuals of turns are distributed."""
+    spread = _degrees(shown.fit.turns.residual)
+    made, axes = figure("Residuals of turns", "actual - corrected turn (degrees)", "trials")
+    against_normal(axes, shown.residual_deg, spread, "degrees")
+    legend(made)
+    return made
+
+
+def straight_trials(shown: Shown) -> Figure:
+    """Figure 9: measured and actual way of every straight, by floor."""
+    unit, s = shown.units, shown.trials.straights
+    made, axes = figure("Measured and actual straights", "trial", f"way ({unit.name})")
+    trial = np.arange(1, len(s.measured_m) + 1)
+    _rings(axes, trial, s.measured_m * unit.per_m, "measured")
+    for floor, color in _floors(shown):
+        on = np.array([name == floor for name in s.floors])
+        label = "actual" if floor == "" else f"actual, {floor or 'several floors'}"
+        axes.scatter(trial[on], s.actual_m[on] * unit.per_m, s=26, color=color, label=label, zorder=3)
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    legend(made)
+    return made
+
+
+def heading_errors(shown: Shown) -> Figure:
+    """Figure 10: how far each straight turned the robot, by floor."""
+    made, axes = figure(
+        "Heading error of every straight", "trial", "heading change (degrees, counter-clockwise)"
+    )
+    s = shown.trials.straights
+    axes.axhline(0, color=INK, linewidth=0.8)
+    for floor, color in _floors(shown):
+        on = np.array([name == floor for name in s.floors]) & np.isfinite(s.drift_rad)
+        if on.any():
+            label = "all straights" if floor == "" else floor or "several floors"
+            _stems(axes, np.flatnonzero(on) + 1, np.degrees(s.drift_rad[on]), color, label)
+    legend(made)
+    return made
+
+
+def straight_histogram(shown: Shown) -> Figure:
+    """Figure 11: how the errors of straights are distributed."""
+    unit, s = shown.units, shown.trials.straights
+    spread = _scaled(shown.fit.straights.error, unit.per_m)
+    made, axes = figure("Errors of straights", f"actual - measured way ({unit.name})", "trials")
+    errors = (s.actual_m - s.measured_m) * np.sign(s.measured_m) * unit.per_m
+    against_normal(axes, np.asarray(errors), spread, unit.name)
+    legend(made)
+    return made
+
+
+FIGURES: dict[str, Callable[[Shown], Figure]] = {
+    "figure-04-turns": turn_trials,
+    "figure-05-turn-gain": turn_scatter,
+    "figure-06-turns-corrected": turns_corrected,
+    "figure-07-turn-residuals": turn_residuals,
+    "figure-08-turn-residual-histogram": turn_histogram,
+    "figure-09-straights": straight_trials,
+    "figure-10-heading-errors": heading_errors,
+    "figure-11-straight-error-histogram": straight_histogram,
+}
+
+
+def _side_by_side(axes: Axes, series: dict[str, tuple[F64, str]]) -> None:
+    """Draw two values a trial: bars beside each other, or points where they would get too thin."""
+    axes.axhline(0, color=INK, linewidth=0.8)
+    axes.margins(x=0.01)
+    for shift, (label, (values, color)) in zip((-0.2, 0.2), series.items(), strict=True):
+        trial = np.arange(1, len(values) + 1)
+        if len(values) <= MOST_BARS:
+            axes.bar(trial + shift, values, 0.4, color=color, label=label)
+        elif shift < 0:
+            _rings(axes, trial, values, label)
+        else:
+            axes.scatter(trial, values, s=18, color=color, label=label, zorder=3)
+
+
+def _rings(axes: Axes, trial: Whole, values: F64, label: str) -> None:
+    axes.scatter(trial, values, s=58, facecolors="none", edgecolors=INK, linewidths=0.9, label=label)
+
+
+def _stems(axes: Axes, trial: Whole, values: F64, color: str, label: str) -> None:
+    axes.vlines(trial, 0, values, color=color, linewidth=1.2, alpha=0.6)
+    axes.scatter(trial, values, s=22, color=color, label=label, zorder=3)
+
+
+def _band(axes: Axes, spread: Spread, unit: str) -> None:
+    """Draw mean, one and three standard deviations."""
+    mean, sd = spread.mean.value, spread.sd.value
+    axes.axhspan(mean - sd, mean + sd, color=BAND, label=f"mean {mean:.2f} ± sd {sd:.2f} {unit}")
+    axes.axhline(mean, color=INK, linewidth=1)
+    for sign, label in ((1, "three sd"), (-1, None)):
+        axes.axhline(mean + sign * 3 * sd, color=INK, linewidth=0.9, linestyle=(0, (4, 4)), label=label)
+
+
+def _floors(shown: Shown) -> list[tuple[str | None, str]]:
+    """Give the floors of the trials in order, with a color each; None: ways across several."""
+    names = list(dict.fromkeys(shown.trials.straights.floors))
+    known = [name for name in names if name is not None]
+    colors = {name: FLOORS[k % len(FLOORS)] for k, name in enumerate(known)}
+    return [(name, "#9AA0AA" if name is None else colors[name]) for name in names]
+
+
+def _degrees(spread: Spread) -> Spread:
+    return _scaled(spread, float(np.degrees(1)))
+
+
+def _scaled(spread: Spread, factor: float) -> Spread:
+    def times(fitted: Fitted) -> Fitted:
+        return Fitted(fitted.value * factor, fitted.low * factor, fitted.high * factor)
+
+    return Spread(spread.count, times(spread.mean), times(spread.sd), spread.normal_p, spread.beyond_3_sd)
+
+
+# The thesis's figures 13 and 14: a covered-lens frame, stretched, and the histogram of its noise.
+
+
+def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
+    """Write both figures side by side into one PNG. LogError when it exists and `force` is not given."""
+    from matplotlib.figure import Figure
+
+    made = Figure(figsize=(11.0, 4.6), layout="constrained")
+    left, right = made.subplots(1, 2, width_ratios=(1, 1.35))
+    left.imshow(stretched(floor.example), interpolation="nearest")
+    low, high = int(floor.example.min()), int(floor.example.max())
+    dress(left, f"Lens covered, values {low} to {high} stretched", "column (pixels)", "row (pixels)")
+    left.grid(False)
+    dress(right, f"Noise, mean of {_frames(floor.frames)}", "pixel value", "256 x share of pixels")
+    means, sds = floor.mean.reshape(3, BINS), floor.sd.reshape(3, BINS)
+    start = LOW + WIDTH * np.arange(BINS)
+    for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
+        at = start + WIDTH * (0.2 + 0.3 * k)
+        bars = sds[k] if np.isfinite(sds[k]).all() else None
+        right.bar(at, means[k], 0.3 * WIDTH, color=color, label=name, yerr=bars, ecolor="#33363D")
+    right.set_xticks(np.arange(LOW, LOW + WIDTH * BINS + 1, 4 * WIDTH))
+    right.set_ylim(bottom=0)
+    made.legend(loc="outside lower right", ncols=3, frameon=False)
+    save(made, file, force=force)
+
+
+def _frames(count: int) -> str:
+    return "1 frame" if count == 1 else f"{count} frames; lines: sd between frames"

@@ -1,0 +1,80 @@
+"""Pictures without the viewer: the map of a library's ambiguity, and a sheet of a world's views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.library import Library
+from maurice_mcl.library_quality.self_similarity import SelfCheck
+from maurice_mcl.sensor.references import spacing
+
+from ..drawing.canvas import TEXT, Canvas, draw_ground, long_side
+from ..drawing.raster import put_text
+from ..panels.world import clipped
+from ..style import DEAD, GROUND, PALE, RGB, WALL, Scale, shade
+
+# The map of expected ambiguity: how many places fit a picture taken at each of a library's places.
+
+MOST_PAIRS = 60  # lines between look-alikes; more would be a tangle
+DOT = 0.32  # radius, of the distance from a place to the next
+DARKEST = 0.25  # of the scale of colors, so that what is written on a dot can be read
+
+
+def draw_ambiguity(library: Library, found: SelfCheck, scale: Scale) -> U8:
+    """Draw (H, W, 3): walls, a dot a place, brighter the more places fit, and lines between look-alikes."""
+    canvas = draw_ground(library.arena, scale)
+    image = canvas.image.copy()
+    for wall in clipped(library.arena.walls, library.arena.bounds):
+        start, end = _pixels(canvas, wall.reshape(2, 2), scale)
+        cv2.line(image, start, end, WALL, 3, cv2.LINE_AA)
+    for entry in found.aliased[:MOST_PAIRS].tolist():
+        pair = found.places[found.place_of[[entry, found.look_alike[entry]]]]
+        start, end = _pixels(canvas, pair, scale)
+        cv2.line(image, start, end, DEAD, 2, cv2.LINE_AA)
+    radius = max(round(DOT * scale.length(spacing(found.places)) / canvas.unit_per_px), 3)
+    values = found.at_places(found.ambiguity)
+    dots = list(zip(_pixels(canvas, found.places, scale), values.tolist(), _colors(values), strict=True))
+    for (x, y), value, color in sorted(dots, key=lambda dot: dot[1]):  # the worst on top
+        cv2.circle(image, (x, y), radius, color, -1, cv2.LINE_AA)
+        label = f"{value:.0f}"
+        height = radius * 0.8
+        put_text(image, label, x - height * 0.4 * len(label), y + height / 2, height, GROUND)
+    text_px = TEXT * long_side(library.arena, scale) / canvas.unit_per_px
+    what = "how many places fit a picture taken here; lines: look-alikes"
+    put_text(image, what, text_px, 1.6 * text_px, text_px, PALE)
+    return image
+
+
+def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> list[tuple[int, int]]:
+    at = (scale.screen(xy_m) - (canvas.extent.left, canvas.extent.top)) / canvas.unit_per_px
+    return [(round(x), round(y)) for x, y in at.tolist()]
+
+
+def _colors(values: F64) -> list[RGB]:
+    """Give each dot a color, from the place with the fewest that fit to that with the most."""
+    share = np.log(values / values.min()) / max(float(np.log(values.max() / values.min())), 1e-9)
+    packed = shade(DARKEST + (1 - DARKEST) * share).tolist()
+    return [(one >> 24 & 255, one >> 16 & 255, one >> 8 & 255) for one in packed]
+
+
+# A sheet of views of a simulated world, each with its pose under it.
+
+COLUMNS = 4
+CAPTION_PX, GAP_PX, TEXT_PX = 16, 6, 8.0
+
+
+def draw_sheet(pictures: Sequence[U8], poses: F64, scale: Scale) -> U8:
+    """Draw pictures (H, W, 3) in rows of four, labelled with their poses (K, 3)."""
+    rows, columns = pictures[0].shape[:2]
+    high, wide = rows + CAPTION_PX + GAP_PX, columns + GAP_PX
+    lines = -(-len(pictures) // COLUMNS)
+    sheet = np.full((lines * high + GAP_PX, COLUMNS * wide + GAP_PX, 3), GROUND, np.uint8)
+    for k, (picture, pose) in enumerate(zip(pictures, poses, strict=True)):
+        top, left = k // COLUMNS * high + GAP_PX, k % COLUMNS * wide + GAP_PX
+        sheet[top : top + rows, left : left + columns] = picture
+        put_text(sheet, scale.say_pose(pose), left, top + rows + CAPTION_PX - 4, TEXT_PX, PALE)
+    return sheet

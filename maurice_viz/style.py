@@ -1,0 +1,216 @@
+"""How things look: display units, the one place where y is flipped, colors, sizes, font-safe texts.
+
+Colors are told apart by people with color-vision deficiencies too: viridis for weights, and for the
+rest the set of Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
+have the viewer's, dark or light, so that what is drawn in them must be seen on both: `RUN_COLORS`, `BAR`,
+`TINTS`.
+
+The viewer's font (Inter) has Latin, Greek and Cyrillic letters and many signs. For anything else its window
+shows boxes, and without a screen it stops altogether (0.41), so that one Chinese letter in a label would
+prevent every picture of the recording.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from maurice_mcl.arrays import F32, F64
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.map import Arena
+
+# How things look: display units, the one place where y is turned over, colors and sizes.
+
+U32 = NDArray[np.uint32]
+
+RGB = tuple[int, int, int]
+RGBA = tuple[int, int, int, int]
+
+GROUND: RGB = (16, 17, 20)
+TRUTH: RGB = (255, 255, 255)
+ESTIMATE: RGB = (255, 92, 51)
+CIRCLE: RGB = (74, 170, 110)
+RANK: RGB = (255, 208, 92)
+WALL: RGB = (196, 198, 204)
+OBSTACLE: RGB = (92, 94, 102)
+NODE: RGB = (128, 132, 142)
+MISSING: RGB = (48, 50, 56)
+EMPTY: RGB = (30, 32, 37)  # of the map, and of a drawing where there is nothing
+PALE: RGB = (170, 174, 184)
+RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
+MOVED: RGB = (86, 180, 233)  # ways of particles in one update
+FAMILY: RGB = (240, 228, 66)  # ways of a few survivors' ancestors
+DEAD: RGB = (150, 72, 72)  # particles that left no copy
+ROSE: RGB = (86, 180, 233)
+# Okabe and Ito's orange, sky blue, pink and green; the first two darker, or they would be faint on white
+RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (204, 121, 167), (0, 158, 115))
+BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
+RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
+TINTS: tuple[RGBA, ...] = ((60, 120, 210, 64), (190, 130, 20, 64), (40, 150, 100, 64), (170, 70, 150, 64))
+PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
+
+FAR_M = 10_000.0  # beyond it float32 screen coordinates get coarse, so the map's middle becomes their zero
+WEIGHT_OCTAVES = 3.0  # colors run from 1/8 of the average weight to 8 times it
+DARKEST = 48  # viridis below this entry cannot be seen on the dark ground
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """What people are shown: everything stored is metres, everything drawn is in these units."""
+
+    name: str  # "in" or "m", written beside every number
+    per_m: float  # units in one metre
+    digits: int  # decimals that make sense for a position
+    grid: float  # smallest step of the ruler, in this unit
+    fine: float  # drawn positions are rounded to this, which makes recordings a quarter smaller
+
+
+UNITS = {"in": Units("in", 1 / INCH_M, 1, 12.0, 2.0**-6), "m": Units("m", 1.0, 2, 0.5, 2.0**-11)}
+
+
+def units_named(name: str) -> Units:
+    """Give the units a session's header names."""
+    if name not in UNITS:
+        raise ValueError(f"display units are one of {sorted(UNITS)}, found {name!r}")
+    return UNITS[name]
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """From metres in the map's frame to what is drawn: display units, y pointing down."""
+
+    units: Units
+    origin_m: tuple[float, float] = (0.0, 0.0)  # the map point that is drawn at (0, 0)
+
+    def screen(self, xy_m: NDArray[Any]) -> F32:
+        """Turn map points (K, 2) in metres, y up, into drawn points (K, 2) in display units, y down.
+
+        Rerun's 2D views have y pointing down and cannot be flipped; this is the only place that knows.
+        """
+        steps = self.units.per_m / self.units.fine
+        whole = np.rint((np.asarray(xy_m, np.float64)[..., :2] - self.origin_m) * (steps, -steps))
+        return (whole * self.units.fine).astype(np.float32)
+
+    def length(self, length_m: float) -> float:
+        """Turn a length into display units."""
+        return length_m * self.units.per_m
+
+    def say(self, length_m: float) -> str:
+        """Write a length with its unit: "8.0 in"."""
+        return f"{self.length(length_m):.{self.units.digits}f} {self.units.name}"
+
+    def say_area(self, area_m2: float) -> str:
+        """Write an area: in square feet where lengths are inches, "12.4 ft2"."""
+        if self.units.name == "in":
+            return f"{area_m2 / (12 * INCH_M) ** 2:.1f} ft2"
+        return f"{area_m2 * self.units.per_m**2:.1f} {self.units.name}2"
+
+    def say_pose(self, pose: F64) -> str:
+        """Write a pose (3,): "(79.0, 16.0) in, -89 deg"."""
+        x, y = (f"{self.length(float(v)):.{self.units.digits}f}" for v in pose[:2])
+        return f"({x}, {y}) {self.units.name}, {np.degrees(pose[2]):.0f} deg"
+
+
+def scale_for(display_units: str, arena: Arena) -> Scale:
+    """Choose the scale for a map; maps far from zero are drawn about their middle."""
+    x_min, y_min, x_max, y_max = arena.bounds
+    middle = ((x_min + x_max) / 2, (y_min + y_max) / 2)
+    far = max(abs(middle[0]), abs(middle[1])) > FAR_M
+    return Scale(units_named(display_units), middle if far else (0.0, 0.0))
+
+
+def heading_vector(heading_rad: float, length: float) -> F32:
+    """Give a drawn vector (1, 2) along a heading, y down."""
+    return np.array([[np.cos(heading_rad), -np.sin(heading_rad)]], np.float32) * np.float32(length)
+
+
+def packed(rgb: RGB, alpha: int = 255) -> int:
+    """Pack a color as 0xRRGGBBAA, which is what Rerun stores."""
+    red, green, blue = rgb
+    return red << 24 | green << 16 | blue << 8 | alpha
+
+
+def _viridis() -> U32:
+    index = np.linspace(DARKEST, 255, 256).round().astype(np.uint8)
+    bgr = cv2.applyColorMap(index[:, None], cv2.COLORMAP_VIRIDIS)[:, 0].astype(np.uint32)
+    return np.asarray(bgr[:, 2] << 24 | bgr[:, 1] << 16 | bgr[:, 0] << 8 | 255, np.uint32)
+
+
+# of modes, by identity: Okabe and Ito's without the estimate's orange and without black
+MODE_COLORS: tuple[RGB, ...] = (
+    (230, 159, 0),
+    (86, 180, 233),
+    (240, 228, 66),
+    (0, 158, 115),
+    (204, 121, 167),
+    (0, 114, 178),
+)
+
+LUT = _viridis()  # (256,) packed colors, dark to bright
+
+
+def shade(share: NDArray[Any]) -> U32:
+    """Give packed colors (K,) for values (K,) between 0 (dark) and 1 (bright); outside is clipped."""
+    return np.asarray(LUT[np.clip(np.asarray(share) * 255, 0, 255).astype(np.uint8)], np.uint32)
+
+
+def weight_colors(log_weights: F64, of: int | None = None) -> U32:
+    """Give each particle (N,) a color by its weight against the average, on a log scale.
+
+    The average is 1/N, or one over the number of particles they are `of`.
+
+    The middle of the scale is the average, the ends are 1/8 and 8 times it, in every step alike.
+    """
+    octaves = (log_weights + np.log(of or len(log_weights))) / np.log(2)
+    return shade(0.5 + octaves / (2 * WEIGHT_OCTAVES))
+
+
+def copy_colors(copies: NDArray[Any]) -> U32:
+    """Give each survivor (N,) a color by how often its parent was copied: the same scale, 1 is average."""
+    return shade(0.5 + np.log2(np.maximum(copies, 1)) / (2 * WEIGHT_OCTAVES))
+
+
+COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
+DEEPEST = 8.0  # nats under the best place that are still told from nothing
+
+
+# Texts that the viewer can show: what its font has no sign for is written as a code.
+
+RANGES = (
+    (0x20, 0x24F),
+    (0x370, 0x3E1),
+    (0x3F0, 0x52F),
+    (0x1E00, 0x1EFF),
+    (0x2010, 0x2030),
+    (0x2070, 0x20BF),
+    (0x2100, 0x214F),
+    (0x2190, 0x22FF),
+    (0x25A0, 0x25FF),
+)  # first and last of each, as tried out in 0.41
+WITHOUT_GLYPH = (0x149, 0x1C4)
+
+
+def legible(text: str) -> str:
+    """Write every letter that the viewer cannot show as its code, like "u8D70"; others stay as they are."""
+    if text.isascii():
+        return text
+    return "".join(c if _is_known(ord(c)) else f"u{ord(c):04X}" for c in unicodedata.normalize("NFC", text))
+
+
+def legible_names(part: Any) -> None:
+    """Make the titles of a container and of all that is in it legible, in place."""
+    part.name = None if part.name is None else legible(str(part.name))
+    for inner in getattr(part, "contents", ()):
+        if hasattr(inner, "name"):
+            legible_names(inner)
+
+
+def _is_known(code: int) -> bool:
+    if code in WITHOUT_GLYPH or 0x7F <= code < 0xA0:
+        return False
+    return code == ord("\n") or any(first <= code <= last for first, last in RANGES)

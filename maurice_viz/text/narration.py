@@ -1,0 +1,246 @@
+"""What happened, in plain words and in the session's own units. Markdown, for the text panel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, Bool
+from maurice_mcl.geometry import angle_between, circular_mean
+from maurice_mcl.records import Belief, Estimate, StepRecord
+from maurice_mcl.session import Moment
+
+from ..entities import SLOTS, Slot
+from ..style import Scale
+
+# Parts of sentences about an update: how the robot moved, how the cloud looks, how wrong the estimate is.
+
+STILL_RAD = np.radians(0.5)  # a turn that would be written "0 deg" is not mentioned
+
+
+def motion(motions: F64, scale: Scale) -> str:
+    """Say what the robot measured: "drove 18.0 in forward and turned 45 deg left (2 movements)"."""
+    forward, left, turn = motions.sum(axis=0) if len(motions) else np.zeros(3)
+    parts = []
+    if _shows(forward, scale):
+        parts.append(f"drove {scale.say(abs(forward))} {'forward' if forward > 0 else 'backward'}")
+    if _shows(left, scale):
+        parts.append(f"slid {scale.say(abs(left))} to the {'left' if left > 0 else 'right'}")
+    if abs(turn) > STILL_RAD:
+        parts.append(f"turned {np.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
+    count = f" ({len(motions)} movements)" if len(motions) > 1 else ""
+    return (" and ".join(parts) or "stood still") + count
+
+
+def _shows(length_m: float, scale: Scale) -> bool:
+    """Tell whether a length would be written as more than 0."""
+    return round(abs(scale.length(length_m)), scale.units.digits) > 0
+
+
+def spread_m(belief: Belief) -> float:
+    """Give the radial standard deviation of a whole cloud, by weight, in metres."""
+    weights = belief.weights
+    xy = belief.poses[:, :2].astype(np.float64)
+    return float(np.sqrt(weights @ ((xy - weights @ xy) ** 2).sum(axis=1)))
+
+
+def errors(estimate: Estimate, truth: F64) -> tuple[float, float]:
+    """Give the distance in metres and the unsigned angle in radians between estimate and truth."""
+    apart = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
+    return apart, angle_between(float(estimate.pose[2]), float(truth[2]))
+
+
+def effective(record: StepRecord) -> str:
+    """Say how many particles really count."""
+    size = record.weighted.size
+    share = record.effective_sample_size / size
+    return f"Effective sample size {record.effective_sample_size:.0f} of {size} ({share:.0%})."
+
+
+def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
+    """Say where the robot is thought to be, how surely, and how wrong that is."""
+    estimate = record.estimate
+    text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
+    if truth is None:
+        return f"{text} (truth not known)."
+    apart, angle = errors(estimate, truth)
+    return f"{text}; **error {scale.say(apart)}, {np.degrees(angle):.0f} deg**."
+
+
+# What another localizer's recorded cloud shows, in plain words: only what a bag holds is told of.
+
+NOT_THERE = {
+    Slot.MEASURE: "What the localizer measured, and what it compared that with, is not in the bag.",
+    Slot.RESAMPLE: "Whether it was resampled, and which particle came from which, is not in the bag.",
+    Slot.RESEED: "Whether particles were drawn afresh is not in the bag.",
+}
+
+
+def is_recorded(record: StepRecord) -> bool:
+    """Tell whether a cloud is another localizer's: of those nobody knows the evidence."""
+    return bool(np.isnan(record.log_evidence))
+
+
+def cloud(record: StepRecord, scale: Scale) -> str:
+    """Say how the published cloud looks."""
+    return f"The published cloud spreads over {scale.say(spread_m(record.weighted))}. {effective(record)}"
+
+
+def moved(record: StepRecord, scale: Scale) -> str:
+    """Say how the robot moved, where odometry says so."""
+    motions = record.frame.motions
+    return f"The robot {motion(motions, scale)}. " if len(motions) else ""
+
+
+def recorded_phase(record: StepRecord, slot: Slot, scale: Scale) -> str:
+    """Say what is known of one recorded_phase of an update."""
+    if slot is Slot.PREDICT:
+        before = "The cloud before the sensor is not in the bag; shown is the published one."
+        return f"{moved(record, scale)}{before}"
+    if slot is Slot.WEIGHT:
+        return f"{cloud(record, scale)} It was published after resampling, as AMCL and Beluga do."
+    return NOT_THERE[slot]
+
+
+def recorded_summary(record: StepRecord, truth: F64 | None, scale: Scale) -> list[str]:
+    """Say what a whole update shows, a paragraph each."""
+    return [estimated(record, truth, scale), f"{moved(record, scale)}{cloud(record, scale)}"]
+
+
+# What happened, in plain words and in the session's own units. Markdown, for the text panel.
+
+NOT_COMPARED = "What the picture was compared with is not at hand."  # of some saved runs
+LEAST_TOLD = 0.01  # a group of fewer particles is not told of
+ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is no longer about any one heading
+
+
+def predicted(record: StepRecord, scale: Scale) -> str:
+    """Say how the cloud moved."""
+    cloud = record.predicted
+    _, heading = circular_mean(cloud.poses[:, 2], cloud.weights)
+    turned = f"{np.degrees(heading):.0f} deg" if heading < ALL_ROUND_RAD else "every heading"
+    return (
+        f"The robot {motion(record.frame.motions, scale)}. Every particle did the same, with its own noise; "
+        f"the cloud now spreads over {scale.say(spread_m(cloud))} and {turned}."
+    )
+
+
+def measured(record: StepRecord) -> str:
+    """Say what the picture was compared with, and what matched best."""
+    sighting = record.sighting.comparison
+    if not len(sighting.quality):
+        return NOT_COMPARED
+    first, *others = sighting.best(2).tolist()
+    against = f"{len(sighting.quality)} references by {' and '.join(sighting.channels)}"
+    runner_up = f", then entry {others[0]} ({sighting.quality[others[0]]:.3f})" if others else ""
+    return (
+        f"The picture was compared with {against}: entry {first} matches best, "
+        f"quality {sighting.quality[first]:.3f}{runner_up}."
+    )
+
+
+def weighted(record: StepRecord, scale: Scale) -> str:
+    """Say how the picture's weights fell: who gained, who lost, and what they were compared with."""
+    if "all weights zero" in record.events:
+        return "No particle is where the picture could be from: all weights zero, so the old ones stay."
+    log_weights = record.weighted.log_weights
+    heaviest = np.exp(log_weights.max()) * len(log_weights)
+    return (
+        f"Each particle was weighed by how well the references about it match; the heaviest has "
+        f"{heaviest:.1f} times the average weight. {gains(record, scale)}{effective(record)}"
+    )
+
+
+def gains(record: StepRecord, scale: Scale) -> str:
+    """Say where those stand whose weight more than doubled, and those whose weight fell under a half."""
+    gain = record.weighted.log_weights - record.predicted.log_weights
+    winners = _group(record, gain > np.log(2), scale)
+    losers = _group(record, gain < -np.log(2), scale)
+    told = [f"{winners} more than doubled their weight"] if winners else []
+    told += [f"{losers} lost more than half of theirs"] if losers else []
+    return f"{_capital('; '.join(told))}. " if told else ""
+
+
+def _group(record: StepRecord, members: Bool, scale: Scale) -> str:
+    """Say how many particles (N,) these are, where they are and which entry most were compared with."""
+    count = int(members.sum())
+    if count < LEAST_TOLD * record.weighted.size:
+        return ""
+    cloud, sighting = record.weighted, record.sighting
+    center = cloud.poses[members, :2].mean(axis=0, dtype=np.float64) + cloud.origin
+    entries = sighting.entries[members]
+    known = np.bincount(entries[entries >= 0], minlength=1)
+    x, y = (f"{scale.length(float(v)):.{scale.units.digits}f}" for v in center)
+    some = f"{count} particle{'s' if count > 1 else ''}"
+    text = f"{some} about ({x}, {y}) {scale.units.name}"
+    if not len(sighting.comparison.quality) or not known.any():
+        return text
+    entry = int(known.argmax())
+    return f"{text}, most of them compared with entry {entry} ({sighting.comparison.quality[entry]:.3f}),"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def resampled(record: StepRecord) -> str:
+    """Say who survived."""
+    if record.parents is None:
+        return "Not resampled: the particles and their weights stay as they are."
+    copies = np.bincount(record.parents[record.parents >= 0], minlength=1)
+    return (
+        f"Resampled: {np.count_nonzero(copies)} of {record.weighted.size} particles survive, "
+        f"the luckiest in {copies.max()} copies. All weights are equal again."
+    )
+
+
+def reseeded(record: StepRecord) -> str:
+    """Say how many particles were drawn anew, and why."""
+    if "expanded" in record.events:
+        return "Expanded: the picture was explained badly, so every particle was moved at random."
+    if record.injected is None:
+        return "Not reseeded."
+    drawn = f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles were drawn afresh."
+    if not np.isfinite(record.calibrated_evidence):
+        return f"{drawn} No particle was in free space, so that none explained this picture."
+    return f"{drawn} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
+
+
+def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
+    """Say what one phase of an update did: a heading and a sentence or two."""
+    says = {
+        Slot.PREDICT: lambda: predicted(record, scale),
+        Slot.MEASURE: lambda: measured(record),
+        Slot.WEIGHT: lambda: weighted(record, scale),
+        Slot.RESAMPLE: lambda: resampled(record),
+        Slot.RESEED: lambda: reseeded(record),
+    }
+    title = f"Phase {slot + 1} of {SLOTS}: {slot.name.lower()}"
+    recorded = is_recorded(record)
+    said = recorded_phase(record, slot, scale) if recorded else says[slot]()
+    return f"**{_when(moment)} · {title}**\n\n{said}"
+
+
+def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
+    """Say what a whole step did, for the last phase and for timelines without phases."""
+    events = [*moment.events, *(event for event in record.events if event != "resampled")]
+    title = f"**{_when(moment)}**" + "".join(f" · {event}" for event in events)
+    if is_recorded(record):
+        return "\n\n".join([title, *recorded_summary(record, moment.truth, scale)])
+    return "\n\n".join([title, estimated(record, moment.truth, scale), _done(record, scale)])
+
+
+def _done(record: StepRecord, scale: Scale) -> str:
+    """Say how the robot moved, what matched, how many particles count, and what became of them."""
+    seen = record.sighting.comparison
+    first = int(seen.quality.argmax()) if len(seen.quality) else None
+    match = (
+        NOT_COMPARED if first is None else f"Best match: entry {first}, quality {seen.quality[first]:.3f}."
+    )
+    kept = "Resampled." if record.parents is not None else "Not resampled."
+    if record.injected is not None:
+        kept = f"{kept} {int(record.injected.sum())} particles drawn afresh."
+    return f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
+
+
+def _when(moment: Moment) -> str:
+    return f"Step {moment.frame.step} · {moment.frame.time_s:.1f} s"

@@ -1,0 +1,200 @@
+"""What a replay ends with: a table for people, JSON for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from maurice_mcl.analysis.run_comparison import Difference, Paired
+from maurice_mcl.analysis.success import LEFT, Success
+
+from ..playback import RunResult
+from ..style import Units
+
+Cell = Callable[[RunResult, Units], str]
+
+
+def to_json(results: Sequence[RunResult]) -> dict[str, Any]:
+    """Give `{"runs": [...]}` in metres and radians; null where a figure does not apply.
+
+    Where several runs are compared each has "against_first", which is null for the first one.
+    """
+    if len(results) == 1:
+        return {"runs": [_run_json(results[0])]}
+    return {"runs": [_run_json(one) | {"against_first": _paired_json(one)} for one in results]}
+
+
+def _paired_json(result: RunResult) -> dict[str, Any] | None:
+    paired = result.paired
+    if paired is None:
+        return None
+    return {
+        "label": result.against,
+        "position_error": _difference_json(paired.position, "m"),
+        "heading_error": _difference_json(paired.heading, "rad"),
+        "apart_mean_m": paired.apart_mean_m,
+        "apart_most_m": paired.apart_most_m,
+        "parted_at_update": paired.parted_at,
+    }
+
+
+def _difference_json(difference: Difference | None, unit: str) -> dict[str, Any] | None:
+    if difference is None:
+        return None
+    return {
+        f"difference_mean_{unit}": difference.mean,
+        f"interval_95_{unit}": None if difference.interval is None else list(difference.interval),
+        "block_updates": difference.block,
+        "updates": difference.updates,
+        "better": difference.better,
+        "worse": difference.worse,
+    }
+
+
+def _run_json(result: RunResult) -> dict[str, Any]:
+    score = result.score
+    return {
+        "label": result.label,
+        "updates": score.updates,
+        "distance_m": score.distance_m,
+        "position_error_mean_m": score.position_error_mean_m,
+        "position_error_median_m": score.position_error_median_m,
+        "position_error_final_m": score.position_error_final_m,
+        "heading_error_mean_rad": score.heading_error_mean_rad,
+        "heading_error_median_rad": score.heading_error_median_rad,
+        "localized_at_update": score.localized_at_update,
+        "localized_share": score.localized_share,
+        "lost": score.lost,
+        "lost_at_update": score.lost_at_update,
+        "reached": score.reached,
+        "wrong_confident_share": score.wrong_confident_share,
+        "thesis_success": {one.preset: _success_json(one) for one in score.success},
+        "steps_per_s": result.steps_per_s,
+    }
+
+
+def _success_json(success: Success) -> dict[str, Any]:
+    return {
+        "at_update": success.at_update,
+        "at_m": success.at_m,
+        "at_s": success.at_s,
+        "failed": success.failed,
+        "failed_at_update": success.failed_at_update,
+    }
+
+
+def to_table(results: Sequence[RunResult], units: Units, title: str) -> Table:
+    """Give a table with a column a run, in the session's own units."""
+    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
+    table.add_column("")
+    for result in results:
+        table.add_column(result.label, justify="right")
+    for name, cell in _rows(units):
+        table.add_row(name, *(cell(result, units) for result in results))
+    if len(results) > 1:
+        table.add_section()
+        for name, cells in paired_rows(results, units):
+            table.add_row(name, *cells)
+    return table
+
+
+def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
+    """Give rows that compare every run with the first: a name, and a cell a run."""
+    first, many = results[0].label, 1 / units.per_m
+    degrees = float(np.deg2rad(1))
+    rows: list[tuple[str, Callable[[Paired], str]]] = [
+        (
+            f"error against {first}, 95 % ({units.name})",
+            lambda p: _against(p.position, many, units.digits),
+        ),
+        (f"heading against {first}, 95 % (deg)", lambda p: _against(p.heading, degrees, 1)),
+        (f"closer to the truth than {first}", lambda p: _closer(p.position)),
+        (f"apart from {first}, mean ({units.name})", lambda p: _length(p.apart_mean_m, units)),
+        (f"parts from {first}", _parts),
+    ]
+    return [
+        (name, ["" if one.paired is None else cell(one.paired) for one in results]) for name, cell in rows
+    ]
+
+
+def _against(difference: Difference | None, unit: float, digits: int) -> str:
+    """Write a mean difference and its interval."""
+    return "-" if difference is None else say_difference(difference, unit, digits)
+
+
+def say_difference(difference: Difference, unit: float, digits: int) -> str:
+    """Write a mean difference and its 95 % interval, in so many metres or radians: "-0.4 [-0.9, 0.1]"."""
+    ends = () if difference.interval is None else difference.interval
+    mean, *interval = (f"{value / unit:z.{digits}f}" for value in (difference.mean, *ends))
+    return f"{mean} [{', '.join(interval)}]" if interval else mean
+
+
+def _closer(difference: Difference | None) -> str:
+    return "-" if difference is None else f"at {difference.better} of {difference.updates}"
+
+
+def _parts(paired: Paired) -> str:
+    if paired.apart_mean_m is None:  # runs of different drives are apart anyway
+        return "-"
+    return "never" if paired.parted_at is None else f"at step {paired.parted_at}"
+
+
+def _rows(units: Units) -> list[tuple[str, Cell]]:
+    return [
+        ("updates", lambda r, u: str(r.score.updates)),
+        (f"distance ({units.name})", lambda r, u: _length(r.score.distance_m, u)),
+        (f"position error, mean ({units.name})", lambda r, u: _length(r.score.position_error_mean_m, u)),
+        (f"position error, median ({units.name})", lambda r, u: _length(r.score.position_error_median_m, u)),
+        (f"position error, final ({units.name})", lambda r, u: _length(r.score.position_error_final_m, u)),
+        ("heading error, mean (deg)", lambda r, u: _degrees(r.score.heading_error_mean_rad)),
+        ("localized share", lambda r, u: _share(r.score.localized_share)),
+        ("localized at update", lambda r, u: _or_never(r.score.localized_at_update, r.score.lost)),
+        ("lost", lambda r, u: _lost(r)),
+        ("wrong and confident", lambda r, u: _share(r.score.wrong_confident_share)),
+        ("localized (thesis, sd < 10 %)", lambda r, u: _success(r, "tenth", u)),
+        ("localized (thesis, one foot)", lambda r, u: _success(r, "circle", u)),
+        ("filter steps a second", lambda r, u: "-" if r.steps_per_s is None else f"{r.steps_per_s:.0f}"),
+    ]
+
+
+def _length(value_m: float | None, units: Units) -> str:
+    return "-" if value_m is None else f"{value_m * units.per_m:.{units.digits}f}"
+
+
+def _degrees(value_rad: float | None) -> str:
+    return "-" if value_rad is None else f"{np.rad2deg(value_rad):.1f}"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
+
+
+def _or_never(update: int | None, lost: bool | None) -> str:
+    if lost is None:  # no truth to say so
+        return "-"
+    return "never" if update is None else str(update)
+
+
+def _lost(result: RunResult) -> str:
+    score = result.score
+    if score.lost is None:
+        return "-"
+    if score.lost:
+        return f"at update {score.lost_at_update}"
+    return "no, goal reached" if score.reached else "no"
+
+
+def _success(result: RunResult, preset: str, units: Units) -> str:
+    """Say when, and how far driven by then; or how it failed."""
+    for one in result.score.success:
+        if one.preset == preset:
+            if one.failed == LEFT:
+                return f"left the truth at {one.failed_at_update}"
+            if one.at_update is not None and one.at_m is not None and one.at_s is not None:
+                return f"update {one.at_update}, {_length(one.at_m, units)} {units.name}, {one.at_s:.0f} s"
+            return "no, 5 min over" if one.failed else "no"
+    return "-"

@@ -1,0 +1,128 @@
+"""Movies from pictures: VP9 in MP4, which browsers play, or an animated GIF. Whole or not at all.
+
+OpenCV's wheel has no H.264 encoder, and its MPEG-4 (`mp4v`) plays in no browser; its VP9 does. GIF frames
+go to the file one by one, so that memory does not grow with the movie.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+import cv2
+import numpy as np
+from PIL import GifImagePlugin, Image
+
+from maurice_loaders.errors import LogError
+from maurice_loaders.io.files import expect_absent
+from maurice_mcl.arrays import U8
+
+SUFFIXES = (".mp4", ".gif")
+VP9 = "vp09"
+CENTISECOND_MS = 10  # GIF counts in these
+GIF_COLORS = 255  # and one index for "as it was before"
+KEEP = 1  # GIF: the next frame is drawn over this one
+
+
+class Film(Protocol):
+    """Takes pictures one by one."""
+
+    def add(self, picture: U8) -> None:
+        """Add a picture (H, W, 3) RGB, of the size of the first."""
+        ...
+
+
+@contextmanager
+def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
+    """Open a movie for writing; it appears under its name when the block ends well, else not at all.
+
+    LogError when the file exists and `force` is not given, or when it cannot be written.
+    """
+    expect_absent(path, force=force)
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        if path.suffix == ".gif":
+            with part.open("wb") as file:
+                gif = Gif(file, fps)
+                yield gif
+                gif.end()
+        else:
+            video = Video(part, fps)
+            try:
+                yield video
+            finally:
+                video.end()
+        part.replace(path)
+    except OSError as problem:
+        raise LogError(path, f"cannot be written: {problem.strerror}; choose another place") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def from_png(data: bytes) -> U8:
+    """Decode a picture (H, W, 3) RGB that the viewer gave."""
+    bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise ValueError("what the viewer gave is no picture")
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+class Video:
+    """VP9 in an MP4 file."""
+
+    def __init__(self, file: Path, fps: float) -> None:
+        """Write to this file; it is opened with the first picture, whose size it takes."""
+        self._file, self._fps = file, fps
+        self._writer: cv2.VideoWriter | None = None
+
+    def add(self, picture: U8) -> None:
+        """Add a picture; an odd row or column is cut off, as VP9 halves the colors' resolution."""
+        even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+        if self._writer is None:
+            size = (even.shape[1], even.shape[0])
+            self._writer = cv2.VideoWriter(str(self._file), cv2.VideoWriter.fourcc(*VP9), self._fps, size)
+            if not self._writer.isOpened():
+                raise LogError(self._file, "this OpenCV writes no VP9; make a .gif")
+        self._writer.write(cv2.cvtColor(even, cv2.COLOR_RGB2BGR))
+
+    def end(self) -> None:
+        """Close the file."""
+        if self._writer is not None:
+            self._writer.release()
+
+
+class Gif:
+    """An endless animated GIF, each frame with its own palette; what did not change is left out."""
+
+    def __init__(self, file: BinaryIO, fps: float) -> None:
+        """Write to this open file."""
+        self._file = file
+        self._duration_ms = max(2, round(1000 / fps / CENTISECOND_MS)) * CENTISECOND_MS
+        self._before: U8 | None = None
+
+    def add(self, picture: U8) -> None:
+        """Add a picture."""
+        # an octree keeps rare colors, such as the bright end of the weights
+        frame = Image.fromarray(picture).quantize(
+            GIF_COLORS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+        )
+        indices = np.array(frame)
+        if self._before is None:
+            header, _ = GifImagePlugin.getheader(frame.copy(), info={"loop": 0})
+            self._file.writelines(header)
+        else:
+            indices[(picture == self._before).all(axis=2)] = GIF_COLORS
+        self._before = picture.copy()
+        # the palette is filled up, so that the last index is a color that no pixel has
+        colors = (frame.getpalette() or []) + [0] * (3 * 256)
+        drawn = Image.fromarray(indices)
+        drawn.putpalette(colors[: 3 * 256])
+        shown = {"duration": self._duration_ms, "disposal": KEEP, "transparency": GIF_COLORS}
+        self._file.writelines(GifImagePlugin.getdata(drawn, (0, 0), include_color_table=True, **shown))
+
+    def end(self) -> None:
+        """Write the trailer."""
+        self._file.write(b";")

@@ -1,0 +1,217 @@
+"""Where a recording goes: a file, a viewer, or a file and every viewer that connects.
+
+A file is written beside its final name as `<stem>.<process>.part.rrd` and renamed when it is whole, so that
+a file under its own name is never half a recording and an earlier one survives a failure. When the process
+is killed the part stays; the viewer opens it and shows all that had been flushed.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from ..cli.console import note
+from ..errors import SinkError
+from .open_viewers import remember, remember_recording
+from .spawn import HOST, address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
+
+# Where a recording goes: a file or a viewer.
+
+APPLICATION = "maurice-replay"
+FLUSH_S = 60.0
+CANNOT_WRITE = (RuntimeError, OSError, ValueError)  # what flushing raises
+CALLS_AHEAD = 2000  # of logging, that may wait to be written: some 4 MB of a replay
+FILE_BATCH_S = 1.0  # of a file that nobody follows: fewer batches, smaller, and a shorter list of them
+PATIENCE_S = 20.0  # for a viewer to come up
+SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
+ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
+SERVED = (
+    "25MB"  # of a live recording kept for viewers that come late, the newest; takes some 100 MB of memory
+)
+LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
+
+
+class FileRecording(rr.RecordingStream):
+    """A recording into a file that nobody follows: drawing waits for the disk now and then.
+
+    Else what waits to be written would grow without limit where drawing is quicker than writing.
+    """
+
+    def __init__(self) -> None:
+        batches = rr.ChunkBatcherConfig()
+        batches.flush_tick = timedelta(seconds=FILE_BATCH_S)
+        super().__init__(APPLICATION, batcher_config=batches)
+        self._calls = 0
+
+    def log(self, *what: Any, **how: Any) -> None:
+        """Log as any recording does."""
+        super().log(*what, **how)
+        self._calls += 1
+        if self._calls % CALLS_AHEAD == 0:
+            with suppress(*CANNOT_WRITE):  # said at the end, when all that could be written is
+                self.flush(timeout_sec=FLUSH_S)
+
+
+def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
+    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows."""
+    return _named(rr.RecordingStream(APPLICATION, recording_id=recording_id), name)
+
+
+def _named(rec: rr.RecordingStream, name: str) -> rr.RecordingStream:
+    rec.set_log_time_enabled(False)  # the wall clock of drawing says nothing about the drive
+    rec.set_log_tick_enabled(False)
+    rec.send_recording_name(name)
+    return rec
+
+
+def has_display() -> bool:
+    """Tell whether there is a screen to open a window on."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def part_of(path: Path) -> Path:
+    """Give the name that a recording has while it is being written; no other process writes it."""
+    return path.with_name(f"{path.stem}.{os.getpid()}.part.rrd")
+
+
+@contextmanager
+def to_file(
+    path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool = False, serve: int | None = None
+) -> Iterator[rr.RecordingStream]:
+    """Open a recording that is written to a file, whole or not at all under that name.
+
+    With `serve`, viewers can also follow it at that port of this machine, whenever they come; none of them,
+    slow or frozen, is ever waited for.
+
+    Raises SinkError when the file exists and `force` is not set, when its folder cannot be written to, or
+    when the disk ran full. After any other exception the part is closed, stays, and can be opened.
+    """
+    _check_target(path, force)
+    part = part_of(path)
+    rec = _named(FileRecording(), name) if serve is None else recording(name)
+    if serve is None:
+        rec.save(part, default_blueprint=blueprint)
+    else:
+        server = rr.GrpcServerSink(bind_ip=HOST, port=serve, server_memory_limit=SERVED)
+        # A footer lists every chunk, and is held in memory until the end, which may never come.
+        rec.set_sinks(rr.FileSink(part, write_footer=False), server, default_blueprint=blueprint)
+    try:
+        yield rec
+    except BaseException:
+        _close(rec)
+        note(f"{part} goes as far as it got")
+        raise
+    _check_written(part, _close(rec))
+    part.replace(path)
+
+
+def bring_up_viewer() -> int:
+    """Start a viewer on this display, which stays open afterwards; give the port it listens on.
+
+    Raises SinkError when none comes up, or it ends again at once (the display may be dead).
+    """
+    port = free_port()
+    try:
+        viewer = start_viewer(port, ["--expect-data-soon"])
+    except OSError as error:
+        raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
+    if not wait_until_listening(viewer, port, PATIENCE_S) or ends_within(viewer, SETTLE_S):
+        raise SinkError(viewer_binary(), "opened no window on this display")
+    remember(viewer.pid, port)
+    return port
+
+
+@contextmanager
+def to_viewer(port: int, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+    """Open a recording that is shown by the viewer on that port of this machine.
+
+    Raises SinkError at the end when the viewer was closed before it had everything.
+    """
+    rec = recording(name)
+    rec.connect_grpc(address(port), default_blueprint=blueprint)
+    remember_recording(port, name, rec.get_recording_id() or "")
+    try:
+        yield rec
+    finally:
+        flushed = _close(rec)
+    if not flushed:
+        raise SinkError(viewer_binary(), f"was closed before everything was shown; {ELSEWHERE}")
+
+
+def _check_target(path: Path, force: bool) -> None:
+    if path.suffix != ".rrd":
+        raise SinkError(path, f"a recording's name ends in .rrd; use {path.name}.rrd")
+    if path.is_dir():
+        raise SinkError(path, "is a folder, not a file; choose another name")
+    if path.exists() and not force:
+        raise SinkError(path, "exists already; use --force to replace it or --save to choose another name")
+    try:
+        part_of(path).open("wb").close()
+    except OSError as error:
+        raise SinkError(path, f"cannot be written ({error.strerror}); choose another folder") from error
+
+
+def _close(rec: rr.RecordingStream) -> bool:
+    """Write out and let go; tell whether everything could be written."""
+    try:
+        rec.flush(timeout_sec=FLUSH_S)
+        return True
+    except CANNOT_WRITE:
+        return False
+    finally:
+        rec.disconnect()
+
+
+def _check_written(part: Path, flushed: bool) -> None:
+    if not part.exists():
+        raise SinkError(part, "has vanished while it was being written")
+    if shutil.disk_usage(part.parent).free < LEAST_FREE:
+        raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or --save to another disk")
+    if not flushed:
+        raise SinkError(part, "could not be written to the end; is the disk full or gone?")
+
+
+# Where the drawing of a drive that is going on goes: a file, and whatever viewers come.
+
+
+@contextmanager
+def to_file_and_viewers(
+    path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool, window: bool, viewer: str
+) -> Iterator[rr.RecordingStream]:
+    """Open a recording that goes to a file and is served to viewers; neither waits for the other.
+
+    With `window` a viewer is started; `viewer` is its command, for people. SinkError as from `to_file`.
+    """
+    port = free_port()
+    with to_file(path, name, blueprint, force=force, serve=port) as rec:
+        note(f"live; to look at it, also from another shell: {viewer} --connect {address(port)}")
+        if window:
+            _bring_up(port, name, rec.get_recording_id() or "")
+        yield rec
+
+
+def _bring_up(port: int, name: str, recording: str) -> None:
+    """Start a viewer that follows, and that `jump` finds; where none comes up that is said, and no more."""
+    own = free_port()
+    try:
+        process = start_viewer(own, ["--connect", address(port)])
+    except OSError as problem:
+        note(f"{viewer_binary()}: does not start ({problem.strerror}); going on without")
+        return
+    if ends_within(process, SETTLE_S):
+        note(f"{viewer_binary()}: opened no window on this display; going on without")
+        return
+    remember(process.pid, own)
+    remember_recording(own, name, recording)

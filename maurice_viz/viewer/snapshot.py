@@ -1,0 +1,152 @@
+"""Pictures of the real viewer without a screen: `rerun --headless` on a software renderer.
+
+Needs a Vulkan driver; Mesa's software one will do (`apt-get install mesa-vulkan-drivers libvulkan1`).
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rerun.experimental import ViewerClient
+
+from maurice_loaders.errors import LogError
+
+from ..entities import PHASE, STEP
+from .spawn import address, free_port, start_viewer
+from .tabs import LayoutError, maximized, with_layout
+
+PATIENCE_S = 60.0  # for a recording to load, and again for a picture to settle
+LOOK_EVERY_S = 0.2
+ALIKE = 3  # so many equal pictures in a row say that nothing is still being drawn
+DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
+ADVICE = "apt-get install mesa-vulkan-drivers libvulkan1"
+
+
+class Viewer:
+    """A running headless viewer with one recording open."""
+
+    def __init__(self, client: Any, recording: Any, file: Path) -> None:
+        """Drive a viewer that is there; `file` is what errors name."""
+        self._client, self._recording, self._file = client, recording, file
+        self._last = b""
+
+    def picture(self, timeline: str, value: int, alike: int = ALIKE) -> bytes:
+        """Give a PNG of the whole window at one place of the timeline "step" or "phase".
+
+        The picture is taken when `alike` in a row were equal, one more where it is still the last one.
+        """
+        if timeline not in (STEP, PHASE):
+            raise ValueError(f"pictures are taken on {STEP!r} or {PHASE!r}, found {timeline!r}")
+        store = self._recording.store_id
+        self._client.set_time(timeline, play_state="paused", recording=store, sequence=value)
+        last, count, deadline = b"", 1, time.monotonic() + PATIENCE_S
+        while count < alike + (last == self._last) and time.monotonic() < deadline:
+            taken = bytes(self._client.take_screenshot())
+            count = count + 1 if taken == last else 1
+            last = taken
+            time.sleep(LOOK_EVERY_S)
+        self._last = last
+        return last
+
+    def span(self, timeline: str) -> tuple[int, int]:
+        """Give the first and the last place of a timeline. LogError where the recording has none such."""
+        for known in self._recording.timelines:
+            if known.name == timeline:
+                return int(known.start), int(known.end)
+        raise LogError(self._file, f"found no timeline {timeline!r}; was it made by maurice-replay?")
+
+    def show_layout(self, name: str) -> None:
+        """Bring the tab of a layout to the front. LogError with the names there are for any other."""
+        try:
+            self._arrange(with_layout(self._client.get_blueprint().blueprint, name))
+        except LayoutError as problem:
+            raise LogError(self._file, str(problem)) from None
+
+    def show_only(self, name: str) -> None:
+        """Let one view fill the window, by its title or the beginning of it.
+
+        LogError with the titles there are where none or several begin so.
+        """
+        views = {str(view.name): str(view.view_id) for view in self._client.get_state().views}
+        try:
+            self._arrange(maximized(self._client.get_blueprint().blueprint, views, name))
+        except LayoutError as problem:
+            raise LogError(self._file, str(problem)) from None
+
+    def _arrange(self, blueprint: dict[str, Any]) -> None:
+        self._client.set_blueprint(blueprint, store_id=self._recording.store_id)
+
+
+def software_driver() -> Path | None:
+    """Find Mesa's software Vulkan driver, on which pictures are the same everywhere."""
+    found = [file for folder in DRIVERS if folder.is_dir() for file in sorted(folder.glob("lvp*.json"))]
+    return found[0] if found else None
+
+
+def expect_driver(target: Path) -> Path:
+    """Find the software driver. LogError that names the package where there is none."""
+    driver = software_driver()
+    if driver is None:
+        raise LogError(target, f"found no software Vulkan driver to draw with; {ADVICE}")
+    return driver
+
+
+@contextmanager
+def headless_viewer(
+    recording: Path, size: tuple[int, int] = (1600, 1000), patience_s: float = PATIENCE_S
+) -> Iterator[Viewer]:
+    """Open a recording in a headless viewer, and close the viewer at the end.
+
+    LogError when there is no driver, when the viewer dies, or when nothing is loaded in time.
+    """
+    driver = expect_driver(recording)
+    with tempfile.TemporaryDirectory(prefix="maurice-viewer-", ignore_cleanup_errors=True) as home:
+        port = free_port()
+        process = _start(recording, size, driver, Path(home), port)
+        try:
+            yield _connect(recording, process, address(port), patience_s)
+        except ConnectionError as problem:  # it died, or it does not answer
+            raise LogError(recording, f"the viewer failed: {str(problem).splitlines()[0]}") from problem
+        finally:
+            process.terminate()
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _start(
+    recording: Path, size: tuple[int, int], driver: Path, home: Path, port: int
+) -> subprocess.Popen[bytes]:
+    settings = home / ".config" / "rerun"
+    settings.mkdir(parents=True)
+    (settings / "analytics.json").write_text(json.dumps({"analytics_enabled": False}))
+    drawn_by = {"VK_ICD_FILENAMES": str(driver), "VK_DRIVER_FILES": str(driver)}
+    place = {"HOME": str(home), "XDG_RUNTIME_DIR": str(home), "XDG_CONFIG_HOME": str(home / ".config")}
+    options = ["--headless", "--window-size", f"{size[0]}x{size[1]}", str(recording)]
+    return start_viewer(port, options, drawn_by | place | {"RUST_LOG": "error"})
+
+
+def _connect(recording: Path, process: subprocess.Popen[bytes], url: str, patience_s: float) -> Viewer:
+    client, deadline = None, time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            raise LogError(recording, f"the viewer ended with status {process.returncode}")
+        try:
+            client = client or ViewerClient.connect(url)
+            state = client.get_state()
+        except (ConnectionError, OSError, RuntimeError):  # it is not listening yet
+            client = None
+        else:
+            if state.recordings and not state.loading and state.recordings[0].timelines:
+                return Viewer(client, state.recordings[0], recording)
+        time.sleep(LOOK_EVERY_S)
+    raise LogError(recording, f"the viewer loaded no recording within {patience_s:.0f} s")

@@ -1,0 +1,163 @@
+"""How well a run went: the definitions by which every table of this project is scored.
+
+docs/evaluation.md gives them in words. Everything is measured against the truth and against the scored
+estimate (the heaviest cluster, after weighting and before resampling), never against the origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import F64, Bool
+from ..geometry import INCH_M, angle_between
+from ..records import Estimate
+from .success import Success
+
+FIRST_SCORED = 4  # updates are counted from 1; the first three are left to settle
+LOST_M, LOST_RAD, LOST_FOR = 36 * INCH_M, float(np.deg2rad(45)), 4
+RIGHT_M, RIGHT_RAD = 18 * INCH_M, float(np.deg2rad(30))
+CONVERGED_SHARE = 0.9
+LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
+RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
+GOAL_M = 1000 * INCH_M  # the thesis's goal for position tracking (3.6.2)
+
+
+@dataclass(frozen=True, slots=True)
+class StepScore:
+    """One update against the truth; errors are None where the truth is not known."""
+
+    position_error_m: float | None
+    heading_error_rad: float | None
+    converged: bool
+    correct: bool | None
+    lost: bool | None  # too far off at this update; a run is lost after four of them running
+
+    @property
+    def localized(self) -> bool | None:
+        """Converged and correct."""
+        return None if self.correct is None else self.converged and self.correct
+
+    @property
+    def wrong_and_confident(self) -> bool | None:
+        """Converged and not correct: the worst of all, since nothing in the cloud warns of it."""
+        return None if self.correct is None else self.converged and not self.correct
+
+
+def score_step(estimate: Estimate, truth: F64 | None) -> StepScore:
+    """Score one estimate against one true pose (3,)."""
+    converged = estimate.converged >= CONVERGED_SHARE
+    if truth is None:
+        return StepScore(None, None, converged, None, None)
+    off_m = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
+    off_rad = angle_between(float(estimate.pose[2]), float(truth[2]))
+    correct = off_m <= RIGHT_M and off_rad <= RIGHT_RAD
+    return StepScore(off_m, off_rad, converged, correct, off_m > LOST_M or off_rad > LOST_RAD)
+
+
+@dataclass(frozen=True, slots=True)
+class RunScore:
+    """One run in numbers; None where the truth is not known or too short for the figure."""
+
+    updates: int
+    distance_m: float  # driven: by the truth where it is known, else by odometry
+    position_error_mean_m: float | None
+    position_error_median_m: float | None
+    position_error_final_m: float | None
+    heading_error_mean_rad: float | None
+    heading_error_median_rad: float | None
+    localized_at_update: int | None
+    localized_share: float | None
+    lost: bool | None
+    lost_at_update: int | None
+    reached: bool | None  # drove 1000 true inches without being lost
+    wrong_confident_share: float | None
+    right_at_end: bool | None = None  # correct in at least 7 of the last 10 updates
+    success: tuple[Success, ...] = ()  # the thesis's own two readings, where they were judged
+
+
+@dataclass(slots=True)
+class Scorer:
+    """Collects one run's scores: a few numbers an update, never the clouds.
+
+    An update whose truth is not known counts neither as lost nor as localized, and in no error or share.
+    """
+
+    _steps: list[StepScore] = field(default_factory=list)
+    _way_m: list[float] = field(default_factory=list)  # true way driven up to each update
+    _odometry_m: float = 0.0
+    _last_truth: F64 | None = None
+
+    def add(self, estimate: Estimate, truth: F64 | None, motions: F64) -> StepScore:
+        """Take in the next update; `motions` (M, 3) measure the way where there is no truth."""
+        score = score_step(estimate, truth)
+        self._steps.append(score)
+        self._odometry_m += float(np.hypot(motions[:, 0], motions[:, 1]).sum())
+        way = self._way_m[-1] if self._way_m else 0.0
+        if truth is not None and self._last_truth is not None:
+            way += float(np.hypot(*(truth[:2] - self._last_truth[:2])))
+        self._way_m.append(way)
+        self._last_truth = truth if truth is not None else self._last_truth
+        return score
+
+    def result(self) -> RunScore:
+        """Score the run as far as it went."""
+        known = [s for s in self._steps if s.correct is not None]
+        scored = [s for s in self._steps[FIRST_SCORED - 1 :] if s.correct is not None]
+        off_m = [s.position_error_m for s in scored if s.position_error_m is not None]
+        off_rad = [s.heading_error_rad for s in scored if s.heading_error_rad is not None]
+        lost_at = first_run_of([s.lost is True for s in self._steps], LOST_FOR)
+        return RunScore(
+            updates=len(self._steps),
+            distance_m=self._way_m[-1] if known else self._odometry_m,
+            position_error_mean_m=float(np.mean(off_m)) if off_m else None,
+            position_error_median_m=float(np.median(off_m)) if off_m else None,
+            position_error_final_m=known[-1].position_error_m if known else None,
+            heading_error_mean_rad=float(np.mean(off_rad)) if off_rad else None,
+            heading_error_median_rad=float(np.median(off_rad)) if off_rad else None,
+            localized_at_update=first_mostly(np.array([s.localized is True for s in self._steps], bool)),
+            localized_share=_share([s.localized for s in known]),
+            lost=lost_at is not None if known else None,
+            lost_at_update=lost_at,
+            reached=self._reached(lost_at) if known else None,
+            wrong_confident_share=_share([s.wrong_and_confident for s in known]),
+            right_at_end=mostly_at_end([s.correct for s in known]),
+        )
+
+    def _reached(self, lost_at: int | None) -> bool:
+        """Tell whether the goal was driven before the first of the updates that the run was lost by."""
+        good = len(self._steps) if lost_at is None else lost_at - LOST_FOR
+        return good > 0 and self._way_m[good - 1] >= GOAL_M
+
+
+def first_run_of(flags: list[bool], length: int) -> int | None:
+    """Give the update, counted from 1, at which a flag has been up `length` times running."""
+    running = 0
+    for number, flag in enumerate(flags, start=1):
+        running = running + 1 if flag else 0
+        if running == length:
+            return number
+    return None
+
+
+def first_mostly(localized: Bool) -> int | None:
+    """Give the first update, counted from 1, that is localized as are 4 of the 5 that start with it.
+
+    The last four updates cannot be such a start: not enough follows to say so.
+    """
+    needed, window = LOCALIZED_OF
+    for first in range(len(localized) - window + 1):
+        if localized[first] and localized[first : first + window].sum() >= needed:
+            return first + 1
+    return None
+
+
+def mostly_at_end(correct: list[bool | None]) -> bool | None:
+    """Tell whether at least 7 of the last 10 updates were correct; None for fewer than ten."""
+    needed, window = RIGHT_AT_END
+    return sum(flag is True for flag in correct[-window:]) >= needed if len(correct) >= window else None
+
+
+def _share(flags: list[bool | None]) -> float | None:
+    return sum(flag is True for flag in flags) / len(flags) if flags else None

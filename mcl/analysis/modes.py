@@ -1,0 +1,94 @@
+"""Modes followed from step to step: each keeps its identity for as long as its particles live on.
+
+Every particle carries the identity of the mode that it stood in last, and its copies inherit that. A mode is
+the one from which most of its weight descends. So a mode may drive about, thin out and come back; of two that
+join the heavier one goes on; of one that splits the heavier half does, and the other is new.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import F64, I32, Bool
+from ..filter.estimate import CLUSTER_M, Modes, modes
+from ..records import Estimate, StepRecord
+
+NOBODY = 0  # identity of particles that never stood in a mode; modes count from 1
+ALONE = 0.99  # share of weight beyond which nothing is left that `modes` would call one
+LEAST_DESCENT = 0.25  # of a mode's weight must descend from another for it to go on as that one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedMode:
+    """One mode of a weighted cloud, and who it is."""
+
+    identity: int  # from 1; the same as long as it lives, never given twice
+    estimate: Estimate
+
+
+@dataclass(slots=True)
+class ModeTracker:
+    """Follows the modes of one run. Keeps one number a particle of the last step, and no cloud.
+
+    Modes are those of `maurice_mcl.filter.estimate.modes`: at most five, each of at least 1 % of the weight.
+    """
+
+    _identities: I32 | None = None  # (N,) of the particles to come: the mode that each stood in last
+    _injected: Bool | None = None  # (N,) which of them were freshly injected
+    _born: int = field(default=NOBODY)  # identities given so far
+
+    def see(self, record: StepRecord) -> tuple[TrackedMode, ...]:
+        """Take in the next update; give its modes, heaviest first."""
+        size = record.weighted.size
+        held = self._identities
+        carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
+        fresh = self._injected if self._injected is not None and len(self._injected) == size else None
+        found = _modes(record, fresh)
+        places = _places(record, found)
+        named = self._named(places, carried, record.weighted.weights, len(found))
+        now = np.where(places >= 0, np.append(named, NOBODY).astype(np.int32)[places], carried)
+        self._identities, self._injected = _handed_on(now, record.parents), record.injected
+        return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
+
+    def _named(self, places: I32, carried: I32, weights: F64, count: int) -> list[int]:
+        """Name the modes: the largest bond first, each identity to one mode; the rest are new."""
+        width = self._born + 1
+        cell = (places + 1) * width + carried
+        bonds = np.bincount(cell, weights, (count + 1) * width).reshape(count + 1, width)[1:]
+        bonds = np.where(bonds < LEAST_DESCENT * bonds.sum(axis=1, keepdims=True), 0, bonds)
+        bonds[:, NOBODY] = 0
+        named = [NOBODY] * count
+        while bonds.size and bonds.max() > 0:
+            mode, identity = divmod(int(bonds.argmax()), width)
+            named[mode] = identity
+            bonds[mode], bonds[:, identity] = 0, 0
+        for mode in range(count):
+            if named[mode] == NOBODY:
+                self._born += 1
+                named[mode] = self._born
+        return named
+
+
+def _modes(record: StepRecord, injected: Bool | None) -> Modes:
+    """Give the modes; where the estimate holds nearly all weight it is the only one, and is known already."""
+    return (record.estimate,) if record.estimate.mass > ALONE else modes(record.weighted, injected)
+
+
+def _places(record: StepRecord, found: Modes) -> I32:
+    """Give each particle (N,) the number of the mode that it stands in, the heaviest of several; -1: none."""
+    poses = record.weighted.poses
+    place = np.full(len(poses), -1, np.int32)
+    for number in reversed(range(len(found))):
+        x, y = found[number].pose[:2] - record.weighted.origin
+        near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= CLUSTER_M**2
+        place[near] = number
+    return place
+
+
+def _handed_on(identities: I32, parents: I32 | None) -> I32:
+    """Give each particle of the next step (N',) what its parent carried; fresh ones carry nothing."""
+    if parents is None:
+        return identities
+    return np.where(parents >= 0, identities[parents], NOBODY).astype(np.int32)

@@ -1,0 +1,197 @@
+"""Run comparison: how much better one run is than another, and where they diverge.
+
+Errors of one drive are no independent draws: where a filter is off at one update it is off at the next.
+Blocks of neighboring values are drawn instead of single ones (Kuensch 1989), and the mean of every drawn
+series is divided by its own standard error (Goetze and Kuensch 1996), which makes up for few blocks.
+
+Runs that are compared draw the same noise for the same particle (maurice_mcl.randomness), so that what
+differs between them comes from what was changed. One drive is one drive all the same: the interval says how
+sure the mean difference is on this very drive, not on the next one (docs/compare.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from ..arrays import F64
+from ..geometry import INCH_M
+from ..randomness import Domain, stream
+from ..records import StepRecord
+from ..session import Moment
+from .events import PARTED, Event, Say
+from .metrics import FIRST_SCORED, StepScore, score_step
+
+# An interval for the mean of a series whose neighbors are alike: the studentized moving-block bootstrap.
+
+LEVEL = 0.95
+LEAST = 24  # values; with fewer no interval is given
+LEAST_BLOCKS = 6  # a block is at most a sixth of the series
+DRAWS = 2000  # the ends of an interval move by about a fiftieth of its width from one seed to another
+MOST_ALIKE = 0.97  # correlation of neighbors: a longer memory than this cannot be told in any drive
+
+
+def autocorrelation(values: F64) -> float:
+    """Correlation of neighbors in a series (n,), corrected for its bias (Kendall 1954); 0 for a constant."""
+    off = values - values.mean()
+    total = float(off @ off)
+    if total <= 0:
+        return 0.0
+    found = float(off[1:] @ off[:-1]) / total
+    return found + (1 + 3 * found) / len(values)
+
+
+def block_length(values: F64) -> int:
+    """Choose the length of a block: 1.1447 (a n)^(1/3), a = 4 r^2 / (1 - r^2)^2, rounded up.
+
+    That is best for a series of which each value is r times the last plus noise (Andrews 1991,
+    section 6). At least 1, at most a sixth of the series.
+    """
+    alike = min(max(autocorrelation(values), 0.0), MOST_ALIKE)
+    memory = 4 * alike**2 / (1 - alike**2) ** 2
+    length = int(np.ceil(1.1447 * (memory * len(values)) ** (1 / 3)))
+    return min(max(length, 1), max(len(values) // LEAST_BLOCKS, 1))
+
+
+def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
+    """Give the ends of a 95 % interval about the mean of a series (n,); None for fewer than 24 values.
+
+    It is symmetric, and the same every time. Of a constant series it has no width.
+    """
+    if len(values) < LEAST:
+        return None
+    length = block_length(values)
+    sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
+    blocks = (sums[length:] - sums[:-length]) / length  # (n - length + 1,) about the mean of all
+    error = float(np.sqrt(np.square(blocks).mean() * length / len(values)))
+    reach = error * _critical(blocks, len(values) // length, seed)
+    mean = float(values.mean())
+    return mean - reach, mean + reach
+
+
+def _critical(blocks: F64, count: int, seed: int) -> float:
+    """Give how many standard errors a drawn mean stays within, in 95 of 100 draws of `count` blocks."""
+    chosen = stream(Domain.COMPARE, seed).integers(0, len(blocks), (DRAWS, count))
+    drawn = blocks[chosen]
+    away = np.abs(drawn.mean(axis=1) - blocks.mean())
+    error = drawn.std(axis=1) / np.sqrt(count)
+    apart = np.divide(away, error, out=np.zeros(DRAWS), where=error > 0)
+    return float(np.quantile(apart, LEVEL))
+
+
+# Two runs step by step: how much better one is than the other, and where they part.
+
+Step: TypeAlias = tuple[Moment, StepRecord]
+
+APART_M = 12 * INCH_M  # estimates further apart than this stand for different places ...
+APART_FOR = 2  # ... when they do so for as many steps running
+
+
+@dataclass(frozen=True, slots=True)
+class PairedStep:
+    """One update of a run against the same update of the first run."""
+
+    position_m: float | None  # its position error minus the first run's: below zero is better; None: no truth
+    heading_rad: float | None  # the same of the heading error
+    apart_m: float | None  # between the two estimates; None for runs of different drives
+    event: Event | None  # at the update at which it is known that the runs have parted
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A run's error minus the first run's over the scored updates of a drive, in metres or radians."""
+
+    mean: float
+    interval: (
+        tuple[float, float] | None
+    )  # 95 %, see maurice_mcl.analysis.run_comparison; None: too few updates
+    block: int  # updates in a block of it
+    updates: int  # that both runs have, with truth, from the fourth on
+    better: int  # updates at which the run was closer to the truth than the first
+    worse: int  # updates at which it was further from it
+
+
+@dataclass(frozen=True, slots=True)
+class Paired:
+    """A whole run against the first run."""
+
+    position: Difference | None  # None where the truth is not known
+    heading: Difference | None
+    apart_mean_m: float | None  # of the estimates, over all updates; None for different drives
+    apart_most_m: float | None
+    parted_at: int | None  # the first update of those at which the estimates were apart; None: never
+
+
+@dataclass(slots=True)
+class Pairing:
+    """Compares one run with the first one while both go; keeps three numbers an update."""
+
+    first: str  # label of the run that the others are compared with
+    other: str
+    say: Say  # writes a length in metres, with its unit
+    same_drive: bool = True  # otherwise steps are aligned by their number, and places are not compared
+    parted_at: int | None = None  # known so far
+    _position: list[float] = field(default_factory=list)
+    _heading: list[float] = field(default_factory=list)
+    _apart: list[float] = field(default_factory=list)
+    _seen: int = 0
+    _running: int = 0  # updates running, up to the last one, at which the estimates were apart
+
+    def see(self, first: Step, other: Step) -> PairedStep:
+        """Take in the next update of both runs."""
+        self._seen += 1
+        scores = [score_step(record.estimate, moment.truth) for moment, record in (first, other)]
+        position, heading = _differences(*scores)
+        if position is not None and heading is not None and self._seen >= FIRST_SCORED:
+            self._position.append(position)
+            self._heading.append(heading)
+        if not self.same_drive:
+            return PairedStep(position, heading, None, None)
+        apart = float(np.hypot(*(other[1].estimate.pose[:2] - first[1].estimate.pose[:2])))
+        self._apart.append(apart)
+        return PairedStep(position, heading, apart, self._parting(apart, first[0]))
+
+    def _parting(self, apart_m: float, moment: Moment) -> Event | None:
+        self._running = self._running + 1 if apart_m > APART_M else 0
+        if self._running != APART_FOR or self.parted_at is not None:
+            return None
+        self.parted_at = moment.frame.step - APART_FOR + 1
+        what = f"{self.other} and {self.first} are {self.say(apart_m)} apart, since step {self.parted_at}"
+        return Event(moment.frame.step, moment.frame.time_s, PARTED, what)
+
+    def result(self) -> Paired:
+        """Sum up as far as the runs went."""
+        apart = self._apart
+        return Paired(
+            _sum_up(np.array(self._position)),
+            _sum_up(np.array(self._heading)),
+            float(np.mean(apart)) if apart else None,
+            max(apart) if apart else None,
+            self.parted_at,
+        )
+
+
+def _differences(first: StepScore, other: StepScore) -> tuple[float | None, float | None]:
+    if first.position_error_m is None or other.position_error_m is None:
+        return None, None
+    if first.heading_error_rad is None or other.heading_error_rad is None:
+        return None, None
+    return (
+        other.position_error_m - first.position_error_m,
+        other.heading_error_rad - first.heading_error_rad,
+    )
+
+
+def _sum_up(values: F64) -> Difference | None:
+    if not len(values):
+        return None
+    return Difference(
+        float(values.mean()),
+        mean_interval(values),
+        block_length(values),
+        len(values),
+        int((values < 0).sum()),
+        int((values > 0).sum()),
+    )

@@ -1,0 +1,346 @@
+"""Tuning: scales and weights of channels, fitted by log score on drives with known truth.
+
+The log score of a picture is the log of the probability that it alone gives the reference nearest to the
+truth, when any reference is as likely before. Drives that were fitted on are no test of the result.
+
+Pictures come from drives with truth, or, where there is none, from the library itself, each reference left
+out in turn. Blocks are small, so that what is computed from one of them is small too; how many pictures are
+taken is bounded by the size of the library.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..arrays import F32, F64, I32
+from ..geometry import wrap
+from ..library import ChannelIndex, Library
+from ..sensor.descriptors import CHANNELS
+from ..sensor.distances import DISTANCES
+from ..sensor.references import SAME_PLACE_M, NearestReference, crosses
+from ..session import Moment
+
+# Tuning: scales and weights of channels, fitted by log score on drives whose truth is known.
+
+LEAST_PROBABILITY = 1e-6  # a picture that says the truth is impossible costs 13.8 nats and no more
+LEAST_WEIGHT = 0.02  # a channel with less of the sum is dropped
+Progress = Callable[[int, int], None]  # steps done, steps in all
+REACH = 5.0  # natural log of how far scales and weights may move from where the search starts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """Some pictures, no more at a time than what is computed of them can be held beside them."""
+
+    distances: F32  # (C, T, L) of T pictures from L references, in C channels
+    truth: I32  # (T,) entry nearest to the truth
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """What came of it."""
+
+    channels: tuple[str, ...]
+    scales: tuple[float, ...]  # distance of one nat, each channel alone
+    weights: tuple[float, ...]  # of the calibrated distances, together; 0: the channel adds nothing
+    alone: tuple[float, ...]  # log score of each channel by itself
+    together: float  # log score of the blend
+    blind: float  # log score of knowing nothing: -log(L)
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """Mean log scores a picture, in nats; higher is better."""
+
+    pictures: int
+    alone: tuple[float, ...]  # each tuned channel by itself, at its tuned scale
+    together: float  # the tuned blend
+    before: float  # the blend it is measured against
+    blind: float  # knowing nothing
+
+    @property
+    def gained(self) -> float:
+        """What tuning brought."""
+        return self.together - self.before
+
+
+def judge(tuned: Tuned, samples: Sequence[Sample], before: F64) -> Scores:
+    """Score what was tuned on samples whose first rows are its channels.
+
+    `before` (C,) is what a distance of each of the samples' rows cost in the blend to be measured against.
+    """
+    count = len(tuned.channels)
+    alone = [score(rows_of(samples, [k]), np.array([1 / scale])) for k, scale in enumerate(tuned.scales)]
+    per_distance = np.zeros(len(before))
+    per_distance[:count] = np.array(tuned.weights) / np.array(tuned.scales)
+    return Scores(
+        pictures=sum(len(s.truth) for s in samples),
+        alone=tuple(alone),
+        together=score(samples, per_distance),
+        before=score(samples, before),
+        blind=-float(np.log(samples[0].distances.shape[2])),
+    )
+
+
+def pooled(several: Sequence[Scores]) -> Scores:
+    """Give the mean over all pictures of several sets of them."""
+    share = np.array([s.pictures for s in several], np.float64)
+    share /= share.sum()
+    alone = share @ np.array([s.alone for s in several])
+    return Scores(
+        pictures=sum(s.pictures for s in several),
+        alone=tuple(alone.tolist()),
+        together=float(share @ [s.together for s in several]),
+        before=float(share @ [s.before for s in several]),
+        blind=float(share @ [s.blind for s in several]),
+    )
+
+
+def true_entry(nearest: NearestReference, library: Library, pose: F64) -> int:
+    """Give the entry that is nearest to a true pose (3,); -1 outside free space."""
+    local = (pose - np.append(library.origin, 0))[None]
+    local[:, 2] = wrap(local[:, 2])
+    return int(nearest.entries(np.asarray(local, np.float32), library.origin)[0])
+
+
+def log_scores(cost: F64, truth: I32) -> F64:
+    """Give the log score (T,) of costs (T, L) in nats."""
+    logits = -cost + cost.min(axis=1, keepdims=True)
+    log_total = np.log(np.exp(logits).sum(axis=1))
+    found = logits[np.arange(len(truth)), truth] - log_total
+    return np.asarray(np.maximum(found, np.log(LEAST_PROBABILITY)))
+
+
+def score(samples: Sequence[Sample], per_distance: F64) -> float:
+    """Give the mean log score of the cost per_distance (C,) @ distances."""
+    return float(
+        np.concatenate(
+            [log_scores(np.tensordot(per_distance, s.distances, 1), s.truth) for s in samples]
+        ).mean()
+    )
+
+
+def fit_scale(samples: Sequence[Sample]) -> tuple[float, float]:
+    """Give the best scale of the one channel of these samples, and its log score."""
+    from scipy.optimize import minimize_scalar
+
+    typical = float(np.median([np.median(s.distances) for s in samples])) or 1.0
+
+    def loss(log_scale: float) -> float:
+        return -score(samples, np.array([1 / np.exp(log_scale)]))
+
+    middle = np.log(typical / 10)
+    found = minimize_scalar(loss, bounds=(middle - REACH, middle + REACH), method="bounded")
+    return float(np.exp(found.x)), -float(found.fun)
+
+
+def fit_weights(samples: Sequence[Sample], scales: F64) -> F64:
+    """Give the weights (C,) >= 0 of calibrated distances that have the best log score together."""
+
+    from scipy.optimize import minimize
+
+    def loss(log_weights: F64) -> tuple[float, F64]:
+        weights = np.exp(log_weights)
+        total, slope, count = 0.0, np.zeros(len(weights)), 0
+        for sample in samples:
+            value, gradient = _log_score(weights / scales, sample)
+            total, slope, count = total + value, slope + gradient / scales, count + len(sample.truth)
+        return -total / count, -slope * weights / count
+
+    start = np.full(len(scales), -np.log(len(scales)))
+    found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-REACH, 1.5)] * len(scales))
+    weights = np.exp(found.x)
+    return np.asarray(np.where(weights < LEAST_WEIGHT * weights.sum(), 0.0, weights))
+
+
+def _log_score(per_distance: F64, sample: Sample) -> tuple[float, F64]:
+    """Give the sum of the log scores of one drive and its gradient (C,)."""
+    cost = np.tensordot(per_distance, sample.distances, 1)
+    logits = -cost + cost.min(axis=1, keepdims=True)
+    probability = np.exp(logits)
+    probability /= probability.sum(axis=1, keepdims=True)
+    at = np.arange(len(sample.truth))
+    total = float(np.log(np.maximum(probability[at, sample.truth], 1e-300)).sum())
+    expected = np.einsum("ctl,tl->ct", sample.distances, probability)
+    return total, np.asarray((expected - sample.distances[:, at, sample.truth]).sum(axis=1), np.float64)
+
+
+def rows_of(samples: Sequence[Sample], rows: Sequence[int]) -> list[Sample]:
+    """Give the same pictures in some of the channels only, in that order."""
+    # a slice shares memory, a list of rows copies it
+    chosen = slice(rows[0], rows[0] + 1) if len(rows) == 1 else list(rows)
+    return [Sample(s.distances[chosen], s.truth) for s in samples]
+
+
+def _silent(done: int, total: int) -> None:
+    pass
+
+
+def tune(channels: Sequence[str], samples: Sequence[Sample], progress: Progress | None = None) -> Tuned:
+    """Fit a scale for each channel alone, then weights for all together.
+
+    Raises ValueError where there is nothing to fit on.
+    """
+    advance = progress or _silent
+    if not sum(len(s.truth) for s in samples):
+        raise ValueError("found no picture with a known pose in free space to tune on")
+    each = []
+    for k in range(len(channels)):
+        advance(k, len(channels) + 1)
+        each.append(fit_scale(rows_of(samples, [k])))
+    scales = np.array([scale for scale, _ in each])
+    advance(len(channels), len(channels) + 1)
+    weights = fit_weights(samples, scales)
+    return Tuned(
+        channels=tuple(channels),
+        scales=tuple(scales.tolist()),
+        weights=tuple(weights.tolist()),
+        alone=tuple(found for _, found in each),
+        together=score(samples, weights / scales),
+        blind=-float(np.log(samples[0].distances.shape[2])),
+    )
+
+
+# What tuning looks at: distances of pictures whose place is known from all references, in blocks.
+
+MOST_DISTANCES = 2**25  # numbers kept in all: 128 MiB
+MOST_IN_BLOCK = 2**21  # numbers in one sample
+NEIGHBORS = 9  # places tried, itself among them, for one that no wall bars
+SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference that looks further aside stands for another view
+
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measuring:
+    """A library, and the channels and distances that its pictures are compared by."""
+
+    library: Library
+    distances: Mapping[str, str]  # channel to DISTANCES, in the order of the samples' rows
+
+    def of(self, descriptors: Mapping[str, F32]) -> F32:
+        """Give the distances (C, L) of one picture from every reference."""
+        index = self.library.index
+        rows = [
+            DISTANCES[distance](descriptors[name], index[name]) for name, distance in self.distances.items()
+        ]
+        return np.asarray(rows, np.float32)
+
+    def most_pictures(self) -> int:
+        """Give how many pictures are taken at the most, so that memory stays bounded."""
+        return max(1, MOST_DISTANCES // (len(self.distances) * self.library.size))
+
+
+def spread_out(count: int, most: int) -> frozenset[int]:
+    """Choose at most so many of the numbers 0 to count - 1, evenly; all, where there are no more."""
+    return frozenset(np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist())
+
+
+def drive_samples(
+    measuring: Measuring,
+    nearest: NearestReference,
+    moments: Iterable[Moment],
+    taken: frozenset[int],
+    progress: Progress | None = None,
+) -> list[Sample]:
+    """Measure those pictures of a drive whose number, from 0, is taken and whose truth is in free space."""
+    pictures = _of_drive(measuring, nearest, moments, taken)
+    return _blocks(_counted(pictures, len(taken), progress), measuring)
+
+
+def library_samples(measuring: Measuring, most: int, progress: Progress | None = None) -> list[Sample]:
+    """Take references for pictures, each compared with all others; at most so many.
+
+    The reference that stands for the truth is at the nearest other place that no wall bars, the one there
+    that looks most nearly the same way; a reference without one within 45 degrees is passed over. As it is
+    a whole spacing off, where a drive's is half a spacing at the most, scales come out too wide.
+    """
+    stands_for = neighbors(measuring.library)
+    known = np.flatnonzero(stands_for >= 0)
+    chosen = [int(known[k]) for k in sorted(spread_out(len(known), most))] if len(known) else []
+    pictures = (_left_out(measuring, entry, int(stands_for[entry])) for entry in chosen)
+    return _blocks(_counted(pictures, len(chosen), progress), measuring)
+
+
+def neighbors(library: Library) -> I32:
+    """Give for every entry (L,) the one that stands for it when it is left out; -1 for none."""
+    places, place_of = _places(library.poses[:, :2])
+    if len(places) < 2:
+        return np.full(library.size, -1, np.int32)
+    beside = _beside(places, library.arena.walls)
+    found = np.full(library.size, -1, np.int32)
+    at_place = [np.flatnonzero(place_of == place) for place in range(len(places))]
+    for entry, place in enumerate(place_of):
+        if beside[place] >= 0:
+            others = at_place[beside[place]]
+            turn = library.poses[others, 2] - library.poses[entry, 2]
+            apart = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
+            if apart.min() <= SAME_WAY_RAD:
+                found[entry] = others[apart.argmin()]
+    return found
+
+
+def _places(xy: F64) -> tuple[F64, I32]:
+    rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
+    _, first, place_of = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return xy[first], place_of.astype(np.int32).ravel()
+
+
+def _beside(places: F64, walls: F64) -> I32:
+    """Give for every place (P,) the nearest other one that no wall bars; -1 for none near."""
+    near = np.asarray(cKDTree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
+    itself = np.arange(len(places))
+    found = np.full(len(places), -1, np.int32)
+    for other in near.T:
+        seen = (found < 0) & (other != itself) & ~crosses(places, places[other], walls)
+        found[seen] = other[seen]
+    return found
+
+
+def _of_drive(
+    measuring: Measuring, nearest: NearestReference, moments: Iterable[Moment], taken: frozenset[int]
+) -> Iterator[tuple[F32, int]]:
+    for number, moment in enumerate(moments):
+        if number in taken:
+            entry = -1 if moment.truth is None else true_entry(nearest, measuring.library, moment.truth)
+            image = moment.frame.image
+            descriptors = {name: CHANNELS[name].describe(image) for name in measuring.distances}
+            yield measuring.of(descriptors), entry
+
+
+def _left_out(measuring: Measuring, entry: int, truth: int) -> tuple[F32, int]:
+    """Compare one reference with all others: distances (C, L - 1), and where the truth's is among them."""
+    index: Mapping[str, ChannelIndex] = measuring.library.index
+    distances = measuring.of({name: index[name].references[entry] for name in measuring.distances})
+    return np.delete(distances, entry, axis=1), truth - (truth > entry)
+
+
+def _counted(
+    pictures: Iterable[tuple[F32, int]], count: int, progress: Progress | None
+) -> Iterator[tuple[F32, int]]:
+    for done, (distances, truth) in enumerate(pictures, start=1):
+        if progress:
+            progress(done, count)
+        if truth >= 0:
+            yield distances, truth
+
+
+def _blocks(pictures: Iterator[tuple[F32, int]], measuring: Measuring) -> list[Sample]:
+    most = max(1, MOST_IN_BLOCK // (len(measuring.distances) * measuring.library.size))
+    samples: list[Sample] = []
+    rows: list[F32] = []
+    truth: list[int] = []
+    for distances, entry in pictures:
+        rows.append(distances)
+        truth.append(entry)
+        if len(rows) == most:
+            samples.append(_sample(rows, truth))
+            rows, truth = [], []
+    return [*samples, _sample(rows, truth)] if rows else samples
+
+
+def _sample(rows: Sequence[F32], truth: Sequence[int]) -> Sample:
+    return Sample(np.stack(rows, axis=1), np.array(truth, np.int32))

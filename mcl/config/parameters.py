@@ -1,0 +1,71 @@
+"""Everything that can be chosen about a filter, as plain values with names for what is looked up.
+
+`docs/configuration.md` lists every field; a TOML file has the same tables and names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ..filter.motion import TailParameters
+from ..filter.proposal import DualParameters
+from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
+from ..filter.resampling import KldParameters
+from ..sensor.features import FEATURES
+from ..sensor.model import SensorParameters
+from ..sensor.references import InterpolationParameters
+
+
+@dataclass(frozen=True, slots=True)
+class SelectionParameters:
+    """Which references a particle is weighed by."""
+
+    method: str = "interpolated"  # "nearest" (the thesis's) or "interpolated"
+    interpolation: InterpolationParameters = field(default_factory=InterpolationParameters)
+
+
+@dataclass(frozen=True, slots=True)
+class ResamplingParameters:
+    """How and when particles are resampled."""
+
+    scheme: str = "systematic"  # RESAMPLERS
+    when: str = "always"  # "always", "effective" (below a share of N) or "every" (so many updates)
+    below: float = 0.5  # share of N, for "effective"
+    every: int = 1  # updates, for "every"
+    roughening: float = 0.0  # 0: none; Gordon, Salmond and Smith use 0.2
+    adaptive: bool = False  # number of particles by KLD sampling
+    kld: KldParameters = field(default_factory=KldParameters)
+
+
+@dataclass(frozen=True, slots=True)
+class ReseedingParameters:
+    """Whether, when and where particles are drawn anew."""
+
+    strategy: str = "none"  # "none", "always", "threshold", "sensor", "augmented", "expansion" or "dual"
+    draw: str = "likelihood"  # "likelihood" (where the picture says) or "evenly" (over free space)
+    share: float = 0.05  # of the particles, for "always"
+    threshold: DynamicThreshold = field(default_factory=DynamicThreshold)
+    sensor: SensorResetting = field(default_factory=SensorResetting)
+    augmented: Augmented = field(default_factory=Augmented)
+    expansion: Expansion = field(default_factory=Expansion)
+    dual: DualParameters = field(default_factory=DualParameters)
+
+
+@dataclass(frozen=True, slots=True)
+class FilterParameters:
+    """One filter."""
+
+    sensor: SensorParameters = field(default_factory=lambda: SensorParameters(FEATURES["blended"]))
+    selection: SelectionParameters = field(default_factory=SelectionParameters)
+    resampling: ResamplingParameters = field(default_factory=ResamplingParameters)
+    reseeding: ReseedingParameters = field(default_factory=ReseedingParameters)
+    tail: TailParameters = field(default_factory=TailParameters)
+    motion: Mapping[str, object] | None = None  # in place of the session header's
+    particles: int = 2000
+
+
+def of_feature(feature: str, particles: int = 2000, sharpness: float = 1.0) -> FilterParameters:
+    """Give the default filter with one feature: a name of FEATURES, or of any channel."""
+    weights = FEATURES.get(feature, {feature: 1.0})
+    return FilterParameters(sensor=SensorParameters(weights, sharpness), particles=particles)

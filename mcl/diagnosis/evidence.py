@@ -1,0 +1,150 @@
+"""Without truth: a short localization under each reading of the odometry, with the same random numbers.
+
+The reading whose cloud foresees the pictures best, by log evidence, is believed, if it does so by far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..arrays import F64
+from ..filter.proposal import anywhere
+from ..filter.resampling import systematic
+from ..geometry import compose
+from ..randomness import Domain, Purpose, normals, stream
+from ..records import Belief, normalize, uniform_log_weights
+from . import words
+from .findings import Complaint, Drive, Odometry, rotated
+from .odometry import Reading, motions_read
+from .pictures import Looks
+from .plausibility import direction_of
+
+PARTICLES = 1500
+MOST_MOTIONS = 4  # between two pictures; more are put together, as noise is added to each
+FRESH = 150  # of them are anywhere, so that a kidnapping or slip is got over
+LEAST_NATS = 0.15  # a picture, by which another hypothesis has to foresee better; healthy drives: below 0
+FEWEST_PICTURES = 12
+OUTSIDE = 2.0  # nats less than the worst place on the map, for particles that left it
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """One thing that may be wrong with the odometry, or nothing."""
+
+    code: str
+    reading: Reading = field(default_factory=Reading)
+    offset_rad: float = 0.0  # true direction minus what odometry calls forward
+    scale: float = 1.0  # true way over measured way
+    gain: float = 1.0  # true turn over measured turn, beside what the motion model corrects
+    late: int = 0  # by how many pictures they come too late
+
+
+def hypotheses(odometry: Odometry) -> list[Hypothesis]:
+    """List what is tried; the first one is that all is well."""
+    turns = [Hypothesis(f"turn-{t.replace(' ', '-')}", Reading(t)) for t in ("clockwise", "degrees")]
+    turns.append(Hypothesis("turn-clockwise-degrees", Reading("clockwise degrees")))
+    frames: list[Hypothesis] = []
+    if not odometry.poses:
+        steps = Reading("", "world")
+        begin_rad = direction_of(odometry, steps)  # the heading that steps are counted from
+        frames = [Hypothesis("frame-world", steps, -begin_rad)]
+        frames.append(Hypothesis("frame-absolute", Reading("", "absolute")))
+    offsets = [Hypothesis("direction", offset_rad=k * np.pi / 4) for k in (1, 2, 3, 4, -3, -2, -1)]
+    scales = [Hypothesis("scale", scale=s) for s in (0.001, 0.01, 0.0254, 0.3048)]
+    late = [Hypothesis("pictures-late", late=k) for k in (-2, -1, 1, 2)]
+    gains = [Hypothesis("turn-gain", gain=gain) for gain in (0.5, 0.73, 1.37, 2.0)]
+    return [Hypothesis(""), *turns, *frames, *offsets, *scales, *gains, *late]
+
+
+def doubted_by_pictures(looks: Looks, drive: Drive, start: F64 | None) -> list[Complaint]:
+    """Say under which other hypothesis the pictures are foreseen far better; nothing where there is none."""
+    if len(looks.t_s) < FEWEST_PICTURES:
+        return []
+    usual, *others = hypotheses(drive.odometry)
+    foreseen = evidence(looks, drive, usual, start)
+    found = [(evidence(looks, drive, one, start), one) for one in others]
+    best, better = max(found, key=lambda one: one[0])
+    if best < foreseen + LEAST_NATS:
+        return []
+    told = (
+        f"a short localization foresees {len(looks.t_s)} pictures better by {best - foreseen:.2f} nats each "
+        f"({foreseen:.2f} as it stands)"
+    )
+    spacing = float(np.median(np.diff(looks.t_s)))
+    if better.gain != 1:
+        gain = better.gain * drive.turn_gain
+        return [words.gain_complaint(gain, drive.turn_gain, told)]
+    return [complaint_of(better, told, spacing)]
+
+
+def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float) -> Complaint:
+    """Put a hypothesis into words."""
+    if hypothesis.reading.turn:
+        return words.turn_complaint(hypothesis.reading.turn, evidence)
+    if hypothesis.reading.frame:
+        return words.frame_complaint(hypothesis.reading.frame, evidence, hypothesis.offset_rad)
+    if hypothesis.offset_rad:
+        return words.offset_complaint(hypothesis.offset_rad, evidence)
+    if hypothesis.late:
+        late_s = hypothesis.late * spacing_s
+        found = words.picture_delay_complaint(late_s, evidence)
+        other = f"or the odometry as much too {'early' if late_s > 0 else 'late'}"
+        return replace(found, what=f"{found.what}, {other}")
+    return words.scale_complaint(hypothesis.scale, evidence)
+
+
+def evidence(looks: Looks, drive: Drive, hypothesis: Hypothesis, start: F64 | None, seed: int = 0) -> float:
+    """Run a short localization and give the mean of log p(picture | those before), in nats."""
+    localizer, total = replace(looks.localizer, particles=PARTICLES, seed=seed), 0.0
+    belief = localizer.start(start).belief
+    rng = stream(Domain.FILTER, seed, 0, Purpose.INJECT)
+    fresh = anywhere(localizer.reference.grid, FRESH, belief.origin, rng).poses
+    for number, motions in enumerate(motions_to(looks.t_s, drive, hypothesis)):
+        poses, comparison = belief.poses, looks.comparisons[number]
+        rng = stream(Domain.FILTER, seed, number, Purpose.MOTION)
+        for motion in motions:
+            poses = localizer.motion.move(poses, belief.origin, motion, normals(rng, belief.size))
+        found = localizer.sensor.at(comparison, poses).particles
+        likelihood = np.maximum(found, float(comparison.log_likelihood.min()) - OUTSIDE)
+        log_weights, foreseen = normalize(belief.log_weights + likelihood)
+        total += foreseen
+        rng = stream(Domain.FILTER, seed, number, Purpose.RESAMPLE)
+        parents = systematic(np.exp(log_weights), belief.size - len(fresh), rng)
+        kept = np.concatenate([poses[parents], fresh])
+        belief = Belief(kept, uniform_log_weights(belief.size), belief.origin)
+    return total / max(len(looks.t_s), 1)
+
+
+def motions_to(picture_t_s: F64, drive: Drive, hypothesis: Hypothesis) -> Iterator[F64]:
+    """Give the motions (M, 3) up to each picture since the one before, as the hypothesis has them."""
+    motions = motions_read(drive.odometry, hypothesis.reading)
+    ahead, aside = rotated(motions[:, 0], motions[:, 1], hypothesis.offset_rad)
+    motions = np.column_stack([ahead, aside, motions[:, 2]]) * [
+        hypothesis.scale,
+        hypothesis.scale,
+        hypothesis.gain,
+    ]
+    ends = np.searchsorted(drive.odometry.t_s, picture_t_s, side="right")
+    for number in range(len(ends)):
+        now = number - hypothesis.late
+        first = 0 if number == 0 else _end(ends, now - 1)
+        yield _few(motions[first : _end(ends, now)])
+
+
+def _end(ends: object, number: int) -> int:
+    """Give the record after the last one before a picture; none before the first picture."""
+    known = np.asarray(ends)
+    return 0 if number < 0 else int(known[min(number, len(known) - 1)])
+
+
+def _few(motions: F64) -> F64:
+    """Put many motions together into one."""
+    if len(motions) <= MOST_MOTIONS:
+        return motions
+    pose = np.zeros(3)
+    for motion in motions:
+        pose = compose(pose, motion)
+    return np.array([[pose[0], pose[1], motions[:, 2].sum()]])

@@ -1,0 +1,144 @@
+"""What the comparison of odometry with truth says: complaints, and none where all is well."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import words
+from .findings import DEGREE, Complaint, Drive, short_way
+from .odometry import Agreement, Legs, Reading, agreement, legs_of, readings, shifts
+from .plausibility import FASTEST_M_S, direction_of
+
+GOOD = 0.2  # unexplained share up to which a reading is believed as it stands (healthy drives: under 0.02)
+FAR_BETTER = 0.4  # another reading has to leave less than this share of what the first one leaves
+POOR = 0.4  # no reading at all explains the truth
+WHOLE_TURN = 6.6  # rad: headings in radians are usually within a whole turn
+FAR_OFF = np.radians(25)  # of a direction
+FAR_GAIN = 0.2  # natural log of a ratio of gains
+WORTH_S = 0.15  # a smaller delay is not told
+
+
+def compared_with_truth(drive: Drive, movement_s: float | None = None) -> list[Complaint]:
+    """Say what is wrong with the odometry, or with the truth, by the other.
+
+    `movement_s` is what would be added to the truth's times by how both move, for a delay of any length.
+    """
+    if drive.truth.size < 2 or drive.odometry.size < 2:
+        return []
+    complaints: list[Complaint] = []
+    legs, usual = legs_of(drive.truth), None
+    if np.abs(drive.truth.poses[:, 2]).max() > WHOLE_TURN:
+        legs, complaints = _in_degrees(drive, legs)
+    usual = agreement(drive.odometry, legs, Reading())
+    if usual is None:
+        return complaints
+    best = best_agreement(drive, legs, usual)
+    if best.unexplained > POOR and movement_s is not None:
+        late = agreement(drive.odometry, legs, Reading(), round(movement_s, 1))
+        best = late if late and late.unexplained < FAR_BETTER * best.unexplained else best
+    if best.unexplained > POOR:
+        return [*complaints, _no_agreement(best)]
+    if best.shift_s:
+        complaints.append(words.delay_complaint(best, usual))
+    return [*complaints, *_about(best, usual, drive)]
+
+
+def best_agreement(drive: Drive, legs: Legs, usual: Agreement) -> Agreement:
+    """Find the reading and delay that explain the truth best; the usual one unless another is far better."""
+    found = [one for r in readings(drive.odometry) if (one := agreement(drive.odometry, legs, r))]
+    best = min(found, key=lambda one: one.unexplained)
+    if best.unexplained > GOOD:  # a delay may hide which reading is right
+        best = min((_shifted(drive, legs, one) for one in found), key=lambda one: one.unexplained)
+    as_it_stands = usual.unexplained <= GOOD and abs(usual.offset_rad) <= FAR_OFF
+    if as_it_stands or best.unexplained > FAR_BETTER * usual.unexplained:
+        best = usual
+    return _shifted(drive, legs, best) if not best.shift_s else best
+
+
+def _shifted(drive: Drive, legs: Legs, at_once: Agreement) -> Agreement:
+    """Try delays; the agreement that was given unless one explains far more."""
+    tried = [agreement(drive.odometry, legs, at_once.reading, float(s)) for s in shifts(drive)]
+    known = [one for one in tried if one is not None]
+    best = min(known, key=lambda one: one.unexplained, default=at_once)
+    if best.unexplained > FAR_BETTER * at_once.unexplained or at_once.unexplained < 0.01:
+        return at_once
+    near = [one for one in known if one.unexplained <= 1.2 * best.unexplained + 0.002]
+    middle = near[len(near) // 2]
+    return middle if abs(middle.shift_s) > WORTH_S else at_once
+
+
+def _in_degrees(drive: Drive, legs: Legs) -> tuple[Legs, list[Complaint]]:
+    """Ask whether the truth's headings are degrees; give the legs to go on with."""
+    other = legs_of(drive.truth, DEGREE)
+    best = [
+        min(
+            (a.unexplained for r in readings(drive.odometry) if (a := agreement(drive.odometry, one, r))),
+            default=1.0,
+        )
+        for one in (legs, other)
+    ]
+    if best[1] > FAR_BETTER * best[0]:
+        return legs, []
+    largest = float(np.abs(drive.truth.poses[:, 2]).max())
+    evidence = (
+        f"headings up to {largest:.0f}; odometry leaves {best[1]:.1%} of the movement unexplained "
+        f"if they are degrees, {best[0]:.0%} if radians"
+    )
+    mend = words.IN_LOG + "multiply the truth's heading by pi / 180"
+    what = "the truth's headings are in degrees"
+    options = {"truth_turn_scale": DEGREE}
+    return other, [Complaint("truth-degrees", what, evidence, mend, {"largest": largest}, options)]
+
+
+def _about(best: Agreement, usual: Agreement, drive: Drive) -> list[Complaint]:
+    """Say what the best reading means."""
+    complaints, evidence = [], words.told(best, usual)
+    if best.reading.turn:
+        complaints.append(words.turn_complaint(best.reading.turn, evidence, unexplained=best.unexplained))
+    if best.reading.frame:
+        offset = _offset(best, drive) if best.reading.frame == "world" else 0.0
+        numbers = {"unexplained": best.unexplained}
+        complaints.append(words.frame_complaint(best.reading.frame, evidence, offset, **numbers))
+    if abs(best.offset_rad) > FAR_OFF and best.reading.frame != "world" and best.way_unexplained < POOR:
+        turned = f"true travel is {np.degrees(best.offset_rad):+.0f} deg off the measured one; {evidence}"
+        complaints.append(words.direction_complaint(_offset(best, drive), turned))
+    if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < POOR:
+        complaints.append(_scale(best, drive, evidence))
+    if not complaints and best.turn_unexplained < POOR and _gains_apart(best, drive):
+        complaints.append(words.gain_complaint(best.gain, drive.turn_gain, evidence))
+    return complaints
+
+
+def _offset(best: Agreement, drive: Drive) -> float:
+    """Give where forward is: by the odometry alone if that is near, as a drift of the robot is not in it."""
+    own = -direction_of(drive.odometry, best.reading)
+    near = own and abs(short_way(np.array(own - best.offset_rad))) < FAR_OFF
+    return own if near else best.offset_rad
+
+
+def _gains_apart(best: Agreement, drive: Drive) -> bool:
+    return bool(abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN)
+
+
+def _scale(best: Agreement, drive: Drive, evidence: str) -> Complaint:
+    """Say whose lengths are wrong: truth that spans far more than the map is."""
+    span = float(np.ptp(drive.truth.poses[:, :2], axis=0).max())
+    if best.scale > 1 and (span > 3 * drive.size_m or _too_fast(drive)):
+        map_m = f", the map {drive.size_m:.2f} m" if np.isfinite(drive.size_m) else ""
+        wide = f"truth spans {span:.4g}{map_m}; {evidence}"
+        return words.scale_complaint(1 / best.scale, wide, truth=True)
+    return words.scale_complaint(best.scale, evidence)
+
+
+def _too_fast(drive: Drive) -> bool:
+    """Tell whether no robot goes as the truth does."""
+    legs = legs_of(drive.truth)
+    speeds = np.hypot(legs.moved[:, 0], legs.moved[:, 1]) / np.maximum(legs.end_s - legs.begin_s, 1e-3)
+    return bool(np.median(speeds) > FASTEST_M_S)
+
+
+def _no_agreement(best: Agreement) -> Complaint:
+    mend = "check that odometry and truth belong to one drive and one clock"
+    return Complaint(
+        "disagreement", "odometry and truth do not describe the same drive", words.told(best), mend
+    )

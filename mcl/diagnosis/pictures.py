@@ -1,0 +1,146 @@
+"""Pictures against a library: does the camera look where the pose says, and when its time stamp says.
+
+Where truth is known, the log-likelihood of each picture at its true pose is compared with that at the same
+place looking elsewhere, and at poses a little earlier or later. `diagnosis_evidence` does without truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import F64, Bool
+from ..filter.localizer import Localizer
+from ..records import Comparison
+from . import words
+from .clocks import same_moments
+from .findings import Complaint, Track, short_way
+
+YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # where the camera may look
+DELAYS = 41
+COARSE: F64 = np.arange(2.5, 15.1, 0.5)  # further delays, in seconds, of truth that comes often
+DENSE_S = 0.5  # truth that comes more often than this tells delays of less than an update
+MAX_GAP_S = 1.0  # truth is interpolated across no more
+FEWEST_PICTURES = 8
+LEAST_NATS, LEAST_SIGMAS = 0.3, 2.5  # a mean gain a picture that is worth a complaint, and how sure it is
+LEAST_YAW_RAD = float(np.radians(20))
+MOST_NATS = 3.0  # that one picture may say for or against, where it is asked how sure all are
+STANDS_S = 3.5  # a robot that stands to look sees the same for so long
+FLAT = 0.15  # share of the gain that counts as nearly as high
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Looks:
+    """Some pictures of a drive, in order, compared with the library."""
+
+    t_s: F64  # (n,)
+    comparisons: Sequence[Comparison]
+    localizer: Localizer
+
+    def at(self, poses: F64) -> F64:
+        """Give the log-likelihood (n, k) of each picture at k poses of its own, (n, k, 3); nan outside."""
+        origin = self.localizer.library.origin
+        local = (poses - np.append(origin, 0)).astype(np.float32)
+        local[..., 2] = short_way(poses[..., 2])
+        pairs = zip(self.comparisons, local, strict=True)
+        found = np.array([self.localizer.sensor.at(c, p).particles for c, p in pairs], np.float64)
+        return np.where(np.isfinite(found), found, np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Gained:
+    """What is gained by believing that something is different from what the log says."""
+
+    value: float  # radians or seconds
+    nats: float  # mean gain in log-likelihood a picture
+    sigmas: float  # of that mean, by the scatter over pictures
+    pictures: int
+
+
+def best_yaw(looks: Looks, track: Track) -> Gained | None:
+    """Find where the camera looks, counter-clockwise from forward; None where truth says too little."""
+    poses = truth_at(track, looks.t_s)[:, None].repeat(len(YAWS), axis=1)
+    poses[..., 2] += YAWS
+    return _best(looks.at(poses), YAWS, circular=True)
+
+
+def best_delay(looks: Looks, track: Track) -> Gained | None:
+    """Find how many seconds too late the pictures' time stamps are (below zero: too early)."""
+    delays = delays_tried(track)
+    poses = np.stack([truth_at(track, looks.t_s - delay) for delay in delays], axis=1)
+    return _best(looks.at(poses), delays, circular=False)
+
+
+def delays_tried(track: Track) -> F64:
+    """List delays: to two seconds and more coarsely to fifteen, or two updates and a half of sparse truth."""
+    steps = np.diff(track.t_s)
+    spacing = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    if spacing >= DENSE_S:
+        return np.linspace(-2.5 * spacing, 2.5 * spacing, DELAYS)
+    return np.concatenate([-COARSE[::-1], np.linspace(-2.0, 2.0, DELAYS), COARSE])
+
+
+def truth_at(track: Track, t_s: F64) -> F64:
+    """Give the true pose (n, 3) at times (n,): interpolated across a second at most, else the nearest."""
+    after = np.clip(np.searchsorted(track.t_s, t_s), 1, track.size - 1)
+    before = after - 1
+    gap = track.t_s[after] - track.t_s[before]
+    share = np.clip((t_s - track.t_s[before]) / np.where(gap > 0, gap, 1), 0, 1)
+    share = np.where((gap <= MAX_GAP_S) & (track.part[after] == track.part[before]), share, share.round())
+    step = track.poses[after] - track.poses[before]
+    step[:, 2] = short_way(step[:, 2])
+    return np.asarray(track.poses[before] + step * share[:, None])
+
+
+def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
+    """Choose the value whose mean is highest: the middle of those around it that are nearly as high."""
+    usual = found[:, np.abs(values).argmin()]
+    counted = np.isfinite(usual)
+    if counted.sum() < FEWEST_PICTURES:
+        return None
+    floor = float(np.nanmin(found))  # outside free space is as bad as the worst place inside
+    gains = np.where(np.isfinite(found), found, floor)[counted] - usual[counted, None]
+    mean = gains.mean(axis=0)
+    top = int(mean.argmax())
+    if circular:
+        middle, values = len(values) // 2, np.roll(values, len(values) // 2 - top)
+        turned = np.roll(mean, middle - top)
+        around = values[middle] + short_way(values - values[middle])
+        value = float(short_way(np.array(around[_run(turned, middle)].mean())))
+    else:
+        high = values[_run(mean, top)]
+        value = float(high[0] + high[-1]) / 2
+    bounded = np.clip(gains[:, top], -MOST_NATS, MOST_NATS)
+    scatter = max(float(bounded.std(ddof=1)) / len(gains) ** 0.5, 1e-9)
+    return Gained(value, float(mean[top]), float(bounded.mean()) / scatter, len(gains))
+
+
+def _run(mean: F64, top: int) -> Bool:
+    """Mark what lies around the top without a gap and is nearly as high."""
+    high = mean >= mean[top] - FLAT * max(float(mean[top]), 0.0)
+    gaps = np.flatnonzero(~high)
+    low, end = gaps[gaps < top].max(initial=-1), gaps[gaps > top].min(initial=len(mean))
+    marks = np.zeros(len(mean), bool)
+    marks[low + 1 : end] = True
+    return marks
+
+
+def seen_with_truth(looks: Looks, track: Track) -> list[Complaint]:
+    """Say whether the camera looks elsewhere, or pictures are stamped late: the one that explains more."""
+    yaw, delay = best_yaw(looks, track), best_delay(looks, track)
+    elsewhere = yaw is not None and _sure(yaw) and abs(yaw.value) >= LEAST_YAW_RAD
+    late = delay is not None and _sure(delay)
+    exact = same_moments(looks.t_s, track.t_s)
+    if elsewhere and yaw is not None and not (late and delay is not None and delay.nats > yaw.nats):
+        return [words.yaw_complaint(yaw.value, words.told_gain(yaw.nats, yaw.sigmas, yaw.pictures))]
+    if late and delay is not None:
+        evidence = words.told_gain(delay.nats, delay.sigmas, delay.pictures)
+        near = exact is not None and abs(exact - delay.value) <= STANDS_S
+        return [words.picture_delay_complaint(exact if near and exact else round(delay.value, 2), evidence)]
+    return []
+
+
+def _sure(gained: Gained) -> bool:
+    return gained.nats >= LEAST_NATS and gained.sigmas >= LEAST_SIGMAS

@@ -1,0 +1,179 @@
+"""Estimates: one pose for a weighted cloud, how much of the cloud agrees, and its evidence."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+
+from ..arrays import F32, F64, I32, Bool
+from ..geometry import INCH_M, circular_mean, wrap
+from ..records import Belief, Estimate
+
+# Estimates: one pose to stand for a weighted cloud, and how much of the cloud stands by it.
+
+CLUSTER_M = 24 * INCH_M  # radius of the mean shift, and of "converged"
+CONFIDENCE_M = 12 * INCH_M
+CELL_M = CLUSTER_M / 4  # the mode is first sought on a raster of such cells ...
+MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than 60 m
+SETTLED_M = 0.001  # a mean that shifts by less has arrived
+MOST_SHIFTS = 30  # a cloud spread evenly has no mode to arrive at
+
+Modes: TypeAlias = tuple[Estimate, ...]
+Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
+
+
+def weighted_mean(belief: Belief, injected: Bool | None = None) -> Estimate:
+    """Stand for the whole cloud. Of a cloud with several modes this lies in nowhere."""
+    weights = _counted(belief, injected)
+    return _stand_for(belief, weights, weights)
+
+
+def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
+    """Stand for the heaviest cluster, by mean shift with a flat kernel of 24 in: the scored estimate.
+
+    `injected` (N,) marks freshly injected particles, which are left out.
+    """
+    weights = _counted(belief, injected)
+    x, y = _columns(belief)
+    mode = _shift(_amid_most(x, y, weights), x, y, weights)
+    return _stand_for(belief, weights, weights * _near(x, y, mode, CLUSTER_M))
+
+
+def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
+    """Stand by the one particle with most weight, the first of equals; its spread is zero.
+
+    Where particles were just resampled all weigh alike, and this says little. `injected` as elsewhere.
+    """
+    weights = _counted(belief, injected)
+    held = np.zeros_like(weights)
+    best = int(weights.argmax())
+    held[best] = weights[best]
+    return _stand_for(belief, weights, held)
+
+
+def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least: float = 0.01) -> Modes:
+    """Give the clusters, heaviest first: the heaviest one, then the heaviest of what it left, and so on.
+
+    Each holds what lies within 24 in of its mode and in no cluster before it, so that masses add up to no
+    more than one. At most so many, each of at least so large a share of the weight.
+    """
+    weights = _counted(belief, injected)
+    x, y = _columns(belief)
+    left, found = weights, list[Estimate]()
+    while len(found) < most and float(left.sum()) >= least:
+        mode = _shift(_amid_most(x, y, left), x, y, left)
+        held = left * _near(x, y, mode, CLUSTER_M)
+        if float(held.sum()) < least:
+            break
+        found.append(_stand_for(belief, weights, held))
+        left = np.asarray(np.where(held > 0, 0, left))
+    return tuple(sorted(found, key=lambda estimate: -estimate.mass))
+
+
+def covariance(belief: Belief, injected: Bool | None = None) -> F64:
+    """Give the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means.
+
+    Headings count by the way round from the mean, in [-pi, pi), so that the seam does no harm.
+    """
+    weights = _counted(belief, injected)
+    x, y = _columns(belief)
+    middle, _ = circular_mean(belief.poses[:, 2], weights)
+    turn = wrap(belief.poses[:, 2].astype(np.float64) - middle)
+    off = np.stack([x - weights @ x, y - weights @ y, turn])
+    return np.asarray((off * weights) @ off.T)
+
+
+def share_within(belief: Belief, pose: F64, radius_m: float, injected: Bool | None = None) -> float:
+    """Give the share of weight within a radius of a pose's place, in the map's frame, its rim included."""
+    weights = _counted(belief, injected)
+    x, y = _columns(belief)
+    center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
+    return float(weights @ _near(x, y, center, radius_m))
+
+
+def _counted(belief: Belief, injected: Bool | None) -> F64:
+    """Weights (N,) summing to one, injected particles at zero unless nothing else has any weight."""
+    weights = belief.weights
+    if injected is None or not weights[~injected].sum() > 0:
+        return weights
+    kept = np.where(injected, 0, weights)
+    return np.asarray(kept / kept.sum())
+
+
+def _columns(belief: Belief) -> tuple[F64, F64]:
+    """Give x and y (N,) relative to the origin, each contiguous: many times faster than (N, 2)."""
+    return belief.poses[:, 0].astype(np.float64), belief.poses[:, 1].astype(np.float64)
+
+
+def _amid_most(x: F64, y: F64, weights: F64) -> Point:
+    """Give the place of a particle from which the mean shift begins: amid most weight within 24 in."""
+    left, low = float(x.min()), float(y.min())
+    side = max(CELL_M, float(x.max() - left) / MOST_CELLS_A_SIDE, float(y.max() - low) / MOST_CELLS_A_SIDE)
+    column, row = ((x - left) / side).astype(np.int64), ((y - low) / side).astype(np.int64)
+    columns, rows = int(column.max()) + 1, int(row.max()) + 1
+    raster = np.bincount(row * columns + column, weights, rows * columns).reshape(rows, columns)
+    held = cv2.filter2D(raster, -1, _disc(CLUSTER_M / side), borderType=cv2.BORDER_CONSTANT)
+    fullest_row, fullest_column = divmod(int(held.argmax()), columns)
+    away = np.hypot(x - left - side * (fullest_column + 0.5), y - low - side * (fullest_row + 0.5))
+    nearest = int(np.where(weights > 0, away, np.inf).argmin())
+    return float(x[nearest]), float(y[nearest])
+
+
+def _disc(radius: float) -> F64:
+    """Give the cells (K, K) whose centers lie within a radius, in cells, of the middle one: 1, others 0."""
+    reach = np.arange(-int(radius), int(radius) + 1)
+    return np.asarray(reach**2 + reach[:, None] ** 2 <= radius**2, np.float64)
+
+
+def _shift(center: Point, x: F64, y: F64, weights: F64) -> Point:
+    """Shift the center to the mean of what lies within 24 in of it until it stays (flat mean shift)."""
+    for _ in range(MOST_SHIFTS):
+        last, center = center, _mean(x, y, weights * _near(x, y, center, CLUSTER_M))
+        if math.dist(center, last) < SETTLED_M:
+            break
+    return center
+
+
+def _mean(x: F64, y: F64, held: F64) -> Point:
+    total = float(held.sum())
+    return float(held @ x) / total, float(held @ y) / total
+
+
+def _near(x: F64, y: F64, center: Point, radius_m: float) -> Bool:
+    return np.square(x - center[0]) + np.square(y - center[1]) <= radius_m**2
+
+
+def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
+    """Sum up a cloud of which the estimate holds a part (N,) of all the weights (N,), which sum to one."""
+    x, y = _columns(belief)
+    center, mass = _mean(x, y, held), float(held.sum())
+    heading, heading_sd = circular_mean(belief.poses[:, 2], held)
+    along_x, along_y = np.square(x - center[0]), np.square(y - center[1])
+    away = along_x + along_y
+    return Estimate(
+        pose=np.array([center[0] + belief.origin[0], center[1] + belief.origin[1], heading]),
+        sd_m=(math.sqrt(held @ along_x / mass), math.sqrt(held @ along_y / mass)),
+        heading_sd_rad=heading_sd,
+        mass=mass,
+        confidence=float(weights @ (away <= CONFIDENCE_M**2)),
+        converged=float(weights @ (away <= CLUSTER_M**2)),
+    )
+
+
+# Evidence: how well the cloud, as it was before a picture, explains that picture. Needs no truth.
+
+
+def log_mean_likelihood(cost: F32, predicted: Belief, entries: I32) -> F64:
+    """Give log of the weighted mean of exp(-cost) over particles, for costs (..., L): (...,) nats.
+
+    `entries` (N,) are the particles' nearest entries; those outside (-1) explain nothing. -inf when all are.
+    """
+    inside = entries >= 0
+    held = np.bincount(entries[inside], predicted.weights[inside], cost.shape[-1])
+    nats = -cost.astype(np.float64)
+    top = nats.max(axis=-1, keepdims=True)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(nats - top) @ held) + top[..., 0])

@@ -1,0 +1,231 @@
+"""Motion models: how particles move when the robot reports a movement, and motion outliers.
+
+Maurice's skid-steer model (thesis 3.2) for robots that state their parameters, and the odometry model of
+Probabilistic Robotics for all others, so that a robot that does not over-read is not corrected.
+
+The thesis's failures began with turns at a threshold more than three standard deviations off (3.6), which a
+Gaussian filter holds for impossible. A mixture of two Gaussians keeps a few particles there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..arrays import F32, F64
+from ..geometry import INCH_M, wrap
+from ..map import Grid
+
+# Motion models: how particles move when the robot says it moved.
+
+MOST = 1e6  # of a header's constants; the poses that follow from more would not fit into float32
+
+
+class MotionModel(Protocol):
+    """Moves every particle by its own noisy version of what the robot measured."""
+
+    def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
+        """Give new poses (N, 3) after one movement.
+
+        `motion` is (3,) forward_m, left_m, turn_rad as measured; `noise` (N, 3) holds standard normals.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How the heading drifts on one floor while driving straight, in proportion to the distance."""
+
+    bias_rad_per_m: float = 0.0  # mean drift, counter-clockwise
+    sd_rad_per_m: float = 0.0  # its standard deviation from movement to movement
+
+
+@dataclass(frozen=True, slots=True)
+class MauriceParameters:
+    """Maurice's motion constants; the numbers are those of thesis 3.2 unless marked."""
+
+    turn_gain: float = 1 / 1.3695  # actual / measured rotation: skidding wheels turn more than the body
+    turn_bias_rad: float = float(np.deg2rad(0.2681))  # mean residual of one turn
+    turn_sd_rad: float = float(np.deg2rad(4.916))  # sd of that residual
+    straight_bias_m: float = -0.6978 * INCH_M  # actual minus encoder distance; inches are inferred
+    straight_sd_m: float = 0.6356 * INCH_M  # sd of that
+    # by floor, "" for all others; 1.1 degrees a metre is ours, as the thesis's figure 10 cannot be read
+    drift: Mapping[str, Drift] = field(default_factory=lambda: {"": Drift(0.0, float(np.deg2rad(1.1)))})
+    turn_from_rad: float = float(np.deg2rad(0.5))  # a smaller measured rotation is no turn (ours)
+    straight_from_m: float = 0.001  # a shorter measured way is no movement (ours)
+
+    @classmethod
+    def from_header(cls, values: Mapping[str, Any]) -> MauriceParameters:
+        """Read the object that a session header holds under robot.motion; absent fields keep defaults.
+
+        Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
+        """
+        return cls(**_read(values, {f.name for f in fields(cls)}))
+
+
+def _read(values: Mapping[str, Any], known: set[str]) -> dict[str, Any]:
+    """Check the fields of a header's motion object, all but the model's name."""
+    given = {name: value for name, value in values.items() if name != "model"}
+    for name in given:
+        if name not in known:
+            raise ValueError(f"robot.motion.{name} is not known; known are {', '.join(sorted(known))}")
+    return {
+        name: _floors(value) if name == "drift" else _number(f"robot.motion.{name}", value)
+        for name, value in given.items()
+    }
+
+
+def _floors(value: Any) -> dict[str, Drift]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"robot.motion.drift must name floors, found {value!r}")
+    return {str(floor): _drift(floor, spec) for floor, spec in value.items()}
+
+
+def _drift(floor: str, spec: Any) -> Drift:
+    if not isinstance(spec, Mapping) or set(spec) - {"bias_rad_per_m", "sd_rad_per_m"}:
+        wanted = "bias_rad_per_m and sd_rad_per_m"
+        raise ValueError(f"robot.motion.drift.{floor} must hold {wanted}, found {spec!r}")
+    return Drift(**{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()})
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
+        raise ValueError(f"{name} must be a finite number, found {value!r}")
+    if abs(value) > MOST:  # compares whole numbers of any length
+        raise ValueError(f"{name} must be a number up to 1e6 in size, found {value!r:.60}")
+    if value < 0 and "bias" not in name.rsplit(".", 1)[1]:
+        raise ValueError(f"{name} must not be negative, found {value!r}")
+    return float(value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MauriceMotion:
+    """The thesis's model: noise once a movement, the drift of a straight applied when it is over.
+
+    A turn gets the gain and the measured residual and nothing else, since adding the encoders' error
+    would count turning noise twice; a straight gets the encoders' error in length and the floor's drift
+    in heading. A movement that is both is a turn first, then a straight.
+    """
+
+    parameters: MauriceParameters
+    grid: Grid  # tells the floor under each particle
+
+    def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
+        """See `MotionModel.move`; columns of `noise`: length, drift, turn."""
+        p = self.parameters
+        forward, left, turn = (float(v) for v in motion)
+        way = float(np.hypot(forward, left))
+        heading = poses[:, 2] + np.float32(p.turn_gain * turn)
+        if abs(turn) >= p.turn_from_rad:
+            heading += noise[:, 2] * np.float32(p.turn_sd_rad) + np.float32(p.turn_bias_rad)
+        if way < p.straight_from_m:
+            return _poses(poses[:, 0], poses[:, 1], wrap(heading))
+        length = noise[:, 0] * np.float32(p.straight_sd_m) + np.float32(way + p.straight_bias_m)
+        course = heading + np.float32(np.arctan2(left, forward))
+        drift = self._drift(poses[:, :2], origin, way, noise[:, 1])
+        moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
+        return _poses(*moved, wrap(heading + drift))
+
+    def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
+        """Drift (N,) in radians over a way, by the floor on which each particle starts."""
+        floors = [self.parameters.drift.get(name) for name in self.grid.floors]
+        known = [f or self.parameters.drift.get("", Drift()) for f in floors]
+        bias = np.array([f.bias_rad_per_m * way_m for f in known], np.float32)
+        sd = np.array([f.sd_rad_per_m * way_m for f in known], np.float32)
+        if len(known) == 1:
+            return np.asarray(bias[0] + sd[0] * noise, np.float32)
+        cell = self.grid.cells_of(xy, origin)
+        floor = np.where(cell >= 0, self.grid.floor.ravel()[cell], 0)
+        return np.asarray(bias[floor] + sd[floor] * noise, np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryParameters:
+    """Noise of the odometry model, as variances (Probabilistic Robotics, table 5.6, first edition)."""
+
+    turn_from_turn: float = 0.02  # rad^2 of turn a rad^2 of turn (alpha 1)
+    turn_from_way: float = 0.02  # rad^2 of turn a m^2 of way (alpha 2)
+    way_from_way: float = 0.02  # m^2 of way a m^2 of way (alpha 3)
+    way_from_turn: float = 0.0005  # m^2 of way a rad^2 of turn (alpha 4)
+    way_from_m: float = 0.01  # on a shorter way the direction is noise and counts as no turn (as in AMCL)
+
+    @classmethod
+    def from_header(cls, values: Mapping[str, Any]) -> OdometryParameters:
+        """Read the object that a session header holds under robot.motion; absent fields keep defaults.
+
+        Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
+        """
+        return cls(**_read(values, {f.name for f in fields(cls)}))
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryMotion:
+    """Turn, go, turn (Probabilistic Robotics, section 5.4); right for any robot, if less sharp.
+
+    Going backward counts as small turns, not as half turns; a way too short to have a direction has none
+    that adds noise.
+    """
+
+    parameters: OdometryParameters = OdometryParameters()
+
+    def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
+        """See `MotionModel.move`; columns of `noise`: first turn, way, second turn."""
+        p = self.parameters
+        forward, left, turn = (float(v) for v in motion)
+        way = float(np.hypot(forward, left))
+        first = float(np.arctan2(left, forward)) if way > 0 else 0.0
+        second = turn - first
+        counted = first if way >= p.way_from_m else 0.0
+        a, b = (min(abs(t), abs(np.pi - abs(t))) for t in (counted, turn - counted))
+        first_sd = np.sqrt(p.turn_from_turn * a**2 + p.turn_from_way * way**2)
+        way_sd = np.sqrt(p.way_from_way * way**2 + p.way_from_turn * (a**2 + b**2))
+        second_sd = np.sqrt(p.turn_from_turn * b**2 + p.turn_from_way * way**2)
+        course = poses[:, 2] + (np.float32(first) + noise[:, 0] * np.float32(first_sd))
+        length = np.float32(way) + noise[:, 1] * np.float32(way_sd)
+        heading = course + (np.float32(second) + noise[:, 2] * np.float32(second_sd))
+        moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
+        return _poses(*moved, wrap(heading))
+
+
+def _poses(x: F32, y: F32, heading: F32) -> F32:
+    """Put three columns (N,) side by side, (N, 3)."""
+    poses = np.empty((len(x), 3), np.float32)
+    poses[:, 0], poses[:, 1], poses[:, 2] = x, y, heading
+    return poses
+
+
+def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
+    """Choose the model that a session header asks for: "maurice" with constants, "odometry" otherwise.
+
+    A header that says nothing about motion gets the odometry model, whose gain is 1. Raises ValueError for
+    any other model, and for bad constants.
+    """
+    if not values:
+        return OdometryMotion()
+    if values.get("model") == "odometry":
+        return OdometryMotion(OdometryParameters.from_header(values))
+    if values.get("model", "maurice") != "maurice":
+        raise ValueError(f'robot.motion.model is {values["model"]!r}; known are "maurice" and "odometry"')
+    return MauriceMotion(MauriceParameters.from_header(values), grid)
+
+
+# Wide tails: now and then a movement is much further off than the motion model's noise.
+
+
+@dataclass(frozen=True, slots=True)
+class TailParameters:
+    """How often, and how far."""
+
+    share: float = 0.0  # of particles and movements whose noise is widened, 0 to 1
+    widen: float = 4.0  # times the noise
+
+
+def widened(noise: F32, tail: TailParameters, rng: np.random.Generator) -> F32:
+    """Give standard normals (N, 3) of which some rows, chosen by chance, are so many times as large."""
+    if tail.share <= 0:
+        return noise
+    wide = rng.random(len(noise)) < tail.share
+    return np.asarray(noise * np.where(wide, tail.widen, 1.0)[:, None], np.float32)

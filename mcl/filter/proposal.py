@@ -1,0 +1,176 @@
+"""Proposals: initialization, pose sampling, and the mixture proposal.
+
+Thrun, Fox, Burgard and Dellaert (2001). All particles are weighed as draws of one mixture (the balance
+heuristic of Veach and Guibas 1995): w = likelihood * p / ((1 - share) p + share q), with p the predicted
+density and q that of the dual draws. Densities are taken per library entry, over the poses that have it
+nearest. With p zero where nobody was, a dual draw could never count: p is mixed with a little of "anywhere".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import F32, F64, I32
+from ..geometry import wrap
+from ..map import Grid
+from ..records import Belief, uniform_log_weights
+from ..sensor.references import HEADING_BINS, NearestReference
+from .resampling import systematic
+
+# Fresh particles: drawn evenly over free space, or where the picture says the robot could be.
+
+
+def evenly(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> F32:
+    """Draw n poses (n, 3) relative to `origin`, evenly over free space and all headings.
+
+    Drawn row by row, so that a larger n keeps a smaller one's draws. Raises ValueError where nothing is free.
+    """
+    free = np.flatnonzero(grid.free.ravel())
+    if not len(free):
+        raise ValueError("no free space to start in: obstacles and walls cover the whole map")
+    draws = rng.random((n, 4))
+    xy = _within(grid, free[(draws[:, 0] * len(free)).astype(np.int64)], draws[:, 1:3], origin)
+    heading = draws[:, 3] * (2 * np.pi) - np.pi
+    return np.column_stack([xy, heading]).astype(np.float32)
+
+
+def _within(grid: Grid, cells: NDArray[np.int64], shares: F64, origin: F64) -> F64:
+    """Give the points (n, 2) at given shares (n, 2) of the sides of cells (n,)."""
+    columns = grid.shape[1]
+    index = np.column_stack([cells % columns, cells // columns])
+    return np.asarray(grid.corner + grid.cell_m * (index + shares) - origin)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regions:
+    """Where each entry is the nearest: cells sorted by place, heading bins sorted by place and entry."""
+
+    cells: I32  # (free cells,) flat numbers, place by place
+    first_cell: I32  # (P + 1,) where each place's cells begin
+    place_of_entry: I32  # (L,)
+    bins: I32  # (P * HEADING_BINS,) heading bins, entry by entry
+    first_bin: I32  # (L + 1,) where each entry's bins begin
+
+    def sizes(self) -> F64:
+        """Give how many (cell, heading bin) pairs each entry (L,) is the nearest of."""
+        cells, bins = np.diff(self.first_cell), np.diff(self.first_bin)
+        return np.asarray(cells[self.place_of_entry] * bins, np.float64)
+
+
+def regions(nearest: NearestReference, entries: int) -> Regions:
+    """Sort the tables of the nearest reference by entry."""
+    inside = np.flatnonzero(nearest.place_of_cell[:-1] >= 0)
+    place = nearest.place_of_cell[inside]
+    by_place = np.argsort(place, kind="stable")
+    count = len(nearest.places)
+    first_cell = np.searchsorted(place[by_place], np.arange(count + 1))
+    owner = nearest.entry_of[:-1].ravel()
+    by_entry = np.argsort(owner, kind="stable")
+    first_bin = np.searchsorted(owner[by_entry], np.arange(entries + 1))
+    place_of_entry = np.zeros(entries, np.int32)
+    place_of_entry[owner] = np.repeat(np.arange(count), HEADING_BINS)
+    return Regions(
+        cells=inside[by_place].astype(np.int32),
+        first_cell=first_cell.astype(np.int32),
+        place_of_entry=place_of_entry,
+        bins=(by_entry % HEADING_BINS).astype(np.int32),
+        first_bin=first_bin.astype(np.int32),
+    )
+
+
+def shares_of(log_likelihood: F32, where: Regions) -> F64:
+    """Give the probability (L,) that a pose drawn in proportion to the likelihood has each entry nearest."""
+    size = where.sizes()
+    weight = np.exp(log_likelihood.astype(np.float64) - float(log_likelihood.max())) * size
+    return np.asarray(weight / weight.sum())
+
+
+def from_likelihood(
+    log_likelihood: F32, grid: Grid, where: Regions, n: int, origin: F64, rng: np.random.Generator
+) -> F32:
+    """Draw n poses (n, 3) relative to `origin`, with density in proportion to the likelihood (L,)."""
+    draws = rng.random((n, 5))
+    cumulative = np.cumsum(shares_of(log_likelihood, where))
+    entry = np.minimum(cumulative.searchsorted(draws[:, 0] * cumulative[-1]), len(cumulative) - 1)
+    cell = where.cells[_pick(where.first_cell, where.place_of_entry[entry], draws[:, 1])]
+    heading_bin = where.bins[_pick(where.first_bin, entry, draws[:, 2])]
+    xy = _within(grid, cell.astype(np.int64), draws[:, 3:5], origin)
+    heading = (heading_bin + rng.random(n)) * (2 * np.pi / HEADING_BINS) - np.pi
+    return np.column_stack([xy, heading]).astype(np.float32)
+
+
+def _pick(first: I32, group: NDArray[np.integer[Any]], share: F64) -> I32:
+    """Give a place between where each group begins and where it ends, by a share (n,) from 0 to 1."""
+    begin, size = first[group], first[group + 1] - first[group]
+    return np.asarray(begin + (share * size).astype(np.int32), np.int32)
+
+
+# Where a run begins: at a known pose, or anywhere.
+
+
+def at_pose(pose: F64, n: int, origin: F64) -> Belief:
+    """Put all n particles on one pose (3,): position tracking, zero variance (thesis 3.6.2)."""
+    poses = np.empty((n, 3), np.float32)
+    poses[:, :2] = pose[:2] - origin
+    poses[:, 2] = wrap(np.asarray(pose[2:3], np.float64))[0]
+    return Belief(poses, uniform_log_weights(n), origin)
+
+
+def anywhere(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> Belief:
+    """Spread n particles evenly over free space and all headings: global localization.
+
+    Drawn row by row, so that a larger n keeps a smaller one's draws. Raises ValueError where nothing is
+    free.
+    """
+    return Belief(evenly(grid, n, origin, rng), uniform_log_weights(n), origin)
+
+
+# Mixture (dual) MCL: some particles are drawn where the picture says, and weighed by the motion model.
+
+
+@dataclass(frozen=True, slots=True)
+class DualParameters:
+    """How much of it."""
+
+    share: float = 0.1  # of the particles
+    teleport: float = 0.01  # probability that the robot was carried anywhere since the last update
+
+
+def mix(
+    predicted: Belief,
+    log_likelihood: F32,
+    nearest: NearestReference,
+    where: Regions,
+    parameters: DualParameters,
+    rng: np.random.Generator,
+) -> tuple[Belief, F64]:
+    """Give N particles of which the last share are dual draws, and log p/mixture (N,) to weigh them by.
+
+    The regular ones are resampled from `predicted`, so that all have the same weight before the picture.
+    """
+    count = round(parameters.share * predicted.size)
+    kept = systematic(predicted.weights, predicted.size - count, rng)
+    drawn = from_likelihood(log_likelihood, nearest.grid, where, count, predicted.origin, rng)
+    poses = np.concatenate([predicted.poses[kept], drawn])
+    p = _predicted_shares(predicted, nearest, where, parameters.teleport)
+    q = shares_of(log_likelihood, where)
+    share = count / predicted.size
+    mixture = (1 - share) * p + share * q
+    ratio = np.divide(p, mixture, out=np.zeros_like(p), where=mixture > 0)  # no entry of nowhere is drawn
+    with np.errstate(divide="ignore"):
+        per_entry = np.log(ratio)
+    correction = np.append(per_entry, 0.0)[nearest.entries(poses, predicted.origin)]
+    return Belief(poses, uniform_log_weights(len(poses)), predicted.origin), np.asarray(correction)
+
+
+def _predicted_shares(predicted: Belief, nearest: NearestReference, where: Regions, teleport: float) -> F64:
+    """Give the share (L,) of the predicted weight that has each entry nearest, some of it spread evenly."""
+    entry = nearest.entries(predicted.poses, predicted.origin)
+    inside = entry >= 0
+    size = where.sizes()
+    held = np.bincount(entry[inside], predicted.weights[inside], len(size))
+    return np.asarray((1 - teleport) * held + teleport * size / size.sum())

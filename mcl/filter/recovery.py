@@ -1,0 +1,117 @@
+"""Reseeding: which share of particles is drawn anew, so that a lost filter can find itself again.
+
+A strategy looks at the evidence of the picture, the log of the mean of exp(-cost) over the cloud, and at
+what it remembers. It uses calibrated costs, which mean the same in every picture; a quality that is
+relative to each picture's worst reference says nothing about being lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from ..records import NOTHING, Memory
+
+Strategy = Callable[[float, Memory], "Reseeding"]  # evidence in nats (<= 0 or -inf), memory
+
+
+@dataclass(frozen=True, slots=True)
+class Reseeding:
+    """What is to be done after resampling, and what is remembered for the next update."""
+
+    share: float  # of the particles, 0 to 1, drawn anew
+    memory: Memory = NOTHING
+    expand: bool = False  # spread the particles there are, instead of drawing new ones
+
+
+def none(evidence: float, memory: Memory) -> Reseeding:
+    """Never draw anew, as the thesis's first filter."""
+    return Reseeding(0.0, memory)
+
+
+def always(share: float) -> Strategy:
+    """Draw the same share anew at every update."""
+
+    def strategy(evidence: float, memory: Memory) -> Reseeding:
+        return Reseeding(share, memory)
+
+    return strategy
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicThreshold:
+    """Draw anew when a picture is explained much worse than pictures were lately (thesis 3.6.3).
+
+    The thesis asks for a dynamic threshold on match quality and gives no rule; this one is the running mean
+    of the evidence less a few of its running standard deviations.
+    """
+
+    share: float = 0.05  # drawn anew when under the threshold
+    deviations: float = 2.0  # of the evidence under its running mean
+    rate: float = 0.1  # of the running mean
+    settle: int = 5  # updates before the first verdict
+    least_sd: float = 1.0  # nats: chance alone moves the evidence by this much
+
+    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
+        """See `Strategy`; `slow` holds the mean of the evidence, in nats."""
+        if not math.isfinite(evidence):
+            return Reseeding(self.share, memory)
+        sd = max(math.sqrt(memory.spread), self.least_sd)
+        known = memory.updates >= self.settle
+        if known and evidence < memory.slow - self.deviations * sd:
+            return Reseeding(self.share, memory)  # a bad picture does not lower the bar for the next
+        rate = max(self.rate, 1 / (memory.updates + 1))
+        off = evidence - memory.slow
+        spread = 0.0 if memory.updates == 0 else (1 - rate) * (memory.spread + rate * off * off)
+        return Reseeding(0.0, Memory(memory.slow + rate * off, 0.0, spread, memory.updates + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class SensorResetting:
+    """Draw anew as the mean likelihood falls short of a fixed one (Lenser and Veloso 2000)."""
+
+    evidence: float = -12.0  # nats that are good enough
+    most: float = 0.5  # share at the most
+
+    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
+        """See `Strategy`: share 1 - mean likelihood / good likelihood."""
+        share = 1 - math.exp(min(evidence - self.evidence, 0.0))
+        return Reseeding(min(max(share, 0.0), self.most), memory)
+
+
+@dataclass(frozen=True, slots=True)
+class Augmented:
+    """Draw anew as the short-term likelihood falls under the long-term one (Thrun et al. 2005, table 8.3).
+
+    share = max(0, 1 - fast / slow). The book's rates are for thousands of updates; these are for ninety.
+    After a reset the averages begin anew, or one kidnapping would reseed for as long as the slow one lasts.
+    """
+
+    slow: float = 0.1  # rate of the long-term average
+    fast: float = 0.5  # rate of the short-term one
+    most: float = 0.5  # share at the most
+    resets: float = 0.3  # a share above this begins both averages anew
+
+    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
+        """See `Strategy`."""
+        likelihood = math.exp(evidence) if math.isfinite(evidence) else 0.0
+        if memory.updates == 0:
+            return Reseeding(0.0, Memory(likelihood, likelihood, 0.0, 1))
+        slow = memory.slow + max(self.slow, 1 / (memory.updates + 1)) * (likelihood - memory.slow)
+        fast = memory.fast + self.fast * (likelihood - memory.fast)
+        share = min(max(0.0, 1 - fast / slow), self.most) if slow > 0 else self.most
+        if share > self.resets:
+            return Reseeding(share, NOTHING)
+        return Reseeding(share, replace(memory, slow=slow, fast=fast, updates=memory.updates + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Expansion:
+    """Spread the cloud when a picture is explained badly (expansion resetting; Ueda et al. 2004)."""
+
+    evidence: float = -14.0  # nats under which the cloud is spread
+
+    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
+        """See `Strategy`."""
+        return Reseeding(0.0, memory, expand=evidence < self.evidence)

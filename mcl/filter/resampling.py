@@ -1,0 +1,173 @@
+"""Resampling: schemes, when to resample, roughening, and the number of particles.
+
+Every scheme is unbiased: the expected number of copies of particle i is n * w_i.
+
+With k occupied bins, n samples keep the Kullback-Leibler distance between the belief over bins and the
+sampled one under epsilon with probability 1 - delta (Wilson and Hilferty's approximation of chi-square).
+This bounds the error of sampling bins, nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from ..arrays import F32, F64, I32
+from ..geometry import INCH_M, circular_mean, wrap
+from ..records import Belief, effective_sample_size
+
+# Resampling: normalized weights (N,) and a generator to the parent of each of n new particles.
+
+Resampler = Callable[[F64, int, np.random.Generator], I32]
+
+
+def multinomial(weights: F64, n: int, rng: np.random.Generator) -> I32:
+    """Select with replacement (thesis 3.4): n independent draws, returned in ascending order."""
+    # sorted uniforms out of exponential gaps (Devroye 1986, V.3), so that the search runs forward
+    gaps = rng.standard_exponential(n + 1).cumsum()
+    cumulative, last = _cumulative(weights)
+    found = cumulative.searchsorted(gaps[:-1] / gaps[-1], side="right")
+    return np.asarray(np.minimum(found, last), np.int32)
+
+
+def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
+    """One draw, then even steps (Carpenter, Clifford and Fearnhead 1999): the least scatter of counts."""
+    cumulative, last = _cumulative(weights)
+    ends = np.ceil(cumulative * n - rng.random()).astype(np.int32)
+    ends[last:] = n
+    copies = ends.copy()
+    copies[1:] -= ends[:-1]
+    return np.repeat(np.arange(len(weights), dtype=np.int32), copies)
+
+
+def stratified(weights: F64, n: int, rng: np.random.Generator) -> I32:
+    """One draw in each of n even stretches (Kitagawa 1996): between multinomial and systematic."""
+    cumulative, last = _cumulative(weights)
+    points = (np.arange(n) + rng.random(n)) / n
+    return np.asarray(np.minimum(cumulative.searchsorted(points, side="right"), last), np.int32)
+
+
+def residual(weights: F64, n: int, rng: np.random.Generator) -> I32:
+    """Copy the whole part of n * w first, then draw the rest from what is left (Liu and Chen 1998)."""
+    share = weights * (n / weights.sum(dtype=np.float64))
+    whole = np.floor(share).astype(np.int32)
+    missing = n - int(whole.sum())
+    left = share - whole
+    if missing > 0 and left.sum() > 0:
+        whole += np.bincount(multinomial(left, missing, rng), minlength=len(weights)).astype(np.int32)
+    elif missing:  # rounding alone left some over, or took one too many
+        whole[int(weights.argmax())] += missing
+    return np.repeat(np.arange(len(weights), dtype=np.int32), whole)
+
+
+def _cumulative(weights: F64) -> tuple[F64, int]:
+    """Running sums (N,) that end at exactly 1, and the last particle with any weight.
+
+    Rounding would otherwise let a point fall beyond it, on a particle of weight zero.
+    """
+    cumulative = weights.cumsum(dtype=np.float64)
+    cumulative /= cumulative[-1]
+    return cumulative, int(cumulative.searchsorted(1.0))
+
+
+RESAMPLERS: Mapping[str, Resampler] = {
+    "multinomial": multinomial,
+    "systematic": systematic,
+    "stratified": stratified,
+    "residual": residual,
+}
+
+
+# When to resample: plain functions of the belief and the step.
+
+ResamplePolicy = Callable[[Belief, int], bool]  # the weighted belief, the step (1 for the first picture)
+
+
+def always(belief: Belief, step: int) -> bool:
+    """Resample at every update, as the thesis does (3.4)."""
+    return True
+
+
+def never(belief: Belief, step: int) -> bool:
+    """Let the weights multiply up; for looking at what resampling does."""
+    return False
+
+
+def below_effective(share: float) -> ResamplePolicy:
+    """Resample when the effective sample size falls under a share (0 to 1) of N (Liu and Chen 1995)."""
+
+    def policy(belief: Belief, step: int) -> bool:
+        return effective_sample_size(belief.log_weights) < share * belief.size
+
+    return policy
+
+
+def every(count: int) -> ResamplePolicy:
+    """Resample at every so many updates."""
+
+    def policy(belief: Belief, step: int) -> bool:
+        return step % count == 0
+
+    return policy
+
+
+# Roughening: a little noise on copies, so that they differ (Gordon, Salmond and Smith 1993).
+
+
+def roughen(belief: Belief, share: float, normals: F32) -> Belief:
+    """Add normal noise of sd share * E * N^(-1/3), E the extent of the cloud in each of x, y and heading.
+
+    Gordon, Salmond and Smith tune with share 0.2; `normals` is (N, 3). Not exact: it widens the belief.
+    """
+    if share <= 0 or belief.size == 0:
+        return belief
+    extent = np.ptp(belief.poses, axis=0)
+    middle = circular_mean(belief.poses[:, 2], belief.weights)[0]
+    extent[2] = np.ptp(wrap(belief.poses[:, 2] - np.float32(middle)))
+    sd = np.asarray(share * extent * belief.size ** (-1 / 3), np.float32)
+    poses = belief.poses + normals * sd
+    poses[:, 2] = wrap(poses[:, 2])
+    return Belief(np.asarray(poses, np.float32), belief.log_weights, belief.origin)
+
+
+# Adaptive size: as many particles as the spread of the belief needs (KLD sampling; Fox 2003).
+
+
+@dataclass(frozen=True, slots=True)
+class KldParameters:
+    """How fine, how close, how sure, and within which bounds."""
+
+    epsilon: float = 0.05  # largest distance allowed (nav2's pf_err is 0.05)
+    delta: float = 0.01  # chance of being further off (nav2's pf_z is 0.99)
+    bin_m: float = 9 * INCH_M  # side of a bin: half of an 18 in grid
+    heading_bins: int = 24  # 15 degrees each
+    least: int = 100  # particles, whatever the formula says
+    most: int = 20_000  # likewise
+
+
+def kld_size(bins: int, epsilon: float, delta: float) -> int:
+    """Give the samples needed for k occupied bins (Fox 2003, equation 7); 1 where k is 1 or less."""
+    if bins <= 1:
+        return 1
+    a = 2 / (9 * (bins - 1))
+    z = NormalDist().inv_cdf(1 - delta)
+    return math.ceil((bins - 1) / (2 * epsilon) * (1 - a + math.sqrt(a) * z) ** 3)
+
+
+def occupied_bins(belief: Belief, parameters: KldParameters) -> int:
+    """Count the bins of place and heading in which any particle with weight lies."""
+    held = belief.log_weights > -np.inf
+    place = np.floor(belief.poses[held, :2] / np.float32(parameters.bin_m)).astype(np.int64)
+    turn = belief.poses[held, 2] * np.float32(parameters.heading_bins / (2 * math.pi))
+    heading = np.floor(turn).astype(np.int64) % parameters.heading_bins
+    return len(np.unique(np.column_stack([place, heading]), axis=0))
+
+
+def adapted_size(belief: Belief, parameters: KldParameters) -> int:
+    """Give how many particles the next step should have, within the bounds."""
+    wanted = kld_size(occupied_bins(belief, parameters), parameters.epsilon, parameters.delta)
+    return min(max(wanted, parameters.least), parameters.most)

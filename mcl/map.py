@@ -1,0 +1,152 @@
+"""The map: walls, obstacles, floors and rooms in meters, and the same as a raster.
+
+The nearest place is looked up once per raster cell and then only indexed, so that comparing particles
+with references costs the same for any number of walls. A place behind a wall is never nearest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.ndimage import label
+from scipy.spatial import cKDTree
+
+from .arrays import F32, F64, I32, U8, Bool
+from .geometry import INCH_M
+
+# The map: walls, obstacles, floors and rooms, in metres.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """A named polygon: an obstacle ("sofa"), a floor ("carpet") or a room ("north room")."""
+
+    name: str
+    polygon: F64  # (K, 2) x_m, y_m, K >= 3, not closed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arena:
+    """Where a robot can be. Everything is in metres; no wall at all means that all inside is free."""
+
+    bounds: tuple[float, float, float, float]  # x_min, y_min, x_max, y_max
+    walls: F64  # (W, 4) x1, y1, x2, y2; W may be 0
+    obstacles: tuple[Region, ...] = ()
+    floors: tuple[Region, ...] = ()  # later ones lie on top of earlier ones
+    rooms: tuple[Region, ...] = ()
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width along x and depth along y."""
+        x_min, y_min, x_max, y_max = self.bounds
+        return x_max - x_min, y_max - y_min
+
+
+def open_arena(poses: F64, margin_m: float = 1.0) -> Arena:
+    """Make a map with no walls around poses (L, 3), for libraries that come without a map."""
+    low = poses[:, :2].min(axis=0) - margin_m
+    high = poses[:, :2].max(axis=0) + margin_m
+    return Arena((float(low[0]), float(low[1]), float(high[0]), float(high[1])), np.zeros((0, 4)))
+
+
+# The map as a raster: what is free, which floor lies there, which reference place is nearest.
+
+CELLS_PER_SPACING = 18  # an 18 in grid of places gives 1 in cells
+FINEST_M = INCH_M
+MOST_CELLS = 1_000_000
+SAMPLES_A_CELL = 16  # points tried along a wall
+ROUNDING = 1e-6  # of a cell: what lies on a border shall not depend on the last bit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Square cells over an arena; cell (row, column) starts at `corner + cell_m * (column, row)`."""
+
+    corner: F64  # (2,) x_m, y_m of the first cell's corner, in the map's frame
+    cell_m: float
+    free: Bool  # (rows, columns) a robot's center may be there
+    walled: Bool  # (rows, columns) a wall runs through
+    floor: U8  # (rows, columns) index into `floors`
+    floors: tuple[str, ...]  # floor names; 0 is "", where the map names none
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.free.shape[0], self.free.shape[1]
+
+    def centers(self) -> F64:
+        """Give the centers (rows * columns, 2) of all cells in the map's frame, row by row."""
+        rows, columns = np.indices(self.shape)
+        return self.corner + self.cell_m * (np.column_stack([columns.ravel(), rows.ravel()]) + 0.5)
+
+    def cells_of(self, xy: F32, origin: F64) -> I32:
+        """Give the flat cell number (N,) of points (N, 2) that are relative to `origin`; -1 outside."""
+        low, scale = (self.corner - origin).astype(np.float32), np.float32(1 / self.cell_m)
+        # column by column: numpy is ten times slower on (N, 2) at once
+        column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale
+        rows, columns = self.shape
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        with np.errstate(invalid="ignore"):  # far outside no int32 holds the number, and none is needed
+            cell: I32 = row.astype(np.int32) * np.int32(columns) + column.astype(np.int32)
+        cell[~inside] = -1
+        return cell
+
+
+def make_grid(arena: Arena, places: F64) -> Grid:
+    """Rasterize an arena, with cell borders on the places (P, 2) so that halfway lines are borders too."""
+    cell = _cell_size(arena, places)
+    x_min, y_min, x_max, y_max = arena.bounds
+    anchor = places[0]
+    corner = anchor - cell * np.ceil((anchor - (x_min, y_min)) / cell - ROUNDING)
+    columns = int(np.ceil((x_max - corner[0]) / cell - ROUNDING))
+    rows = int(np.ceil((y_max - corner[1]) / cell - ROUNDING))
+    names = ("", *dict.fromkeys(region.name for region in arena.floors))
+    floor = np.zeros((rows, columns), np.uint8)
+    blocked = np.zeros((rows, columns), np.uint8)
+    walled = np.zeros((rows, columns), np.uint8)
+    for region in arena.floors:
+        _fill(floor, region, corner, cell, names.index(region.name))
+    for region in arena.obstacles:
+        _fill(blocked, region, corner, cell, 1)
+    for wall in arena.walls:
+        _line(walled, wall, corner, cell)
+    free = (blocked == 0) & (walled == 0) & _reachable(walled, places, corner, cell)
+    return Grid(corner, cell, free, walled > 0, floor, names)
+
+
+def _cell_size(arena: Arena, places: F64) -> float:
+    width, depth = arena.size_m
+    coarsest = math.sqrt(width * depth / MOST_CELLS)
+    if len(places) < 2:
+        return max(FINEST_M, coarsest)
+    spacing = float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
+    return max(spacing / CELLS_PER_SPACING, FINEST_M, coarsest)
+
+
+def _fill(raster: U8, region: Region, corner: F64, cell: float, value: int) -> None:
+    """Set every cell whose center lies in the polygon, and those that its border runs through."""
+    points = (region.polygon - corner) / cell - 0.5
+    cv2.fillPoly(raster, [np.round(points * 256).astype(np.int32)], value, lineType=cv2.LINE_8, shift=8)
+
+
+def _line(raster: U8, wall: F64, corner: F64, cell: float) -> None:
+    """Set every cell that the wall runs through, so that no cell lies on both sides of it."""
+    start, end = (wall.reshape(2, 2) - corner) / cell + ROUNDING
+    points = np.linspace(start, end, int(SAMPLES_A_CELL * np.abs(end - start).max()) + 2)
+    columns, rows = np.floor(points).astype(int).T
+    inside = (columns >= 0) & (columns < raster.shape[1]) & (rows >= 0) & (rows < raster.shape[0])
+    raster[rows[inside], columns[inside]] = 1
+
+
+def _reachable(walled: U8, places: F64, corner: F64, cell: float) -> Bool:
+    """Tell the cells that hang together with some place without crossing a wall; all, where none do."""
+    islands, _ = label(walled == 0)
+    rows, columns = walled.shape
+    where = np.floor((places - corner) / cell).astype(int)
+    held = where[(where >= 0).all(axis=1) & (where < (columns, rows)).all(axis=1)]
+    wanted = np.unique(islands[held[:, 1], held[:, 0]])
+    wanted = wanted[wanted > 0]
+    return np.isin(islands, wanted) if len(wanted) else np.ones(walled.shape, bool)

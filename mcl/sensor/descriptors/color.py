@@ -1,0 +1,26 @@
+"""Color: the histogram of the picture's red, green and blue values (thesis 3.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ...arrays import F32, U8
+from .histogram import BINS, HIGH, LOW, camera_histogram
+
+
+@dataclass(frozen=True, slots=True)
+class Color:
+    """The thesis's first feature. Cheap (about 0.04 ms for 176 x 144), but blind to where in the picture."""
+
+    name: str = "color"
+    distance: str = "hellinger"
+    unit: str = "256 x share"
+
+    def describe(self, image: U8) -> F32:
+        """Give the camera histogram (84,) of a picture (H, W, 3) RGB."""
+        return camera_histogram(image)
+
+    def parameters(self) -> dict[str, Any]:
+        """Bins and range."""
+        return {"feature": "camera histogram", "bins": BINS, "low": LOW, "high": HIGH}

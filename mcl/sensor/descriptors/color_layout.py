@@ -1,0 +1,38 @@
+"""Color layout: which color where, on a coarse raster, whatever the brightness.
+
+The idea of MPEG-7's color layout descriptor (Kasutani and Yamada 2001) on normalized color, without its
+cosine transform: a histogram does not know left from right, this does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...arrays import F32, U8
+from .chromaticity import BLACK
+
+COLUMNS, ROWS = 6, 4
+LEAST = 2.0  # levels above black that a cell is taken to have at least
+
+
+@dataclass(frozen=True, slots=True)
+class ColorLayout:
+    """Shares of red and green in 24 parts of the picture. About 0.1 ms for 176 x 144."""
+
+    name: str = "color_layout"
+    distance: str = "l1"
+    unit: str = "share of light"
+
+    def describe(self, image: U8) -> F32:
+        """Give r and g (48,) of each cell's mean color, row by row."""
+        small = cv2.resize(image.astype(np.float32), (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
+        light = np.maximum(small - np.float32(BLACK), np.float32(LEAST))
+        return np.asarray((light / light.sum(axis=2, keepdims=True))[..., :2].ravel(), np.float32)
+
+    def parameters(self) -> dict[str, Any]:
+        """Raster and black level."""
+        return {"feature": "normalized color layout", "columns": COLUMNS, "rows": ROWS, "black": BLACK}

@@ -1,0 +1,36 @@
+"""Color moments: mean, spread and skew of each plane (Stricker and Orengo 1995). Nine numbers a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...arrays import F32, U8
+
+LEVELS = np.arange(256, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """The smallest descriptor here; for a robot with little memory. About 0.1 ms for 176 x 144."""
+
+    name: str = "moments"
+    distance: str = "hellinger"
+    unit: str = "gray levels"
+
+    def describe(self, image: U8) -> F32:
+        """Give (9,) gray levels: three means, three standard deviations, three cube roots of skew + 256."""
+        planes = [cv2.calcHist([image], [k], None, [256], [0.0, 256.0]).ravel() for k in range(3)]
+        share = np.asarray(planes, np.float64) / (image.shape[0] * image.shape[1])
+        mean = share @ LEVELS
+        off = LEVELS - mean[:, None]
+        spread = np.sqrt((share * off**2).sum(axis=1))
+        skew = np.cbrt((share * off**3).sum(axis=1)) + 256  # never below zero: off is at least -255
+        return np.concatenate([mean, spread, skew]).astype(np.float32)
+
+    def parameters(self) -> dict[str, Any]:
+        """Nothing can be chosen."""
+        return {"feature": "color moments", "count": 9}

@@ -1,0 +1,118 @@
+"""All channels by name: ours, and those that installed packages bring along.
+
+A package brings a channel by an entry point in the group "maurice_replay.channels" whose value is the
+channel's class, or anything that makes one when called without arguments (docs/channels.md has an example).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+
+import numpy as np
+
+from ...arrays import F32, U8
+from ..distances import DISTANCES
+from .blurred import Blurred
+from .channel import Channel
+from .chromaticity import Chromaticity
+from .color import Color
+from .color_grid import ColorGrid
+from .color_layout import ColorLayout
+from .cumulative import Cumulative
+from .edge_color import EdgeColor
+from .edges import Edges
+from .gain_color import GainColor
+from .hog import Hog
+from .moments import Moments
+from .smoothed import Smoothed
+from .tiny import Tiny
+
+GROUP = "maurice_replay.channels"
+NAME = re.compile("[a-z][a-z0-9_]*")  # it is a word on the command line, a key in TOML, part of a file's name
+
+OURS: tuple[Channel, ...] = (
+    Color(),
+    Edges(),
+    Smoothed(),
+    Blurred(),
+    EdgeColor(),
+    Cumulative(),
+    Chromaticity(),
+    ColorLayout(),
+    GainColor(),
+    ColorGrid(),
+    Tiny(),
+    Hog(),
+    Moments(),
+)
+OUR_NAMES = frozenset(channel.name for channel in OURS)
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """What there is, and what could not be had."""
+
+    channels: Mapping[str, Channel]  # by name, ours first
+    broken: tuple[str, ...]  # a line for each entry point that was left out: which, and why
+
+
+def load_channels(points: Iterable[EntryPoint]) -> Loaded:
+    """Load our channels and those of entry points.
+
+    One that cannot be loaded, makes no channel, or takes a name that there is already is left out: what
+    somebody else installed shall not keep anybody from using the rest.
+    """
+    channels: dict[str, Channel] = {channel.name: channel for channel in OURS}
+    broken: list[str] = []
+    for point in points:
+        try:
+            channel = _load(point)
+            if channel.name in channels:
+                raise ValueError(f"there is a channel {channel.name!r} already")
+            channels[channel.name] = channel
+        except ValueError as problem:
+            broken.append(f"channel of entry point {point.value} left out: {' '.join(str(problem).split())}")
+    return Loaded(channels, tuple(broken))
+
+
+def _load(point: EntryPoint) -> Channel:
+    try:
+        channel: Channel = point.load()()
+        wanted = (channel.name, channel.distance, channel.describe, channel.parameters(), channel.unit)
+        json.dumps(wanted[3], allow_nan=False)
+    except Exception as problem:  # somebody else's code: whatever it raises, say whose it is
+        raise ValueError(f"makes no channel ({type(problem).__name__}: {problem})") from problem
+    if not isinstance(wanted[0], str) or not NAME.fullmatch(wanted[0]):
+        raise ValueError(f"its name is {wanted[0]!r}, expected a lower-case word like tiny_image")
+    if wanted[1] not in DISTANCES:
+        raise ValueError(f"its distance is {wanted[1]!r}, expected one of {', '.join(DISTANCES)}")
+    return channel
+
+
+def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
+    """Measure a picture with a channel that may be anybody's; ValueError where it does not do as it should.
+
+    `size` is what D must be, where a picture was measured before. For where libraries are built: the
+    filter's own step trusts what has passed here.
+    """
+    try:
+        found = channel.describe(image)
+    except Exception as problem:
+        raise ValueError(f"channel {channel.name!r} raised {type(problem).__name__}: {problem}") from problem
+    if not isinstance(found, np.ndarray) or found.dtype != np.float32 or found.ndim != 1:
+        shape = f"{found.dtype} {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
+        raise ValueError(f"channel {channel.name!r} gave {shape}, expected float32 of one dimension")
+    if size is not None and len(found) != size:
+        raise ValueError(f"channel {channel.name!r} gave {len(found)} numbers after {size}")
+    if not (np.isfinite(found).all() and (found >= 0).all()):
+        raise ValueError(f"channel {channel.name!r} gave a negative or no finite number")
+    return found
+
+
+LOADED = load_channels(entry_points(group=GROUP))
+CHANNELS: Mapping[str, Channel] = LOADED.channels
+BROKEN: tuple[str, ...] = LOADED.broken  # for whoever talks to people

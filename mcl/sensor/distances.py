@@ -1,0 +1,132 @@
+"""Distances: how far a picture's descriptor is from every reference's. Chosen by name.
+
+Every function takes a sample (D,) and a channel's index of L references, and gives (L,) float32, >= 0, 0 for
+a reference that is equal to the sample (or, for "thesis", within the noise floor of it). They are absolute:
+distances of one channel can be compared between pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ..arrays import F32
+from ..library import ChannelIndex
+
+Distance = Callable[[F32, ChannelIndex], F32]
+
+BLOCK = 1 << 15  # numbers, 128 kB: what a core's own cache holds beside other things
+
+
+def thesis(sample: F32, index: ChannelIndex) -> F32:
+    """Mean over all bins of max(|s - r| - n, 0) / m, noise floor n and relevance m (thesis 3.3).
+
+    The sum that the thesis prints is this times the number of bins. Bins that are empty all over the
+    library count nothing.
+    """
+    relevant = index.relevance > 0
+    inverse = np.zeros_like(index.relevance)
+    inverse[relevant] = 1 / index.relevance[relevant]
+    apart = np.abs(index.references - sample)
+    apart -= index.noise_floor
+    np.maximum(apart, 0, out=apart)
+    return np.asarray(apart @ (inverse / np.float32(len(sample))), np.float32)
+
+
+def relevance_only(sample: F32, index: ChannelIndex) -> F32:
+    """Do as the thesis but leave its noise floor out, to see what the floor does."""
+    bare = ChannelIndex(index.references, np.zeros_like(index.noise_floor), index.relevance)
+    return thesis(sample, bare)
+
+
+def floor_only(sample: F32, index: ChannelIndex) -> F32:
+    """Do as the thesis but count every bin alike, to see what relevance does."""
+    apart = np.abs(index.references - sample) - index.noise_floor
+    return np.asarray(np.maximum(apart, 0).mean(axis=1), np.float32)
+
+
+def l1(sample: F32, index: ChannelIndex) -> F32:
+    """Mean of |s - r| (Swain and Ballard's intersection, 1991, is one minus half of it for shares)."""
+    return _by_blocks(_mean_magnitude, sample, index.references)
+
+
+def l2(sample: F32, index: ChannelIndex) -> F32:
+    """Root of the mean of (s - r) squared."""
+    return np.sqrt(_by_blocks(_mean_square, sample, index.references))
+
+
+def chi2(sample: F32, index: ChannelIndex) -> F32:
+    """Mean of (s - r)^2 / (s + r): differences count more where there is little (Rubner et al. 2000)."""
+    both = index.references + sample
+    apart = np.square(index.references - sample)
+    share = np.divide(apart, both, out=np.zeros_like(apart), where=both > 0)
+    return np.asarray(share.mean(axis=1), np.float32)
+
+
+def hellinger(sample: F32, index: ChannelIndex) -> F32:
+    """Root of the mean of (root s - root r) squared: L2 of square roots (Hellinger 1909; Bhattacharyya)."""
+    return np.sqrt(_by_blocks(_mean_square, np.sqrt(sample), index.roots))
+
+
+def _by_blocks(mean: Callable[[F32], F32], sample: F32, references: F32) -> F32:
+    """Give a mean (L,) over each row's differences from the sample, with a few rows in the cache at a time.
+
+    All at once, the differences of some thousands of references are written out to memory and read again.
+    """
+    count, size = references.shape
+    rows = max(BLOCK // max(size, 1), 1)
+    result, apart = np.empty(count, np.float32), np.empty((min(rows, count), size), np.float32)
+    for first in range(0, count, rows):
+        block = references[first : first + rows]
+        some = np.subtract(block, sample, out=apart[: len(block)])
+        result[first : first + rows] = mean(some)
+    return result
+
+
+def _mean_magnitude(apart: F32) -> F32:
+    return np.asarray(np.abs(apart, out=apart).mean(axis=1), np.float32)
+
+
+def _mean_square(apart: F32) -> F32:
+    return np.asarray(np.square(apart, out=apart).mean(axis=1), np.float32)
+
+
+DISTANCES: Mapping[str, Distance] = {
+    "thesis": thesis,
+    "relevance_only": relevance_only,
+    "floor_only": floor_only,
+    "l1": l1,
+    "l2": l2,
+    "chi2": chi2,
+    "hellinger": hellinger,
+}
+
+
+def contributions(distance: str, sample: F32, reference: F32, index: ChannelIndex) -> F32:
+    """Give what each element (D,) adds to the distance of a sample from one reference, both (D,).
+
+    Their mean is the distance, or for "l2" and "hellinger" its square.
+    """
+    gap = np.abs(reference - sample)
+    over = np.maximum(gap - index.noise_floor, 0)
+    match distance:
+        case "thesis":
+            return _share(over, index.relevance)
+        case "relevance_only":
+            return _share(gap, index.relevance)
+        case "floor_only":
+            return np.asarray(over, np.float32)
+        case "l2":
+            return np.asarray(np.square(gap), np.float32)
+        case "chi2":
+            return _share(np.square(gap), reference + sample)
+        case "hellinger":
+            return np.asarray(np.square(np.sqrt(reference) - np.sqrt(sample)), np.float32)
+        case _:
+            return np.asarray(gap, np.float32)
+
+
+def _share(part: F32, whole: F32) -> F32:
+    """Divide, with nothing where there is no whole."""
+    return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 0), np.float32)

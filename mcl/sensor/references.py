@@ -1,0 +1,366 @@
+"""References: which library entries a particle is compared with: lookup, interpolation, virtual references.
+
+The thesis's rule: the nearest position first, then the nearest heading there; never across a wall.
+
+The nearest few places that can be seen from where the particle is, by a Gaussian kernel of distance, and at
+each place the two headings on either side, linearly. Log-likelihoods are averaged, so what is sure at one
+entry fades to what is sure at the next instead of jumping at the border of a cell. Never across a wall.
+References between the surveyed ones (`between.py`) make the mesh twice as fine.
+
+A histogram of what is seen halfway from one place to the next, or halfway from one heading to the next, is
+close to the mean of the two. Means of descriptors therefore stand in for pictures that nobody took, and a
+particle is weighed by a reference that is never further off than half as far. Likelihoods cannot be averaged
+to the same end: between two references that match badly, their mean is bad as well, however well the picture
+in between would have matched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from ..arrays import F32, F64, I32, Bool
+from ..geometry import wrap
+from ..library import ChannelIndex
+from ..map import Arena, Grid, make_grid
+
+# Reference selection: which library entry a particle is compared with (thesis 3.3 and 4.2.4).
+
+HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
+SAME_PLACE_M = 0.001
+NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn, before walking there instead
+
+
+class Selection(Protocol):
+    """Brings what is known of entries to particles."""
+
+    @property
+    def grid(self) -> Grid:
+        """The raster of free space."""
+        ...
+
+    def entries(self, poses: F32, origin: F64) -> I32:
+        """Give the nearest entry (N,) of each pose (N, 3) relative to `origin`; -1 outside free space."""
+        ...
+
+    def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
+        """Give the log-likelihood (N,) at each pose from that of each reference; -inf outside.
+
+        References are the library's L entries, and after them those between, where the selection has some.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestReference:
+    """Two tables: raster cell to place, and place and heading to entry.
+
+    Outside is -1 everywhere, and the last row of each table answers to the index -1.
+    """
+
+    grid: Grid
+    places: F64  # (P, 2) distinct positions in the library
+    place_of_cell: I32  # (rows * columns + 1,) -1 where a robot cannot be
+    entry_of: I32  # (P + 1, HEADING_BINS)
+
+    def entries(self, poses: F32, origin: F64) -> I32:
+        """Give the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
+        cell = self.grid.cells_of(poses[:, :2], origin)
+        place = self.place_of_cell.take(cell)
+        turn = (poses[:, 2] + np.float32(np.pi)) * np.float32(HEADING_BINS / (2 * np.pi))
+        heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
+        return self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
+
+    def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
+        """Give each pose (N, 3) its nearest entry's log-likelihood (N,): all in a cell share one weight."""
+        return of_entries(log_likelihood, self.entries(poses, origin))
+
+
+def of_entries(log_likelihood: F32, entries: I32) -> F32:
+    """Index a log-likelihood (L,) by entries (N,); -inf for the entry -1."""
+    return np.append(log_likelihood, np.float32(-np.inf))[entries]  # entry -1, outside, is the table's last
+
+
+def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
+    """Build the tables for library poses (L, 3) in an arena."""
+    places, place_of_entry = distinct_places(poses[:, :2])
+    grid = make_grid(arena, places)
+    entry_of = np.full((len(places) + 1, HEADING_BINS), -1, np.int32)
+    for place in range(len(places)):
+        entry_of[place] = _by_heading(np.flatnonzero(place_of_entry == place), poses[:, 2])
+    place_of_cell = np.append(_place_of_cell(grid, places, arena.walls), np.int32(-1))
+    return NearestReference(grid, places, place_of_cell, entry_of)
+
+
+def distinct_places(xy: F64) -> tuple[F64, I32]:
+    """Give the distinct positions (P, 2) of entries (L, 2), and which of them each entry (L,) is at."""
+    rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
+    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return xy[first], inverse.astype(np.int32).ravel()
+
+
+def spacing(places: F64) -> float:
+    """Give the median distance from a place (P, 2) to its nearest neighbor; 1 m where there is but one."""
+    if len(places) < 2:
+        return 1.0
+    return float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
+
+
+def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:
+    """For every heading bin, the one of these entries whose heading is nearest; the first of equals."""
+    centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
+    apart = np.abs((centers[:, None] - headings[entries] + np.pi) % (2 * np.pi) - np.pi)
+    return np.asarray(entries[apart.argmin(axis=1)], np.int32)
+
+
+def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
+    """Give the nearest place (rows * columns,) that can be seen from each free cell, -1 for other cells."""
+    centers, tree = grid.centers(), cKDTree(places)
+    place = np.full(len(centers), -1, np.int32)
+    for k in (min(most, len(places)) for most in NEIGHBORS):
+        left = np.flatnonzero(grid.free.ravel() & (place < 0))
+        nearest = tree.query(centers[left], k=k)[1].reshape(len(left), k)
+        place[left] = _first_seen(centers[left], nearest, places, walls)
+    return _grow(place.reshape(grid.shape), grid.free).ravel()
+
+
+def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64) -> I32:
+    """Give the first of the places chosen (N, K) to which no wall bars the way from each point (N, 2)."""
+    place = np.full(len(points), -1, np.int32)
+    for choice in choices.T:
+        left = np.flatnonzero(place < 0)
+        seen = left[~crosses(points[left], places[choice[left]], walls)]
+        place[seen] = choice[seen]
+    return place
+
+
+def crosses(start: F64, end: F64, walls: F64) -> Bool:
+    """Tell which of the segments start (N, 2) to end (N, 2) any wall (W, 4) cuts through."""
+    hit = np.zeros(len(start), bool)
+    for x1, y1, x2, y2 in walls:
+        a, b = np.array([x1, y1]), np.array([x2, y2])
+        apart = _side(a, b, start) * _side(a, b, end) < 0
+        between = _side(start, end, a) * _side(start, end, b) <= 0
+        hit |= apart & between
+    return hit
+
+
+def _side(a: F64, b: F64, point: F64) -> F64:
+    """On which side of the line a to b a point lies: the sign of the cross product."""
+    along, off = b - a, point - a
+    return np.asarray(along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0])
+
+
+def _grow(place: I32, free: Bool) -> I32:
+    """Let cells that see no place near take the place of the cell one would walk in from."""
+    while True:
+        padded = np.pad(place, 1, constant_values=-1)
+        open_cells = free & (place < 0)
+        next_to = np.maximum.reduce(
+            [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
+        )
+        grown = np.where(open_cells, next_to, place)
+        if np.array_equal(grown, place):
+            return grown
+        place = grown
+
+
+# Reference selection by interpolation: a particle is weighed by several entries around it.
+
+HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
+NO_WEIGHT = 1e-9  # a cell whose kernel holds less takes its nearest reference's place instead
+
+
+@dataclass(frozen=True, slots=True)
+class InterpolationParameters:
+    """How far and how many."""
+
+    between: bool = True  # use references midway between the surveyed ones, in place and heading
+    places: int = 4  # weighed at once: the corners of a grid's cell
+    width: float = 0.5  # sd of the kernel in units of the spacing of the places in use
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Interpolated:
+    """Tables: raster cell to K places with weights; place and heading bin to two entries and a share."""
+
+    nearest: NearestReference
+    places: I32  # (rows * columns, K)
+    weights: F32  # (rows * columns, K) summing to one
+    before: I32  # (P, HEADING_BINS) the entry clockwise of a heading
+    after: I32  # (P, HEADING_BINS) the one counter-clockwise of it
+    share: F32  # (P, HEADING_BINS) of the one after, 0 to 1
+
+    @property
+    def grid(self) -> Grid:
+        """The raster of free space."""
+        return self.nearest.grid
+
+    def entries(self, poses: F32, origin: F64) -> I32:
+        """Give the nearest entry (N,), as `NearestReference` does: for pictures and words."""
+        return self.nearest.entries(poses, origin)
+
+    def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
+        """Give the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
+        cell = self.grid.cells_of(poses[:, :2], origin)
+        inside = self.nearest.place_of_cell.take(cell) >= 0
+        turn = (poses[:, 2] + np.float32(np.pi)) * HEADING_STEP
+        heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
+        total = np.zeros(len(poses), np.float32)
+        for k in range(self.places.shape[1]):
+            at = self.places[:, k].take(cell) * np.int32(HEADING_BINS) + heading
+            before, after = (log_likelihood.take(side.take(at)) for side in (self.before, self.after))
+            total += self.weights[:, k].take(cell) * (before + self.share.take(at) * (after - before))
+        return np.asarray(np.where(inside, total, np.float32(-np.inf)), np.float32)
+
+
+def interpolated(
+    nearest: NearestReference, poses: F64, arena: Arena, parameters: InterpolationParameters | None = None
+) -> Interpolated:
+    """Build the tables for references (R, 3) upon those of the nearest library entry.
+
+    References are the library's entries first, then those between them, if any.
+    """
+    parameters = parameters or InterpolationParameters()
+    places, place_of_reference = distinct_places(poses[:, :2])
+    at, weights = _kernel(nearest, places, arena, parameters)
+    before, after, share = _neighbors(len(places), place_of_reference, poses)
+    return Interpolated(nearest, at, weights, before, after, share)
+
+
+def _kernel(
+    nearest: NearestReference, places: F64, arena: Arena, parameters: InterpolationParameters
+) -> tuple[I32, F32]:
+    """Give which of the places (P, 2) count, (cells, K), and their weights for every cell of the raster."""
+    tree, centers = cKDTree(places), nearest.grid.centers()
+    count = min(parameters.places, len(places))
+    looked = min(count + 4, len(places))  # some may be behind a wall
+    away, place = (np.asarray(a).reshape(len(centers), looked) for a in tree.query(centers, k=looked))
+    weight = np.exp(-0.5 * np.square(away / (parameters.width * spacing(places))))
+    for k in range(looked):
+        weight[:, k] *= ~crosses(centers, places[place[:, k]], arena.walls)
+    heaviest = np.argsort(-weight, axis=1, kind="stable")[:, :count]
+    place, weight = (np.take_along_axis(a, heaviest, axis=1) for a in (place, weight))
+    alone = weight.sum(axis=1) < NO_WEIGHT
+    surveyed = nearest.places[np.maximum(nearest.place_of_cell[:-1][alone], 0)]
+    place[alone] = np.asarray(tree.query(surveyed)[1])[:, None]
+    weight[alone] = 1
+    weight /= weight.sum(axis=1, keepdims=True)
+    return place.astype(np.int32), weight.astype(np.float32)
+
+
+def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I32, F32]:
+    """Give the references on either side of every heading at every place, and how far over to the second."""
+    centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
+    before = np.empty((count, HEADING_BINS), np.int32)
+    after, share = before.copy(), np.empty((count, HEADING_BINS), np.float32)
+    by_place = np.argsort(place_of_reference, kind="stable")
+    first = np.searchsorted(place_of_reference[by_place], np.arange(count + 1))
+    for place in range(count):
+        here = by_place[first[place] : first[place + 1]]
+        turned = (poses[here, 2][None, :] - centers[:, None]) % (2 * np.pi)  # (bins, references) ahead of it
+        ahead, behind = turned.argmin(axis=1), turned.argmax(axis=1)
+        to, back = turned.min(axis=1), 2 * np.pi - turned.max(axis=1)
+        before[place], after[place] = here[behind], here[ahead]
+        share[place] = back / (to + back)
+    return before, after, share
+
+
+# References between references: what a picture taken midway between surveyed ones would measure.
+
+VIRTUAL_NEIGHBORS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others
+MOST_TURNED = np.radians(60)  # between two headings at one place: views that still overlap
+MOST_JOINED = 4  # places with a common middle
+SAME_HEADING = np.radians(15)  # of two places: views that show the same things
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Between:
+    """V poses and the surveyed entries whose descriptors are averaged there, in equal shares."""
+
+    poses: F64  # (V, 3) in the map's frame
+    sources: I32  # (V, K) entry numbers; rows with fewer than K repeat theirs in turn
+
+    def extend(self, index: Mapping[str, ChannelIndex]) -> dict[str, ChannelIndex]:
+        """Append the V means to every channel's references: (L, D) to (L + V, D)."""
+        return {name: self._extended(channel) for name, channel in index.items()}
+
+    def _extended(self, channel: ChannelIndex) -> ChannelIndex:
+        total = np.zeros((len(self.sources), channel.references.shape[1]), np.float32)
+        for column in self.sources.T:
+            total += channel.references[column]
+        total /= np.float32(self.sources.shape[1])
+        return replace(channel, references=np.concatenate([channel.references, total]))
+
+
+def between(poses: F64, arena: Arena) -> Between:
+    """Find the poses midway between those of a library (L, 3): in heading, in place, and in both.
+
+    Places are never joined across a wall.
+    """
+    places, place_of_entry = distinct_places(poses[:, :2])
+    views = _views(poses, place_of_entry)
+    turned = views[views[:, 0] != views[:, 1]]
+    rows = [np.tile(turned, 4)]
+    groups = _neighbors_between(places, arena.walls)
+    headings = wrap(_middle(poses[views, 2]))
+    place_of_view = place_of_entry[views[:, 0]]
+    by_place = [np.flatnonzero(place_of_view == place) for place in range(len(places))]
+    for group in groups:
+        rows.append(_joined(views, headings, [by_place[place] for place in group]))
+    sources = np.concatenate(rows).astype(np.int32)
+    return Between(_mean_poses(poses, sources), sources)
+
+
+def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
+    """Give pairs of entries (W, 2) at one place: each with itself, and each with the next if it overlaps."""
+    pairs = [np.column_stack([np.arange(len(poses))] * 2)]
+    for place in range(int(place_of_entry.max(initial=-1)) + 1):
+        entries = np.flatnonzero(place_of_entry == place)
+        entries = entries[np.argsort(poses[entries, 2] % (2 * np.pi), kind="stable")]
+        following = np.roll(entries, -1)
+        gap = (poses[following, 2] - poses[entries, 2]) % (2 * np.pi)
+        overlap = (gap > 0) & (gap <= MOST_TURNED)
+        pairs.append(np.column_stack([entries, following])[overlap])
+    return np.concatenate(pairs)
+
+
+def _neighbors_between(places: F64, walls: F64) -> list[list[int]]:
+    """Give groups of places with a common middle: two along a grid's line, four around a cell's center."""
+    tree = cKDTree(places)
+    pairs = tree.query_pairs(VIRTUAL_NEIGHBORS * spacing(places), output_type="ndarray").reshape(-1, 2)
+    pairs = pairs[~crosses(places[pairs[:, 0]], places[pairs[:, 1]], walls)]
+    pairs = pairs[np.lexsort(pairs.T[::-1])]
+    middle = np.round(places[pairs].mean(axis=1) / SAME_PLACE_M).astype(np.int64)
+    groups: dict[tuple[int, int], list[int]] = {}
+    for (x, y), pair in zip(middle.tolist(), pairs.tolist(), strict=True):
+        groups.setdefault((x, y), []).extend(pair)
+    return [group[:MOST_JOINED] for group in groups.values()]
+
+
+def _joined(views: NDArray[np.int64], headings: F64, members: list[NDArray[np.intp]]) -> NDArray[np.int64]:
+    """Join the views of several places that look the same way: rows (W, 8) of entries."""
+    first = members[0]
+    chosen, alike = [first], np.ones(len(first), bool)
+    for other in members[1:]:
+        apart = np.abs(wrap(headings[first][:, None] - headings[other]))
+        nearest = apart.argmin(axis=1)
+        alike &= apart[np.arange(len(first)), nearest] <= SAME_HEADING
+        chosen.append(other[nearest])
+    entries = np.concatenate([views[view[alike]] for view in chosen], axis=1)
+    return entries[:, np.arange(8) % entries.shape[1]]
+
+
+def _mean_poses(poses: F64, sources: I32) -> F64:
+    xy = poses[sources, :2].mean(axis=1)
+    return np.column_stack([xy, wrap(_middle(poses[sources, 2]))])
+
+
+def _middle(headings: F64) -> F64:
+    """Give the circular mean of each row of headings (V, K)."""
+    return np.asarray(np.arctan2(np.sin(headings).mean(axis=1), np.cos(headings).mean(axis=1)))
