@@ -18,10 +18,10 @@ from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
 
-from ..cli.compare import COLOR_AND_BLENDED
 from ..cli.console import note
 from ..cli.errors import one_line_errors
 from ..cli.options import OutputOptions, RunOptions
+from ..cli.replay.compare import COLOR_AND_BLENDED
 from ..entities import RESERVED
 from ..playback import ResultCollector, aligned, run_together, shared
 from .open import AnySession, Wanted, make_runs, open_library_for, open_session, unique_labels

@@ -10,28 +10,28 @@ from typer.core import TyperGroup
 
 from maurice_mcl.sensor.descriptors import BROKEN
 
-from .calibrate import calibrate
-from .compare import compare
-from .config import config
+from .configure.config import config
 from .console import note
-from .convert import convert
-from .demo import demo
-from .doctor import doctor
-from .events import events
-from .explain import explain
-from .export import export
-from .formats import formats
-from .imports import imports
-from .inspect import inspect
-from .jump import jump
-from .library import library
-from .record import record
-from .replay import replay
-from .report import report
-from .simulate import simulate
-from .snapshot import snapshot
-from .survey import survey
-from .verify import verify
+from .convert.convert import convert
+from .convert.export import export
+from .convert.formats import formats
+from .convert.imports import imports
+from .convert.record import record
+from .library.build import library
+from .replay.compare import compare
+from .replay.demo import demo
+from .replay.replay import replay
+from .replay.verify import verify
+from .simulate.calibrate import calibrate
+from .simulate.simulate import simulate
+from .simulate.survey import survey
+from .understand.doctor import doctor
+from .understand.events import events
+from .understand.explain import explain
+from .understand.inspect import inspect
+from .understand.jump import jump
+from .understand.report import report
+from .understand.snapshot import snapshot
 
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
 

@@ -213,7 +213,6 @@ NEIGHBORS = 9  # places tried, itself among them, for one that no wall bars
 SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference that looks further aside stands for another view
 
 
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Measuring:
     """A library, and the channels and distances that its pictures are compared by."""

@@ -17,7 +17,7 @@ from maurice_viz.app.compare import names_of
 from maurice_viz.app.open import Wanted, make_runs, open_library_for
 from maurice_viz.cli.app import app
 from maurice_viz.cli.options import RunOptions
-from maurice_viz.cli.snapshot import draw_saved
+from maurice_viz.cli.understand.snapshot import draw_saved
 from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together
 

@@ -17,7 +17,7 @@ from maurice_loaders.config_files import configuration_of, read_config, to_toml,
 from maurice_loaders.errors import LogError
 from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import RULES, Layer, configure, defaults
-from maurice_viz.cli.config import config
+from maurice_viz.cli.configure.config import config
 
 DOCS = Path(__file__).parents[2] / "docs" / "configuration.md"
 RUNNER = CliRunner()

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 
 from maurice_loaders.formats.registry import OpenOptions
 from maurice_viz.cli.app import app as whole
-from maurice_viz.cli.doctor import doctor
-from maurice_viz.cli.library import library
+from maurice_viz.cli.library.build import library
 from maurice_viz.cli.reading import reads_recordings, typed
+from maurice_viz.cli.understand.doctor import doctor
 
 runner = CliRunner()
 app = typer.Typer()

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 from maurice_loaders.runs.bookmarks import bookmarks_file
 from maurice_mcl.analysis.events import Event
 from maurice_viz.cli import app as cli
-from maurice_viz.cli.events import events
-from maurice_viz.cli.jump import _is, _there, jump
+from maurice_viz.cli.understand.events import events
+from maurice_viz.cli.understand.jump import _is, _there, jump
 from maurice_viz.viewer import open_viewers, sinks
 from maurice_viz.viewer import spawn as viewer
 from maurice_viz.viewer.snapshot import software_driver

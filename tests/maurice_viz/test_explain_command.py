@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
 from maurice_viz.cli.app import app
-from maurice_viz.cli.explain import explain
+from maurice_viz.cli.understand.explain import explain
 from maurice_viz.viewer.snapshot import software_driver
 
 Explain = Callable[..., tuple[str, str]]

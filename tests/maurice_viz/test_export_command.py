@@ -12,8 +12,8 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo
 from maurice_viz.cli.app import app
-from maurice_viz.cli.convert import convert
-from maurice_viz.cli.export import export
+from maurice_viz.cli.convert.convert import convert
+from maurice_viz.cli.convert.export import export
 
 APP = typer.Typer()
 APP.command()(export)

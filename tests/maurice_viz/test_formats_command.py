@@ -13,7 +13,7 @@ from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.recording import moved
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.cli.app import app
-from maurice_viz.cli.formats import formats
+from maurice_viz.cli.convert.formats import formats
 from maurice_viz.cli.reading import columns_of
 
 
@@ -83,7 +83,7 @@ def test_formats_are_listed_and_a_file_is_told(small_session: Path) -> None:
 
 
 def test_an_extra_that_is_missing_is_named_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maurice_viz.cli.formats.find_spec", lambda name: None)
+    monkeypatch.setattr("maurice_viz.cli.convert.formats.find_spec", lambda name: None)
     assert "pip install 'maurice-replay[ros]'" in run("formats")[1]
 
 

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from maurice_loaders.config_files import configuration_of
-from maurice_viz.cli.library import library
+from maurice_viz.cli.library.build import library
 
 RUNNER = CliRunner()
 

@@ -16,10 +16,10 @@ from maurice_loaders.runs.rows import StepRows, rows_of
 from maurice_loaders.runs.store import Difference, SavedRun, first_difference, open_runs
 from maurice_mcl.filter.localizer import run as run_filter
 
-from ..app.saved import library_of, localizer_of, session_of
-from .console import progress, results
-from .errors import one_line_errors
-from .options import JsonOption
+from ...app.saved import library_of, localizer_of, session_of
+from ..console import progress, results
+from ..errors import one_line_errors
+from ..options import JsonOption
 
 FolderArgument = Annotated[
     Path, typer.Argument(help="A folder that --run wrote.", show_default=False, metavar="DIR")

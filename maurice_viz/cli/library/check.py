@@ -21,10 +21,10 @@ from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 
-from ..style import Scale, scale_for
-from .console import note, progress, results
-from .errors import one_line_errors
-from .options import FeatureOption, ForceOption, JsonOption
+from ...style import Scale, scale_for
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import FeatureOption, ForceOption, JsonOption
 
 MOST_PAIRS = 10  # listed; JSON has them all
 MOST_PLACES = 5
@@ -175,8 +175,8 @@ def _facts(library: Library, found: SelfCheck, covered: Coverage) -> dict[str, o
 
 
 def _draw(path: Path, library: Library, found: SelfCheck, force: bool) -> None:
-    from ..drawing.raster import png
-    from ..plots.sheets import draw_ambiguity
+    from ...drawing.raster import png
+    from ...plots.sheets import draw_ambiguity
 
     scale = scale_for(library.display_units, library.arena)
     path.parent.mkdir(parents=True, exist_ok=True)

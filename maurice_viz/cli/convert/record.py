@@ -14,11 +14,11 @@ from maurice_loaders.live.session import Listen, LiveSession
 from maurice_loaders.live.source import live_source
 from maurice_loaders.recorded_session import MAX_DT_S
 
-from ..errors import Terminated
-from .console import note, progress, results
-from .errors import INTERRUPTED, TERMINATED, one_line_errors
-from .live_options import PatienceOption, patience_of
-from .options import ForceOption, JsonOption
+from ...errors import Terminated
+from ..console import note, progress, results
+from ..errors import INTERRUPTED, TERMINATED, one_line_errors
+from ..live_options import PatienceOption, patience_of
+from ..options import ForceOption, JsonOption
 
 SourceArgument = Annotated[
     Path,

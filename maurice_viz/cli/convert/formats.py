@@ -13,9 +13,9 @@ from rich.table import Table
 from maurice_loaders.formats.registry import Format, OpenOptions, chosen
 from maurice_loaders.formats.registry import formats as all_formats
 
-from .console import results
-from .errors import one_line_errors
-from .options import JsonOption
+from ..console import results
+from ..errors import one_line_errors
+from ..options import JsonOption
 
 NEEDED = {"ros": "rosbags"}  # what an extra brings
 

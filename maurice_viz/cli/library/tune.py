@@ -32,11 +32,11 @@ from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 
-from ..app.open import open_session
-from ..text.tuning import Report, tuned_json, tuned_table, tuned_toml
-from .console import note, progress, results
-from .errors import one_line_errors
-from .options import ForceOption, JsonOption, KeepGoingOption
+from ...app.open import open_session
+from ...text.tuning import Report, tuned_json, tuned_table, tuned_toml
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption, KeepGoingOption
 
 BEFORE = SensorParameters(FEATURES["blended"])  # what is measured against: the default
 

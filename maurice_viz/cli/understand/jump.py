@@ -11,9 +11,9 @@ import typer
 
 from maurice_mcl.analysis.events import BOOKMARK, KINDS, SESSION, Event
 
-from ..entities import PHASE, STEP, Slot, phase_number
-from .console import note, results
-from .errors import one_line_errors
+from ...entities import PHASE, STEP, Slot, phase_number
+from ..console import note, results
+from ..errors import one_line_errors
 from .events import FolderArgument
 
 PHASES = [slot.name.lower() for slot in Slot]
@@ -78,7 +78,7 @@ def jump(
 def _typed(folder: Path, step: int) -> _Place:
     from maurice_loaders.runs.store import open_runs
 
-    from ..app.run_events import check_step
+    from ...app.run_events import check_step
 
     runs = open_runs(folder)
     check_step(runs, folder, step)
@@ -89,7 +89,7 @@ def _place(folder: Path, to: str, nth: int, label: str | None) -> _Place:
     """Find the event. LogError that says what there is where it is not there."""
     from maurice_loaders.errors import LogError
 
-    from ..app.run_events import find_events
+    from ...app.run_events import find_events
 
     found = find_events(folder)
     for problem in found.problems:
@@ -113,7 +113,7 @@ def _place(folder: Path, to: str, nth: int, label: str | None) -> _Place:
 def _move(folder: Path, port: int | None, timeline: str, value: int) -> None:
     from maurice_loaders.runs.store import open_runs
 
-    from ..viewer.cursor import move_viewer
+    from ...viewer.cursor import move_viewer
 
     move_viewer(folder, open_runs(folder)[0].manifest.name, port, timeline, value)
 

@@ -15,13 +15,13 @@ import typer
 from maurice_loaders.errors import LogError
 from maurice_loaders.io.files import expect_absent, write_whole
 
-from ..entities import PHASE, SLOTS, STEP, Slot, phase_number
-from .console import note, notes, progress, results
-from .errors import one_line_errors
-from .options import ForceOption, LayoutOption, OutputOptions
+from ...entities import PHASE, SLOTS, STEP, Slot, phase_number
+from ..console import note, notes, progress, results
+from ..errors import one_line_errors
+from ..options import ForceOption, LayoutOption, OutputOptions
 
 if TYPE_CHECKING:
-    from ..viewer.snapshot import Viewer
+    from ...viewer.snapshot import Viewer
 
 PHASES = [slot.name.lower() for slot in Slot]
 SMALLEST_PX, LARGEST_PX = 200, 8000
@@ -159,7 +159,7 @@ def _take_picture(
 
 
 def _take_movie(source: Path, movie: Path, places: Places, fps: float, look: Look, force: bool) -> None:
-    from ..viewer.movie import film, from_png
+    from ...viewer.movie import film, from_png
 
     expect_absent(movie, force=force)
     with _viewer_on(source, look) as viewer:
@@ -178,7 +178,7 @@ def _take_movie(source: Path, movie: Path, places: Places, fps: float, look: Loo
 @contextmanager
 def _viewer_on(source: Path, look: Look) -> Iterator[Viewer]:
     """Open what is looked at in a headless viewer, arranged as asked for."""
-    from ..viewer.snapshot import expect_driver, headless_viewer
+    from ...viewer.snapshot import expect_driver, headless_viewer
 
     expect_driver(source)  # before a long run is drawn in vain
     with _recording_of(source) as recording, headless_viewer(recording, look.size) as viewer:
@@ -205,9 +205,9 @@ def _recording_of(source: Path) -> Iterator[Path]:
 
 def draw_saved(folder: Path, recording: Path, layout: str | None = None) -> None:
     """Draw a saved run, or those of a comparison, into a new recording. LogError for anything else."""
-    from ..app.output import recording as drawing
-    from ..app.run import collector_of, step_through
-    from ..app.saved import open_saved, playing_of
+    from ...app.output import recording as drawing
+    from ...app.run import collector_of, step_through
+    from ...app.saved import open_saved, playing_of
 
     playing = playing_of(open_saved(folder))
     output = OutputOptions("run", recording, True, False, force=True, json=False, layout=layout)

@@ -31,12 +31,12 @@ from maurice_loaders.export.tables import (
 from maurice_loaders.recorded_session import begin_of
 from maurice_loaders.runs.store import SavedRun, open_runs
 
-from ..app.open import AnySession
-from ..app.restoring import Pictures
-from ..app.saved import session_of
-from .console import note, progress, results
-from .errors import one_line_errors
-from .options import ForceOption, JsonOption
+from ...app.open import AnySession
+from ...app.restoring import Pictures
+from ...app.saved import session_of
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption
 
 RunArgument = Annotated[
     Path, typer.Argument(metavar="RUN", show_default=False, help="A saved run's folder, or a comparison's.")

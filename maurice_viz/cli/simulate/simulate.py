@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import note, progress, results
-from .errors import one_line_errors
-from .options import ForceOption, JsonOption
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally

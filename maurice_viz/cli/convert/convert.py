@@ -18,11 +18,11 @@ from maurice_loaders.formats.registry import OpenOptions
 from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import Picture, Recording
 
-from ..app.open import AnySession, as_recorded_session, open_session
-from .console import note, progress, results
-from .errors import one_line_errors
-from .options import ForceOption, JsonOption, KeepGoingOption
-from .reading import reads_recordings
+from ...app.open import AnySession, as_recorded_session, open_session
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption, KeepGoingOption
+from ..reading import reads_recordings
 
 LOG, MCAP = ".log", ".mcap"
 PICTURES = ("png", "jpeg")

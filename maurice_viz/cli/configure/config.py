@@ -15,9 +15,9 @@ from maurice_loaders.errors import LogError
 from maurice_mcl.config.schema import Configuration, Setting
 from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters
 
-from .console import results
-from .errors import one_line_errors
-from .options import ConfigOption, JsonOption, PresetOption
+from ..console import results
+from ..errors import one_line_errors
+from ..options import ConfigOption, JsonOption, PresetOption
 
 config = typer.Typer(
     help="Show the configuration in force, or check a configuration file.", no_args_is_help=True

@@ -12,9 +12,9 @@ import typer
 from maurice_loaders.importing.pictures import ImportOptions, ImportSummary, import_pictures
 from maurice_loaders.importing.pose_table import Columns
 
-from .console import note, results
-from .errors import one_line_errors
-from .options import ForceOption, JsonOption
+from ..console import note, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption
 
 imports = typer.Typer(help="Turn other people's data into session and survey logs.", no_args_is_help=True)
 

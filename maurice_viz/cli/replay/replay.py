@@ -6,10 +6,10 @@ import typer
 
 from maurice_loaders.formats.registry import OpenOptions
 
-from ..layouts.names import DETAILS
-from .common_options import CommonOptions, runs_a_filter
-from .live_options import LiveOptions, listens
-from .options import (
+from ...layouts.names import DETAILS
+from ..common_options import CommonOptions, runs_a_filter
+from ..live_options import LiveOptions, listens
+from ..options import (
     AsRecordedOption,
     ConfigOption,
     DetailOption,
@@ -20,7 +20,7 @@ from .options import (
     SeedOption,
     SessionArgument,
 )
-from .reading import reads_recordings
+from ..reading import reads_recordings
 
 
 @reads_recordings
@@ -43,15 +43,15 @@ def replay(
     """Replay a session of any format, a saved run or a live source, in the viewer or, without, to a file."""
     from maurice_loaders.runs.store import is_saved
 
-    from ..app.open import Wanted
-    from ..app.run import replay_runs
-    from ..app.saved import replay_saved
+    from ...app.open import Wanted
+    from ...app.run import replay_runs
+    from ...app.saved import replay_saved
 
     library, run = common.library, common.run
     options = common.of_runs(seed, resampler, config)
     output = common.of_output(session.absolute().stem, detail)
     if as_recorded:
-        from ..app.recorded import replay_as_recorded
+        from ...app.recorded import replay_as_recorded
 
         if options != RunOptions() or preset or feature or library or run:
             raise typer.BadParameter(
@@ -64,7 +64,7 @@ def replay(
     if live.wanted_for(session):
         if opening.odometry_from_truth:
             raise typer.BadParameter("--odometry-from-truth needs a recording, not a live source")
-        from ..app.live import follow_source
+        from ...app.live import follow_source
 
         follow_source(session, library, Wanted(preset, feature), options, output, live, opening)
         return

@@ -11,9 +11,9 @@ import typer
 
 from maurice_loaders.io.files import expect_absent, write_whole
 
-from .console import Advance, note, progress, results
-from .errors import one_line_errors
-from .options import ForceOption, JsonOption
+from ..console import Advance, note, progress, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption
 
 if TYPE_CHECKING:
     from maurice_datasets.worlds.world import World
@@ -108,9 +108,9 @@ def _write_sheet(
     from maurice_datasets.render.camera_session import survey_outing
     from maurice_datasets.survey_folder import views
 
-    from ..drawing.raster import jpeg, png
-    from ..plots.sheets import draw_sheet
-    from ..style import scale_for
+    from ...drawing.raster import jpeg, png
+    from ...plots.sheets import draw_sheet
+    from ...style import scale_for
 
     expect_absent(path, force=force)
     poses, pictures = views(world, seed, VIEWS), []

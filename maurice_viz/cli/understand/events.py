@@ -10,9 +10,9 @@ import typer
 
 from maurice_mcl.analysis.events import KINDS
 
-from .console import note, results
-from .errors import one_line_errors
-from .options import JsonOption
+from ..console import note, results
+from ..errors import one_line_errors
+from ..options import JsonOption
 
 
 def _check_kinds(values: list[str] | None) -> list[str] | None:
@@ -66,7 +66,7 @@ def events(
 
 
 def _list(folder: Path, kinds: list[str], everything: bool, json_output: bool) -> None:
-    from ..app.run_events import find_events, to_json, to_table, wanted
+    from ...app.run_events import find_events, to_json, to_table, wanted
 
     found = find_events(folder)
     chosen = {run.label: wanted(run, kinds, routine=everything) for run in found.runs}
@@ -84,7 +84,7 @@ def _add(folder: Path, step: int, text: str) -> None:
     from maurice_loaders.runs.bookmarks import Bookmark, add_bookmark, bookmarks_file
     from maurice_loaders.runs.store import open_runs
 
-    from ..app.run_events import check_step
+    from ...app.run_events import check_step
 
     line = " ".join(text.split())
     if not line:

@@ -18,11 +18,11 @@ from maurice_mcl.calibration.motion import Calibration, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
 from maurice_mcl.calibration.noise import noise_floor
 
-from ..style import Units, units_named
-from ..text.calibration import motion_json, motion_table, motion_toml, noise_json, noise_table, warnings_of
-from .console import note, results
-from .errors import one_line_errors
-from .options import ForceOption, JsonOption
+from ...style import Units, units_named
+from ...text.calibration import motion_json, motion_table, motion_toml, noise_json, noise_table, warnings_of
+from ..console import note, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption
 
 calibrate = typer.Typer(
     help="Fit the robot's motion or the camera's noise to recorded trials.", no_args_is_help=True
@@ -63,7 +63,7 @@ def motion(
         if output is not None:
             expect_absent(output, force=force)
         if plots is not None:
-            from ..plots.figure import expect_matplotlib
+            from ...plots.figure import expect_matplotlib
 
             expect_matplotlib(plots)
         trials, units = _trials(source, unit)
@@ -72,7 +72,7 @@ def motion(
         if output is not None:
             write_whole(output, toml.encode(), force=force)
         if plots is not None:
-            from ..plots.calibration import Shown, draw_motion
+            from ...plots.calibration import Shown, draw_motion
 
             drawn = draw_motion(Shown(trials, fit, units), plots, force=force)
             note(f"{len(drawn)} figures written to {plots}")
@@ -107,13 +107,13 @@ def noise(
     """Measure the camera's noise floor in pictures taken with the lens covered."""
     with one_line_errors():
         if plot is not None:
-            from ..plots.figure import expect_matplotlib
+            from ...plots.figure import expect_matplotlib
 
             expect_matplotlib(plot)
             expect_absent(plot, force=force)
         found = noise_floor(covered_pictures(source))
         if plot is not None:
-            from ..plots.calibration import draw_noise
+            from ...plots.calibration import draw_noise
 
             draw_noise(found, plot, force=force)
             note(f"{plot} written")

@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from .compare import COLOR_AND_BLENDED
-from .console import note, progress, results
-from .errors import one_line_errors
-from .options import (
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import (
     ForceOption,
     HeadlessOption,
     JsonOption,
@@ -20,6 +19,7 @@ from .options import (
     RunOptions,
     SaveOption,
 )
+from .compare import COLOR_AND_BLENDED
 
 DEMO_SEED = 0  # the first, for arena, survey, drive and filter alike
 SessionOnlyOption = Annotated[
@@ -39,8 +39,8 @@ def demo(
     """Compare color and blended features on a drive through a simulated two-room arena."""
     from maurice_datasets.maurice import demo_paths, write_demo
 
-    from ..app.open import Wanted
-    from ..app.run import replay_runs
+    from ...app.open import Wanted
+    from ...app.run import replay_runs
 
     with one_line_errors():
         if session_only is not None:

@@ -18,13 +18,13 @@ from maurice_loaders.libraries.survey import EVERY, open_survey
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.library import ChannelIndex, Library
 
-from ..style import units_named
-from .console import note, progress, results
-from .errors import one_line_errors
-from .library_check import check_library_folder, coverage_lines
-from .library_tune import tune_library
-from .options import ForceOption, JsonOption, KeepGoingOption
-from .reading import reads_recordings
+from ...style import units_named
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import ForceOption, JsonOption, KeepGoingOption
+from ..reading import reads_recordings
+from .check import check_library_folder, coverage_lines
+from .tune import tune_library
 
 MOST_HEADINGS = 16  # more than this are counted, not listed
 

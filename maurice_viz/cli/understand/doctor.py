@@ -14,11 +14,11 @@ from maurice_loaders.inspection.doctor import diagnose, mended
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.library import Library
 
-from ..text.doctor import to_json, to_lines
-from .console import note, progress, results
-from .errors import one_line_errors
-from .options import JsonOption, LibraryOption, SessionArgument
-from .reading import reads_recordings, typed
+from ...text.doctor import to_json, to_lines
+from ..console import note, progress, results
+from ..errors import one_line_errors
+from ..options import JsonOption, LibraryOption, SessionArgument
+from ..reading import reads_recordings, typed
 
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Exit with status 1 when something is wrong, as CI wants it.")

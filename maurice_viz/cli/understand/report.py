@@ -9,9 +9,9 @@ import typer
 
 from maurice_loaders.io.files import expect_absent, write_whole
 
-from .console import results
-from .errors import one_line_errors
-from .options import ForceOption
+from ..console import results
+from ..errors import one_line_errors
+from ..options import ForceOption
 
 RunArgument = Annotated[
     Path,
@@ -26,8 +26,8 @@ def report(folder: RunArgument, output: PageOption = Path("report.html"), force:
         raise typer.BadParameter(f"{output.name!r} should end in .html")
     with one_line_errors():
         expect_absent(output, force=force)
-        from ..app.saved import open_saved
-        from ..report.make import html_report
+        from ...app.saved import open_saved
+        from ...report.make import html_report
 
         page = html_report(open_saved(folder), folder)
         write_whole(output, page.encode(), force=force)

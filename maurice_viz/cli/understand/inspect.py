@@ -12,10 +12,10 @@ from maurice_loaders.formats.registry import NATIVE, OpenOptions, chosen, open_r
 from maurice_loaders.inspection.overview import Inspection, inspect_recording, inspect_session
 from maurice_loaders.recorded_session import RecordedSession
 
-from .console import results
-from .errors import one_line_errors
-from .options import JsonOption, SessionArgument
-from .reading import reads_recordings
+from ..console import results
+from ..errors import one_line_errors
+from ..options import JsonOption, SessionArgument
+from ..reading import reads_recordings
 
 
 @reads_recordings

@@ -10,9 +10,9 @@ import typer
 
 from maurice_loaders.formats.registry import OpenOptions
 
-from .common_options import CommonOptions, runs_a_filter
-from .options import ConfigsOption, FeaturesOption, PresetsOption, ResamplersOption, RunOptions, SeedsOption
-from .reading import reads_recordings
+from ..common_options import CommonOptions, runs_a_filter
+from ..options import ConfigsOption, FeaturesOption, PresetsOption, ResamplersOption, RunOptions, SeedsOption
+from ..reading import reads_recordings
 
 COLOR_AND_BLENDED = ("color", "blended")
 MOST_RUNS = 4
@@ -47,8 +47,8 @@ def compare(
     """
     from maurice_loaders.runs.store import is_saved
 
-    from ..app.compare import compare_saved, compare_sessions
-    from ..app.run import replay_runs
+    from ...app.compare import compare_saved, compare_sessions
+    from ...app.run import replay_runs
 
     given: dict[str, Sequence[Any]] = {
         "feature": features or (),
@@ -66,7 +66,7 @@ def compare(
         _check_count(len(paths), fewest=1)
         compare_saved(paths, output)
         return
-    from ..app.compare import one_filter, wanted_runs
+    from ...app.compare import one_filter, wanted_runs
 
     if len(paths) > 1:
         _check_count(len(paths))

@@ -15,15 +15,15 @@ from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
-from ..app.open import typed_pose
-from ..app.restoring import Restored
-from ..app.saved import Opened, open_saved
-from ..explain.table import to_json
-from ..explain.words import say_step
-from ..style import Units, scale_for
-from .console import results
-from .errors import one_line_errors
-from .options import ForceOption, HeadlessOption, JsonOption, NoRecordingOption, OutputOptions, SaveOption
+from ...app.open import typed_pose
+from ...app.restoring import Restored
+from ...app.saved import Opened, open_saved
+from ...explain.table import to_json
+from ...explain.words import say_step
+from ...style import Units, scale_for
+from ..console import results
+from ..errors import one_line_errors
+from ..options import ForceOption, HeadlessOption, JsonOption, NoRecordingOption, OutputOptions, SaveOption
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +80,8 @@ def explain(
 
 
 def _explain(folder: Path, wanted: Wanted, output: OutputOptions, picture: Path | None) -> None:
-    from ..app.explanation_show import check_picture, show
-    from ..panels.explanation_screen import Update
+    from ...app.explanation_show import check_picture, show
+    from ...panels.explanation_screen import Update
 
     if picture is not None:
         check_picture(picture, force=output.force)

@@ -1,0 +1,1 @@
+"""Commands that read one format and write another: convert, export, record, import, formats."""

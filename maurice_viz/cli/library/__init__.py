@@ -1,0 +1,1 @@
+"""The commands `library build`, `show`, `tune` and `check`."""

@@ -1,0 +1,1 @@
+"""Commands that run filters: replay, compare, demo, verify."""

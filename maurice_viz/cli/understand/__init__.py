@@ -1,0 +1,1 @@
+"""Commands that explain a run or a recording: explain, events, snapshot, report, jump, inspect, doctor."""
