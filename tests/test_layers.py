@@ -1,9 +1,13 @@
-"""The four folders depend on each other in one direction, and every package is in the wheel."""
+"""The packages, and the rooms inside each, depend on each other in one direction; nothing is hidden.
+
+Every import counts: at the top of a file, inside a function, and under TYPE_CHECKING.
+"""
 
 import ast
-import fnmatch
-import re
 import tomllib
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,13 +26,76 @@ HEAVY = {
     "rich": {"maurice_viz"},
     "polars": {"maurice_viz", "maurice_datasets", "maurice_loaders"},
 }
-SOURCES = [(folder, file) for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
+# Rooms of each package from the ground up: a room may import those in rows before its own, not its neighbors.
+ROOMS = {
+    "maurice_mcl": (
+        ("arrays", "errors"),
+        ("randomness", "geometry"),
+        ("map",),
+        ("library", "session"),
+        ("records",),
+        ("sensor",),
+        ("filter",),
+        ("config",),
+        ("analysis",),
+        ("calibration", "library_quality"),
+        ("diagnosis",),
+    ),
+    "maurice_loaders": (
+        ("errors",),
+        ("io",),
+        ("recording", "session_log"),
+        ("transforms",),
+        ("recorded_session",),
+        ("formats",),
+        ("bags",),
+        ("config_files",),
+        ("libraries", "live"),
+        ("runs",),
+        ("export", "importing", "calibration", "inspection"),
+    ),
+    "maurice_datasets": (
+        ("seeds", "tasks"),
+        ("worlds",),
+        ("render", "robot"),
+        ("simulation",),
+    ),
+    "maurice_viz": (
+        ("errors", "style"),
+        ("entities", "playback"),
+        ("drawing",),
+        ("scene",),
+        ("text", "explain"),
+        ("panels",),
+        ("layouts",),
+        ("viewer", "plots"),
+        ("app",),
+        ("report",),
+        ("cli",),
+    ),
+}
 
 
-def imported(file: Path) -> set[str]:
-    """The top-level names of everything a file imports by an absolute name, wherever in the file."""
+@cache
+def modules() -> dict[str, Path]:
+    """Every module by its dotted name."""
+    found = {}
+    for folder, package in FOLDERS.items():
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            parts = [package, *file.relative_to(ROOT / folder).with_suffix("").parts]
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return found
+
+
+@cache
+def tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+def outside(file: Path) -> set[str]:
+    """The top-level names of everything a file imports by an absolute name."""
     names = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(file)):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -36,35 +103,137 @@ def imported(file: Path) -> set[str]:
     return names
 
 
+def inside(name: str) -> Iterator[str]:
+    """The modules of the same package that a module imports."""
+    file = modules()[name]
+    home = name.split(".") if file.name == "__init__.py" else name.split(".")[:-1]
+    for node in ast.walk(tree(file)):
+        if not isinstance(node, ast.ImportFrom) or not node.level:
+            continue
+        base = home[: len(home) - node.level + 1] + (node.module.split(".") if node.module else [])
+        for alias in node.names:
+            full = ".".join([*base, alias.name])
+            target = full if full in modules() else ".".join(base)
+            assert target in modules(), f"{file}: nothing is at {target}"
+            if target != name:
+                yield target
+
+
+@cache
+def graph() -> dict[str, frozenset[str]]:
+    return {name: frozenset(inside(name)) for name in modules()}
+
+
+def room(name: str) -> str:
+    """The second part of a dotted name; of a package's front page nothing."""
+    return ".".join(name.split(".")[1:2])
+
+
+def cycle(edges: dict[str, set[str]]) -> list[str]:
+    """Some cycle of a directed graph, as a walk; empty where there is none."""
+    done: set[str] = set()
+    for start in edges:
+        walk, choices = [start], [iter(sorted(edges[start]))]
+        while walk and start not in done:
+            step = next(choices[-1], None)
+            if step is None:
+                done.add(walk.pop())
+                choices.pop()
+            elif step in walk:
+                return [*walk[walk.index(step) :], step]
+            elif step not in done:
+                walk.append(step)
+                choices.append(iter(sorted(edges.get(step, ()))))
+    return []
+
+
+SOURCES = [(folder, file) for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
+
+
 def test_there_is_something_to_check() -> None:
     assert {folder for folder, _ in SOURCES} == set(FOLDERS)
+    assert sum(len(targets) for targets in graph().values()) > 300
+    assert cycle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
+    assert cycle({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
 
 
-@pytest.mark.parametrize(("folder", "file"), SOURCES, ids=lambda value: str(value).removeprefix(f"{ROOT}/"))
-def test_imports_go_one_way(folder: str, file: Path) -> None:
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_packages_import_one_way(folder: str) -> None:
     package = FOLDERS[folder]
-    names = imported(file)
     above = set(ORDER[: ORDER.index(package)])
-    assert not names & above, f"{file} imports what stands above it"
-    assert package not in names, f"{file} should import its own package relatively"
-    bare = {"mcl", "loaders", "datasets"}  # would load a second copy of every class
-    assert not names & bare, f"{file} imports a folder by its bare name"
-    for library, allowed in HEAVY.items():
-        assert library not in names or package in allowed, f"{file} imports {library}"
+    for file in sorted((ROOT / folder).rglob("*.py")):
+        names = outside(file)
+        assert not names & above, f"{file} imports what stands above it"
+        assert package not in names, f"{file} should import its own package relatively"
+        bare = {"mcl", "loaders", "datasets"}  # would load a second copy of every class
+        assert not names & bare, f"{file} imports a folder by its bare name"
+        for library, allowed in HEAVY.items():
+            assert library not in names or package in allowed, f"{file} imports {library}"
 
 
-def test_the_core_never_prints() -> None:
-    for file in sorted((ROOT / "mcl").rglob("*.py")):
-        calls = [n for n in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
-        assert not any(isinstance(c.func, ast.Name) and c.func.id == "print" for c in calls), file
+def test_no_cycle_between_modules() -> None:
+    assert cycle({name: set(targets) for name, targets in graph().items()}) == []
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_rooms_import_one_way(package: str) -> None:
+    floor = {name: number for number, row in enumerate(ROOMS[package]) for name in row}
+    top = len(floor)  # what is not listed stands above all that is
+    wrong = defaultdict(set)
+    for name, targets in graph().items():
+        for target in targets:
+            here, there = room(name), room(target)
+            if not name.startswith(package) or here == there or not here or here not in floor:
+                continue
+            if floor.get(there, top) >= floor[here]:
+                wrong[f"{here} -> {there}"].add(f"{name} -> {target}")
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_no_cycle_between_rooms(package: str) -> None:
+    edges: dict[str, set[str]] = defaultdict(set)
+    for name, targets in graph().items():
+        if name.startswith(package) and room(name):
+            edges[room(name)] |= {room(t) for t in targets if room(t) != room(name) and room(t)}
+    assert cycle(edges) == []
+
+
+def test_only_the_command_line_knows_the_console() -> None:
+    for file in sorted((ROOT / "maurice_viz").rglob("*.py")):
+        if "cli" not in file.parts:
+            assert not outside(file) & {"typer", "rich", "click"}, file
+
+
+def test_only_the_command_line_prints() -> None:
+    for _, file in SOURCES:
+        calls = [node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call)]
+        printing = any(isinstance(call, ast.Name) and call.id == "print" for call in calls)
+        assert not printing or "cli" in file.parts, file
+
+
+def test_files_are_chapters_and_folders_have_room() -> None:
+    for folder, file in SOURCES:
+        assert file.read_text(encoding="utf-8").count("\n") <= 400, file
+        assert (ROOT / folder) in file.parents
+    folders = Counter(file.parent for _, file in SOURCES if file.name != "__init__.py")
+    assert {str(folder): count for folder, count in folders.items() if count > 16} == {}
+
+
+def test_a_class_name_has_one_meaning() -> None:
+    defined = defaultdict(set)
+    for _, file in SOURCES:
+        for node in tree(file).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                defined[node.name].add(str(file.relative_to(ROOT)))
+    assert {name: files for name, files in defined.items() if len(files) > 1} == {}
 
 
 def test_package_list_is_complete() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    found = set()
-    for folder, package in FOLDERS.items():
-        for directory in {ROOT / folder} | {file.parent for file in (ROOT / folder).rglob("*.py")}:
-            found.add(".".join([package, *directory.relative_to(ROOT / folder).parts]))
+    found = {
+        ".".join([FOLDERS[folder], *file.parent.relative_to(ROOT / folder).parts]) for folder, file in SOURCES
+    }
     assert set(settings["packages"]) == found
     assert settings["package-dir"] == {package: folder for folder, package in FOLDERS.items()}
 
@@ -78,11 +247,3 @@ def test_constraints_name_versions_and_nothing_else() -> None:
         assert name, pin
         assert version, pin
         assert " " not in pin, pin
-
-
-def test_files_that_the_architecture_names_exist() -> None:
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"`(?:[\w/]+/)?([\w*]+\.py)`", text))
-    there = {file.name for _, file in SOURCES} | {file.name for file in (ROOT / "tests").glob("*.py")}
-    assert len(named) > 50
-    assert not [name for name in named if not fnmatch.filter(there, name)]
