@@ -25,7 +25,7 @@ from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_viz.layouts.registry import for_runs
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.scene import Run, Shown
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
@@ -47,8 +47,8 @@ def main() -> None:
     localizer = make_localizer(library, session, of_feature("blended", PARTICLES))
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
-    shown = Shown(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = for_runs([Run("blended", tuple(distances))], shown)
+    shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
+    layout = for_runs([RunView("blended", tuple(distances))], shown)
     with (
         tempfile.TemporaryDirectory() as folder,
         sinks.to_file(Path(folder) / "long.rrd", "long", layout) as rec,

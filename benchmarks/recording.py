@@ -27,7 +27,7 @@ from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_viz.layouts.registry import for_runs
 from maurice_viz.panels.observer import Detail, RerunObserver
-from maurice_viz.scene import Run, Shown
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
@@ -41,8 +41,8 @@ def measure(
     localizer = make_localizer(library, session, of_feature(feature, particles))
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
-    shown = Shown(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = for_runs([Run(feature, tuple(distances))], shown)
+    shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
+    layout = for_runs([RunView(feature, tuple(distances))], shown)
     with sinks.to_file(path, feature, layout, force=True) as rec:
         observer = RerunObserver(rec, feature, distances, detail=detail, sensor=localizer.sensor)
         observer.begin(session.info, library)

@@ -19,7 +19,7 @@ from maurice_mcl.session import Moment, Session
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class FilterRun:
     """One localizer under one name, from one start."""
 
     label: str  # unique among the runs of a recording
@@ -39,7 +39,9 @@ class RunResult:
     paired: Paired | None = None  # how it compares
 
 
-def run_together(runs: Sequence[Run], session: Session) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
+def run_together(
+    runs: Sequence[FilterRun], session: Session
+) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
     """Step all runs through one session side by side; every picture is decoded once.
 
     Each run owns its state and its randomness, so that it goes exactly as it would alone.

@@ -1,18 +1,21 @@
-"""What a layout has to know of what will be drawn."""
+"""What a layout has to know: the runs that are shown, and the scene that they share."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
+from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.map import Arena
+from maurice_mcl.sensor.model import SensorModel
 
 from .drawing.contact_sheet import CELL_PX
 from .style import Scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shown:
-    """What a layout has to know of what will be drawn."""
+class SceneInfo:
+    """What all runs of a Rerun recording share, as a layout has to know it."""
 
     arena: Arena
     scale: Scale
@@ -22,9 +25,17 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
-    """One run: its label, and the channels whose histograms there are."""
+class RunView:
+    """One run as it is shown."""
 
     label: str
-    channels: tuple[str, ...]  # none: another localizer's, as recorded
+    channels: tuple[str, ...]  # one histogram panel each; none: another localizer's, as recorded
+    sensor: SensorModel | None = None  # None: comparisons are not available, and their panels stay empty
+    particles: int = 0
+    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
+
+    @classmethod
+    def live(cls, label: str, localizer: Localizer) -> RunView:
+        """Return the view of a run all of whose panels will be filled."""
+        return cls(label, tuple(localizer.sensor.distances), localizer.sensor, localizer.particles)

@@ -24,19 +24,20 @@ from ..cli.options import OutputOptions, RunOptions
 from ..cli.replay.compare import COLOR_AND_BLENDED
 from ..entities import RESERVED
 from ..playback import ResultCollector, aligned, run_together, shared
-from .open import AnySession, Wanted, make_runs, open_library_for, open_session, unique_labels
-from .output import Drawn, Scene
-from .run import Playing, play, remark_skipped, remark_zeros
+from ..scene import RunView
+from .open import AnySession, RunSpec, make_runs, open_library_for, open_session, unique_labels
+from .output import Scene
+from .run import Playback, play, remark_skipped, remark_zeros
 from .saved import Opened, drawn_of, open_saved, remark_saved, replay_saved
 
 # In what runs differ: exactly one kind of option is given several times, and names the runs.
 
-Given = Mapping[str, Sequence[Any]]  # by the names of Wanted's fields, what was typed of each option
+Given = Mapping[str, Sequence[Any]]  # by the names of RunSpec's fields, what was typed of each option
 
 KINDS = "--feature, --preset, --resampler, --seed and --config"
 
 
-def wanted_runs(given: Given) -> list[Wanted]:
+def wanted_runs(given: Given) -> list[RunSpec]:
     """Give a run for each value of the one option that is given several times; the others hold for all.
 
     Without any such option and without a feature, color and blended are compared. A usage error for others.
@@ -51,15 +52,15 @@ def wanted_runs(given: Given) -> list[Wanted]:
     values = given[kind] if several else COLOR_AND_BLENDED
     common = {name: typed[0] for name, typed in given.items() if typed and name != kind}
     named = zip(values, _names(kind, values), strict=True)
-    return [Wanted(**common, **{kind: value}, name=name) for value, name in named]
+    return [RunSpec(**common, **{kind: value}, name=name) for value, name in named]
 
 
-def one_filter(given: Given) -> Wanted:
+def one_filter(given: Given) -> RunSpec:
     """Give the filter that several sessions are replayed with. A usage error where there would be several."""
     for kind, values in given.items():
         if len(values) > 1:
             raise typer.BadParameter(f"sessions are compared with one filter; give --{kind} once")
-    return Wanted(**{kind: values[0] for kind, values in given.items() if values})
+    return RunSpec(**{kind: values[0] for kind, values in given.items() if values})
 
 
 def _names(kind: str, values: Sequence[Any]) -> list[str]:
@@ -102,20 +103,20 @@ def compare_saved(folders: Sequence[Path], output: OutputOptions) -> None:
             replace(drawn_of(one.restored[0]), own_drive=other)
             for one, other in zip(opened, own, strict=True)
         ]
-        playing = Playing(
+        playback = Playback(
             aligned([shared(one.updates()) for one in opened]),
             min(one.runs[0].manifest.pictures for one in opened),
             drawn,
             _scene(opened),
             lambda collector: _remark_saved(collector, opened),
         )
-        play(playing, output)
+        play(playback, output)
 
 
 def compare_sessions(
     paths: Sequence[Path],
     library: Path | None,
-    wanted: Wanted,
+    wanted: RunSpec,
     options: RunOptions,
     output: OutputOptions,
     *,
@@ -135,17 +136,17 @@ def compare_sessions(
         drives = [_content(path) for path in paths]
         info = replace(sessions[0].info, name=" | ".join(dict.fromkeys(s.info.name for s in sessions)))
         shortest = min(pictures for pictures, _ in overviews)
-        playing = Playing(
+        playback = Playback(
             aligned([shared(run_together([run], s)) for run, s in zip(runs, sessions, strict=True)]),
             shortest,
             [
-                replace(Drawn.live(run.label, run.localizer), own_drive=drive != drives[0])
+                replace(RunView.live(run.label, run.localizer), own_drive=drive != drives[0])
                 for run, drive in zip(runs, drives, strict=True)
             ],
             Scene(info, references, any(truth for _, truth in overviews), shortest),
             lambda collector: _remark_sessions(collector, sessions, [count for count, _ in overviews]),
         )
-        play(playing, output)
+        play(playback, output)
 
 
 def _content(path: Path) -> str:

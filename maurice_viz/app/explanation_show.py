@@ -18,7 +18,7 @@ from ..entities import STEP, RunPaths
 from ..errors import SinkError
 from ..layouts.explanation_screen import full
 from ..panels.explanation_screen import Update, draw_full
-from ..scene import Shown
+from ..scene import SceneInfo
 from ..viewer import sinks
 from ..viewer.snapshot import expect_driver, headless_viewer
 from ..viewer.spawn import viewer_binary
@@ -41,7 +41,7 @@ def show(update: Update, label: str, output: OutputOptions, picture: Path | None
     """
     library, step = update.library, update.step
     paths, name = RunPaths(label), f"{library.name}, {label}: step {step.step}"
-    layout = full(paths, step, Shown(library.arena, update.scale, update.has_truth))
+    layout = full(paths, step, SceneInfo(library.arena, update.scale, update.has_truth))
     if picture is not None:
         with tempfile.TemporaryDirectory(prefix="maurice-explain-") as place:
             file = Path(place) / "explain.rrd"

@@ -24,9 +24,10 @@ from ..cli.errors import one_line_errors
 from ..cli.live_options import LiveOptions, patience_of
 from ..cli.options import OutputOptions, RunOptions
 from ..playback import ResultCollector, run_together, shared
-from .open import Wanted, make_runs
-from .output import Drawn, Scene
-from .run import Playing, play, remark_zeros
+from ..scene import RunView
+from .open import RunSpec, make_runs
+from .output import Scene
+from .run import Playback, play, remark_zeros
 
 STEM = "live"  # of the recording, where no --save names it
 LATE_S = 10.0  # of session time: by then a robot may have moved
@@ -50,7 +51,7 @@ class Begun:
 def follow_source(
     source: Path,
     library: Path | None,
-    wanted: Wanted,
+    wanted: RunSpec,
     options: RunOptions,
     output: OutputOptions,
     live: LiveOptions,
@@ -77,7 +78,7 @@ def follow_source(
                     _say_recorded(session)
 
 
-def _localize(session: LiveSession, wanted: Wanted, options: RunOptions, output: OutputOptions) -> None:
+def _localize(session: LiveSession, wanted: RunSpec, options: RunOptions, output: OutputOptions) -> None:
     """Run the filter on what comes; the drawing begins with the first picture."""
     for text in session.info.notes:
         note(text)
@@ -90,14 +91,14 @@ def _localize(session: LiveSession, wanted: Wanted, options: RunOptions, output:
         raise LiveError(session.source.name, "ended before a picture came, so nothing was localized")
     if _joined_late(session, options):
         runs = make_runs(session, references, [wanted], replace(options, start="global"))
-    playing = Playing(
+    playback = Playback(
         shared(run_together(runs, Begun(session.info, first, moments))),
         0,
-        [Drawn.live(run.label, run.localizer) for run in runs],
+        [RunView.live(run.label, run.localizer) for run in runs],
         Scene(session.info, references, first.truth is not None, live=True),
         lambda collector: remark_live(collector, session),
     )
-    play(playing, output)
+    play(playback, output)
 
 
 def _library(session: LiveSession) -> Library:

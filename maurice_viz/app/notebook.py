@@ -119,13 +119,13 @@ def _replay(
     seed: int,
 ) -> None:
     from ..cli.options import OutputOptions, RunOptions
-    from .open import Wanted
+    from .open import RunSpec
     from .run import replay_runs
 
     output = OutputOptions(session.stem, recording, True, False, force=True, json=False, layout=layout)
     options = RunOptions(seed=seed, particles=particles)
     try:
-        replay_runs(session, None, [Wanted(preset, feature)], options, output, keep_going=False)
+        replay_runs(session, None, [RunSpec(preset, feature)], options, output, keep_going=False)
     except typer.Exit:
         raise LogError(session, "could not be replayed; the line above says why") from None
 

@@ -31,7 +31,7 @@ from maurice_mcl.session import Session, SessionInfo
 from ..cli.console import note, progress
 from ..cli.options import RunOptions
 from ..entities import RESERVED
-from ..playback import Run
+from ..playback import FilterRun
 from ..style import Units, units_named
 
 # A pose as it is typed: X,Y,HEADING in the session's display units and degrees.
@@ -164,7 +164,7 @@ def open_library_for(session: AnySession, library: Path | None, *, keep_going: b
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RunSpec:
     """One run as it was asked for; what is given here goes over what was asked of every run."""
 
     preset: str | None = None
@@ -180,7 +180,7 @@ class Wanted:
         return self.name or "-".join(named) or (config.stem if config else "blended")
 
 
-def configured(wanted: Wanted, options: RunOptions) -> Configuration:
+def configured(wanted: RunSpec, options: RunOptions) -> Configuration:
     """Put the configuration of one run together: default, preset, file, environment, command line."""
     typed = dict(options.typed)
     if wanted.feature is not None:
@@ -192,7 +192,9 @@ def configured(wanted: Wanted, options: RunOptions) -> Configuration:
     return configuration_of(wanted.preset, wanted.config or options.config, os.environ, typed)
 
 
-def make_runs(session: Drive, library: Library, wanted: Sequence[Wanted], options: RunOptions) -> list[Run]:
+def make_runs(
+    session: Drive, library: Library, wanted: Sequence[RunSpec], options: RunOptions
+) -> list[FilterRun]:
     """Put the runs together, on the same drive and, unless asked otherwise, with the same seed."""
     configurations = [configured(one, options) for one in wanted]
     for one in configurations:
@@ -216,7 +218,7 @@ def make_runs(session: Drive, library: Library, wanted: Sequence[Wanted], option
         raise LogError(session.path, str(problem), 1) from None
     labels = unique_labels([one.label(options.config) for one in wanted])
     parts = zip(labels, localizers, configurations, strict=True)
-    return [Run(label, made, start, to_toml(one)) for label, made, one in parts]
+    return [FilterRun(label, made, start, to_toml(one)) for label, made, one in parts]
 
 
 def _first_truth(session: Drive) -> F64 | None:

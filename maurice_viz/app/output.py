@@ -5,17 +5,15 @@ from __future__ import annotations
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
-from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import SessionInfo
 
 from ..cli.console import note
@@ -24,24 +22,23 @@ from ..drawing.contact_sheet import cell_height
 from ..errors import SinkError
 from ..layouts.registry import for_runs
 from ..panels.observer import Detail, Observer, RerunObserver
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from ..style import scale_for
 
 # Runs drawn into a recording that somebody else opened: their layout, and an observer a run.
 
 
-def layout_of(runs: Sequence[Drawn], scene: Scene, first: str | None = None) -> rrb.Blueprint:
+def layout_of(runs: Sequence[RunView], scene: Scene, first: str | None = None) -> rrb.Blueprint:
     """Give the layout of runs; `first` names the tab that is open."""
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
-    drawn = [Run(run.label, tuple(run.channels), run.own_drive) for run in runs]
-    shown = Shown(arena, scale, scene.has_truth, scene.has_pictures, height)
-    return for_runs(drawn, shown, first, live=scene.live)
+    shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height)
+    return for_runs(runs, shown, first, live=scene.live)
 
 
 @contextmanager
 def observed(
-    rec: rr.RecordingStream, runs: Sequence[Drawn], scene: Scene, detail: Detail = Detail.FULL
+    rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene, detail: Detail = Detail.FULL
 ) -> Iterator[dict[str, Observer]]:
     """Begin one observer a run, the first of which draws what they share; end them, also after a failure."""
     observers: dict[str, Observer] = {}
@@ -86,25 +83,8 @@ class Scene:
     live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """One run as it is drawn."""
-
-    label: str
-    channels: Sequence[str]  # one histogram panel each; none: another localizer's, as recorded
-    sensor: SensorModel | None  # None: comparisons are not at hand, and their panels stay empty
-    particles: int = 0
-    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
-    own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
-
-    @classmethod
-    def live(cls, label: str, localizer: Localizer) -> Drawn:
-        """Give a run all of whose panels will be filled."""
-        return cls(label, tuple(localizer.sensor.distances), localizer.sensor, localizer.particles)
-
-
 @contextmanager
-def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[dict[str, Observer]]:
+def recording(runs: Sequence[RunView], scene: Scene, output: OutputOptions) -> Iterator[dict[str, Observer]]:
     """Open where the drawing goes, and one observer a run; none when no recording is wanted."""
     if output.no_recording:
         yield {}
@@ -119,7 +99,7 @@ def recording(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Ite
 
 
 @contextmanager
-def _sink(runs: Sequence[Drawn], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
+def _sink(runs: Sequence[RunView], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
 
     info, layout = scene.info, layout_of(runs, scene, output.layout)
     if scene.live:
@@ -184,7 +164,7 @@ def _say_written(path: Path, keys: str = KEYS) -> None:
     note(keys)
 
 
-def _say_size(runs: Sequence[Drawn], scene: Scene, output: OutputOptions, path: Path) -> None:
+def _say_size(runs: Sequence[RunView], scene: Scene, output: OutputOptions, path: Path) -> None:
     """Say about how large the file will be, where that is known and it is large."""
     from ..panels.observer import Detail, expected_bytes
 

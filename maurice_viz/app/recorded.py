@@ -17,9 +17,10 @@ from ..cli.console import note
 from ..cli.errors import one_line_errors
 from ..cli.options import OutputOptions
 from ..layouts.names import RECORDED_LAYOUT_NAMES
+from ..scene import RunView
 from .as_recorded import AFTER_RESAMPLING, AsRecorded, map_of
-from .output import Drawn, Scene
-from .run import Playing, play
+from .output import Scene
+from .run import Playback, play
 
 
 def replay_as_recorded(path: Path, options: OpenOptions, output: OutputOptions) -> None:
@@ -28,7 +29,7 @@ def replay_as_recorded(path: Path, options: OpenOptions, output: OutputOptions) 
         names = " and ".join(RECORDED_LAYOUT_NAMES)
         raise typer.BadParameter(f"--as-recorded has the layouts {names}, found {output.layout!r}")
     with one_line_errors():
-        play(playing_of(open_as_recorded(path, options)), output)
+        play(playback_of(open_as_recorded(path, options)), output)
 
 
 def open_as_recorded(path: Path, options: OpenOptions) -> AsRecorded:
@@ -44,15 +45,15 @@ def open_as_recorded(path: Path, options: OpenOptions) -> AsRecorded:
     return AsRecorded(localizer, localizer.overview(), label, Findings(options.keep_going))
 
 
-def playing_of(recorded: AsRecorded) -> Playing:
+def playback_of(recorded: AsRecorded) -> Playback:
     """Get the updates ready to be gone through."""
     seen = recorded.overview
-    drawn = Drawn(recorded.label, (), None, seen.most_particles)
+    drawn = RunView(recorded.label, (), None, seen.most_particles)
     library = map_of(recorded.localizer, seen)
     scene = Scene(
         recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
     )
-    return Playing(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded))
+    return Playback(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded))
 
 
 def _remark(recorded: AsRecorded) -> None:

@@ -1,4 +1,4 @@
-"""Playing saved runs: updates as they were, with pictures and comparisons from elsewhere."""
+"""Playback saved runs: updates as they were, with pictures and comparisons from elsewhere."""
 
 from __future__ import annotations
 

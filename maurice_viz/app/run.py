@@ -20,10 +20,11 @@ from ..cli.errors import INTERRUPTED, TERMINATED, one_line_errors
 from ..cli.options import OutputOptions, RunOptions
 from ..errors import SinkError, Terminated
 from ..playback import ResultCollector, run_together, shared
+from ..scene import RunView
 from ..style import scale_for, units_named
 from ..text.summary import to_json, to_table
-from .open import AnySession, Wanted, as_recorded_session, make_runs, open_library_for, open_session
-from .output import Drawn, Scene, recording
+from .open import AnySession, RunSpec, as_recorded_session, make_runs, open_library_for, open_session
+from .output import Scene, recording
 from .saving import Inputs, saving
 from .stop import stops_between
 
@@ -33,12 +34,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Playing:
+class Playback:
     """Runs that are about to go side by side, wherever their updates come from."""
 
     updates: Iterable[Mapping[str, Step]]  # by the labels of `drawn`
     total: int  # updates to come, for the progress bar
-    drawn: Sequence[Drawn]
+    drawn: Sequence[RunView]
     scene: Scene
     remarks: Callable[[ResultCollector], None]  # says at the end what the figures do not
 
@@ -56,7 +57,7 @@ class Playing:
 def replay_runs(
     path: Path,
     library: Path | None,
-    wanted: Sequence[Wanted],
+    wanted: Sequence[RunSpec],
     options: RunOptions,
     output: OutputOptions,
     *,
@@ -83,18 +84,18 @@ def replay_runs(
         pictures, has_truth = session.overview()
         survey, how = library or session.info.survey or path, opening or OpenOptions()
         inputs = Inputs(session, survey, pictures, has_truth, keep_going, how)
-        playing = Playing(
+        playback = Playback(
             shared(run_together(runs, session)),
             pictures,
-            [Drawn.live(run.label, run.localizer) for run in runs],
+            [RunView.live(run.label, run.localizer) for run in runs],
             Scene(session.info, references, has_truth, pictures),
             lambda collector: remark(collector, session),
         )
-        play(playing, output, saving(runs, inputs, output))
+        play(playback, output, saving(runs, inputs, output))
 
 
 def play(
-    playing: Playing,
+    playback: Playback,
     output: OutputOptions,
     savers: AbstractContextManager[Mapping[str, RunWriter]] | None = None,
 ) -> None:
@@ -104,44 +105,44 @@ def play(
     or shown, or one is stopped while it is being written out, the figures are printed all the same, and the
     error goes on.
     """
-    collector = collector_of(playing)
+    collector = collector_of(playback)
     stopped: KeyboardInterrupt | None = None
     try:
-        with recording(playing.drawn, playing.scene, output) as observers:
+        with recording(playback.drawn, playback.scene, output) as observers:
             try:
                 with savers or nullcontext({}) as writers:
-                    step_through(playing, observers, writers, collector)
+                    step_through(playback, observers, writers, collector)
             except KeyboardInterrupt as stop:
                 stopped = stop
     except (SinkError, KeyboardInterrupt):
         if collector.updates:
-            report(collector, playing, output)
+            report(collector, playback, output)
         raise
-    report(collector, playing, output)
+    report(collector, playback, output)
     if stopped is not None:
         note("stopped; the recording and the figures go as far as it got")
         raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)
 
 
-def collector_of(playing: Playing) -> ResultCollector:
+def collector_of(playback: Playback) -> ResultCollector:
     """Make what scores the runs, and compares those after the first with it."""
-    scene = playing.scene
+    scene = playback.scene
     arena = scene.library.arena
     say = scale_for(scene.info.display_units, arena).say
-    return ResultCollector(playing.labels, arena.size_m, say, playing.other_drives)
+    return ResultCollector(playback.labels, arena.size_m, say, playback.other_drives)
 
 
 def step_through(
-    playing: Playing,
+    playback: Playback,
     observers: Mapping[str, Observer],
     writers: Mapping[str, RunWriter],
     collector: ResultCollector,
 ) -> None:
     """Go through all updates once: score, save, draw, each update whole."""
-    comparison = _comparison(playing, observers)
+    comparison = _comparison(playback, observers)
     try:
         with progress("replay") as advance, stops_between() as stops:
-            for steps in playing.updates:
+            for steps in playback.updates:
                 with stops.wait():
                     pairs = collector.add_steps(steps)
                     for label, writer in writers.items():
@@ -150,32 +151,32 @@ def step_through(
                         observer.see(*steps[label])
                     if comparison is not None:
                         comparison.see(steps, pairs)
-                advance(collector.updates, playing.total)
+                advance(collector.updates, playback.total)
     finally:
         if comparison is not None and collector.updates:
             comparison.end(collector.results())
 
 
-def _comparison(playing: Playing, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:
+def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:
     """Draw into the observers' recording what several runs share; None where there is nothing to share."""
     if len(observers) < 2:
         return None
     from ..panels.comparison import ComparisonDrawing
     from ..panels.observer import RerunObserver
 
-    first, scene = next(iter(observers.values())), playing.scene
+    first, scene = next(iter(observers.values())), playback.scene
     if not isinstance(first, RerunObserver):
         return None
     scale = scale_for(scene.info.display_units, scene.library.arena)
-    drawing = ComparisonDrawing(first.rec, playing.labels, scale, playing.other_drives)
+    drawing = ComparisonDrawing(first.rec, playback.labels, scale, playback.other_drives)
     drawing.begin(scene.library.arena, scene.has_truth)
     return drawing
 
 
-def report(collector: ResultCollector, playing: Playing, output: OutputOptions) -> None:
+def report(collector: ResultCollector, playback: Playback, output: OutputOptions) -> None:
     """Print the results; remarks go to standard error."""
-    playing.remarks(collector)
-    done, info = collector.results(), playing.scene.info
+    playback.remarks(collector)
+    done, info = collector.results(), playback.scene.info
     if output.json:
         told = {"notes": list(info.notes)} if info.notes else {}
         results.print_json(json.dumps(to_json(done) | told))

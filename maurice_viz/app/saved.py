@@ -27,10 +27,11 @@ from ..cli.console import note, progress
 from ..cli.errors import one_line_errors
 from ..cli.options import OutputOptions
 from ..playback import ResultCollector, shared
+from ..scene import RunView
 from .open import AnySession
-from .output import Drawn, Scene
+from .output import Scene
 from .restoring import Pictures, Restored, restored_together
-from .run import Playing, play, remark_zeros
+from .run import Playback, play, remark_zeros
 from .run_events import find_notes
 
 
@@ -116,12 +117,12 @@ def open_saved(folder: Path) -> Opened:
 def replay_saved(folder: Path, output: OutputOptions) -> None:
     """Replay a saved run, or those of a comparison; what is wrong ends in one line and status 1."""
     with one_line_errors():
-        play(playing_of(open_saved(folder)), output)
+        play(playback_of(open_saved(folder)), output)
 
 
-def playing_of(opened: Opened) -> Playing:
+def playback_of(opened: Opened) -> Playback:
     """Get saved runs ready to be gone through with `running.step_through`, from their first update."""
-    return Playing(
+    return Playback(
         shared(opened.updates()),
         opened.runs[0].manifest.pictures,
         [drawn_of(one) for one in opened.restored],
@@ -168,11 +169,11 @@ def _sensor(run: SavedRun, found: _Found) -> SensorModel | None:
     return localizer_of(run, found.session, found.library).sensor
 
 
-def drawn_of(one: Restored) -> Drawn:
+def drawn_of(one: Restored) -> RunView:
     """Say how one saved run is drawn."""
     manifest = one.saved.manifest
     particles = one.saved.configuration.parameters.particles
-    return Drawn(manifest.label, manifest.channels, one.sensor, particles, one.bookmarks)
+    return RunView(manifest.label, manifest.channels, one.sensor, particles, one.bookmarks)
 
 
 def _map_alone(run: SavedRun) -> Library:

@@ -15,7 +15,7 @@ from maurice_loaders.runs.writer import RunWriter, begin_comparison
 
 from ..cli.options import OutputOptions
 from ..errors import SinkError
-from ..playback import Run
+from ..playback import FilterRun
 from .open import AnySession
 
 
@@ -32,7 +32,9 @@ class Inputs:
 
 
 @contextmanager
-def saving(runs: Sequence[Run], inputs: Inputs, output: OutputOptions) -> Iterator[Mapping[str, RunWriter]]:
+def saving(
+    runs: Sequence[FilterRun], inputs: Inputs, output: OutputOptions
+) -> Iterator[Mapping[str, RunWriter]]:
     """Open a writer a run, and at the end have each say how it ended; no writers without `--run`.
 
     Raises LogError when the folder is taken, SinkError when it can be written to no longer.
@@ -54,7 +56,7 @@ def saving(runs: Sequence[Run], inputs: Inputs, output: OutputOptions) -> Iterat
         _close(writers, state, output.run)
 
 
-def _writers(runs: Sequence[Run], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
+def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
     """One run is the folder itself, several are folders below it."""
     folders = {runs[0].label: target}
     if len(runs) > 1:
@@ -72,7 +74,7 @@ def _writers(runs: Sequence[Run], inputs: Inputs, target: Path, force: bool) -> 
     }
 
 
-def manifest_of(run: Run, inputs: Inputs, folder: Path) -> RunManifest:
+def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
     """Say what a run is made from, as its manifest does before the first step."""
     localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
     channels, path = tuple(localizer.sensor.distances), inputs.session.path

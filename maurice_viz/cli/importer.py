@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from maurice_loaders.session_log.reader import SessionLog
 
-    from ..app.run import Playing
+    from ..app.run import Playback
 
 NOT_MINE = 66
 MANIFEST = "manifest.json"  # stands for a saved run: Rerun opens a folder file by file
@@ -96,10 +96,10 @@ def _import(path: Path, recording_id: str | None) -> int:
 def _draw(path: Path, recording_id: str | None) -> None:
     from maurice_loaders.session_log.reader import SessionLog
 
-    from ..app.saved import open_saved, playing_of
+    from ..app.saved import open_saved, playback_of
 
     if path.name == MANIFEST:
-        _play(playing_of(open_saved(path.parent)), recording_id)
+        _play(playback_of(open_saved(path.parent)), recording_id)
         return
     log = SessionLog(path)
     survey = log.info.survey
@@ -109,38 +109,39 @@ def _draw(path: Path, recording_id: str | None) -> None:
         _draw_alone(log, recording_id)
 
 
-def _usual_run(log: SessionLog) -> Playing:
+def _usual_run(log: SessionLog) -> Playback:
     """Get the run ready that `maurice-replay SESSION` does."""
-    from ..app.open import Wanted, make_runs, open_library_for
-    from ..app.output import Drawn, Scene
-    from ..app.run import Playing, remark
+    from ..app.open import RunSpec, make_runs, open_library_for
+    from ..app.output import Scene
+    from ..app.run import Playback, remark
     from ..playback import run_together, shared
+    from ..scene import RunView
     from .options import RunOptions
 
     library = open_library_for(log, None, keep_going=False)
-    runs = make_runs(log, library, [Wanted()], RunOptions())
+    runs = make_runs(log, library, [RunSpec()], RunOptions())
     pictures, has_truth = log.overview()
-    return Playing(
+    return Playback(
         shared(run_together(runs, log)),
         pictures,
-        [Drawn.live(run.label, run.localizer) for run in runs],
+        [RunView.live(run.label, run.localizer) for run in runs],
         Scene(log.info, library, has_truth, pictures),
         lambda collector: remark(collector, log),
     )
 
 
-def _play(playing: Playing, recording_id: str | None) -> None:
+def _play(playback: Playback, recording_id: str | None) -> None:
     """Draw runs as they go, so that the viewer shows the first steps at once."""
     from ..app.output import layout_of, observed
     from ..app.run import collector_of, step_through
     from ..viewer.sinks import recording
 
-    rec = recording(playing.scene.info.name, recording_id)
-    rec.stdout(default_blueprint=layout_of(playing.drawn, playing.scene))
-    collector = collector_of(playing)
-    with observed(rec, playing.drawn, playing.scene) as observers:
-        step_through(playing, observers, {}, collector)
-    playing.remarks(collector)
+    rec = recording(playback.scene.info.name, recording_id)
+    rec.stdout(default_blueprint=layout_of(playback.drawn, playback.scene))
+    collector = collector_of(playback)
+    with observed(rec, playback.drawn, playback.scene) as observers:
+        step_through(playback, observers, {}, collector)
+    playback.remarks(collector)
     _finish(rec)
 
 

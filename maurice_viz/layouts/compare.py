@@ -30,7 +30,7 @@ from ..entities import (
 )
 from ..panels import comparison_keys as compare_keys
 from ..panels.traces import CONFIDENCE, HEADING_ERROR, POSITION_ERROR, SPREAD
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from ..style import COLOR_WORDS, GROUND, RUN_COLORS
 from .plots import compared, plot
 from .views import (
@@ -50,7 +50,7 @@ MAP = (entities.FLOORS, entities.WALLS, entities.NODES)
 LONGEST = 12  # letters of a label in a title of the shared column
 
 
-def layout(runs: Sequence[Run], shown: Shown) -> rrb.Horizontal:
+def layout(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Horizontal:
     """Lay out runs: half of them left of what they share, the others right of it, in their order."""
     side = _wide if len(runs) < compare_keys.NARROW_FROM else _narrow
     columns = [side(run, number, len(runs), shown) for number, run in enumerate(runs)]
@@ -60,7 +60,7 @@ def layout(runs: Sequence[Run], shown: Shown) -> rrb.Horizontal:
     return rrb.Horizontal(*columns[:half], middle, *columns[half:], column_shares=shares)
 
 
-def _wide(run: Run, number: int, count: int, shown: Shown) -> rrb.Vertical:
+def _wide(run: RunView, number: int, count: int, shown: SceneInfo) -> rrb.Vertical:
     paths, title = RunPaths(run.label), f"{run.label}: "
     return rrb.Vertical(
         rrb.Tabs(_belief_view(run, number, count, shown), circles_view(paths, shown)),
@@ -71,7 +71,7 @@ def _wide(run: Run, number: int, count: int, shown: Shown) -> rrb.Vertical:
     )
 
 
-def _narrow(run: Run, number: int, count: int, shown: Shown) -> rrb.Vertical:
+def _narrow(run: RunView, number: int, count: int, shown: SceneInfo) -> rrb.Vertical:
     paths = RunPaths(run.label)
     sheet, text = sheet_view(paths), text_view(paths)
     sheet.name, text.name = "Five best", "This step"
@@ -83,7 +83,7 @@ def _narrow(run: Run, number: int, count: int, shown: Shown) -> rrb.Vertical:
     )
 
 
-def _shared(runs: Sequence[Run], shown: Shown) -> rrb.Vertical:
+def _shared(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Vertical:
     words = rrb.Tabs(
         rrb.TextDocumentView(name="This step", origin=TEXT),
         rrb.TextDocumentView(name="Whole drive", origin=RESULT),
@@ -100,7 +100,7 @@ def _shared(runs: Sequence[Run], shown: Shown) -> rrb.Vertical:
     return rrb.Vertical(everything, pictures, *narrow, words, row_shares=shares)
 
 
-def _wide_plots(runs: Sequence[Run], shown: Shown) -> list[rrb.Tabs]:
+def _wide_plots(runs: Sequence[RunView], shown: SceneInfo) -> list[rrb.Tabs]:
     """Plot the runs themselves, then how they differ from the first."""
     labels, unit, first = [run.label for run in runs], shown.scale.units.name, _first(runs)
     spread, apart = compared(SPREAD, f"Spread ({unit})", labels), _apart_plots(runs, shown)
@@ -117,7 +117,7 @@ def _wide_plots(runs: Sequence[Run], shown: Shown) -> list[rrb.Tabs]:
     ]
 
 
-def _narrow_plots(runs: Sequence[Run], shown: Shown) -> list[rrb.TimeSeriesView]:
+def _narrow_plots(runs: Sequence[RunView], shown: SceneInfo) -> list[rrb.TimeSeriesView]:
     labels, unit = [run.label for run in runs], shown.scale.units.name
     if not shown.has_truth:
         return [compared(SPREAD, f"Spread ({unit})", labels), *_apart_plots(runs, shown)]
@@ -128,7 +128,7 @@ def _narrow_plots(runs: Sequence[Run], shown: Shown) -> list[rrb.TimeSeriesView]
     ]
 
 
-def _apart_plots(runs: Sequence[Run], shown: Shown) -> list[rrb.TimeSeriesView]:
+def _apart_plots(runs: Sequence[RunView], shown: SceneInfo) -> list[rrb.TimeSeriesView]:
     """Plot how far estimates are from the first run's; of other drives nothing is to be seen."""
     if all(run.own_drive for run in runs[1:]):
         return []
@@ -136,13 +136,13 @@ def _apart_plots(runs: Sequence[Run], shown: Shown) -> list[rrb.TimeSeriesView]:
     return [plot(f"Apart from {_first(runs)} ({shown.scale.units.name})", contents)]
 
 
-def _first(runs: Sequence[Run]) -> str:
+def _first(runs: Sequence[RunView]) -> str:
     """Name the first run in a title; a long name would be cut off there."""
     label = runs[0].label
     return label if len(label) <= LONGEST else "the first"
 
 
-def _narrow_circles(paths: RunPaths, count: int, shown: Shown) -> rrb.Spatial2DView:
+def _narrow_circles(paths: RunPaths, count: int, shown: SceneInfo) -> rrb.Spatial2DView:
     contents = [entities.FLOORS, entities.WALLS, CIRCLE_KEY]
     contents += [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
     extent = compare_keys.extent_with(compare_keys.circle_key(count), shown)
@@ -150,7 +150,7 @@ def _narrow_circles(paths: RunPaths, count: int, shown: Shown) -> rrb.Spatial2DV
     return drawn_over(f"Match circles ({shown.scale.units.name})", contents, extent, white)
 
 
-def _belief_view(run: Run, number: int, count: int, shown: Shown) -> rrb.Spatial2DView:
+def _belief_view(run: RunView, number: int, count: int, shown: SceneInfo) -> rrb.Spatial2DView:
     """Show one run's cloud; the title says by which color it is known elsewhere."""
     contents = [*MAP, BELIEF_KEY, f"{RunPaths(run.label).at('belief')}/**"]
     contents += [f"{truth_of(run.label, run.own_drive)}/**"] if shown.has_truth else []
@@ -159,7 +159,7 @@ def _belief_view(run: Run, number: int, count: int, shown: Shown) -> rrb.Spatial
     return drawn_over(name, contents, compare_keys.extent_with(key, shown))
 
 
-def _all_view(runs: Sequence[Run], shown: Shown) -> rrb.Spatial2DView:
+def _all_view(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Spatial2DView:
     """Show all clouds on one map, each with its estimate in the run's color."""
     labels = [run.label for run in runs]
     contents = [*MAP, RUNS_KEY]
@@ -176,7 +176,7 @@ def _all_view(runs: Sequence[Run], shown: Shown) -> rrb.Spatial2DView:
     return drawn_over(name, list(dict.fromkeys(contents)), compare_keys.extent_with(key, shown), overrides)
 
 
-def _camera_views(runs: Sequence[Run]) -> list[rrb.Spatial2DView]:
+def _camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
     """Show what the robot saw; of different drives, each one's camera in place of the edges."""
     own = [run.label for run in runs if run.own_drive]
     if not own:

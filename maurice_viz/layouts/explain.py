@@ -12,7 +12,7 @@ from ..drawing.canvas import map_extent
 from ..entities import RunPaths
 from ..explain.paths import NAMES, card_path, chart_path, columns_of, marks_path, table_path
 from ..panels.explanation import FOOT_NATS
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from ..style import GROUND
 from .views import camera_view, edges_view, map_view, text_view
 
@@ -24,7 +24,7 @@ LEFT_SHARE = 1.9  # how much higher than the words a square map is
 FEW_CHANNELS = 4  # beyond it the table gets more of the screen
 
 
-def layout(run: Run, shown: Shown) -> rrb.Horizontal:
+def layout(run: RunView, shown: SceneInfo) -> rrb.Horizontal:
     """Lay out one run: the map and the words left; the references, their charts and their figures right."""
     paths, whose = RunPaths(run.label), columns_of(shown.has_truth)
     left = rrb.Vertical(marks_view(paths, shown), text_view(paths), row_shares=[map_share(shown), 1])
@@ -44,13 +44,13 @@ def layout(run: Run, shown: Shown) -> rrb.Horizontal:
     return rrb.Horizontal(left, right, column_shares=[1, 1.9])
 
 
-def map_share(shown: Shown) -> float:
+def map_share(shown: SceneInfo) -> float:
     """Give how much higher than the words the map is: as much as its shape needs, and neither too little."""
     extent = map_extent(shown.arena, shown.scale)
     return float(np.clip(LEFT_SHARE * extent.height / extent.width, 1.0, 2.6))
 
 
-def marks_view(paths: RunPaths, shown: Shown) -> rrb.Spatial2DView:
+def marks_view(paths: RunPaths, shown: SceneInfo) -> rrb.Spatial2DView:
     """Show where the references of the columns are, over the match circles and under truth and estimate."""
     contents = [entities.FLOORS, entities.WALLS, entities.EXPLAIN_KEY, paths.circles, marks_path(paths)]
     contents.append(f"{paths.estimate}/**")

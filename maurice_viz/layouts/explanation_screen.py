@@ -19,7 +19,7 @@ from ..panels.explanation_screen import (
     words_path,
 )
 from ..panels.pictures import EDGE_GAIN
-from ..scene import Shown
+from ..scene import SceneInfo
 from ..style import GROUND
 from .explain import LOSES
 from .views import camera_view, edges_view, map_view
@@ -27,7 +27,7 @@ from .views import camera_view, edges_view, map_view
 WHO = {TRUTH: "Truth's", ESTIMATE: "Estimate's", WINNER: "Winner", ASKED: "Asked for"}
 
 
-def full(paths: RunPaths, step: StepExplanation, shown: Shown) -> rrb.Blueprint:
+def full(paths: RunPaths, step: StepExplanation, shown: SceneInfo) -> rrb.Blueprint:
     """Lay out map, camera and words left; a column a reference right, over the table of their figures."""
     name = f"Match circles (area: likelihood), particles, references ({shown.scale.units.name})"
     contents = [entities.FLOORS, entities.WALLS, paths.circles, paths.particles, marks_path(paths)]

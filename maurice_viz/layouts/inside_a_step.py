@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 
 from ..entities import RunPaths
 from ..panels.events import events_view
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from .plots import evidence_key, evidence_plot, key_share, lineage_plot
 from .views import (
     camera_view,
@@ -22,7 +22,7 @@ from .views import (
 CLOSEUP = "Cloud from near: moves blue, ancestors yellow, died red, new pink"
 
 
-def layout(run: Run, shown: Shown) -> rrb.Container:
+def layout(run: RunView, shown: SceneInfo) -> rrb.Container:
     """The cloud large; what it was weighed by, which way it looks and whom it comes from beside it."""
     paths = RunPaths(run.label)
     cloud = rrb.Vertical(

@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 
 from ..entities import RunPaths
 from ..panels.events import events_view
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from .plots import single_traces
 from .views import (
     arena_view,
@@ -20,7 +20,7 @@ from .views import (
 )
 
 
-def layout(run: Run, shown: Shown) -> rrb.Horizontal:
+def layout(run: RunView, shown: SceneInfo) -> rrb.Horizontal:
     """Lay out one run: the arena and the words left, matching in the middle, pictures and traces right."""
     paths = RunPaths(run.label)
     distances, *others = single_traces(paths, shown)

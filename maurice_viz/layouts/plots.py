@@ -18,12 +18,12 @@ from ..panels.traces import (
     SPREAD,
     SURVIVORS,
 )
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from ..style import COLOR_WORDS, GROUND, RUN_COLORS
 from .views import Overrides
 
 
-def single_traces(paths: RunPaths, shown: Shown) -> list[rrb.TimeSeriesView]:
+def single_traces(paths: RunPaths, shown: SceneInfo) -> list[rrb.TimeSeriesView]:
     """Plot one run: distances, heading error where the truth is known, shares."""
     unit = shown.scale.units.name
     both = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE)]
@@ -38,7 +38,7 @@ def single_traces(paths: RunPaths, shown: Shown) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def compared_traces(labels: Sequence[str], shown: Shown) -> list[rrb.TimeSeriesView | rrb.Tabs]:
+def compared_traces(labels: Sequence[str], shown: SceneInfo) -> list[rrb.TimeSeriesView | rrb.Tabs]:
     """Plot runs in one chart a quantity."""
     who = ", ".join(f"{label} {word}" for label, word in zip(labels, COLOR_WORDS, strict=False))
     unit = shown.scale.units.name
@@ -78,7 +78,7 @@ def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
     return plot(f"{title}Evidence of each picture (nats)", [paths.trace(EVIDENCE)])
 
 
-def key_share(run: Run) -> float:
+def key_share(run: RunView) -> float:
     """Give how much of a column the key needs: a row for every four channels."""
     return 0.35 + 0.09 * (len(run.channels) // 4)
 

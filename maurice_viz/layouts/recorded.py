@@ -9,12 +9,12 @@ import rerun.blueprint as rrb
 from ..entities import RunPaths
 from ..panels.events import events_view
 from ..panels.traces import CONFIDENCE, EFFECTIVE, HEADING_ERROR, POSITION_ERROR, SPREAD
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from .plots import compared, single_traces
 from .views import arena_view, camera_view, closeup_view, river_view, rose_view, text_view
 
 
-def overview(runs: Sequence[Run], shown: Shown) -> rrb.Horizontal:
+def overview(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Horizontal:
     """Lay out one run: the arena and the words left, the cloud from near in the middle, traces right."""
     (run,) = runs
     paths = RunPaths(run.label)
@@ -30,7 +30,7 @@ def overview(runs: Sequence[Run], shown: Shown) -> rrb.Horizontal:
     return rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
 
 
-def traces(runs: Sequence[Run], shown: Shown) -> rrb.Container:
+def traces(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Container:
     """Plot one quantity a panel."""
     labels, unit = [run.label for run in runs], shown.scale.units.name
     of_truth = [

@@ -7,19 +7,19 @@ from collections.abc import Callable, Mapping, Sequence
 import rerun.blueprint as rrb
 
 from .. import entities
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from ..style import legible_names
 from . import compare, explain, inside_a_step, overview, recorded, traces
 
-Layout = Callable[[Sequence[Run], Shown], rrb.Container]
+Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
 
 FPS = 4.0
 
 
-def _a_tab_a_run(one: Callable[[Run, Shown], rrb.Container]) -> Layout:
+def _a_tab_a_run(one: Callable[[RunView, SceneInfo], rrb.Container]) -> Layout:
     """Make a layout of many runs from one of a single run."""
 
-    def layout(runs: Sequence[Run], shown: Shown) -> rrb.Container:
+    def layout(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Container:
         if len(runs) == 1:
             return one(runs[0], shown)
         tabs = [_named(one(run, shown), run.label) for run in runs]
@@ -43,13 +43,13 @@ LAYOUTS: Mapping[str, Layout] = {
 RECORDED: Mapping[str, Layout] = {"overview": recorded.overview, "traces": recorded.traces}
 
 
-def usual(runs: Sequence[Run]) -> str:
+def usual(runs: Sequence[RunView]) -> str:
     """Name the layout that is shown first: one run by itself, more side by side."""
     return "overview" if len(runs) == 1 else "compare"
 
 
 def for_runs(
-    runs: Sequence[Run], shown: Shown, first: str | None = None, *, live: bool = False
+    runs: Sequence[RunView], shown: SceneInfo, first: str | None = None, *, live: bool = False
 ) -> rrb.Blueprint:
     """Give a blueprint with a tab a layout; `first` names the one that is open. KeyError for others.
 

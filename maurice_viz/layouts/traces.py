@@ -21,12 +21,12 @@ from ..panels.traces import (
     TRUTH_RANK,
     TRUTH_RATIO,
 )
-from ..scene import Run, Shown
+from ..scene import RunView, SceneInfo
 from ..style import COLOR_WORDS
 from .plots import compared, evidence_key, evidence_plot, key_share
 
 
-def layout(runs: Sequence[Run], shown: Shown) -> rrb.Container:
+def layout(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Container:
     """Plot one quantity a panel, a line a run."""
     labels = [run.label for run in runs]
     unit = shown.scale.units.name
@@ -51,7 +51,7 @@ def layout(runs: Sequence[Run], shown: Shown) -> rrb.Container:
     return rrb.Horizontal(*columns, _last(runs))
 
 
-def _last(runs: Sequence[Run]) -> rrb.Vertical:
+def _last(runs: Sequence[RunView]) -> rrb.Vertical:
     """Plot evidence, a panel a run, over the key of its lines and the events."""
     labels = [run.label for run in runs]
     evidence = [evidence_plot_of(run, len(runs) > 1) for run in runs]
@@ -63,11 +63,11 @@ def _last(runs: Sequence[Run]) -> rrb.Vertical:
     return rrb.Vertical(*evidence, key, events_view(labels), row_shares=shares)
 
 
-def evidence_plot_of(run: Run, several: bool) -> rrb.TimeSeriesView:
+def evidence_plot_of(run: RunView, several: bool) -> rrb.TimeSeriesView:
     """Plot a run's evidence; with its label where there are several."""
     return evidence_plot(RunPaths(run.label), f"{run.label}: " if several else "")
 
 
-def evidence_key_of(run: Run, several: bool) -> rrb.Spatial2DView:
+def evidence_key_of(run: RunView, several: bool) -> rrb.Spatial2DView:
     """Show the colors of a run's evidence; with its label where others have other channels."""
     return evidence_key(RunPaths(run.label), f"{run.label}: " if several else "")

@@ -19,7 +19,7 @@ from ..panels.headings import REACH
 from ..panels.likelihood import names
 from ..panels.modes import HEIGHT, LENGTH, MARGIN
 from ..panels.pictures import EDGE_GAIN
-from ..scene import Shown
+from ..scene import SceneInfo
 from ..style import GROUND, TRUTH
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
@@ -31,7 +31,7 @@ SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Ra
 
 
 def map_view(
-    name: str, contents: list[str], shown: Shown, white_cloud: str | None = None
+    name: str, contents: list[str], shown: SceneInfo, white_cloud: str | None = None
 ) -> rrb.Spatial2DView:
     """Show some entities on the map, the whole of which is seen; a cloud can be drawn small and white."""
     overrides: Overrides = {white_cloud: SMALL_AND_WHITE} if white_cloud else {}
@@ -55,7 +55,7 @@ def drawn_over(
 
 
 def arena_view(
-    paths: RunPaths, shown: Shown, title: str = "", name: str = "Belief: particles by weight"
+    paths: RunPaths, shown: SceneInfo, title: str = "", name: str = "Belief: particles by weight"
 ) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
     contents = [*MAP, entities.NODES, entities.WEIGHT_KEY, f"{paths.at('belief')}/**"]
@@ -64,14 +64,14 @@ def arena_view(
     return map_view(f"{title}{name} ({shown.scale.units.name})", contents, shown)
 
 
-def circles_view(paths: RunPaths, shown: Shown, title: str = "") -> rrb.Spatial2DView:
+def circles_view(paths: RunPaths, shown: SceneInfo, title: str = "") -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
     contents = [*MAP, entities.MATCH_KEY]
     contents += [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
     return map_view(f"{title}Match circles ({shown.scale.units.name})", contents, shown, paths.particles)
 
 
-def likelihood_tabs(paths: RunPaths, channels: Sequence[str], shown: Shown) -> list[rrb.Spatial2DView]:
+def likelihood_tabs(paths: RunPaths, channels: Sequence[str], shown: SceneInfo) -> list[rrb.Spatial2DView]:
     """Show the likelihood over the whole map, all channels together and each alone, under the cloud."""
     views: list[rrb.Spatial2DView] = []
     for channel in names(tuple(channels)):
@@ -83,7 +83,7 @@ def likelihood_tabs(paths: RunPaths, channels: Sequence[str], shown: Shown) -> l
     return views
 
 
-def closeup_view(paths: RunPaths, shown: Shown, name: str) -> rrb.Spatial2DView:
+def closeup_view(paths: RunPaths, shown: SceneInfo, name: str) -> rrb.Spatial2DView:
     """Show the cloud from near: the view follows it, and a bar says how near."""
     contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
     contents += [f"{entities.TRUTH}/**"] if shown.has_truth else []
@@ -119,7 +119,7 @@ def river_view(paths: RunPaths) -> rrb.Spatial2DView:
     )
 
 
-def film_view(paths: RunPaths, shown: Shown) -> rrb.Spatial2DView:
+def film_view(paths: RunPaths, shown: SceneInfo) -> rrb.Spatial2DView:
     """Show what was seen in the last updates, over the references at the truth and at the estimate."""
     width, height = size_px(shown.picture_height, shown.has_truth)
     return rrb.Spatial2DView(

@@ -31,7 +31,7 @@ from ..entities import (
     truth_of,
 )
 from ..playback import RunResult
-from ..scene import Shown
+from ..scene import SceneInfo
 from ..style import RUN_COLORS, Scale, legible
 from ..text import comparison as compare_words
 from . import belief as draw_belief
@@ -63,7 +63,7 @@ class ComparisonDrawing:
 
     def begin(self, arena: Arena, has_truth: bool) -> None:
         """Log all that does not change."""
-        shown = Shown(arena, self._scale, has_truth)
+        shown = SceneInfo(arena, self._scale, has_truth)
         self._arrow = draw_belief.ARROW * long_side(arena, self._scale)
         self._words = compare_words.StepWords(self._labels, self._scale, has_truth)
         self._draw_keys(shown)
@@ -96,7 +96,7 @@ class ComparisonDrawing:
         text = compare_words.result(results, self._scale.units)
         self._rec.log(RESULT, rr.TextDocument(legible(text), media_type=MARKDOWN), static=True)
 
-    def _draw_keys(self, shown: Shown) -> None:
+    def _draw_keys(self, shown: SceneInfo) -> None:
         runs = len(self._labels)
         keys = {
             RUNS_KEY: runs_key(self._labels, shown.has_truth),

@@ -12,7 +12,7 @@ from maurice_mcl.arrays import U8
 
 from ..drawing.canvas import MARGIN, Extent, long_side, map_extent
 from ..drawing.raster import plain, put_text, text_size
-from ..scene import Shown
+from ..scene import SceneInfo
 from ..style import CIRCLE, COLOR_WORDS, ESTIMATE, GROUND, LUT, PALE, RANK, RGB, RUN_COLORS, TRUTH
 
 WIDTH_PX = 1280
@@ -68,7 +68,7 @@ def _truth(has_truth: bool) -> list[Item]:
     return [Item("truth", TRUTH)] if has_truth else []
 
 
-def key_extent(key: U8, shown: Shown) -> Extent:
+def key_extent(key: U8, shown: SceneInfo) -> Extent:
     """Give the rectangle of a key: as wide as the map view, its last row where the view's margin is."""
     extent = map_extent(shown.arena, shown.scale)
     height = extent.width * key.shape[0] / key.shape[1]
@@ -76,7 +76,7 @@ def key_extent(key: U8, shown: Shown) -> Extent:
     return Extent(extent.left, extent.right, bottom - height, bottom)
 
 
-def extent_with(key: U8, shown: Shown) -> Extent:
+def extent_with(key: U8, shown: SceneInfo) -> Extent:
     """Give the rectangle of a map view with a key above the map."""
     extent = map_extent(shown.arena, shown.scale)
     top = min(extent.top, key_extent(key, shown).top)

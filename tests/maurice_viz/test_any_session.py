@@ -27,7 +27,7 @@ from maurice_viz import entities
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import for_runs
 from maurice_viz.panels.observer import Detail, RerunObserver
-from maurice_viz.scene import Run, Shown
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import legible, scale_for
 from maurice_viz.viewer import sinks
 
@@ -152,8 +152,8 @@ def draw(case: Case, folder: Path) -> Path:
         particles=case.particles,
     )
     localizer = make_localizer(library, session, parameters)
-    shown = Shown(library.arena, scale_for(case.units, library.arena), case.has_truth)
-    blueprint = for_runs([Run(case.label, tuple(case.channels))], shown)
+    shown = SceneInfo(library.arena, scale_for(case.units, library.arena), case.has_truth)
+    blueprint = for_runs([RunView(case.label, tuple(case.channels))], shown)
     sensor = localizer.sensor if case.explained else None
     with sinks.to_file(out, case.session, blueprint) as rec:
         distances = recordings.distances_of(case.channels)
@@ -199,8 +199,8 @@ def test_whatever_is_written_has_signs_in_the_viewers_font(tmp_path: Path) -> No
     assert any("Schränkchen u673A moved" in text for text in texts)
     for text in [*texts, *recordings.entities_of(out)]:
         assert legible(text) == text
-    shown = Shown(fakes.arena(2, 2), scale_for("m", fakes.arena(2, 2)), has_truth=True)
-    blueprint = for_runs([Run("走", ("color",)), Run("机", ("color",))], shown)
+    shown = SceneInfo(fakes.arena(2, 2), scale_for("m", fakes.arena(2, 2)), has_truth=True)
+    blueprint = for_runs([RunView("走", ("color",)), RunView("机", ("color",))], shown)
     titles = [str(view.name) for view in views(blueprint.root_container)]
     assert all(legible(title) == title for title in titles)
     assert any(title.startswith("u8D70") for title in titles)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.app.compare import names_of
-from maurice_viz.app.open import Wanted, make_runs, open_library_for
+from maurice_viz.app.open import RunSpec, make_runs, open_library_for
 from maurice_viz.cli.app import app
 from maurice_viz.cli.options import RunOptions
 from maurice_viz.cli.understand.snapshot import draw_saved
@@ -118,8 +118,8 @@ def test_every_value_reaches_its_run(small_session: Path, maurice: Maurice) -> N
 def test_runs_that_are_compared_have_the_same_noise(small_session: Path) -> None:
     session = SessionLog(small_session)
     library = open_library_for(session, None, keep_going=False)
-    wanted = [Wanted(feature="color"), Wanted(feature="blended"), Wanted(feature="color", seed=1)]
-    wanted.append(Wanted(feature="blended"))
+    wanted = [RunSpec(feature="color"), RunSpec(feature="blended"), RunSpec(feature="color", seed=1)]
+    wanted.append(RunSpec(feature="blended"))
     runs = make_runs(session, library, wanted, RunOptions(particles=200, start="global"))
     color, blended, other_seed, again = (run.label for run in runs)
     for number, (_, records) in enumerate(run_together(runs, session)):

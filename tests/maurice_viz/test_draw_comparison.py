@@ -22,9 +22,8 @@ from maurice_viz import entities as paths
 from maurice_viz.layouts import compare
 from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, thinned
 from maurice_viz.panels.comparison_keys import belief_key, circle_key, key_extent, runs_key
-from maurice_viz.playback import ResultCollector, aligned, run_together, shared
-from maurice_viz.playback import Run as LiveRun
-from maurice_viz.scene import Run, Shown
+from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
@@ -40,7 +39,7 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
     runs = []
     for number, label in enumerate(LABELS):
         localizer = make_localizer(library, session, of_feature("color", 300), seed=number)
-        runs.append(LiveRun(label, localizer, None))
+        runs.append(FilterRun(label, localizer, None))
     collector = ResultCollector(LABELS, library.arena.size_m, scale.say, others or set())
     seen = []
     with sinks.to_file(path, "compared", rrb.Blueprint()) as rec:
@@ -158,15 +157,15 @@ def views(part: Any) -> Iterator[rrb.View]:
             yield from views(inner)
 
 
-def shown(has_truth: bool = True) -> Shown:
+def shown(has_truth: bool = True) -> SceneInfo:
     arena = fakes.arena(5, 4)
-    return Shown(arena, scale_for("in", arena), has_truth)
+    return SceneInfo(arena, scale_for("in", arena), has_truth)
 
 
 @pytest.mark.parametrize("has_truth", [True, False])
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_truth: bool) -> None:
-    runs = [Run(f"seed {k}", ("color", "edges")) for k in range(count)]
+    runs = [RunView(f"seed {k}", ("color", "edges")) for k in range(count)]
     body = compare.layout(runs, shown(has_truth))
     assert len(body.contents) == count + 1
     columns = [[str(view.name) for view in views(column)] for column in body.contents]
@@ -180,20 +179,20 @@ def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_t
 
 def test_titles_are_short_where_columns_are_narrow() -> None:
     """At 1600 pixels a column of four has room for 28 letters beside the view's buttons."""
-    runs = [Run(label, ("color",)) for label in ("color", "edges", "blended", "best")]
+    runs = [RunView(label, ("color",)) for label in ("color", "edges", "blended", "best")]
     for column in compare.layout(runs, shown()).contents:
         for part in column.contents:
             assert len(str(next(views(part)).name)) <= 28
 
 
 def test_a_long_label_is_not_part_of_shared_titles() -> None:
-    runs = [Run("robust, tuned on the whole of olin", ("color",)), Run("b", ("color",))]
+    runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
     middle = compare.layout(runs, shown()).contents[1]
     assert "Error minus the first's (in)" in [str(view.name) for view in views(middle)]
 
 
 def test_drives_of_their_own_show_their_own_camera_and_truth() -> None:
-    runs = [Run("a", ("color",)), Run("b", ("color",), own_drive=True)]
+    runs = [RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)]
     found = list(views(compare.layout(runs, shown())))
     assert {"a: camera (px)", "b: camera (px)"} <= {str(view.name) for view in found}
     assert not any("Apart" in str(view.name) for view in found)

@@ -30,7 +30,7 @@ from maurice_viz.panels.explanation import ExplainPanel
 from maurice_viz.panels.explanation_cards import CARD_PX, MOST, bars_for, blank_card
 from maurice_viz.panels.explanation_screen import Update, bars_path, draw_full, picture_path, words_path
 from maurice_viz.panels.observer import set_phase
-from maurice_viz.scene import Run, Shown
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
@@ -50,7 +50,7 @@ def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | 
     scale = scale_for("in", library.arena)
     panel = ExplainPanel(PATHS, sensor, scale, has_truth)
     layout = explain.layout(
-        Run(PATHS.label, tuple(sensor.parameters.weights)), Shown(library.arena, scale, has_truth)
+        RunView(PATHS.label, tuple(sensor.parameters.weights)), SceneInfo(library.arena, scale, has_truth)
     )
     with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
         panel.prepare(rec)
@@ -243,7 +243,7 @@ def test_the_full_panel_has_every_chart(
     step = explain_step(record, sensor, moment.truth, asked, weigh=True)
     scale = scale_for("in", library.arena)
     path = tmp_path / "Büro.rrd"
-    with sinks.to_file(path, "Büro", full(PATHS, step, Shown(library.arena, scale, has_truth))) as rec:
+    with sinks.to_file(path, "Büro", full(PATHS, step, SceneInfo(library.arena, scale, has_truth))) as rec:
         draw_full(rec, PATHS, Update(moment, record, step, library, scale))
     found = recordings.entities_of(path)
     for explained in step.shown:

@@ -10,15 +10,16 @@ from maurice_viz import entities
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.layouts import compare, overview
 from maurice_viz.layouts.registry import for_runs
-from maurice_viz.scene import Run, Shown
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 
 ARENA = fakes.arena(5, 4)
-COLOR, BLENDED = Run("color", ("color",)), Run("blended", ("color", "edges"))
+EDGES = RunView("edges", ("edges",))
+COLOR, BLENDED = RunView("color", ("color",)), RunView("blended", ("color", "edges"))
 
 
-def shown(has_truth: bool = True) -> Shown:
-    return Shown(ARENA, scale_for("in", ARENA), has_truth)
+def shown(has_truth: bool = True) -> SceneInfo:
+    return SceneInfo(ARENA, scale_for("in", ARENA), has_truth)
 
 
 def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
@@ -29,7 +30,7 @@ def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
             yield from views(inner)
 
 
-def one_run(run: Run, shown: Shown) -> rrb.Blueprint:
+def one_run(run: RunView, shown: SceneInfo) -> rrb.Blueprint:
     return rrb.Blueprint(overview.layout(run, shown))
 
 
@@ -38,8 +39,8 @@ def titles(layout: rrb.Blueprint) -> list[str]:
 
 
 @pytest.mark.parametrize("has_truth", [True, False])
-@pytest.mark.parametrize("runs", [[BLENDED], [COLOR, BLENDED], [COLOR, BLENDED, Run("edges", ("edges",))]])
-def test_every_view_has_a_title_of_its_own(runs: list[Run], has_truth: bool) -> None:
+@pytest.mark.parametrize("runs", [[BLENDED], [COLOR, BLENDED], [COLOR, BLENDED, EDGES]])
+def test_every_view_has_a_title_of_its_own(runs: list[RunView], has_truth: bool) -> None:
     found = titles(for_runs(runs, shown(has_truth)))
     assert all(found)
     assert any("error" in title for title in found) == has_truth
@@ -88,7 +89,7 @@ def test_key_and_cloud_of_the_other_view_are_left_out() -> None:
 @pytest.mark.parametrize("has_truth", [True, False])
 def test_a_run_without_channels_has_no_views_of_comparisons(has_truth: bool) -> None:
     """As another localizer's, of which nothing was compared here."""
-    found = titles(for_runs([Run("amcl", ())], shown(has_truth)))
+    found = titles(for_runs([RunView("amcl", ())], shown(has_truth)))
     assert all(found)
     assert any("error" in title for title in found) == has_truth
     assert not any("Match" in title or "vidence" in title or "reference" in title for title in found)

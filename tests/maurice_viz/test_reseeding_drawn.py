@@ -15,7 +15,7 @@ from maurice_viz.entities import RunPaths, Slot
 from maurice_viz.layouts.registry import for_runs
 from maurice_viz.panels import belief as draw_belief
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.scene import Run, Shown
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.text import narration as narrate
 from maurice_viz.viewer import sinks
@@ -38,8 +38,8 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
     session = fakes.make_session(fakes.make_library(), 3)
     library, played = session.library, _records(session)
     path = tmp_path / "reseeded.rrd"
-    shown = Shown(library.arena, scale_for("in", library.arena), True)
-    layout = for_runs([Run("color", ("color",))], shown)
+    shown = SceneInfo(library.arena, scale_for("in", library.arena), True)
+    layout = for_runs([RunView("color", ("color",))], shown)
     with sinks.to_file(path, "x", layout) as rec:
         observer = RerunObserver(rec, "color", {"color": "hellinger"})
         observer.begin(session.info, library)

@@ -18,7 +18,7 @@ from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.session import Moment
 from maurice_viz.layouts.registry import for_runs
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.scene import Run, Shown
+from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
@@ -30,8 +30,8 @@ def draw(
 ) -> list[Played]:
     """Draw one run a feature into one recording; gives what was drawn."""
     library = session.library
-    runs = [Run(feature, tuple(FEATURES[feature])) for feature in features]
-    shown = Shown(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
+    runs = [RunView(feature, tuple(FEATURES[feature])) for feature in features]
+    shown = SceneInfo(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
     played = [fakes.play(session, feature, particles) for feature in features]
     with sinks.to_file(path, session.info.name, for_runs(runs, shown)) as rec:
         for number, (run, records) in enumerate(zip(runs, played, strict=True)):

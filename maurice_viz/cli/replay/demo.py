@@ -39,7 +39,7 @@ def demo(
     """Compare color and blended features on a drive through a simulated two-room arena."""
     from maurice_datasets.maurice import demo_paths, write_demo
 
-    from ...app.open import Wanted
+    from ...app.open import RunSpec
     from ...app.run import replay_runs
 
     with one_line_errors():
@@ -58,5 +58,5 @@ def demo(
             paths = demo_paths(DEMO_SEED, progress=advance)
     options = RunOptions(DEMO_SEED)
     output = OutputOptions("demo", save, headless, no_recording, force, json_output)
-    wanted = [Wanted(feature=feature) for feature in COLOR_AND_BLENDED]
+    wanted = [RunSpec(feature=feature) for feature in COLOR_AND_BLENDED]
     replay_runs(paths.session, None, wanted, options, output, keep_going=False)

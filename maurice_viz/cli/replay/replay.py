@@ -43,7 +43,7 @@ def replay(
     """Replay a session of any format, a saved run or a live source, in the viewer or, without, to a file."""
     from maurice_loaders.runs.store import is_saved
 
-    from ...app.open import Wanted
+    from ...app.open import RunSpec
     from ...app.run import replay_runs
     from ...app.saved import replay_saved
 
@@ -66,7 +66,7 @@ def replay(
             raise typer.BadParameter("--odometry-from-truth needs a recording, not a live source")
         from ...app.live import follow_source
 
-        follow_source(session, library, Wanted(preset, feature), options, output, live, opening)
+        follow_source(session, library, RunSpec(preset, feature), options, output, live, opening)
         return
     if is_saved(session):
         reading = opening != OpenOptions()
@@ -81,7 +81,7 @@ def replay(
     replay_runs(
         session,
         library,
-        [Wanted(preset, feature)],
+        [RunSpec(preset, feature)],
         options,
         output,
         keep_going=common.keep_going,

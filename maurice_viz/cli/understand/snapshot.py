@@ -207,9 +207,9 @@ def draw_saved(folder: Path, recording: Path, layout: str | None = None) -> None
     """Draw a saved run, or those of a comparison, into a new recording. LogError for anything else."""
     from ...app.output import recording as drawing
     from ...app.run import collector_of, step_through
-    from ...app.saved import open_saved, playing_of
+    from ...app.saved import open_saved, playback_of
 
-    playing = playing_of(open_saved(folder))
+    playing = playback_of(open_saved(folder))
     output = OutputOptions("run", recording, True, False, force=True, json=False, layout=layout)
     with ExitStack() as stack:
         # what the recording says at its end, where it is and how to open it, is not for a temporary one
