@@ -5,6 +5,18 @@ from __future__ import annotations
 from maurice_loaders.errors import LogError
 
 
+class OptionError(LogError):
+    """An argument has a value that it cannot have: what was found, what was expected.
+
+    On the command line it is a usage error, exit status 2.
+    """
+
+    def __init__(self, message: str) -> None:
+        """Describe the argument in one line; there is no file to name."""
+        Exception.__init__(self, " ".join(message.splitlines()))
+        self.message = str(self)
+
+
 class SinkError(LogError):
     """A recording cannot be written or shown: what, where, what to do. The figures are not touched by it."""
 

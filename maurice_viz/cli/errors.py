@@ -10,6 +10,8 @@ import typer
 
 from maurice_loaders.errors import LogError
 
+from ..errors import OptionError
+
 INTERRUPTED = 130  # what a shell says of a command ended by Ctrl-C ...
 TERMINATED = 143  # ... and by SIGTERM
 
@@ -19,6 +21,8 @@ def one_line_errors() -> Iterator[None]:
     """Turn what can go wrong with files into one line; defects of our own keep their traceback."""
     try:
         yield
+    except OptionError as problem:
+        raise typer.BadParameter(str(problem)) from None
     except LogError as problem:
         _fail(str(problem))
     except OSError as problem:
