@@ -18,3 +18,11 @@ class LogError(Exception):
         self.file = file
         self.line = line  # counted from 1; None when the matter is the whole file
         self.message = message
+
+
+class SourceError(LogError):
+    """As LogError, of a source that is no file: its name is kept as it was typed."""
+
+    def __init__(self, name: str, message: str, line: int | None = None) -> None:
+        super().__init__(Path(name), message, line)
+        self.args = (f"{name}{'' if line is None else f':{line}'}: {self.message}",)

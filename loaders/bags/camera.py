@@ -13,7 +13,7 @@ from maurice_mcl.session import Camera
 from ..errors import LogError
 from ..formats._poses import forward_axis, leaning, planar
 from .messages import TRANSFORMS, FrameTree, known_type, links_of
-from .parts import NO_VALUE
+from .readers import MESSAGE_ERRORS
 from .source import BagSource
 from .topics import readable
 
@@ -47,7 +47,7 @@ def _calibrated(bag: BagSource, image: str) -> Camera | None:
             for message in _decoded(bag, topic.name, 1):
                 try:
                     return _camera(image, message)
-                except NO_VALUE:
+                except MESSAGE_ERRORS:
                     break
     return None
 
@@ -76,7 +76,7 @@ def _yaw(bag: BagSource, base: str, frame: str) -> float | None:
                 try:
                     for link in links_of(message):
                         tree.add(link)
-                except NO_VALUE:
+                except MESSAGE_ERRORS:
                     continue
     place = tree.place(base, frame)
     if place is None:
@@ -91,5 +91,5 @@ def _decoded(bag: BagSource, topic: str, most: int) -> Iterator[Any]:
     for message in islice(bag.messages({topic}), most):
         try:
             yield message.decode()
-        except (LogError, *NO_VALUE):
+        except (LogError, *MESSAGE_ERRORS):
             continue

@@ -25,8 +25,8 @@ from ..io.findings import Findings
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.time_alignment import Aligner, Steps, as_rows
 from .map import GRID, arena_of
-from .messages import CLOUDS, UNSURE_POSE, cloud_of, pose_of, use_recorded
-from .parts import NO_VALUE, WINDOW_S, OneTopic, Timed, in_order, read_parts, time_s
+from .messages import CLOUDS, POSE_WITH_COVARIANCE, cloud_of, pose_of, use_recorded
+from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_parts, time_s
 from .recording import BagRecording, peek
 from .source import BagSource, Message, OpenBag, Topic
 from .topics import listed, readable
@@ -44,7 +44,7 @@ class Cloud:
 
 
 @dataclass(frozen=True, slots=True)
-class Clouds(OneTopic):
+class CloudReader(OneTopic):
     """Makes clouds of a topic's messages."""
 
     types: ClassVar[Collection[str]] = CLOUDS
@@ -58,7 +58,7 @@ class Clouds(OneTopic):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BelievedPose:
+class LocalizerPose:
     """Where a recorded localizer thought that the robot was."""
 
     t_s: float
@@ -67,10 +67,10 @@ class BelievedPose:
 
 
 @dataclass(frozen=True, slots=True)
-class BelievedPoses(OneTopic):
+class LocalizerPoseReader(OneTopic):
     """Makes a localizer's poses of a topic of PoseWithCovarianceStamped."""
 
-    types: ClassVar[Collection[str]] = (UNSURE_POSE,)
+    types: ClassVar[Collection[str]] = (POSE_WITH_COVARIANCE,)
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the pose of one message."""
@@ -79,7 +79,7 @@ class BelievedPoses(OneTopic):
             found = message.decode()
             variances = np.asarray(found.pose.covariance, np.float64)[[0, 7, 35]]
             sd = np.sqrt(np.where(variances > 0, variances, 0))
-            yield BelievedPose(time_s(found, message.log_ns, recorded=recorded), pose_of(found), sd)
+            yield LocalizerPose(time_s(found, message.log_ns, recorded=recorded), pose_of(found), sd)
 
 
 # What another localizer left in a bag: its particles and its pose, update by update.
@@ -95,7 +95,7 @@ class RecordedUpdate:
     t_s: float
     poses: F64  # (N, 3) in the map's frame, N > 0
     weights: F64 | None  # (N,) as recorded; None: the message has none
-    pose: BelievedPose | None  # the localizer's own, within 0.5 s
+    pose: LocalizerPose | None  # the localizer's own, within 0.5 s
     motions: F64  # (M, 3) by odometry since the last update
     truth: F64 | None  # (3,)
     read: Callable[[], U8] | None  # decodes the last picture before; None: there was none yet
@@ -117,7 +117,7 @@ class _CloudPicture(Picture):
     """A cloud on its way through the pairing by time, which is made for pictures."""
 
     cloud: Cloud
-    pose: BelievedPose | None
+    pose: LocalizerPose | None
     camera: Picture | None
 
 
@@ -183,9 +183,9 @@ class RecordedLocalizer:
         return Overview(count, truth, most, self._map or open_arena(np.stack([low, high])))
 
     def _stream(self, findings: Findings) -> Iterator[Timed]:
-        parts = [*self._drive.parts(), Clouds(self.cloud.name)]
+        parts = [*self._drive.parts(), CloudReader(self.cloud.name)]
         if self.pose is not None:
-            parts.append(BelievedPoses(self.pose.name))
+            parts.append(LocalizerPoseReader(self.pose.name))
         late: list[int] = [0]
 
         def leave_out(_: Timed) -> None:
@@ -206,7 +206,7 @@ class RecordedLocalizer:
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
     """Join each cloud with the pose nearest in time; of the pictures the last one goes with it."""
     held: deque[Timed] = deque()
-    last: list[Picture | BelievedPose | None] = [None, None]  # picture and pose so far
+    last: list[Picture | LocalizerPose | None] = [None, None]  # picture and pose so far
     for record in stream:
         held.append(record)
         while held[0].t_s < record.t_s - NEAR_S:
@@ -215,17 +215,17 @@ def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
         yield from _passed(held, last)
 
 
-def _passed(held: deque[Timed], last: list[Picture | BelievedPose | None]) -> Iterator[Record]:
+def _passed(held: deque[Timed], last: list[Picture | LocalizerPose | None]) -> Iterator[Record]:
     """Let the first record go; all that is near it in time stands behind it."""
     record = held.popleft()
     if isinstance(record, Picture):
         last[0] = record
-    elif isinstance(record, BelievedPose):
+    elif isinstance(record, LocalizerPose):
         last[1] = record
     elif isinstance(record, Motion | OdometryPose | TruthPose):
         yield record
     elif isinstance(record, Cloud) and len(record.poses):
-        near = [p for p in (last[1], *held) if isinstance(p, BelievedPose)]
+        near = [p for p in (last[1], *held) if isinstance(p, LocalizerPose)]
         pose = min(near, key=lambda p: abs(p.t_s - record.t_s), default=None)
         if pose is not None and abs(pose.t_s - record.t_s) > NEAR_S:
             pose = None
@@ -247,7 +247,7 @@ def _cloud_topic(path: Path, topics: tuple[Topic, ...]) -> Topic:
 
 
 def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
-    found = [t for t in readable(topics, {UNSURE_POSE}) if "initial" not in t.name]
+    found = [t for t in readable(topics, {POSE_WITH_COVARIANCE}) if "initial" not in t.name]
     return min(found, key=lambda t: ("amcl" not in t.name, -t.count, t.name), default=None)
 
 
@@ -259,6 +259,6 @@ def _map_of(bag: BagSource) -> Arena | None:
         for message in islice(bag.messages({topic.name}), 1):
             try:
                 return arena_of(message.decode())
-            except (LogError, *NO_VALUE):
+            except (LogError, *MESSAGE_ERRORS):
                 continue
     return None

@@ -19,14 +19,14 @@ from maurice_mcl.arrays import F64
 
 ODOMETRY = "nav_msgs/Odometry"
 ODOMETRIES = frozenset((ODOMETRY, "foxglove.Odometry"))
-UNSURE_POSE = "geometry_msgs/PoseWithCovarianceStamped"  # what localizers publish
+POSE_WITH_COVARIANCE = "geometry_msgs/PoseWithCovarianceStamped"  # what localizers publish
 PICTURES = frozenset(
     ("sensor_msgs/Image", "sensor_msgs/CompressedImage", "foxglove.RawImage", "foxglove.CompressedImage")
 )
 VIDEOS = frozenset(("foxglove.CompressedVideo", "ffmpeg_image_transport_msgs/FFMPEGPacket"))
 POSES = frozenset(
     (
-        *(*ODOMETRIES, UNSURE_POSE),
+        *(*ODOMETRIES, POSE_WITH_COVARIANCE),
         *("geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped"),
         *("geometry_msgs/Pose2D", "geometry_msgs/Pose", "turtlesim/Pose", "foxglove.PoseInFrame"),
     )

@@ -16,10 +16,20 @@ from ..io.findings import Findings
 from ..recording import OdometryPose, Record, TruthPose
 from .camera import camera_of
 from .messages import TEXT, TRANSFORMS, links_of, recorded_as_measured, stamp_ns, use_recorded
-from .parts import NO_VALUE, WINDOW_S, Notes, Part, Pictures, Poses, Timed, in_order, read_parts
-from .session_topics import MOTIONS, Motions, has_motions, header_of
+from .readers import (
+    MESSAGE_ERRORS,
+    WINDOW_S,
+    NoteReader,
+    PictureReader,
+    PoseReader,
+    Reader,
+    Timed,
+    in_order,
+    read_parts,
+)
+from .session_topics import MOTIONS, MotionReader, has_motions, header_of
 from .source import BagSource, OpenBag
-from .topics import Wishes, choose, nothing_to_read, readable
+from .topics import TopicRequest, choose, nothing_to_read, readable
 
 ROLES = ("image", "odometry", "truth")
 PEEKED = 3  # messages of a topic that are looked at before reading
@@ -86,20 +96,20 @@ class BagRecording:
         parts = self.parts(roles)
         return read_parts(self.path, self.open_bag, parts, findings, keep_going=keep_going, recorded=recorded)
 
-    def parts(self, roles: Collection[str] = ROLES) -> list[Part]:
+    def parts(self, roles: Collection[str] = ROLES) -> list[Reader]:
         """Give what reads these roles."""
         chosen, options = self.chosen, self._options
-        parts: list[Part] = []
+        parts: list[Reader] = []
         if "image" in roles and chosen.image:
-            parts.append(Pictures(chosen.image))
+            parts.append(PictureReader(chosen.image))
         if "odometry" in roles and self._motions:
-            parts.append(Motions(MOTIONS, options.odometry_offset_s))
+            parts.append(MotionReader(MOTIONS, options.odometry_offset_s))
         elif "odometry" in roles and chosen.odometry:
-            parts.append(Poses(chosen.odometry, OdometryPose, options.odometry_offset_s))
+            parts.append(PoseReader(chosen.odometry, OdometryPose, options.odometry_offset_s))
         if "truth" in roles and chosen.truth:
-            parts.append(Poses(chosen.truth, TruthPose, options.truth_offset_s))
+            parts.append(PoseReader(chosen.truth, TruthPose, options.truth_offset_s))
         if "odometry" in roles and self._events:
-            parts.append(Notes(self._events))
+            parts.append(NoteReader(self._events))
         return parts
 
 
@@ -114,8 +124,8 @@ def _refuse_tables(path: Path, options: OpenOptions) -> None:
             )
 
 
-def _wishes(options: OpenOptions) -> Wishes:
-    return Wishes(options.image_topic or options.camera, options.odometry_topic, options.truth_topic)
+def _wishes(options: OpenOptions) -> TopicRequest:
+    return TopicRequest(options.image_topic or options.camera, options.odometry_topic, options.truth_topic)
 
 
 def _events_topic(bag: BagSource) -> str | None:
@@ -130,7 +140,7 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     for message in islice(bag.messages({topic}), min(PEEKED, counted(bag, topic))):
         try:
             stamps.append((stamp_ns(message.decode()), message.log_ns))
-        except (LogError, *NO_VALUE):  # told of when it is read
+        except (LogError, *MESSAGE_ERRORS):  # told of when it is read
             continue
     return stamps
 
@@ -147,6 +157,6 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
         for message in islice(bag.messages({topic.name}), min(TRANSFORMS_PEEKED, topic.count)):
             try:
                 edges |= {(link.parent, link.child) for link in links_of(message.decode())}
-            except (LogError, *NO_VALUE):
+            except (LogError, *MESSAGE_ERRORS):
                 continue
     return edges

@@ -21,7 +21,7 @@ from ..io.fields import read_json
 from ..recording import Motion
 from ..session_log.header import header_from_json
 from .messages import TEXT
-from .parts import NO_VALUE, OneTopic, Timed, time_s
+from .readers import MESSAGE_ERRORS, OneTopic, Timed, time_s
 from .source import BagSource, Message
 from .topics import readable
 
@@ -37,7 +37,7 @@ def header_of(path: Path, bag: BagSource) -> SessionInfo | None:
     for message in islice(bag.messages({HEADER}), 1):
         try:
             return header_from_json(read_json(str(message.decode().data)), path)[0]
-        except NO_VALUE as problem:
+        except MESSAGE_ERRORS as problem:
             raise LogError(path, f"{HEADER}: {problem}; is it damaged?") from None
     return None
 
@@ -48,7 +48,7 @@ def has_motions(bag: BagSource) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Motions(OneTopic):
+class MotionReader(OneTopic):
     """Makes motions of their topic's messages."""
 
     types: ClassVar[Collection[str]] = (VECTOR,)

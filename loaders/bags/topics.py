@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import LogError
-from .messages import CLOUDS, ODOMETRIES, PICTURES, POSES, TRANSFORMS, UNSURE_POSE, VIDEOS, known_type
+from .messages import (
+    CLOUDS,
+    ODOMETRIES,
+    PICTURES,
+    POSE_WITH_COVARIANCE,
+    POSES,
+    TRANSFORMS,
+    VIDEOS,
+    known_type,
+)
 from .source import Topic
 from .video import INSTALL, can_decode
 
@@ -24,7 +33,7 @@ SHOWN = 12  # topics that an error lists
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class PoseTopic:
     """Where poses come from: a topic of poses, or two frames of its transforms."""
 
     topic: str
@@ -36,12 +45,12 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True)
-class Chosen:
+class TopicChoice:
     """What is read of a bag."""
 
     image: str | None
-    odometry: Route | None
-    truth: Route | None
+    odometry: PoseTopic | None
+    truth: PoseTopic | None
     guess: str = ""  # what was guessed, in a line; "" when nothing was
 
     @property
@@ -52,7 +61,7 @@ class Chosen:
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class TopicRequest:
     """The topics that were asked for; None: guess. "none" asks for none."""
 
     image: str | None = None
@@ -61,8 +70,8 @@ class Wishes:
 
 
 def choose(
-    path: Path, topics: Sequence[Topic], wishes: Wishes, edges: Collection[tuple[str, str]] = ()
-) -> Chosen:
+    path: Path, topics: Sequence[Topic], wishes: TopicRequest, edges: Collection[tuple[str, str]] = ()
+) -> TopicChoice:
     """Choose what is read; `edges` are the parent and child frames that the bag's transforms hold.
 
     LogError for a topic that is not there or has another type.
@@ -71,7 +80,7 @@ def choose(
     truth = _route(path, topics, wishes.truth, _guess_truth(topics))
     taken = truth.topic if truth is not None and truth.frames is None else None
     odometry = _route(path, topics, wishes.odometry, _guess_odometry(topics, edges, taken))
-    return Chosen(image, odometry, truth, _say(topics, wishes, image, odometry, truth))
+    return TopicChoice(image, odometry, truth, _say(topics, wishes, image, odometry, truth))
 
 
 def nothing_to_read(topics: Sequence[Topic]) -> str:
@@ -137,7 +146,9 @@ def _first_camera(topic: Topic) -> tuple[bool, bool, bool, int, int, str]:
     )
 
 
-def _route(path: Path, topics: Sequence[Topic], wish: str | None, guess: Route | None) -> Route | None:
+def _route(
+    path: Path, topics: Sequence[Topic], wish: str | None, guess: PoseTopic | None
+) -> PoseTopic | None:
     if wish is None:
         return guess
     if wish == "none":
@@ -147,12 +158,12 @@ def _route(path: Path, topics: Sequence[Topic], wish: str | None, guess: Route |
         topic = _named(path, topics, name, POSES | TRANSFORMS)
         if known_type(topic.type) in TRANSFORMS:
             raise LogError(path, f"found transforms at {name}, expected frames too: {name}:odom.base_link")
-        return Route(name)
+        return PoseTopic(name)
     _named(path, topics, name, TRANSFORMS)
     parent, _, child = frames.partition(".")
     if not parent or not child:
         raise LogError(path, f"found frames {frames!r}, expected two: {name}:odom.base_link")
-    return Route(name, (parent.lstrip("/"), child.lstrip("/")))
+    return PoseTopic(name, (parent.lstrip("/"), child.lstrip("/")))
 
 
 def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str]) -> Topic:
@@ -167,25 +178,27 @@ def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str
     raise LogError(path, f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}")
 
 
-def _guess_truth(topics: Sequence[Topic]) -> Route | None:
+def _guess_truth(topics: Sequence[Topic]) -> PoseTopic | None:
     found = [t for t in readable(topics, POSES) if TRUE.search(t.name)]
-    return Route(min(found, key=lambda t: (-t.count, t.name)).name) if found else None
+    return PoseTopic(min(found, key=lambda t: (-t.count, t.name)).name) if found else None
 
 
 def _guess_odometry(
     topics: Sequence[Topic], edges: Collection[tuple[str, str]], taken: str | None
-) -> Route | None:
+) -> PoseTopic | None:
     """Prefer Odometry, then the transform from odom to the base, then whatever poses there are."""
     poses = [t for t in readable(topics, POSES) if t.name != taken and not TRUE.search(t.name)]
     odometry = [t for t in poses if known_type(t.type) in ODOMETRIES and not GUESSED.search(t.name)]
     if odometry:
-        return Route(min(odometry, key=lambda t: ("filtered" in t.name, -t.count, len(t.name), t.name)).name)
+        return PoseTopic(
+            min(odometry, key=lambda t: ("filtered" in t.name, -t.count, len(t.name), t.name)).name
+        )
     if edge := _odometry_edge(edges):
         moving = [t for t in readable(topics, TRANSFORMS) if "static" not in t.name]
         if moving:
-            return Route(moving[0].name, edge)
-    others = [t for t in poses if t.type != UNSURE_POSE and not GUESSED.search(t.name)]
-    return Route(min(others, key=lambda t: (-t.count, t.name)).name) if others else None
+            return PoseTopic(moving[0].name, edge)
+    others = [t for t in poses if t.type != POSE_WITH_COVARIANCE and not GUESSED.search(t.name)]
+    return PoseTopic(min(others, key=lambda t: (-t.count, t.name)).name) if others else None
 
 
 def _odometry_edge(edges: Collection[tuple[str, str]]) -> tuple[str, str] | None:
@@ -194,7 +207,11 @@ def _odometry_edge(edges: Collection[tuple[str, str]]) -> tuple[str, str] | None
 
 
 def _say(
-    topics: Sequence[Topic], wishes: Wishes, image: str | None, odometry: Route | None, truth: Route | None
+    topics: Sequence[Topic],
+    wishes: TopicRequest,
+    image: str | None,
+    odometry: PoseTopic | None,
+    truth: PoseTopic | None,
 ) -> str:
     """Say what was guessed, what else there is, and how to choose otherwise."""
     roles = (

@@ -127,7 +127,7 @@ def codec_of(message: Any) -> str | None:
     return next((codec for part, codec in CODECS.items() if part in named.partition(";")[0]), None)
 
 
-class Video:
+class VideoStream:
     """The messages of one topic, in their order. Holds what came since the last key frame, still packed."""
 
     def __init__(self) -> None:

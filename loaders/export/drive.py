@@ -20,8 +20,8 @@ from ..errors import LogError
 from ..io.findings import Findings
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, checked, motion_between, moved
-from .mcap import EVENTS, MAP, ODOM, ODOMETRY, ROBOT, TF, TRUE_PATH, TRUTH, McapFile, mcap_file
-from .run import Scene, new_path, scene_of, write_paths
+from .mcap import EVENTS, MAP, ODOM, ODOMETRY, ROBOT, TF, TRUE_PATH, TRUTH, McapWriter, mcap_file
+from .run import McapScene, new_path, scene_of, write_paths
 from .session import Converted, PictureKind
 
 
@@ -40,7 +40,7 @@ def convert_to_mcap(
     """
     begin_s: float | None = None
     with mcap_file(file, force=force) as mcap:
-        drive = Drive(mcap, scene_of(session.info, camera), kind, odometry=session.odometry is not None)
+        drive = DriveWriter(mcap, scene_of(session.info, camera), kind, odometry=session.odometry is not None)
         for record, moment in _side_by_side(session):
             t_s = record.t_s + t_offset_s
             if begin_s is None:
@@ -71,10 +71,10 @@ def _side_by_side(session: RecordedSession) -> Iterator[tuple[Record, Moment | N
     yield from ((record, None) for record in records if not isinstance(record, Picture))
 
 
-class Drive:
+class DriveWriter:
     """Writes a drive's records, and the transforms that put the robot where they say."""
 
-    def __init__(self, mcap: McapFile, scene: Scene, kind: PictureKind, *, odometry: bool) -> None:
+    def __init__(self, mcap: McapWriter, scene: McapScene, kind: PictureKind, *, odometry: bool) -> None:
         self.done = Converted()
         self._mcap, self._scene, self._kind = mcap, scene, kind
         start = None if scene.info is None else scene.info.start

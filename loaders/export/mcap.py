@@ -47,7 +47,7 @@ ONCE = (HEADER, GRID, MOUNT, TRUE_PATH, ESTIMATED_PATH)  # latched: who comes la
 LATEST_S = 2.0**31 - 1  # seconds of a ROS time stamp are an int32
 
 
-class McapFile:
+class McapWriter:
     """An MCAP file that is being written, a message at a time; topics are added by their first message."""
 
     def __init__(self, file: Path, writer: Any) -> None:
@@ -84,7 +84,7 @@ class McapFile:
 
 
 @contextmanager
-def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapFile]:
+def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
     """Open an MCAP file that appears when all went well.
 
     LogError when it exists and `force` is not given, when it cannot be written, or without rosbags.
@@ -100,7 +100,7 @@ def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapFile]:
     bag = filling / file.stem  # rosbags names the file after its folder, and keeps that name in it
     try:
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            yield McapFile(file, writer)
+            yield McapWriter(file, writer)
         (bag / file.name).replace(file)
     except OSError as problem:
         reason = problem.strerror or problem

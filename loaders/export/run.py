@@ -38,7 +38,7 @@ from .mcap import (
     TRUE_PATH,
     TRUTH,
     WITH_COVARIANCE,
-    McapFile,
+    McapWriter,
     mcap_file,
 )
 from .session import PictureKind, encode_picture
@@ -53,14 +53,14 @@ MOST_POSES = 5000  # of a path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class McapScene:
     """What is known before the first record."""
 
     info: SessionInfo | None  # None where the session is gone
     arena: Arena | None
     camera: Camera | None  # whose pictures are written; None where nothing is known of it
 
-    def write(self, mcap: McapFile, begin_s: float) -> None:
+    def write(self, mcap: McapWriter, begin_s: float) -> None:
         """Write header, map and the camera's place."""
         make = mcap.at(begin_s)
         if self.info is not None:
@@ -69,7 +69,7 @@ class Scene:
             mcap.write(GRID, begin_s, make.occupancy_grid(MAP, self.arena))
         mcap.write(MOUNT, begin_s, make.camera_mount(ROBOT, CAMERA, self.camera))
 
-    def write_picture(self, mcap: McapFile, t_s: float, image: U8, kind: PictureKind) -> None:
+    def write_picture(self, mcap: McapWriter, t_s: float, image: U8, kind: PictureKind) -> None:
         """Write a picture (H, W, 3), and the camera's geometry where its angle of view is known."""
         make = mcap.at(t_s)
         mcap.write(IMAGE, t_s, make.encoded_picture(CAMERA, kind, encode_picture(image, kind)))
@@ -78,10 +78,10 @@ class Scene:
             mcap.write(CAMERA_INFO, t_s, make.camera_info(CAMERA, image.shape, view_rad))
 
 
-def scene_of(info: SessionInfo, camera: str | None = None) -> Scene:
+def scene_of(info: SessionInfo, camera: str | None = None) -> McapScene:
     """Give the scene of a session, of which one camera's pictures are written: the first unless named."""
     named = [one for one in info.cameras if camera in (None, one.name)]
-    return Scene(info, info.arena, named[0] if named else None)
+    return McapScene(info, info.arena, named[0] if named else None)
 
 
 def new_path() -> ThinnedPath:
@@ -89,7 +89,7 @@ def new_path() -> ThinnedPath:
     return ThinnedPath(MOST_POSES)
 
 
-def write_paths(mcap: McapFile, begin_s: float, paths: Mapping[str, ThinnedPath]) -> None:
+def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, ThinnedPath]) -> None:
     """Write whole paths by topic, at the time of the first record: who looks there sees all of them."""
     for topic, way in paths.items():
         poses = way.poses()
@@ -103,7 +103,7 @@ def write_paths(mcap: McapFile, begin_s: float, paths: Mapping[str, ThinnedPath]
 class RunSink:
     """Writes all that a saved run knows of an update."""
 
-    def __init__(self, mcap: McapFile, origin: F64, scene: Scene) -> None:
+    def __init__(self, mcap: McapWriter, origin: F64, scene: McapScene) -> None:
         self._mcap, self._origin, self._scene = mcap, origin, scene
         self._begin_s: float | None = None
         self._paths = {TRUE_PATH: new_path(), ESTIMATED_PATH: new_path()}
@@ -166,7 +166,7 @@ def covariance_of(step: ExportStep) -> F64:
 
 
 @contextmanager
-def mcap_sink(file: Path, origin: F64, scene: Scene, *, force: bool = False) -> Iterator[RunSink]:
+def mcap_sink(file: Path, origin: F64, scene: McapScene, *, force: bool = False) -> Iterator[RunSink]:
     """Open an MCAP file for a run whose clouds are relative to `origin` (2,). LogError as for `mcap_file`."""
     with mcap_file(file, force=force) as mcap:
         sink = RunSink(mcap, origin, scene)

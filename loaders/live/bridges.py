@@ -20,7 +20,7 @@ from ..bags.mcap_proto import decode_proto
 from ..bags.ros_types import decode_cdr, decode_ros1, long_type
 from ..bags.source import Message, Topic, short_type, sorted_topics
 from ..io.fields import FieldError, items, mapping
-from .messages import as_object, json_message
+from .translation import as_object, json_message
 
 # The Foxglove WebSocket protocol, as a client: topics announced, subscribed to, and their messages.
 

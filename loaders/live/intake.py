@@ -13,14 +13,15 @@ from typing import Any
 
 from maurice_mcl.session import SessionInfo
 
+from ..errors import SourceError
 from ..io.fields import MOST_T_S, FieldError, up_to
 from ..io.findings import Findings
 from ..io.pictures import PictureError
 from ..session_log.header import header_from_json
 from ..session_log.reader import picture_bytes
 from ..session_log.records import Event, Line, PictureRecord, Record, parse_object, record_of
-from .listening import Begun, Broken, Listening, Lost
-from .source import LiveError, LiveSource
+from .listening import Connected, Disconnected, Listening, Malformed
+from .source import LiveSource
 
 # One clock for a session whose source may begin anew: times that do not fall.
 
@@ -67,7 +68,7 @@ GAP = "gap"  # first word of the event that says so
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Heard:
+class Received:
     """A record, and the line that it stands in."""
 
     record: Record
@@ -85,7 +86,7 @@ class Counts:
 
 
 class Intake:
-    """Goes through a source once. What is broken is counted and left out; LiveError where nothing is left."""
+    """One pass through a source. Broken lines are counted and left out; SourceError where nothing is left."""
 
     def __init__(
         self, source: LiveSource, listening: Listening, findings: Findings, say: Callable[[str], None]
@@ -101,16 +102,16 @@ class Intake:
         self._hung_up = ""  # why we hung up the last time
         self._away_since_s: float | None = None
 
-    def __iter__(self) -> Iterator[Heard | None]:
+    def __iter__(self) -> Iterator[Received | None]:
         """Give the records; None when nothing came for a moment, and when a header did."""
         for arrival in self._listening:
             if arrival is None:
                 yield None
             elif isinstance(arrival, Line):
                 yield from self._take(arrival)
-            elif isinstance(arrival, Broken):
-                self._count(LiveError(self._source.name, arrival.why))
-            elif isinstance(arrival, Begun):
+            elif isinstance(arrival, Malformed):
+                self._count(SourceError(self._source.name, arrival.why))
+            elif isinstance(arrival, Connected):
                 self._header_next, self._broken_running = True, 0
             else:
                 self._lose(arrival)
@@ -118,14 +119,14 @@ class Intake:
         if self.info is None and not self._listening.stopped:
             reason = self._hung_up or self._why
             why = f"found no session log there ({reason})" if reason else "found nothing"
-            raise LiveError(self._source.name, f"{why}, expected its header; is this the right source?")
+            raise SourceError(self._source.name, f"{why}, expected its header; is this the right source?")
 
     @property
     def away(self) -> bool:
         """Tell whether the source is away now."""
         return self._away_since_s is not None
 
-    def _take(self, line: Line) -> Iterator[Heard | None]:
+    def _take(self, line: Line) -> Iterator[Received | None]:
         if not line.data.strip():
             return
         try:
@@ -163,7 +164,7 @@ class Intake:
                 f"{self._source.name}: came back with another header ({info.name}); the first one stays"
             )
 
-    def _lose(self, lost: Lost) -> None:
+    def _lose(self, lost: Disconnected) -> None:
         if lost.why != self._why:
             self._say(f"{self._source.name}: {lost.why}; trying again")
         self._why = lost.why
@@ -171,7 +172,7 @@ class Intake:
         if self._away_since_s is None:
             self._away_since_s = time.monotonic()
 
-    def _mind_the_gap(self, t_s: float) -> Iterator[Heard]:
+    def _mind_the_gap(self, t_s: float) -> Iterator[Received]:
         """Say by an event that the source was away."""
         if self._away_since_s is None:
             return
@@ -180,19 +181,19 @@ class Intake:
             self.counts.gaps += 1
             text = f"{GAP}: the source was away for {away_s:.1f} s"
             self._say(f"{self._source.name}: back after {away_s:.1f} s")
-            yield Heard(Event(0, t_s, text), _line({"t": t_s, "event": text}))
+            yield Received(Event(0, t_s, text), _line({"t": t_s, "event": text}))
 
-    def _as_recorded(self, record: Record, line: Line, t_s: float) -> Heard:
+    def _as_recorded(self, record: Record, line: Line, t_s: float) -> Received:
         """Give a record that stands for itself: with its session's time, its picture inside. FieldError."""
         by_path = isinstance(record, PictureRecord) and record.path is not None
         if not by_path and not self._clock.shift_s:
-            return Heard(record, line.data + b"\n")
+            return Received(record, line.data + b"\n")
         said, record = parse_object(line) | {"t": t_s}, replace(record, t_s=t_s)
         if by_path and isinstance(record, PictureRecord):
             inline = self._inline(record)
             said["image"] = {"base64": inline}
             record = replace(record, base64=inline)  # its path stays, for people
-        return Heard(record, _line(said))
+        return Received(record, _line(said))
 
     def _inline(self, record: PictureRecord) -> str:
         if self._source.folder is None:
@@ -211,14 +212,14 @@ class Intake:
         if not line.ended and not line.too_long:
             self._findings.warning(f"{self._source.name}: the last line was cut off and was left out")
             return
-        error = LiveError(self._source.name, str(problem), line.number)
+        error = SourceError(self._source.name, str(problem), line.number)
         if self._header_next and self.info is None:
             raise error
         self._count(error)
         if self._source.peer and (self._header_next or self._broken_running >= MOST_BROKEN):
             self._listening.hang_up(f"does not speak the session log ({problem}); hung up")
 
-    def _count(self, error: LiveError) -> None:
+    def _count(self, error: SourceError) -> None:
         self.counts.broken += 1
         self._broken_running += 1
         self._findings.problem(error)

@@ -11,8 +11,7 @@ from typing import TypeAlias
 from ..errors import LogError
 from ..io.fields import FieldError
 from ..session_log.records import Line
-from .channels import Channel
-from .source import LiveSource
+from .source import ByteStream, LiveSource
 
 # Bytes as they come, cut into lines: a peer that sends an endless line costs no more than a long one.
 
@@ -67,12 +66,12 @@ SENSE_S = 10.0  # a peer that says nothing of sense for so long after a connecti
 
 
 @dataclass(frozen=True, slots=True)
-class Begun:
+class Connected:
     """A connection stands."""
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class Disconnected:
     """The source is away, or was never there."""
 
     why: str
@@ -80,13 +79,13 @@ class Lost:
 
 
 @dataclass(frozen=True, slots=True)
-class Broken:
+class Malformed:
     """Something that no line could be made of."""
 
     why: str
 
 
-Arrival: TypeAlias = Line | Broken | Begun | Lost | None  # None: nothing came for a moment
+Arrival: TypeAlias = Line | Malformed | Connected | Disconnected | None  # None: nothing came for a moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,9 +134,9 @@ class Listening:
             try:
                 channel = self._source.connect()
             except OSError as problem:
-                yield Lost(_said(problem))
+                yield Disconnected(_said(problem))
             else:
-                yield Begun()
+                yield Connected()
                 yield from self._connection(channel)
                 if self._source.once:
                     return
@@ -146,7 +145,7 @@ class Listening:
             self._stop.wait(self._wait_s)
             self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
 
-    def _connection(self, channel: Channel) -> Iterator[Arrival]:
+    def _connection(self, channel: ByteStream) -> Iterator[Arrival]:
         """Give the lines of one connection, and at its end why it did, unless we ended it."""
         cutter, why = LineCutter(), "has hung up"
         self._begun_s, self._sense, self._hung_up = time.monotonic(), False, ""
@@ -155,7 +154,7 @@ class Listening:
                 try:
                     data = channel.read(POLL_S)
                 except FieldError as problem:
-                    yield Broken(str(problem))
+                    yield Malformed(str(problem))
                 except LogError as problem:  # it can never be read; unless it could before
                     if not self._ever:
                         raise
@@ -174,7 +173,7 @@ class Listening:
         finally:
             channel.close()
         if not self._stop.is_set() and not self._source.once and not self.ended:
-            yield Lost(self._hung_up or why, bool(self._hung_up))
+            yield Disconnected(self._hung_up or why, bool(self._hung_up))
 
     def _judge(self, cutter: LineCutter) -> None:
         """Hang up on a peer that sends an endless line, or nothing of sense."""

@@ -2,34 +2,37 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Condition, Thread
 from threading import Event as Flag
 from types import TracebackType
-from typing import Self
+from typing import BinaryIO, Self
 
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
+from ..errors import LogError, SourceError
+from ..io.files import expect_absent
 from ..io.findings import Finder, Findings
 from ..io.pictures import PictureError, decode_picture
 from ..recording import moved, together
-from ..session_log.header import Kind
+from ..session_log.header import Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
 from ..session_log.records import Event, Odometry, PictureRecord, Record
 from ..session_log.truth import with_truth
 from ..transforms.gating import Gate
 from ..transforms.time_alignment import as_rows
-from .intake import Counts, Heard, Intake
+from .intake import Counts, Intake, Received
 from .listening import Listening, Patience
-from .recorder import LiveRecorder
-from .source import LiveError, LiveSource
+from .source import LiveSource
 
 # Pictures that wait for the filter, few enough: what cannot be kept up with is left out and counted.
 
@@ -106,6 +109,57 @@ def joined(motions: list[F64]) -> list[F64]:
     return motions
 
 
+# The recording: one session log, written line by line, complete whenever it stops.
+
+NAME = "session.log"
+
+
+class LiveRecorder:
+    """Writes `session.log` into a folder, pictures inline; every line is handed to the system at once."""
+
+    def __init__(self, folder: Path, *, force: bool = False) -> None:
+        """Claim the folder. LogError where it holds a session already, or cannot be written to."""
+        self.path = folder / NAME
+        self._file: BinaryIO | None = None
+        self._made = not folder.exists()
+        if folder.exists() and not folder.is_dir():
+            raise LogError(folder, "found a file, expected a folder to record to; choose another name")
+        expect_absent(self.path, force=force)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            raise self._cannot(problem) from None
+
+    def begin(self, info: SessionInfo) -> None:
+        """Write the header. LogError where that does not work."""
+        header = json.dumps(header_to_json(info, "session", self.path.parent), ensure_ascii=False)
+        try:
+            self._file = self.path.open("wb", buffering=0)
+        except OSError as problem:
+            raise self._cannot(problem) from None
+        self.add(header.encode() + b"\n")
+
+    def add(self, line: bytes) -> None:
+        """Write a line with its end. LogError when the disk is full or gone."""
+        try:
+            rest = memoryview(line)
+            while self._file is not None and rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as problem:
+            raise self._cannot(problem) from None
+
+    def close(self) -> None:
+        """Close the file; a folder made for it that stayed empty goes. Closing twice does no harm."""
+        if self._file is not None:
+            self._file.close()
+        elif self._made:
+            with suppress(OSError):
+                self.path.parent.rmdir()
+
+    def _cannot(self, problem: OSError) -> LogError:
+        return LogError(self.path, f"cannot be recorded to: {problem.strerror or problem}")
+
+
 # A live source as a session: one thread listens and records, whoever asks for moments gets the latest.
 
 QUIET = 4  # looks in vain (a second) after which no truth is waited for
@@ -115,7 +169,7 @@ NOTHING_COMES = Event(0, math.inf, "")  # put among the records when nothing has
 
 
 @dataclass(frozen=True, slots=True)
-class Listen:
+class ListenOptions:
     """How a source is listened to."""
 
     keep_up: bool | None = None  # leave pictures out when the filter is slower; None: as the source is
@@ -138,11 +192,11 @@ class LiveSession(Finder):
     def __init__(
         self,
         source: LiveSource,
-        listen: Listen | None = None,
+        listen: ListenOptions | None = None,
         recorder: LiveRecorder | None = None,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.source, self._listen = source, listen or Listen()
+        self.source, self._listen = source, listen or ListenOptions()
         self.keep_up = not source.waits if self._listen.keep_up is None else self._listen.keep_up
         self._findings = Findings(keep_going=True)
         self._stop, self._greeted = Flag(), Flag()
@@ -184,7 +238,7 @@ class LiveSession(Finder):
         while not self._greeted.wait(LOOK_S):
             pass
         if self._info is None:
-            raise self._error or LiveError(self.source.name, "stopped before its header came")
+            raise self._error or SourceError(self.source.name, "stopped before its header came")
         return self._info
 
     @property
@@ -221,7 +275,7 @@ class LiveSession(Finder):
             try:
                 image = self._image(one.picture)
             except PictureError as problem:
-                self._findings.problem(LiveError(self.source.name, f"{self._name(one.picture)}: {problem}"))
+                self._findings.problem(SourceError(self.source.name, f"{self._name(one.picture)}: {problem}"))
                 earlier = one
                 continue
             step, earlier = step + 1, None
@@ -285,7 +339,7 @@ class LiveSession(Finder):
             if self._info is None and self._intake.info is not None:
                 self._greet(self._intake.info)
             quiet = quiet + 1 if heard is None else 0
-            if isinstance(heard, Heard):
+            if isinstance(heard, Received):
                 if self._recorder is not None:
                     self._recorder.add(heard.line)
                 self._begin_s = heard.record.t_s if self._begin_s is None else self._begin_s
@@ -312,5 +366,5 @@ class LiveSession(Finder):
         wanted = self._listen.camera
         if wanted is not None and known and wanted not in known:
             found = f"found cameras {', '.join(known)}, expected {wanted!r} among them"
-            raise LiveError(self.source.name, found)
+            raise SourceError(self.source.name, found)
         return CameraChoice(wanted or (known[0] if known else None), self._findings)

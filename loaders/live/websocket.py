@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ..bags.messages import TRANSFORMS, known_type, links_of
 from ..bags.ros_types import INSTALL
 from ..bags.source import Message, Topic
-from ..bags.topics import Chosen, Wishes, choose, nothing_to_read, readable
+from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
+from ..errors import SourceError
 from ..formats.registry import OpenOptions
 from ..io.fields import FieldError
 from ..session_log.header import FORMAT, VERSION
 from .bridges import SUBPROTOCOLS, Foxglove, Rosbridge
-from .messages import MOST_FRAMES, NO_POSE, Topics, Translator, decoded
-from .source import LiveError
+from .translation import MESSAGE_ERRORS, MOST_FRAMES, ChosenTopics, Translator, decoded
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -53,10 +53,10 @@ class Bridge(Protocol):
         ...
 
 
-def connect_websocket(name: str, options: OpenOptions) -> WebsocketChannel:
-    """Connect to a bridge. OSError where it cannot be reached, LiveError without the packages for it."""
+def connect_websocket(name: str, options: OpenOptions) -> WebsocketStream:
+    """Connect to a bridge. OSError where it cannot be reached, SourceError without the packages for it."""
     if any(importlib.util.find_spec(package) is None for package in ("websockets", "rosbags")):
-        raise LiveError(name, f"listening to a bridge needs an extra; {INSTALL}")
+        raise SourceError(name, f"listening to a bridge needs an extra; {INSTALL}")
     from websockets.exceptions import InvalidHandshake, InvalidURI
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol
@@ -75,7 +75,7 @@ def connect_websocket(name: str, options: OpenOptions) -> WebsocketChannel:
         connection = opened.enter_context(wish)
     except (InvalidHandshake, InvalidURI, EOFError) as problem:
         raise ConnectionError(0, f"is no WebSocket that we can use ({problem})") from None
-    return WebsocketChannel(name, connection, opened.close, options)
+    return WebsocketStream(name, connection, opened.close, options)
 
 
 def _quiet() -> logging.Logger:
@@ -85,7 +85,7 @@ def _quiet() -> logging.Logger:
     return logger
 
 
-class WebsocketChannel:
+class WebsocketStream:
     """One connection to a bridge; a `live_channels.Channel`."""
 
     def __init__(
@@ -93,7 +93,7 @@ class WebsocketChannel:
     ) -> None:
         self._name, self._connection, self._close, self._options = name, connection, close, options
         self._bridge: Bridge = Foxglove() if connection.subprotocol in SUBPROTOCOLS else Rosbridge()
-        self._topics: Topics | None = None
+        self._topics: ChosenTopics | None = None
         self._translator = Translator(options.max_dt_s)
         self._edges: Edges = frozenset()
         self._known: tuple[tuple[Topic, ...], Edges] = ((), frozenset())  # when topics were chosen last
@@ -101,7 +101,7 @@ class WebsocketChannel:
         self._send(self._bridge.greet())
 
     def read(self, wait_s: float) -> bytes | None:
-        """Give the lines that come of what was said, a header first. OSError, FieldError, LiveError."""
+        """Give the lines that come of what was said, a header first. OSError, FieldError, SourceError."""
         from websockets.exceptions import ConnectionClosed
 
         until = time.monotonic() + wait_s
@@ -141,7 +141,7 @@ class WebsocketChannel:
         """Learn from transforms which frames there are, as long as there is no odometry."""
         try:
             edges = {(link.parent, link.child) for link in links_of(decoded(said))}
-        except NO_POSE as problem:
+        except MESSAGE_ERRORS as problem:
             raise FieldError(f"found transforms that make no sense ({problem})") from None
         if len(self._edges) < MOST_FRAMES and not edges <= self._edges:
             self._edges |= edges
@@ -161,16 +161,16 @@ class WebsocketChannel:
             return b""
         if chosen.image is None:
             if late:
-                raise LiveError(self._name, nothing_to_read(known))
+                raise SourceError(self._name, nothing_to_read(known))
             return b""
         needed = transforms if _needs_frames(chosen) else ()
-        self._topics = Topics(chosen.image, chosen.odometry, chosen.truth, needed)
+        self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed)
         self._send(self._bridge.subscribe(self._topics.names))
         return b"" if taken else _line(_header(self._name, chosen.guess))
 
-    def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> Chosen:
+    def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> TopicChoice:
         options = self._options
-        wishes = Wishes(options.image_topic, options.odometry_topic, options.truth_topic)
+        wishes = TopicRequest(options.image_topic, options.odometry_topic, options.truth_topic)
         return choose(Path(self._name), known, wishes if late else _present(wishes, known), edges)
 
     def _send(self, messages: Iterator[str]) -> None:
@@ -183,16 +183,16 @@ class WebsocketChannel:
             raise ConnectionError(0, f"has hung up ({problem})") from None
 
 
-def _needs_frames(chosen: Chosen) -> bool:
+def _needs_frames(chosen: TopicChoice) -> bool:
     return any(route is not None and route.frames is not None for route in (chosen.odometry, chosen.truth))
 
 
-def _present(wishes: Wishes, known: tuple[Topic, ...]) -> Wishes:
+def _present(wishes: TopicRequest, known: tuple[Topic, ...]) -> TopicRequest:
     """Leave out for now what was asked for and is not announced yet."""
     names = {one.name.lstrip("/") for one in known} | {"none"}
     asked = (wishes.image, wishes.odometry, wishes.truth)
     there = [one is None or one.partition(":")[0].lstrip("/") in names for one in asked]
-    return Wishes(*(one if here else "none" for one, here in zip(asked, there, strict=True)))
+    return TopicRequest(*(one if here else "none" for one, here in zip(asked, there, strict=True)))
 
 
 def _header(name: str, guess: str) -> dict[str, Any]:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import typer
 
+from maurice_loaders.errors import SourceError
 from maurice_loaders.formats.registry import OpenOptions
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.live.recorder import LiveRecorder
-from maurice_loaders.live.session import Listen, LiveSession
-from maurice_loaders.live.source import LiveError, live_source
+from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
+from maurice_loaders.live.source import live_source
 from maurice_loaders.transforms.gating import Gate
 from maurice_mcl.library import Library
 from maurice_mcl.session import Moment, SessionInfo
@@ -69,7 +69,7 @@ def follow_source(
         recorder = None if live.record is None else LiveRecorder(live.record, force=output.force)
         gate = Gate(opening.min_distance_m, opening.min_angle_rad)
         patience = patience_of(live.patience)
-        listen = Listen(live.keep_up, patience, opening.camera, gate, library=library)
+        listen = ListenOptions(live.keep_up, patience, opening.camera, gate, library=library)
         with LiveSession(live_source(source, opening), listen, recorder, note) as session:
             try:
                 _localize(session, wanted, options, replace(output, stem=STEM))
@@ -88,7 +88,7 @@ def _localize(session: LiveSession, wanted: RunSpec, options: RunOptions, output
     first = next(moments, None)
     if first is None:
         _say_left_out(session)
-        raise LiveError(session.source.name, "ended before a picture came, so nothing was localized")
+        raise SourceError(session.source.name, "ended before a picture came, so nothing was localized")
     if _joined_late(session, options):
         runs = make_runs(session, references, [wanted], replace(options, start="global"))
     playback = Playback(
@@ -105,7 +105,7 @@ def _library(session: LiveSession) -> Library:
     path = session.info.survey
     if path is None or not path.exists():
         where = "no library" if path is None else f"no library or survey at {path}"
-        raise LiveError(session.source.name, f"found {where}; say which with --library")
+        raise SourceError(session.source.name, f"found {where}; say which with --library")
     with progress("library") as advance:
         return open_library(path, keep_going=False, progress=advance, warn=note)
 

@@ -17,17 +17,17 @@ from fuzz_watch import in_time
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.bags.topics import Route
+from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import LogError
 from maurice_loaders.io.fields import FieldError
 from maurice_loaders.io.findings import Findings
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live.bridges import ASK, HEAD, Foxglove, Rosbridge
-from maurice_loaders.live.intake import Heard, Intake
+from maurice_loaders.live.intake import Intake, Received
 from maurice_loaders.live.listening import Listening, Patience
-from maurice_loaders.live.messages import Topics, Translator
-from maurice_loaders.live.recorder import LiveRecorder
+from maurice_loaders.live.session import LiveRecorder
 from maurice_loaders.live.source import LiveSource
+from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.session_log.records import read_header, read_records
 
 HEADER = json.dumps(HEADER_OBJECT)
@@ -120,7 +120,7 @@ def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]
                 if intake.info is not None and not begun:
                     recorder.begin(intake.info)
                     begun = True
-                if isinstance(one, Heard):
+                if isinstance(one, Received):
                     recorder.add(one.line)
                     heard.append(one.record.t_s)
         except LogError as problem:
@@ -175,7 +175,7 @@ SAID = st.one_of(
 def check_bridge(bridge_of: type, said: list[object]) -> None:
     """Whatever a bridge says is a message, or one complaint."""
     bridge, translator = bridge_of(), Translator(0.1)
-    topics = Topics("/camera", Route("/odom"))
+    topics = ChosenTopics("/camera", PoseTopic("/odom"))
     for one in said:
         message = one if isinstance(one, bytes | str) else json.dumps(one)
         try:

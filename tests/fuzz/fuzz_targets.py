@@ -21,10 +21,10 @@ from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, loo
 from maurice_loaders.formats.registry import OpenOptions
 from maurice_loaders.io.findings import Findings
 from maurice_loaders.io.pictures import PictureError, decode_picture
-from maurice_loaders.live.intake import Heard, Intake
+from maurice_loaders.live.intake import Intake, Received
 from maurice_loaders.live.listening import Listening, Patience
 from maurice_loaders.live.source import LiveSource
-from maurice_loaders.live.websocket import WebsocketChannel
+from maurice_loaders.live.websocket import WebsocketStream
 from maurice_loaders.recording import Picture
 from maurice_loaders.session_log.reader import SessionLog, picture_bytes
 from maurice_loaders.session_log.records import PictureRecord
@@ -151,7 +151,7 @@ def read_rosbridge(talk: Conversation, folder: Path) -> None:
 
 def _converse(subprotocol: str | None, talk: Conversation) -> None:
     connection: Any = ScriptedConnection(subprotocol, talk)
-    _listen(lambda: WebsocketChannel("ws://robot:1", connection, connection.close, OpenOptions()))
+    _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, OpenOptions()))
     assert connection.sent < 10_000 * len(talk)
 
 
@@ -164,7 +164,7 @@ def _listen(connect: Callable[[], Any]) -> None:
     _refused(lambda: _check(iter(intake)))
 
 
-def _check(heard: Iterator[Heard | None]) -> None:
+def _check(heard: Iterator[Received | None]) -> None:
     last_s = float("-inf")
     for one in heard:
         if one is None:

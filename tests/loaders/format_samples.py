@@ -152,7 +152,7 @@ def bags() -> ModuleType | None:
     """What the tests of bags write them with; None where the extra is not installed."""
     if importlib.util.find_spec("rosbags") is None:
         return None
-    file = Path(__file__).parents[1] / "bags" / "bag_making.py"
+    file = Path(__file__).parent / "bags" / "bag_making.py"
     spec = importlib.util.spec_from_file_location("bag_making_for_formats", file)
     assert spec is not None
     assert spec.loader is not None

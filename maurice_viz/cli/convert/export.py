@@ -14,7 +14,7 @@ import typer
 
 from maurice_loaders.errors import LogError
 from maurice_loaders.export.evo import EvoSink, evo_sink
-from maurice_loaders.export.run import Scene, mcap_sink, scene_of
+from maurice_loaders.export.run import McapScene, mcap_sink, scene_of
 from maurice_loaders.export.tables import (
     PATHS,
     ExportStep,
@@ -219,10 +219,10 @@ def _session(run: SavedRun, targets: Targets) -> tuple[AnySession | None, float]
         return None, 0.0
 
 
-def _scene(run: SavedRun, session: AnySession | None) -> Scene:
+def _scene(run: SavedRun, session: AnySession | None) -> McapScene:
     """Give what is told once; the map is the one that the run was made with."""
     if session is None:
-        return Scene(None, run.arena(), None)
+        return McapScene(None, run.arena(), None)
     found = scene_of(session.info, run.manifest.reading.camera)
     return replace(found, arena=run.arena())
 

@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from maurice_loaders.formats.registry import OpenOptions
-from maurice_loaders.live.recorder import LiveRecorder
-from maurice_loaders.live.session import Listen, LiveSession
+from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
 from maurice_loaders.recorded_session import MAX_DT_S
 
@@ -62,7 +61,7 @@ def record(
     )
     stopped: KeyboardInterrupt | None = None
     with one_line_errors():
-        listen = Listen(patience=patience_of(patience), only_record=True, library=library)
+        listen = ListenOptions(patience=patience_of(patience), only_record=True, library=library)
         recorder = LiveRecorder(output, force=force)
         session = LiveSession(live_source(source, topics), listen, recorder, note)
         try:

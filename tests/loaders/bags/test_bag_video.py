@@ -17,7 +17,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.bags import video as bag_video
-from maurice_loaders.bags.video import KEYS, MOST_BUILT, MOST_BYTES, MOST_WAITED, Video, codec_of, is_key
+from maurice_loaders.bags.video import (
+    KEYS,
+    MOST_BUILT,
+    MOST_BYTES,
+    MOST_WAITED,
+    VideoStream,
+    codec_of,
+    is_key,
+)
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
 from maurice_loaders.io.pictures import PictureError
@@ -66,7 +74,7 @@ def message(data: bytes, form: str) -> Any:
 
 def readers(parts: Sequence[tuple[int, bytes]], form: str) -> dict[int, Callable[[], Any]]:
     """What reads each picture, by its number."""
-    video = Video()
+    video = VideoStream()
     found = {number: video.add(message(data, form), 0.1 * k) for k, (number, data) in enumerate(parts)}
     return {number: part.read for number, part in found.items() if part is not None}
 
@@ -105,7 +113,7 @@ def test_pictures_that_build_upon_later_ones() -> None:
     assert [number for number, _ in parts] != sorted(number for number, _ in parts)
     for number, read in readers(parts, "h264").items():
         assert seen(read) == pytest.approx(shade(number), abs=5)
-    video = Video()
+    video = VideoStream()
     found = [video.add(message(data, "h264"), 0.1 * number) for number, data in parts]
     assert not any(part is None or part.note for part in found)  # nothing is missing
 
@@ -132,7 +140,7 @@ def describes(unit: bytes) -> bool:
 @pytest.mark.parametrize("kind", ENCODERS)
 def test_what_comes_before_the_first_key_frame_is_left_out(kind: str) -> None:
     parts = packed(kind)[3:]
-    video = Video()
+    video = VideoStream()
     found = [video.add(message(data, kind), 0.1 * number) for number, data in parts]
     assert [part is None for part in found] == [number < GROUP for number, _ in parts]
     first, *others = [part for part in found if part]
@@ -145,7 +153,7 @@ def test_what_comes_before_the_first_key_frame_is_left_out(kind: str) -> None:
 def test_a_part_that_is_missing_is_told_of_until_the_next_key_frame(kind: str) -> None:
     """No decoder says so of all codecs, and what builds upon it may look like anything."""
     parts = packed(kind)
-    video = Video()
+    video = VideoStream()
     lost = (2 * GROUP - 1, GROUP + 3, GROUP + 5)  # the first of them just before a key frame
     found = {n: video.add(message(data, kind), 0.1 * n) for n, data in parts if n not in lost}
     notes = {number: part.note for number, part in found.items() if part and part.note}
@@ -155,7 +163,7 @@ def test_a_part_that_is_missing_is_told_of_until_the_next_key_frame(kind: str) -
 
 def test_a_camera_that_changes_its_rate_is_told_of_once_a_key_frame() -> None:
     parts = packed("h264")
-    video = Video()
+    video = VideoStream()
     times = np.cumsum([0.1] * 10 + [0.3] * (PICTURES - 10))
     found = [video.add(message(data, "h264"), t) for (_, data), t in zip(parts, times, strict=True)]
     assert [number for number, part in enumerate(found) if part and part.note] == [10]
@@ -178,7 +186,7 @@ def test_broken_parts_are_said_and_what_follows_the_next_key_frame_is_sound(
 @pytest.mark.parametrize("data", [b"", b"\0\0\0\1", b"hello", bytes(1000)])
 @pytest.mark.parametrize("kind", ENCODERS)
 def test_nonsense_is_no_video(kind: str, data: bytes) -> None:
-    video = Video()
+    video = VideoStream()
     for _ in range(3):
         part = video.add(message(data, kind), 0.0)
         if part is not None:
@@ -188,7 +196,7 @@ def test_nonsense_is_no_video(kind: str, data: bytes) -> None:
 
 def test_a_stream_that_never_has_a_key_frame_says_so() -> None:
     (_, other) = packed("h264")[1]
-    video = Video()
+    video = VideoStream()
     assert [video.add(message(other, "h264"), 0.1 * k) for k in range(MOST_WAITED)] == [None] * MOST_WAITED
     with pytest.raises(PictureError, match=f"no key frame in {MOST_WAITED} parts"):
         video.add(message(other, "h264"), 100.0)
@@ -208,7 +216,7 @@ def test_no_bytes_do_harm(data: bytes, codec: str) -> None:
 
 def test_a_stream_without_key_frames_does_not_fill_memory() -> None:
     (_, key), (_, other), *_ = packed("h264")
-    video = Video()
+    video = VideoStream()
     video.add(message(key, "h264"), 0.0)
     for _ in range(MOST_BUILT - 1):
         video.add(message(other, "h264"), 0.0)

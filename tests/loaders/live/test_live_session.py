@@ -19,8 +19,7 @@ from live_peers import HEADER, line, log, peer, says, update
 from maurice_loaders.errors import LogError
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live.listening import LineCutter, Patience
-from maurice_loaders.live.recorder import LiveRecorder
-from maurice_loaders.live.session import Listen, LiveSession
+from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import LiveSource, is_live, live_source
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms.gating import Gate
@@ -41,7 +40,7 @@ def gone_through(
 ) -> tuple[LiveSession, list[Moment]]:
     """Go through a source until its end, or to so many updates."""
     recorder = None if folder is None else LiveRecorder(folder)
-    with LiveSession(source, Listen(keep_up=False, patience=patience), recorder) as session:
+    with LiveSession(source, ListenOptions(keep_up=False, patience=patience), recorder) as session:
         return session, list(islice(session.moments(), count))
 
 
@@ -229,7 +228,7 @@ def test_a_growing_file_is_followed_past_the_death_of_its_writer(tmp_path: Path)
     path, got = tmp_path / "growing.log", list[Moment]()
     patience = Patience(5.0, silent_s=1.0)
     session = LiveSession(
-        live_source(path), Listen(keep_up=False, patience=patience), LiveRecorder(tmp_path / "r")
+        live_source(path), ListenOptions(keep_up=False, patience=patience), LiveRecorder(tmp_path / "r")
     )
 
     def follow() -> None:
@@ -280,7 +279,10 @@ def test_the_latest_picture_does_not_wait_for_a_truth_that_does_not_come() -> No
         connection.sendall(log([0]) + line(0, truth=[0, 0, 0]) + update(1))
         over.wait(20)
 
-    with peer(robot) as address, LiveSession(live_source(address), Listen(patience=Patience(30))) as session:
+    with (
+        peer(robot) as address,
+        LiveSession(live_source(address), ListenOptions(patience=Patience(30))) as session,
+    ):
         moments: Iterator[Moment] = session.moments()
         next(moments)
         assert next(moments).truth is None
@@ -292,7 +294,9 @@ def test_the_latest_picture_does_not_wait_for_a_truth_that_does_not_come() -> No
 def test_with_a_slow_filter_pictures_are_skipped_and_no_motion_is(tmp_path: Path) -> None:
     with peer(says(log(range(60)))) as address:
         recorder = LiveRecorder(tmp_path)
-        with LiveSession(live_source(address), Listen(keep_up=True, patience=SOON), recorder) as session:
+        with LiveSession(
+            live_source(address), ListenOptions(keep_up=True, patience=SOON), recorder
+        ) as session:
             assert session.info.name == "live"
             session.listen()  # whoever filters is busy until everything is there
             moments = list(session.moments())
@@ -306,7 +310,7 @@ def test_with_a_slow_filter_pictures_are_skipped_and_no_motion_is(tmp_path: Path
 def test_only_pictures_after_enough_movement_make_updates_and_all_are_recorded(tmp_path: Path) -> None:
     standing = b"".join(update(t, forward_m=0.0) for t in range(3, 9))
     with peer(says(log(range(3)) + standing + update(9) + update(10))) as address:
-        listen = Listen(keep_up=False, patience=SOON, gate=Gate(min_distance_m=0.15))
+        listen = ListenOptions(keep_up=False, patience=SOON, gate=Gate(min_distance_m=0.15))
         with LiveSession(live_source(address), listen, LiveRecorder(tmp_path)) as session:
             moments = list(session.moments())
     assert times(moments) == [0, 2, 10]
@@ -320,7 +324,7 @@ def test_a_full_disk_is_told_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "session.log").symlink_to("/dev/full")
     with (
         peer(says(log(range(5)))) as address,
-        LiveSession(live_source(address), Listen(keep_up=False, patience=SOON), recorder) as session,
+        LiveSession(live_source(address), ListenOptions(keep_up=False, patience=SOON), recorder) as session,
         pytest.raises(LogError, match="cannot be recorded to: No space left"),
     ):
         list(session.moments())
@@ -352,7 +356,7 @@ def test_broken_addresses_are_told_in_one_line(text: str) -> None:
 
 def test_what_was_stopped_before_it_began_leaves_no_folder(tmp_path: Path) -> None:
     recorder = LiveRecorder(tmp_path / "rec")
-    session = LiveSession(live_source("tcp://127.0.0.1:9"), Listen(), recorder)
+    session = LiveSession(live_source("tcp://127.0.0.1:9"), ListenOptions(), recorder)
     session.close()
     session.close()
     assert not (tmp_path / "rec").exists()

@@ -20,7 +20,7 @@ import pytest
 from live_peers import peer
 
 from maurice_loaders.bags.source import Message
-from maurice_loaders.bags.topics import Route
+from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats.registry import OpenOptions
 from maurice_loaders.io.pictures import encode_jpeg
@@ -28,10 +28,9 @@ from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live import websocket as live_websocket
 from maurice_loaders.live.bridges import HEAD, SUBPROTOCOLS
 from maurice_loaders.live.listening import Patience
-from maurice_loaders.live.messages import Topics, Track, Translator, json_message
-from maurice_loaders.live.recorder import LiveRecorder
-from maurice_loaders.live.session import Listen, LiveSession
+from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
+from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator, json_message
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Moment
 
@@ -77,7 +76,7 @@ ODOMETRY = {
 @pytest.mark.parametrize("encoding", ODOMETRY)
 def test_a_robot_behind_a_foxglove_bridge_is_followed_and_recorded(encoding: str, tmp_path: Path) -> None:
     with robot(encoding) as (address, _):
-        listen = Listen(keep_up=False, patience=SOON)
+        listen = ListenOptions(keep_up=False, patience=SOON)
         with LiveSession(live_source(address), listen, LiveRecorder(tmp_path)) as session:
             moments = list(islice(session.moments(), COUNT))
     assert len(moments) == COUNT
@@ -101,7 +100,7 @@ def test_a_robot_behind_a_foxglove_bridge_is_followed_and_recorded(encoding: str
 def test_a_bridge_that_is_killed_and_comes_back_goes_on(tmp_path: Path) -> None:
     with robot("json", count=5) as (address, process):
         got: list[Moment] = []
-        listen = Listen(keep_up=False, patience=Patience(6.0, silent_s=6.0))
+        listen = ListenOptions(keep_up=False, patience=Patience(6.0, silent_s=6.0))
         with LiveSession(live_source(address), listen) as session:
             moments = session.moments()
             got += [next(moments) for _ in range(5)]
@@ -117,7 +116,7 @@ def test_a_bridge_that_is_killed_and_comes_back_goes_on(tmp_path: Path) -> None:
 def test_a_topic_that_is_not_there_is_told_with_those_that_are() -> None:
     with robot("json") as (address, _):
         source = live_source(address, OpenOptions(image_topic="/nowhere"))
-        with LiveSession(source, Listen(patience=SOON)) as session, pytest.raises(LogError) as told:
+        with LiveSession(source, ListenOptions(patience=SOON)) as session, pytest.raises(LogError) as told:
             list(session.moments())
     assert "found no topic /nowhere; it holds /camera/image" in str(told.value)
 
@@ -125,7 +124,7 @@ def test_a_topic_that_is_not_there_is_told_with_those_that_are() -> None:
 def test_the_truth_may_be_transforms_of_the_same_topic() -> None:
     with robot("cdr-tf", count=6) as (address, _):
         asked = OpenOptions(odometry_topic="/tf:odom.base_link", truth_topic="/tf:map.base_link")
-        with LiveSession(live_source(address, asked), Listen(keep_up=False, patience=SOON)) as session:
+        with LiveSession(live_source(address, asked), ListenOptions(keep_up=False, patience=SOON)) as session:
             moments = list(islice(session.moments(), 6))
     truths = [moment.truth for moment in moments if moment.truth is not None]
     assert len(truths) >= 5
@@ -134,7 +133,7 @@ def test_the_truth_may_be_transforms_of_the_same_topic() -> None:
 
 
 def test_messages_without_times_are_taken_when_the_bridge_says() -> None:
-    listen = Listen(keep_up=False, patience=SOON)
+    listen = ListenOptions(keep_up=False, patience=SOON)
     with (
         robot("proto-timeless", count=6) as (address, _),
         LiveSession(live_source(address), listen) as session,
@@ -160,7 +159,7 @@ def test_old_and_new_bridges_are_spoken_to_in_foxglove_s_protocol(offered: str) 
         message = {"timestamp": {"sec": 5, "nsec": 0}, "format": "jpeg", "data": data}
         connection.send(HEAD.pack(1, 7, 5 * 10**9) + json.dumps(message).encode())
 
-    listen = Listen(keep_up=False, patience=SOON)
+    listen = ListenOptions(keep_up=False, patience=SOON)
     with rosbridge(serve, [offered]) as address, LiveSession(live_source(address), listen) as session:
         assert next(session.moments()).frame.image.shape == (6, 8, 3)
     assert heard[:2] == [offered, [{"id": 7, "channelId": 7}]]
@@ -224,7 +223,7 @@ def test_a_rosbridge_of_ros_1_is_followed() -> None:
 
     with rosbridge(serve) as address:
         source = live_source(address, OpenOptions(max_dt_s=0.3))
-        with LiveSession(source, Listen(keep_up=False, patience=SOON)) as session:
+        with LiveSession(source, ListenOptions(keep_up=False, patience=SOON)) as session:
             moments = list(session.moments())
         assert [round(m.frame.time_s, 6) for m in moments] == [0, 1, 2, 3, 4, 5]
         assert [m.frame.motions.tolist() for m in moments] == [[[0.25, 0, 0]], *[[[1.0, 0, 0]]] * 5]
@@ -239,7 +238,10 @@ def test_what_is_no_websocket_is_told_in_one_line() -> None:
 
     with peer(another_protocol) as address:
         source = live_source(address.replace("tcp", "ws"))
-        with LiveSession(source, Listen(patience=Patience(0.0))) as session, pytest.raises(LogError) as told:
+        with (
+            LiveSession(source, ListenOptions(patience=Patience(0.0))) as session,
+            pytest.raises(LogError) as told,
+        ):
             list(session.moments())
     assert "no WebSocket" in str(told.value)
     assert "\n" not in str(told.value)
@@ -266,7 +268,10 @@ def test_a_hostile_server_is_told_in_one_line_and_nothing_is_printed(
 
     with peer(answer) as address:
         source = live_source(address.replace("tcp", "ws"))
-        with LiveSession(source, Listen(patience=Patience(0.0))) as session, pytest.raises(LogError) as told:
+        with (
+            LiveSession(source, ListenOptions(patience=Patience(0.0))) as session,
+            pytest.raises(LogError) as told,
+        ):
             list(session.moments())
     assert "found no session log there" in str(told.value)
     assert "\n" not in str(told.value)
@@ -280,7 +285,7 @@ def test_without_the_extra_the_message_is_the_command(monkeypatch: pytest.Monkey
         list(session.moments())
 
 
-TOPICS = Topics("/image/compressed", Route("/odom"))
+TOPICS = ChosenTopics("/image/compressed", PoseTopic("/odom"))
 
 
 def translated(*messages: str) -> tuple[list[dict[str, Any]], Translator]:
@@ -319,7 +324,7 @@ def test_stamps_that_stand_still_are_not_used() -> None:
 
 
 def test_poses_that_come_late_are_put_in_their_place() -> None:
-    track = Track()
+    track = PoseHistory()
     for t_s in (1.0, 3.0, 2.0):
         track.add(t_s, np.array([t_s, 0.0, 0.0]))
     assert track.last_s == 3.0

@@ -23,7 +23,7 @@ from maurice_loaders.io.findings import Findings
 from maurice_loaders.recording import Picture
 
 Write = Callable[[Path], Path]
-DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "logs"
+DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"
 
 
 def _ros1(compression: str) -> Write:

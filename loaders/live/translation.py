@@ -31,8 +31,8 @@ from ..bags.messages import (
     use_recorded,
 )
 from ..bags.source import Message
-from ..bags.topics import Route
-from ..bags.video import Video, codec_of
+from ..bags.topics import PoseTopic
+from ..bags.video import VideoStream, codec_of
 from ..io.fields import MOST_T_S, FieldError, show, up_to
 from ..io.pictures import encode_jpeg
 from ..recording import TruthPose, interpolated, motion_between
@@ -42,21 +42,21 @@ from ..recording import TruthPose, interpolated, motion_between
 MOST_KEPT = 2000  # poses of one topic that pictures are looked up in
 MOST_FRAMES = 1000  # in a tree of transforms; robots have some tens
 
-NO_POSE = (ArithmeticError, AttributeError, TypeError, ValueError)  # raised by messages that are none
+MESSAGE_ERRORS = (ArithmeticError, AttributeError, TypeError, ValueError)  # raised by messages that are none
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class StampedPose:
     """A pose, and when the message says that it was measured."""
 
     stamp_ns: int | None
     pose: F64  # (3,)
 
 
-class Teller:
+class PoseExtractor:
     """Reads the poses that a topic tells, or two frames of the transforms."""
 
-    def __init__(self, route: Route) -> None:
+    def __init__(self, route: PoseTopic) -> None:
         self._route = route
         self._tree = FrameTree()
 
@@ -66,26 +66,26 @@ class Teller:
             return known_type(kind) in TRANSFORMS
         return topic == self._route.topic
 
-    def tell(self, message: Any, *, static: bool) -> Iterator[Told]:
+    def tell(self, message: Any, *, static: bool) -> Iterator[StampedPose]:
         """Give the pose that a message tells, if it tells one. FieldError for a message without sense.
 
         What a topic of `static` transforms says is no movement, and its time is none of a movement.
         """
         try:
             if self._route.frames is None:
-                yield Told(time_of(message), pose_of(message))
+                yield StampedPose(time_of(message), pose_of(message))
                 return
             news = self._tree.news(links_of(message), *self._route.frames)
             stamp = None if news is None else in_range(news[0])
-        except NO_POSE as problem:
+        except MESSAGE_ERRORS as problem:
             raise FieldError(f"found no pose in a message ({short(problem)})") from None
         if len(self._tree) > MOST_FRAMES:
             self._tree = FrameTree()
         if news is not None and not static:
-            yield Told(stamp, planar(news[1]))
+            yield StampedPose(stamp, planar(news[1]))
 
 
-class Track:
+class PoseHistory:
     """The poses that one topic has told lately, by their times."""
 
     def __init__(self) -> None:
@@ -122,7 +122,7 @@ class Track:
 
 
 def time_of(message: Any) -> int | None:
-    """Give the time in ns that a message says it was measured at. ValueError, or one of `NO_POSE`."""
+    """Give the time in ns that a message says it was measured at. ValueError, or one of `MESSAGE_ERRORS`."""
     return in_range(stamp_ns(message))
 
 
@@ -148,12 +148,12 @@ IMAGE, ODOMETRY, TRUTH = "image", "odometry", "truth"
 
 
 @dataclass(frozen=True, slots=True)
-class Topics:
+class ChosenTopics:
     """What is read: a topic of pictures, and where poses come from."""
 
     image: str | None
-    odometry: Route | None = None
-    truth: Route | None = None
+    odometry: PoseTopic | None = None
+    truth: PoseTopic | None = None
     transforms: tuple[str, ...] = ()  # topics of transforms, all of them, where frames are wanted
 
     @property
@@ -163,7 +163,7 @@ class Topics:
         return tuple(dict.fromkeys(name for name in (self.image, *poses, *self.transforms) if name))
 
     @property
-    def routes(self) -> Mapping[str, Route]:
+    def routes(self) -> Mapping[str, PoseTopic]:
         """Where poses come from, by "odometry" and "truth"."""
         found = {ODOMETRY: self.odometry, TRUTH: self.truth}
         return {role: route for role, route in found.items() if route is not None}
@@ -205,17 +205,17 @@ class Translator:
     def __init__(self, max_dt_s: float) -> None:
         self.problems: deque[FieldError] = deque(maxlen=100)  # pictures that were left out
         self._max_dt_s = max_dt_s
-        self._tracks = {ODOMETRY: Track(), TRUTH: Track()}
-        self._tellers: dict[Route, Teller] = {}
+        self._tracks = {ODOMETRY: PoseHistory(), TRUTH: PoseHistory()}
+        self._tellers: dict[PoseTopic, PoseExtractor] = {}
         self._undated: list[_Item] | None = []  # None once it is known what times are worth
         self._recorded = False  # the times that messages carry are of no use
         self._pictures: deque[tuple[float, float, _Unencoded]] = deque()  # time, our own clock's
         self._last_pose: F64 | None = None
         self._last_s = float("-inf")
         self._has_odometry = False
-        self._video = Video()
+        self._video = VideoStream()
 
-    def take(self, message: Message, topics: Topics) -> Iterator[dict[str, Any]]:
+    def take(self, message: Message, topics: ChosenTopics) -> Iterator[dict[str, Any]]:
         """Take in a message. FieldError for one that makes no sense."""
         self._has_odometry = topics.odometry is not None
         for item in self._items(message, topics):
@@ -227,10 +227,11 @@ class Translator:
             if roles >= {IMAGE, *topics.routes} or self._many_undated():
                 yield from self._settle_clock()
 
-    def _items(self, message: Message, topics: Topics) -> Iterator[_Item]:
+    def _items(self, message: Message, topics: ChosenTopics) -> Iterator[_Item]:
         """Give what a message says, for each role that it is read for."""
         tellers = {
-            role: self._tellers.setdefault(route, Teller(route)) for role, route in topics.routes.items()
+            role: self._tellers.setdefault(route, PoseExtractor(route))
+            for role, route in topics.routes.items()
         }
         hearing = {role: one for role, one in tellers.items() if one.hears(message.topic, message.type)}
         if message.topic != topics.image and not hearing:
@@ -251,7 +252,7 @@ class Translator:
             return _Unencoded(_encoded(message))
         try:
             part = self._video.add(message, t_s)
-        except NO_POSE as problem:
+        except MESSAGE_ERRORS as problem:
             raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None
         return None if part is None else _Unencoded(partial(_as_jpeg, part.read), part.note)
 
@@ -335,7 +336,7 @@ def decoded(message: Message) -> Any:
 def _stamp(message: Any) -> int | None:
     try:
         return time_of(message)
-    except NO_POSE as problem:
+    except MESSAGE_ERRORS as problem:
         raise FieldError(f"found a message whose time makes no sense ({short(problem)})") from None
 
 
@@ -363,5 +364,5 @@ def _usable() -> Iterator[None]:
     """Raise FieldError where a picture cannot be read."""
     try:
         yield
-    except NO_POSE as problem:
+    except MESSAGE_ERRORS as problem:
         raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None

@@ -31,12 +31,19 @@ from .messages import (
     stamp_ns,
 )
 from .source import Message, OpenBag
-from .topics import Route, readable
-from .video import Video, codec_of
+from .topics import PoseTopic, readable
+from .video import VideoStream, codec_of
 
 # What the messages of a bag become: pictures, poses and texts, each from the topics it listens to.
 
-NO_VALUE = (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError)  # of odd messages
+MESSAGE_ERRORS = (
+    ValueError,
+    TypeError,
+    AttributeError,
+    KeyError,
+    IndexError,
+    OverflowError,
+)  # of odd messages
 
 
 class Timed(Protocol):
@@ -48,7 +55,7 @@ class Timed(Protocol):
         ...
 
 
-class Part(Protocol):
+class Reader(Protocol):
     """Makes records of messages."""
 
     @property
@@ -72,7 +79,7 @@ class Part(Protocol):
 def read_parts(
     path: Path,
     open_bag: OpenBag,
-    parts: Collection[Part],
+    parts: Collection[Reader],
     findings: Findings,
     *,
     keep_going: bool,
@@ -106,7 +113,7 @@ def _sound(
     """Give the records of one message; what is wrong with it goes to `findings`."""
     try:
         found = list(going)
-    except NO_VALUE as problem:
+    except MESSAGE_ERRORS as problem:
         found = []
         said = str(problem)
         if isinstance(problem, AttributeError):
@@ -142,11 +149,11 @@ class OneTopic:
 
 
 @dataclass(frozen=True, slots=True)
-class Pictures(OneTopic):
+class PictureReader(OneTopic):
     """Makes pictures of a topic's messages."""
 
     types: ClassVar[Collection[str]] = PICTURES | VIDEOS
-    _video: Video = field(default_factory=Video, compare=False)
+    _video: VideoStream = field(default_factory=VideoStream, compare=False)
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give what one message says; of video only what comes from the first key frame on."""
@@ -163,10 +170,10 @@ class Pictures(OneTopic):
 
 
 @dataclass(slots=True)
-class Poses:
+class PoseReader:
     """Makes poses of a topic's messages, or of two frames of its transforms."""
 
-    route: Route
+    route: PoseTopic
     make: Callable[[float, F64], Timed]
     offset_s: float
     _tree: FrameTree = field(default_factory=FrameTree)
@@ -202,7 +209,7 @@ class Poses:
 
 
 @dataclass(frozen=True, slots=True)
-class Notes(OneTopic):
+class NoteReader(OneTopic):
     """Makes events of a topic of texts, which carry no time: when they were recorded."""
 
     types: ClassVar[Collection[str]] = (TEXT,)
@@ -226,7 +233,7 @@ def _picture(message: Any) -> U8:
         return picture_of(message)
     except PictureError:
         raise
-    except NO_VALUE as problem:
+    except MESSAGE_ERRORS as problem:
         raise PictureError(f"found a message without a picture ({problem}), expected one") from None
 
 
