@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 
 from maurice_mcl.config.build import make_localizer
-from maurice_mcl.config.parameters import SelectionParameters, of_feature
+from maurice_mcl.config.parameters import ReferenceParameters, of_feature
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import weigh
-from maurice_mcl.filter.motion import Drift, MauriceMotion, MauriceParameters
+from maurice_mcl.filter.motion import FloorDrift, MauriceMotion, MauriceParameters
 from maurice_mcl.filter.resampling import systematic
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
@@ -127,7 +127,7 @@ def filter_step() -> None:
     """Print ns a particle of both versions at 5,000 particles, and the ratio."""
     rng = np.random.default_rng([2007, 1])
     library, reference = a_library(rng)
-    parameters = MauriceParameters(drift={"": Drift(0.01, 0.02)})
+    parameters = MauriceParameters(drift={"": FloorDrift(0.01, 0.02)})
     motion = MauriceMotion(parameters, reference.grid)
     sensor = SensorModel(
         library, reference, SensorParameters({"color": 1.0}, SHARPNESS, "power", "sum", distances=THESIS)
@@ -175,10 +175,10 @@ def whole_step(feature: str, particles: int, between: bool) -> None:
     rng = np.random.default_rng([2007, 2])
     library, reference = a_library(rng)
     session = _NoSession(SessionInfo("benchmark", motion={"model": "maurice"}))
-    selection = SelectionParameters(interpolation=InterpolationParameters(between=between))
+    selection = ReferenceParameters(interpolation=InterpolationParameters(between=between))
     parameters = replace(of_feature(feature, particles), selection=selection)
     localizer = make_localizer(library, session, parameters, reference=reference)
-    state = localizer.start(None)
+    state = localizer.initialize(None)
     rows = []
     for step in range(1, 201):
         image = cv2.GaussianBlur(rng.integers(0, 256, (144, 176, 3), np.uint8), (0, 0), 1.5)

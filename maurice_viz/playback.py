@@ -9,9 +9,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from maurice_mcl.analysis.metrics import RunScore, Scorer
-from maurice_mcl.analysis.run_comparison import Paired, PairedStep, Pairing, Step
+from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
 from maurice_mcl.analysis.success import SuccessJudge
-from maurice_mcl.analysis.watchers import Say, in_metres
+from maurice_mcl.analysis.watchers import Say, in_meters
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.records import StepRecord
@@ -36,7 +36,7 @@ class RunResult:
     score: RunScore
     steps_per_s: float | None  # filter steps a second, without decoding and drawing; None before the first
     against: str | None = None  # label of the run that it is compared with; None: it is the first, or alone
-    paired: Paired | None = None  # how it compares
+    paired: ComparisonResult | None = None  # how it compares
 
 
 def run_together(
@@ -46,7 +46,7 @@ def run_together(
 
     Each run owns its state and its randomness, so that it goes exactly as it would alone.
     """
-    states = {run.label: run.localizer.start(run.start) for run in runs}
+    states = {run.label: run.localizer.initialize(run.start) for run in runs}
     for moment in session.moments():
         records = {}
         for run in runs:
@@ -75,7 +75,7 @@ class ResultCollector:
         self,
         labels: Sequence[str],
         arena_m: tuple[float, float],
-        say: Say = in_metres,
+        say: Say = in_meters,
         other_drives: Collection[str] = (),
     ) -> None:
         """Score runs of these labels, in an arena of this width and depth; all after the first against it.
@@ -85,18 +85,18 @@ class ResultCollector:
         self._scorers = {label: Scorer() for label in labels}
         self._judges = {label: SuccessJudge(arena_m) for label in labels}
         self._pairings = {
-            label: Pairing(labels[0], label, say, same_drive=label not in other_drives)
+            label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
         }
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # taken in so far
         self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, a run
 
-    def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> Mapping[str, PairedStep]:
+    def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> Mapping[str, StepComparison]:
         """Take in one update of every run of one drive; give how all after the first compare with it."""
         return self.add_steps({label: (moment, record) for label, record in records.items()})
 
-    def add_steps(self, steps: Mapping[str, Step]) -> Mapping[str, PairedStep]:
+    def add_steps(self, steps: Mapping[str, Step]) -> Mapping[str, StepComparison]:
         """Take in one update of every run, each with its own moment."""
         self.updates += 1
         for label, (moment, record) in steps.items():

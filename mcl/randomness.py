@@ -23,13 +23,13 @@ class Domain(IntEnum):
 class Purpose(IntEnum):
     """What the filter draws for."""
 
-    START = 1
+    INITIALIZATION = 1
     MOTION = 2
     RESAMPLE = 3
     INJECT = 4
-    DUAL = 5
+    MIXTURE = 5
     ROUGHEN = 6
-    SLIP = 7
+    OUTLIER = 7
 
 
 def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random.Generator:

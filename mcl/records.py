@@ -72,7 +72,7 @@ def effective_sample_size(log_weights: F64) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class RecoveryState:
     """Averages of the mean likelihood of a picture; 0 before the first. Part of the filter's state."""
 
     slow: float = 0.0
@@ -81,7 +81,7 @@ class Memory:
     updates: int = 0  # averaged over since the last reset
 
 
-NOTHING = Memory()
+NO_HISTORY = RecoveryState()
 
 
 # What one update was like: an atomic snapshot, and the state that the next update needs.
@@ -107,7 +107,7 @@ class Comparison:
     channel_cost: F32  # (C, L) distances over their calibrated scales: nats
     cost: F32  # (L,) weighted sum of them, >= 0: what reseeding and people compare between pictures
     log_likelihood: F32  # (L,) of every entry; finite
-    between: F32 = field(
+    virtual: F32 = field(
         default_factory=_none
     )  # (V,) the same of the references between, where the selection has some
 
@@ -130,7 +130,7 @@ class Sighting:
 
     comparison: Comparison
     entries: I32  # (N,) the nearest entry of each particle; -1 outside free space
-    particles: F32  # (N,) log-likelihood of each particle; -inf outside free space
+    log_likelihood: F32  # (N,) log-likelihood of each particle; -inf outside free space
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +154,7 @@ class StepRecord:
     sighting: Sighting
     weighted: Belief  # the same particles after the picture was weighed in
     estimate: Estimate  # heaviest cluster of `weighted`: the one that is scored
-    mean: Estimate  # weighted mean of all of `weighted`
+    mean_estimate: Estimate  # weighted mean of all of `weighted`
     effective_sample_size: float  # of `weighted`, in particles
     log_evidence: float  # log p(o_t | past): log of the mean likelihood; -inf when every particle was outside
     calibrated_evidence: float  # the same of exp(-cost), whatever the likelihood in force: compares runs
@@ -173,4 +173,4 @@ class FilterState:
     step: int  # of the last frame taken in; 0 before the first
     belief: Belief
     injected: Bool | None = None  # (N,) which particles of `belief` were freshly injected
-    memory: Memory = NOTHING  # of the reseeding strategy
+    recovery: RecoveryState = NO_HISTORY  # of the reseeding strategy

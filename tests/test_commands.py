@@ -237,7 +237,7 @@ def test_a_map_without_free_space_is_refused(small_session: Path, tmp_path: Path
     everywhere = [[-9.0, -9.0], [99.0, -9.0], [99.0, 99.0], [-9.0, 99.0]]
     info["map"]["obstacles"] = [{"name": "flood", "polygon_m": everywhere}]
     (tmp_path / "survey.log").write_text("\n".join([json.dumps(info), *rest]) + "\n")
-    (tmp_path / "c.toml").write_text(f'reseeding.strategy = "{strategy}"\n')
+    (tmp_path / "c.toml").write_text(f'recovery.strategy = "{strategy}"\n')
     args = [small_session, "--no-recording", "--config", "c.toml"]
     assert "has no free space" in one_line(maurice(*args, cwd=tmp_path, expect=1))
 

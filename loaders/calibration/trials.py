@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.arrays import F64
-from maurice_mcl.calibration.motion import Leg, Straights, Trials, Turns, trials_of
+from maurice_mcl.calibration.motion import MotionSegment, Straights, Trials, Turns, trials_of
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
@@ -157,7 +157,7 @@ class _Legs:
         self.truths = 0  # seen so far ...
         self.bent = 0  # ... and movements left out because they are arcs
 
-    def __iter__(self) -> Iterator[Leg]:
+    def __iter__(self) -> Iterator[MotionSegment]:
         self.truths = self.bent = 0
         before: F64 | None = None
         motions: list[F64] = []
@@ -169,7 +169,7 @@ class _Legs:
             elif isinstance(record, Truth):
                 self.truths += 1
                 if before is not None and motions:
-                    leg = plain(Leg(before, tuple(motions), record.pose))
+                    leg = plain(MotionSegment(before, tuple(motions), record.pose))
                     self.bent += 0 if leg else len(motions)
                     yield from (leg,) if leg else ()
                 if before is None or motions:
@@ -185,7 +185,7 @@ def mishaps(path: Path) -> dict[str, int]:
     return found
 
 
-def plain(leg: Leg) -> Leg | None:
+def plain(leg: MotionSegment) -> MotionSegment | None:
     """Give a leg whose movements are turns or straights and never both; None for arcs.
 
     A movement by itself that is nearly a turn counts as one, and one that is nearly a straight as a straight
@@ -201,8 +201,8 @@ def plain(leg: Leg) -> Leg | None:
     if len(both) > 1 or (way_m >= limits.least_m) == (abs(turn) >= limits.least_rad):
         return None
     if way_m >= limits.least_m:
-        return Leg(leg.before, (leg.motions[0] * [1, 1, 0],), leg.after - [0, 0, turn])
-    return Leg(leg.before, (np.array([0, 0, turn]),), leg.after)
+        return MotionSegment(leg.before, (leg.motions[0] * [1, 1, 0],), leg.after - [0, 0, turn])
+    return MotionSegment(leg.before, (np.array([0, 0, turn]),), leg.after)
 
 
 def floor_between(arena: Arena | None, start: F64, end: F64) -> str | None:

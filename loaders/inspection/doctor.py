@@ -10,9 +10,9 @@ import numpy as np
 
 from maurice_mcl.diagnosis.clocks import clocks_apart, truth_apart
 from maurice_mcl.diagnosis.evidence import doubted_by_pictures
-from maurice_mcl.diagnosis.findings import Complaint, Drive, in_radians
+from maurice_mcl.diagnosis.findings import Finding, RecordedDrive, in_radians
 from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
-from maurice_mcl.diagnosis.pictures import Looks, seen_with_truth
+from maurice_mcl.diagnosis.pictures import ComparedPictures, seen_with_truth
 from maurice_mcl.diagnosis.plausibility import odometry_doubts, time_unit
 from maurice_mcl.diagnosis.words import turn_complaint
 from maurice_mcl.library import Library
@@ -40,7 +40,7 @@ class Diagnosis:
     said: tuple[str, ...]  # by the reader
     checks: tuple[str, ...]  # what could be asked
     not_asked: tuple[str, ...]  # what could not, and why
-    complaints: tuple[Complaint, ...]
+    complaints: tuple[Finding, ...]
     mended: OpenOptions  # what to read it with; as it was read where no option mends anything
 
 
@@ -84,9 +84,9 @@ def _diagnosis(
     path: Path,
     options: OpenOptions,
     found: Gathered,
-    drive: Drive,
+    drive: RecordedDrive,
     asked: _Asked,
-    known: Sequence[Complaint],
+    known: Sequence[Finding],
 ) -> Diagnosis:
     """Put together what is reported; a delay of the pictures is why truth seems to be elsewhere in time."""
     delayed = any(one.code == "picture-delay" for one in known)
@@ -107,7 +107,7 @@ def _diagnosis(
     )
 
 
-def _about_odometry(drive: Drive, movement_s: float | None, asked: _Asked) -> list[Complaint]:
+def _about_odometry(drive: RecordedDrive, movement_s: float | None, asked: _Asked) -> list[Finding]:
     """Compare odometry with truth; where one of the two is missing, ask whether odometry is plausible."""
     if drive.truth.size > 1 and drive.odometry.size > 1:
         asked.checks.append("odometry against truth")
@@ -116,32 +116,34 @@ def _about_odometry(drive: Drive, movement_s: float | None, asked: _Asked) -> li
     return odometry_doubts(drive)
 
 
-def _lacking(drive: Drive) -> str:
+def _lacking(drive: RecordedDrive) -> str:
     """Name what a comparison of odometry with truth lacks."""
     return "truth" if drive.truth.size <= 1 else "odometry"
 
 
-def _about_reading(found: Gathered) -> list[Complaint]:
+def _about_reading(found: Gathered) -> list[Finding]:
     """Say what a reader of this log would stumble over."""
     complaints, truth = [], found.drive.truth.poses
     if found.falls:
         what = f"times fall {found.falls} times"
         mend = "sort the records by t; if they are of several clocks, put these on one first"
-        complaints.append(Complaint("times-fall", what, "every reader refuses a time that falls", mend))
+        complaints.append(Finding("times-fall", what, "every reader refuses a time that falls", mend))
     large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (found.drive.odometry.values, truth))
     if large:
         what = f"{large} records hold numbers of more than {MOST:g}"
         why = f"a session log may not hold them; truth and odometry are at most {MOST:g} in size"
         mend = "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out"
-        complaints.append(Complaint("too-large", what, why, mend, {"records": large}))
+        complaints.append(Finding("too-large", what, why, mend, {"records": large}))
     if found.skipped:
         what = f"{found.skipped} records cannot be read"
         mend = "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out"
-        complaints.append(Complaint("broken", what, f"the first: {found.first_problem}", mend))
+        complaints.append(Finding("broken", what, f"the first: {found.first_problem}", mend))
     return complaints
 
 
-def _about_pictures(looks: Looks, drive: Drive, found: Gathered, known: list[Complaint]) -> list[Complaint]:
+def _about_pictures(
+    looks: ComparedPictures, drive: RecordedDrive, found: Gathered, known: list[Finding]
+) -> list[Finding]:
     """Ask the pictures, with truth where there is any; not where the odometry is known to be wrong.
 
     Gives what is known by then: degrees alone do not tell which way round they are counted.
@@ -174,14 +176,14 @@ FACTORS = (
 )  # what was read with one factor and needs another is read with their product
 
 
-def mendable(complaint: Complaint, format_name: str) -> Complaint:
+def mendable(complaint: Finding, format_name: str) -> Finding:
     """Leave out of a complaint the options that a format does not take."""
     if "time_unit" in complaint.options and format_name not in UNITS_TAKEN:
         return replace(complaint, options={})
     return complaint
 
 
-def mended(options: OpenOptions, complaints: Iterable[Complaint]) -> OpenOptions:
+def mended(options: OpenOptions, complaints: Iterable[Finding]) -> OpenOptions:
     """Give options that read a recording as it should have been, by what was found reading it with others."""
     for complaint in complaints:
         options = _with(options, complaint.options)

@@ -15,8 +15,8 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.config.parameters import of_feature
-from maurice_mcl.diagnosis.findings import Drive, Odometry, Track, joined
-from maurice_mcl.diagnosis.pictures import Looks
+from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, RecordedTruth, joined
+from maurice_mcl.diagnosis.pictures import ComparedPictures
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.library import Library
@@ -45,7 +45,7 @@ class Gathered:
     """A recording without its pictures' content."""
 
     info: SessionInfo
-    drive: Drive
+    drive: RecordedDrive
     falls: int  # times that fall, which the reader refuses
     skipped: int  # records that cannot be read at all
     first_problem: str
@@ -95,9 +95,9 @@ def gather(path: Path, options: OpenOptions) -> Gathered:
             cut = True
             break
     odometry = moved if moved.t_s else went
-    drive = Drive(
-        Odometry(np.array(odometry.t_s), odometry.rows(), odometry is went),
-        Track(np.array(truth.t_s), truth.rows(), np.array(truth.parts, np.int32)),
+    drive = RecordedDrive(
+        RecordedOdometry(np.array(odometry.t_s), odometry.rows(), odometry is went),
+        RecordedTruth(np.array(truth.t_s), truth.rows(), np.array(truth.parts, np.int32)),
         np.array(pictures.t_s),
         max(info.arena.size_m) if info.arena else math.inf,
         _gain(path, info),
@@ -106,7 +106,7 @@ def gather(path: Path, options: OpenOptions) -> Gathered:
     return Gathered(info, drive, falls, findings.count, first, cut, findings.warnings)
 
 
-def movement_apart(drive: Drive) -> float | None:
+def movement_apart(drive: RecordedDrive) -> float | None:
     """Give what the truth's times need to move when the odometry does; None where that cannot be told."""
     truth, odometry = drive.truth, drive.odometry
     if truth.size < 2 or odometry.size < 2 or (np.diff(odometry.t_s) < 0).any() or truth.part.any():
@@ -215,10 +215,10 @@ def look(
     options: OpenOptions,
     library: Library,
     info: SessionInfo,
-    drive: Drive,
+    drive: RecordedDrive,
     factor: float,
     progress: Progress | None = None,
-) -> Looks:
+) -> ComparedPictures:
     """Compare some pictures with a library, their times multiplied by `factor`.
 
     LogError for a library without any of the channels wanted.
@@ -235,7 +235,7 @@ def look(
             progress(len(times), total)
         if len(times) >= MOST_PICTURES:
             break
-    return Looks(np.array(times), comparisons, localizer)
+    return ComparedPictures(np.array(times), comparisons, localizer)
 
 
 def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:

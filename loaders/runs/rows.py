@@ -59,7 +59,7 @@ def _step_row(moment: Moment, record: StepRecord) -> dict[str, Any]:
     row: dict[str, Any] = {"step": frame.step, "time_s": frame.time_s}
     row |= {"picture": frame.picture, "picture_sha256": picture_hash(frame.image)}
     row |= {"motions": frame.motions.tolist()}
-    row |= _estimate_columns("estimate", record.estimate) | _estimate_columns("mean", record.mean)
+    row |= _estimate_columns("estimate", record.estimate) | _estimate_columns("mean", record.mean_estimate)
     row |= {"effective_sample_size": record.effective_sample_size, "log_evidence": record.log_evidence}
     row |= {"calibrated_evidence": record.calibrated_evidence}
     evidences = zip(comparison.channels, record.channel_evidence.tolist(), strict=True)
@@ -135,7 +135,7 @@ def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64) -> 
         sighting=sighting,
         weighted=weighted,
         estimate=_estimate_of(row, "estimate"),
-        mean=_estimate_of(row, "mean"),
+        mean_estimate=_estimate_of(row, "mean"),
         effective_sample_size=row["effective_sample_size"],
         log_evidence=row["log_evidence"],
         calibrated_evidence=row["calibrated_evidence"],

@@ -90,7 +90,7 @@ def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecor
         sighting=nothing_seen(belief.size),
         weighted=belief,
         estimate=estimate_of(update, belief),
-        mean=weighted_mean(belief),
+        mean_estimate=weighted_mean(belief),
         effective_sample_size=effective_sample_size(belief.log_weights),
         log_evidence=float("nan"),
         calibrated_evidence=float("nan"),

@@ -14,8 +14,8 @@ from rich.text import Text
 from maurice_loaders.errors import LogError
 from maurice_loaders.runs.bookmarks import Bookmark, Bookmarks, read_bookmarks
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_mcl.analysis.events import KINDS, Event, EventDetector
-from maurice_mcl.analysis.run_comparison import Pairing
+from maurice_mcl.analysis.events import KINDS, EventDetector, RunEvent
+from maurice_mcl.analysis.run_comparison import RunComparison
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
@@ -32,7 +32,7 @@ class RunEvents:
     """One run, and all that happened in it, in order."""
 
     label: str
-    events: tuple[Event, ...]
+    events: tuple[RunEvent, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,15 +66,15 @@ class _Watched:
 
     label: str
     detector: EventDetector
-    pairing: Pairing | None
-    events: list[Event]
+    pairing: RunComparison | None
+    events: list[RunEvent]
 
     @classmethod
     def of(cls, run: SavedRun, first: SavedRun, notes: Mapping[int, Sequence[str]]) -> _Watched:
         own, other = run.manifest, first.manifest
         say = Scale(units_named(own.display_units)).say
         same = own.session.sha256 == other.session.sha256
-        pairing = None if run is first else Pairing(other.label, own.label, say, same)
+        pairing = None if run is first else RunComparison(other.label, own.label, say, same)
         return cls(own.label, EventDetector(say, bookmarks=notes), pairing, [])
 
     def see(self, first: Update | None, update: Update) -> None:
@@ -114,7 +114,7 @@ def _by_step(bookmarks: Sequence[Bookmark]) -> dict[int, list[str]]:
     return notes
 
 
-def wanted(run: RunEvents, kinds: Sequence[str], *, routine: bool = False) -> tuple[Event, ...]:
+def wanted(run: RunEvents, kinds: Sequence[str], *, routine: bool = False) -> tuple[RunEvent, ...]:
     """Give the events of some kinds; without kinds all but the routine ones."""
     if kinds:
         return tuple(event for event in run.events if event.kind in kinds)
@@ -128,7 +128,7 @@ def check_step(runs: Sequence[SavedRun], folder: Path, step: int) -> None:
         raise LogError(folder, f"found step {step}, expected one from 1 to {last}")
 
 
-def to_json(events: Mapping[str, Sequence[Event]]) -> dict[str, object]:
+def to_json(events: Mapping[str, Sequence[RunEvent]]) -> dict[str, object]:
     """Give `{"runs": [{"label": ..., "events": [...]}]}`."""
     return {
         "runs": [
@@ -144,7 +144,7 @@ def to_json(events: Mapping[str, Sequence[Event]]) -> dict[str, object]:
     }
 
 
-def to_table(events: Mapping[str, Sequence[Event]], title: str) -> Table:
+def to_table(events: Mapping[str, Sequence[RunEvent]], title: str) -> Table:
     """Give a table with a row an event, by step; a column for the run where there are several."""
     table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
     several = len(events) > 1
@@ -160,9 +160,9 @@ def to_table(events: Mapping[str, Sequence[Event]], title: str) -> Table:
     return table
 
 
-def _by_event(events: Mapping[str, Sequence[Event]]) -> list[tuple[Event, list[str]]]:
+def _by_event(events: Mapping[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, list[str]]]:
     """Put what is the same in several runs together, in the order of steps and kinds."""
-    labels: dict[Event, list[str]] = {}
+    labels: dict[RunEvent, list[str]] = {}
     for label, some in events.items():
         for event in dict.fromkeys(some):
             labels.setdefault(event, []).append(label)

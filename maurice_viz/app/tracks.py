@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maurice_loaders.recording import moved
-from maurice_mcl.analysis.events import Event, EventDetector
+from maurice_mcl.analysis.events import EventDetector, RunEvent
 from maurice_mcl.arrays import F64
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
@@ -43,7 +43,7 @@ class Track:
     label: str
     rows: list[tuple[float, ...]] = field(default_factory=list)  # NUMBERS
     poses: list[F64] = field(default_factory=list)  # (3, 3): POSES, each x_m, y_m, heading_rad
-    events: list[Event] = field(default_factory=list)
+    events: list[RunEvent] = field(default_factory=list)
     _odometry: F64 | None = None
 
     def add(self, moment: Moment, record: StepRecord, start: F64 | None) -> None:
@@ -57,7 +57,7 @@ class Track:
             moment.frame.time_s,
             apart,
             angle,
-            float(np.hypot(*record.mean.sd_m)),
+            float(np.hypot(*record.mean_estimate.sd_m)),
             record.estimate.confidence,
             share,
             record.effective_sample_size,

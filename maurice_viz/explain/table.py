@@ -14,7 +14,7 @@ from maurice_mcl.analysis.explanation import (
     ChannelExplanation,
     EntryExplanation,
     Explained,
-    Offset,
+    PoseOffset,
     StepExplanation,
     offset,
 )
@@ -108,7 +108,7 @@ def _explained(one: Explained, winner: EntryExplanation) -> dict[str, Any]:
     }
 
 
-def _offset(offset: Offset) -> dict[str, float]:
+def _offset(offset: PoseOffset) -> dict[str, float]:
     return {"apart_m": offset.apart_m, "turned_rad": offset.turned_rad}
 
 

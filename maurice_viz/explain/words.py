@@ -19,7 +19,7 @@ from maurice_mcl.analysis.explanation import (
     WINNER,
     ChannelExplanation,
     EntryExplanation,
-    Offset,
+    PoseOffset,
     StepExplanation,
 )
 from maurice_mcl.arrays import F64
@@ -293,7 +293,7 @@ def _weighed(step: StepExplanation) -> str:
     return f"{start}: one {', one '.join(parts)}."
 
 
-def say_offset(offset: Offset, scale: Scale) -> str:
+def say_offset(offset: PoseOffset, scale: Scale) -> str:
     """Say how far apart two poses are: "4.1 in and 8 deg"."""
     return f"{scale.say(offset.apart_m)} and {math.degrees(offset.turned_rad):.0f} deg"
 

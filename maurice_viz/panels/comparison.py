@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import rerun as rr
 
-from maurice_mcl.analysis.run_comparison import PairedStep, Step
+from maurice_mcl.analysis.run_comparison import Step, StepComparison
 from maurice_mcl.arrays import F32, F64, I32
 from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
@@ -74,7 +74,7 @@ class ComparisonDrawing:
             self._prepare_run(label, color)
         self._prepare_lines()
 
-    def see(self, steps: Mapping[str, Step], pairs: Mapping[str, PairedStep]) -> None:
+    def see(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> None:
         """Log one update of all runs."""
         if self._words is None:
             raise RuntimeError("begin() comes before see()")
@@ -137,7 +137,7 @@ class ComparisonDrawing:
                 path, rr.SeriesLines(names=names, colors=colors, widths=[LINE] * len(others)), static=True
             )
 
-    def _draw_lines(self, pairs: Mapping[str, PairedStep]) -> None:
+    def _draw_lines(self, pairs: Mapping[str, StepComparison]) -> None:
         def known(values: Sequence[float | None], unit: float) -> list[float]:
             return [np.nan if value is None else value * unit for value in values]
 

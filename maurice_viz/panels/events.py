@@ -15,7 +15,7 @@ import rerun.blueprint as rrb
 
 from maurice_mcl.analysis import events as kinds
 from maurice_mcl.analysis import localization_status as states
-from maurice_mcl.analysis.events import Event
+from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 
 from ..entities import RunPaths
@@ -31,10 +31,10 @@ LOST, TOLD = ESTIMATE, PALE
 LEGEND = "green good, orange doubtful, red lost, blue acts"  # longer ones are cut off in narrow columns
 
 STATE_COLORS: Mapping[str, RGB] = {
-    states.AT_HOME: GOOD,
+    states.LOCALIZED: GOOD,
     states.SEARCHING: ACTS,
     states.WRONG: DOUBTFUL,
-    states.ASTRAY: LOST,
+    states.LOST: LOST,
     states.CONVERGED: GOOD,
     states.SPREAD: ACTS,
 }
@@ -112,7 +112,7 @@ class EventLane:
         if self.scene:
             _configure(rec, LOG_LANE, LOG_COLORS)
 
-    def draw(self, rec: rr.RecordingStream, step: int, state: str, events: Sequence[Event]) -> None:
+    def draw(self, rec: rr.RecordingStream, step: int, state: str, events: Sequence[RunEvent]) -> None:
         """Log what changed at a step: `state` is `EventDetector.state`, `events` what its `see` gave."""
         if state != self._state:
             rec.log(belief_path(self.paths), rr.StateChange(state=state))
@@ -147,7 +147,7 @@ def events_view(labels: Sequence[str], title: str = "Events") -> rrb.StateTimeli
     return rrb.StateTimelineView(name=f"{title}: {LEGEND}", origin="/", contents=[*contents, LOG_LANE])
 
 
-def _log_name(event: Event) -> str:
+def _log_name(event: RunEvent) -> str:
     first = event.text.split(" ")[0]
     return first if event.kind == kinds.SESSION and first in LOG_COLORS else event.kind
 

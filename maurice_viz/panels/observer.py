@@ -10,7 +10,7 @@ from typing import Protocol
 
 import rerun as rr
 
-from maurice_mcl.analysis.events import Event, EventDetector
+from maurice_mcl.analysis.events import EventDetector, RunEvent
 from maurice_mcl.analysis.modes import TrackedMode
 from maurice_mcl.filter.localizer import EXPANDED
 from maurice_mcl.library import Library
@@ -58,7 +58,7 @@ class Update:
 
     moment: Moment
     record: StepRecord
-    events: tuple[Event, ...] = ()
+    events: tuple[RunEvent, ...] = ()
     modes: tuple[TrackedMode, ...] = ()  # heaviest first
     whole: bool = True  # is to be drawn whole
 
@@ -250,7 +250,7 @@ class RerunObserver:
         set_phase(self.rec, moment, Slot.PREDICT)
         cloud = record.predicted if update.whole else draw_belief.thinned(record.weighted)
         draw_belief.draw_predicted(self.rec, self._paths.particles, cloud, tools.scale)
-        tools.closeup.draw(self.rec, record.mean)
+        tools.closeup.draw(self.rec, record.mean_estimate)
         if self.scene and moment.truth is not None:
             tools.truth.draw(self.rec, moment.truth, tools.scale, tools.arrow)
         if not update.whole:

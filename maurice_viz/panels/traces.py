@@ -138,7 +138,7 @@ def draw_traces(
         apart, angle = errors(record.estimate, truth)
         traces.log(rec, POSITION_ERROR, scale.length(apart))
         traces.log(rec, HEADING_ERROR, float(np.degrees(angle)))
-    traces.log(rec, SPREAD, scale.length(float(np.hypot(*record.mean.sd_m))))
+    traces.log(rec, SPREAD, scale.length(float(np.hypot(*record.mean_estimate.sd_m))))
     traces.log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
     traces.log(rec, CONFIDENCE, record.estimate.confidence)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
-from maurice_mcl.library_quality.self_similarity import SelfCheck
+from maurice_mcl.library_quality.self_similarity import SelfSimilarity
 from maurice_mcl.sensor.references import spacing
 
 from ..drawing.canvas import TEXT, Canvas, draw_ground, long_side
@@ -24,7 +24,7 @@ DOT = 0.32  # radius, of the distance from a place to the next
 DARKEST = 0.25  # of the scale of colors, so that what is written on a dot can be read
 
 
-def draw_ambiguity(library: Library, found: SelfCheck, scale: Scale) -> U8:
+def draw_ambiguity(library: Library, found: SelfSimilarity, scale: Scale) -> U8:
     """Draw (H, W, 3): walls, a dot a place, brighter the more places fit, and lines between look-alikes."""
     canvas = draw_ground(library.arena, scale)
     image = canvas.image.copy()
@@ -32,7 +32,7 @@ def draw_ambiguity(library: Library, found: SelfCheck, scale: Scale) -> U8:
         start, end = _pixels(canvas, wall.reshape(2, 2), scale)
         cv2.line(image, start, end, WALL, 3, cv2.LINE_AA)
     for entry in found.aliased[:MOST_PAIRS].tolist():
-        pair = found.places[found.place_of[[entry, found.look_alike[entry]]]]
+        pair = found.places[found.place_of[[entry, found.alias[entry]]]]
         start, end = _pixels(canvas, pair, scale)
         cv2.line(image, start, end, DEAD, 2, cv2.LINE_AA)
     radius = max(round(DOT * scale.length(spacing(found.places)) / canvas.unit_per_px), 3)

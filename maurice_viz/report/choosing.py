@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.analysis.events import KINDS, Event
+from maurice_mcl.analysis.events import KINDS, RunEvent
 
 from ..app.tracks import Collected
 
@@ -41,7 +41,7 @@ RULE = (
 class Happening:
     """An event, and the runs in which it happened."""
 
-    event: Event
+    event: RunEvent
     labels: tuple[str, ...]
 
 
@@ -57,7 +57,7 @@ class Scene:
 def happenings(collected: Collected) -> list[Happening]:
     """Give the events of all runs in order of steps; what happened alike in several runs is said once."""
     found: dict[tuple[int, str, str], list[str]] = {}
-    events: dict[tuple[int, str, str], Event] = {}
+    events: dict[tuple[int, str, str], RunEvent] = {}
     for track in collected.tracks:
         for event in track.events:
             key = (event.step, event.kind, event.text)

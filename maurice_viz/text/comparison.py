@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from maurice_mcl.analysis.run_comparison import APART_FOR, APART_M, PairedStep, Step
+from maurice_mcl.analysis.run_comparison import APART_FOR, APART_M, Step, StepComparison
 
 from ..playback import RunResult
 from ..style import COLOR_WORDS, Scale, Units
@@ -23,7 +23,7 @@ class StepWords:
         self._labels, self._scale, self._has_truth = tuple(labels), scale, has_truth
         self._parted = dict.fromkeys(labels, "")
 
-    def at(self, steps: Mapping[str, Step], pairs: Mapping[str, PairedStep]) -> str:
+    def at(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> str:
         """Give a table with a row a run, under what happened at this very step."""
         unit, new = self._scale.units.name, []
         for label, pair in pairs.items():
@@ -44,7 +44,7 @@ class StepWords:
         return "\n".join(lines)
 
     def _row(
-        self, label: str, number: int, steps: Mapping[str, Step], pairs: Mapping[str, PairedStep]
+        self, label: str, number: int, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]
     ) -> str:
         moment, record = steps[label]
         cells = [f"{plain(label)} ({COLOR_WORDS[number]})"]
@@ -61,7 +61,7 @@ class StepWords:
     def _number(self, length_m: float) -> str:
         return f"{self._scale.length(length_m):.{self._scale.units.digits}f}"
 
-    def _meaning(self, pairs: Mapping[str, PairedStep]) -> str:
+    def _meaning(self, pairs: Mapping[str, StepComparison]) -> str:
         if not _on_one_drive(pairs):
             return "Runs of different drives, side by side by the number of the step."
         far, first = self._scale.say(APART_M), plain(self._labels[0])
@@ -98,7 +98,7 @@ def _paragraph(result: RunResult, first: str, units: Units) -> str:
     return " ".join(says)
 
 
-def _on_one_drive(pairs: Mapping[str, PairedStep]) -> bool:
+def _on_one_drive(pairs: Mapping[str, StepComparison]) -> bool:
     """Tell whether any run is on the drive of the first, so that their places can be compared."""
     return any(pair.apart_m is not None for pair in pairs.values())
 

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from maurice_mcl.analysis.run_comparison import Difference, Paired
+from maurice_mcl.analysis.run_comparison import ComparisonResult, ErrorDifference
 from maurice_mcl.analysis.success import LEFT, Success
 
 from ..playback import RunResult
@@ -42,7 +42,7 @@ def _paired_json(result: RunResult) -> dict[str, Any] | None:
     }
 
 
-def _difference_json(difference: Difference | None, unit: str) -> dict[str, Any] | None:
+def _difference_json(difference: ErrorDifference | None, unit: str) -> dict[str, Any] | None:
     if difference is None:
         return None
     return {
@@ -106,7 +106,7 @@ def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, l
     """Give rows that compare every run with the first: a name, and a cell a run."""
     first, many = results[0].label, 1 / units.per_m
     degrees = float(np.deg2rad(1))
-    rows: list[tuple[str, Callable[[Paired], str]]] = [
+    rows: list[tuple[str, Callable[[ComparisonResult], str]]] = [
         (
             f"error against {first}, 95 % ({units.name})",
             lambda p: _against(p.position, many, units.digits),
@@ -121,23 +121,23 @@ def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, l
     ]
 
 
-def _against(difference: Difference | None, unit: float, digits: int) -> str:
+def _against(difference: ErrorDifference | None, unit: float, digits: int) -> str:
     """Write a mean difference and its interval."""
     return "-" if difference is None else say_difference(difference, unit, digits)
 
 
-def say_difference(difference: Difference, unit: float, digits: int) -> str:
+def say_difference(difference: ErrorDifference, unit: float, digits: int) -> str:
     """Write a mean difference and its 95 % interval, in so many metres or radians: "-0.4 [-0.9, 0.1]"."""
     ends = () if difference.interval is None else difference.interval
     mean, *interval = (f"{value / unit:z.{digits}f}" for value in (difference.mean, *ends))
     return f"{mean} [{', '.join(interval)}]" if interval else mean
 
 
-def _closer(difference: Difference | None) -> str:
+def _closer(difference: ErrorDifference | None) -> str:
     return "-" if difference is None else f"at {difference.better} of {difference.updates}"
 
 
-def _parts(paired: Paired) -> str:
+def _parts(paired: ComparisonResult) -> str:
     if paired.apart_mean_m is None:  # runs of different drives are apart anyway
         return "-"
     return "never" if paired.parted_at is None else f"at step {paired.parted_at}"

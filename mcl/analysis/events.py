@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from ..filter.localizer import ALL_ZERO, EXPANDED, RESAMPLED, RESEEDED
 from ..records import StepRecord
 from ..session import Moment
-from .localization_status import Whereabouts
+from .localization_status import LocalizationStatus
 from .metrics import score_step
 from .modes import ModeTracker, TrackedMode
-from .watchers import BeyondSigma, Burst, Dip, EventThresholds, Leader, in_metres
+from .watchers import BeyondSigma, Burst, Dip, EventThresholds, Leader, in_meters
 from .watchers import Say as Say
 
 KIDNAPPED, LIGHTS_CHANGED, SESSION = "kidnapped", "lights-changed", "session"
@@ -43,7 +43,7 @@ KINDS: Mapping[str, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class RunEvent:
     """Something that happened at one update, in a line."""
 
     step: int  # at which it is known
@@ -65,19 +65,19 @@ class EventDetector:
     `maurice_viz.style.Scale.say` writes them in the session's units.
     """
 
-    say: Say = in_metres
+    say: Say = in_meters
     thresholds: EventThresholds = field(default_factory=EventThresholds)
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of whereabouts.STATES
     _tracker: ModeTracker = field(default_factory=ModeTracker)
-    _whereabouts: Whereabouts = field(default_factory=Whereabouts)
+    _whereabouts: LocalizationStatus = field(default_factory=LocalizationStatus)
     _dip: Dip = field(default_factory=Dip)
     _beyond: BeyondSigma = field(default_factory=BeyondSigma)
     _leader: Leader = field(default_factory=Leader)
     _bursts: dict[str, Burst] = field(default_factory=lambda: {RESEEDED: Burst(), ALL_ZERO: Burst()})
 
-    def see(self, moment: Moment, record: StepRecord) -> tuple[Event, ...]:
+    def see(self, moment: Moment, record: StepRecord) -> tuple[RunEvent, ...]:
         """Take in the next update; give what happened at it, in the order of KINDS."""
         step, time_s = moment.frame.step, moment.frame.time_s
         self.modes = self._tracker.see(record)
@@ -90,7 +90,7 @@ class EventDetector:
         ]
         order = list(KINDS)
         happened.sort(key=lambda one: order.index(one[0]))
-        return tuple(Event(step, time_s, kind, text) for kind, text in happened)
+        return tuple(RunEvent(step, time_s, kind, text) for kind, text in happened)
 
     def _of_filter(self, step: int, record: StepRecord) -> Iterator[tuple[str, str]]:
         """What the filter itself noticed, and what its weights and modes say."""

@@ -69,7 +69,7 @@ class EntryExplanation:
 
 
 @dataclass(frozen=True, slots=True)
-class Offset:
+class PoseOffset:
     """How far one pose is from another."""
 
     apart_m: float
@@ -84,8 +84,8 @@ class Explained:
     pose: F64  # (3,) that the reference is nearest to; of the winner and an entry asked for, its own
     entry: EntryExplanation | None  # None: the pose lies outside free space
     weighed: float | None  # log-likelihood of a particle on that very pose; -inf outside; None: not asked
-    from_truth: Offset | None  # of the pose; None: the truth is not known
-    from_estimate: Offset  # of the pose
+    from_truth: PoseOffset | None  # of the pose; None: the truth is not known
+    from_estimate: PoseOffset  # of the pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,13 +183,13 @@ def explain_step(
 
 def nearest_entries(sensor: SensorModel, poses: F64) -> I32:
     """Give the entry (K,) that each pose (K, 3) in the map's frame is compared with; -1 outside."""
-    return sensor.selection.entries(_relative(sensor, poses), sensor.library.origin)
+    return sensor.references.entries(_relative(sensor, poses), sensor.library.origin)
 
 
-def offset(pose: F64, other: F64) -> Offset:
+def offset(pose: F64, other: F64) -> PoseOffset:
     """Give how far a pose (3,) is from another."""
     apart = float(np.hypot(*(pose[:2] - other[:2])))
-    return Offset(apart, angle_between(float(pose[2]), float(other[2])))
+    return PoseOffset(apart, angle_between(float(pose[2]), float(other[2])))
 
 
 def _poses(record: StepRecord, sensor: SensorModel, truth: F64 | None, asked: Asked | None) -> dict[str, F64]:
@@ -207,7 +207,7 @@ def _poses(record: StepRecord, sensor: SensorModel, truth: F64 | None, asked: As
 
 
 def _weighed(comparison: Comparison, sensor: SensorModel, poses: F64) -> list[float | None]:
-    return list(sensor.at(comparison, _relative(sensor, poses)).particles.astype(float).tolist())
+    return list(sensor.at(comparison, _relative(sensor, poses)).log_likelihood.astype(float).tolist())
 
 
 def _relative(sensor: SensorModel, poses: F64) -> F32:

@@ -13,21 +13,21 @@ import numpy as np
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly
 from .watchers import Say
 
-AT_HOME, SEARCHING, WRONG, ASTRAY = "localized", "searching", "wrong and confident", "lost"
+LOCALIZED, SEARCHING, WRONG, LOST = "localized", "searching", "wrong and confident", "lost"
 CONVERGED, SPREAD = "converged", "spread"
 
 STATES: Mapping[str, str] = {
-    AT_HOME: "converged and correct",
+    LOCALIZED: "converged and correct",
     SEARCHING: "not converged, or not correct and not converged",
     WRONG: "converged and not correct: nothing in the cloud warns of it",
-    ASTRAY: "too far off for four updates running, and still so",
+    LOST: "too far off for four updates running, and still so",
     CONVERGED: "truth not known: at least 90 % of the weight within 24 in of the estimate",
     SPREAD: "truth not known: less than that",
 }
 
 
 @dataclass(slots=True)
-class Whereabouts:
+class LocalizationStatus:
     """Follows one run; keeps the last five updates."""
 
     state: str = ""  # at the last update seen: a key of STATES
@@ -65,9 +65,9 @@ class Whereabouts:
         if score.correct is None:
             return CONVERGED if score.converged else SPREAD
         if score.localized:
-            return AT_HOME
+            return LOCALIZED
         if self._off >= LOST_FOR and (self._ever or score.converged):
-            return ASTRAY  # a cloud that was never anywhere is still searching
+            return LOST  # a cloud that was never anywhere is still searching
         return WRONG if score.wrong_and_confident else SEARCHING
 
 

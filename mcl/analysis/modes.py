@@ -15,7 +15,7 @@ from ..arrays import F64, I32, Bool
 from ..filter.estimate import CLUSTER_M, Modes, modes
 from ..records import Estimate, StepRecord
 
-NOBODY = 0  # identity of particles that never stood in a mode; modes count from 1
+NO_MODE = 0  # identity of particles that never stood in a mode; modes count from 1
 ALONE = 0.99  # share of weight beyond which nothing is left that `modes` would call one
 LEAST_DESCENT = 0.25  # of a mode's weight must descend from another for it to go on as that one
 
@@ -37,7 +37,7 @@ class ModeTracker:
 
     _identities: I32 | None = None  # (N,) of the particles to come: the mode that each stood in last
     _injected: Bool | None = None  # (N,) which of them were freshly injected
-    _born: int = field(default=NOBODY)  # identities given so far
+    _born: int = field(default=NO_MODE)  # identities given so far
 
     def see(self, record: StepRecord) -> tuple[TrackedMode, ...]:
         """Take in the next update; give its modes, heaviest first."""
@@ -48,7 +48,7 @@ class ModeTracker:
         found = _modes(record, fresh)
         places = _places(record, found)
         named = self._named(places, carried, record.weighted.weights, len(found))
-        now = np.where(places >= 0, np.append(named, NOBODY).astype(np.int32)[places], carried)
+        now = np.where(places >= 0, np.append(named, NO_MODE).astype(np.int32)[places], carried)
         self._identities, self._injected = _handed_on(now, record.parents), record.injected
         return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
 
@@ -58,14 +58,14 @@ class ModeTracker:
         cell = (places + 1) * width + carried
         bonds = np.bincount(cell, weights, (count + 1) * width).reshape(count + 1, width)[1:]
         bonds = np.where(bonds < LEAST_DESCENT * bonds.sum(axis=1, keepdims=True), 0, bonds)
-        bonds[:, NOBODY] = 0
-        named = [NOBODY] * count
+        bonds[:, NO_MODE] = 0
+        named = [NO_MODE] * count
         while bonds.size and bonds.max() > 0:
             mode, identity = divmod(int(bonds.argmax()), width)
             named[mode] = identity
             bonds[mode], bonds[:, identity] = 0, 0
         for mode in range(count):
-            if named[mode] == NOBODY:
+            if named[mode] == NO_MODE:
                 self._born += 1
                 named[mode] = self._born
         return named
@@ -91,4 +91,4 @@ def _handed_on(identities: I32, parents: I32 | None) -> I32:
     """Give each particle of the next step (N',) what its parent carried; fresh ones carry nothing."""
     if parents is None:
         return identities
-    return np.where(parents >= 0, identities[parents], NOBODY).astype(np.int32)
+    return np.where(parents >= 0, identities[parents], NO_MODE).astype(np.int32)

@@ -21,7 +21,7 @@ from ..geometry import INCH_M
 from ..randomness import Domain, stream
 from ..records import StepRecord
 from ..session import Moment
-from .events import PARTED, Event, Say
+from .events import PARTED, RunEvent, Say
 from .metrics import FIRST_SCORED, StepScore, score_step
 
 # An interval for the mean of a series whose neighbors are alike: the studentized moving-block bootstrap.
@@ -90,17 +90,17 @@ APART_FOR = 2  # ... when they do so for as many steps running
 
 
 @dataclass(frozen=True, slots=True)
-class PairedStep:
+class StepComparison:
     """One update of a run against the same update of the first run."""
 
     position_m: float | None  # its position error minus the first run's: below zero is better; None: no truth
     heading_rad: float | None  # the same of the heading error
     apart_m: float | None  # between the two estimates; None for runs of different drives
-    event: Event | None  # at the update at which it is known that the runs have parted
+    event: RunEvent | None  # at the update at which it is known that the runs have parted
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ErrorDifference:
     """A run's error minus the first run's over the scored updates of a drive, in metres or radians."""
 
     mean: float
@@ -114,18 +114,18 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Paired:
+class ComparisonResult:
     """A whole run against the first run."""
 
-    position: Difference | None  # None where the truth is not known
-    heading: Difference | None
+    position: ErrorDifference | None  # None where the truth is not known
+    heading: ErrorDifference | None
     apart_mean_m: float | None  # of the estimates, over all updates; None for different drives
     apart_most_m: float | None
     parted_at: int | None  # the first update of those at which the estimates were apart; None: never
 
 
 @dataclass(slots=True)
-class Pairing:
+class RunComparison:
     """Compares one run with the first one while both go; keeps three numbers an update."""
 
     first: str  # label of the run that the others are compared with
@@ -139,7 +139,7 @@ class Pairing:
     _seen: int = 0
     _running: int = 0  # updates running, up to the last one, at which the estimates were apart
 
-    def see(self, first: Step, other: Step) -> PairedStep:
+    def see(self, first: Step, other: Step) -> StepComparison:
         """Take in the next update of both runs."""
         self._seen += 1
         scores = [score_step(record.estimate, moment.truth) for moment, record in (first, other)]
@@ -148,23 +148,23 @@ class Pairing:
             self._position.append(position)
             self._heading.append(heading)
         if not self.same_drive:
-            return PairedStep(position, heading, None, None)
+            return StepComparison(position, heading, None, None)
         apart = float(np.hypot(*(other[1].estimate.pose[:2] - first[1].estimate.pose[:2])))
         self._apart.append(apart)
-        return PairedStep(position, heading, apart, self._parting(apart, first[0]))
+        return StepComparison(position, heading, apart, self._parting(apart, first[0]))
 
-    def _parting(self, apart_m: float, moment: Moment) -> Event | None:
+    def _parting(self, apart_m: float, moment: Moment) -> RunEvent | None:
         self._running = self._running + 1 if apart_m > APART_M else 0
         if self._running != APART_FOR or self.parted_at is not None:
             return None
         self.parted_at = moment.frame.step - APART_FOR + 1
         what = f"{self.other} and {self.first} are {self.say(apart_m)} apart, since step {self.parted_at}"
-        return Event(moment.frame.step, moment.frame.time_s, PARTED, what)
+        return RunEvent(moment.frame.step, moment.frame.time_s, PARTED, what)
 
-    def result(self) -> Paired:
+    def result(self) -> ComparisonResult:
         """Sum up as far as the runs went."""
         apart = self._apart
-        return Paired(
+        return ComparisonResult(
             _sum_up(np.array(self._position)),
             _sum_up(np.array(self._heading)),
             float(np.mean(apart)) if apart else None,
@@ -184,10 +184,10 @@ def _differences(first: StepScore, other: StepScore) -> tuple[float | None, floa
     )
 
 
-def _sum_up(values: F64) -> Difference | None:
+def _sum_up(values: F64) -> ErrorDifference | None:
     if not len(values):
         return None
-    return Difference(
+    return ErrorDifference(
         float(values.mean()),
         mean_interval(values),
         block_length(values),

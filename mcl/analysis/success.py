@@ -40,7 +40,7 @@ class Success:
 
 def meets_tenth(record: StepRecord, arena_m: tuple[float, float]) -> bool:
     """More than 90 % within 24 in of the scored estimate, sd under 10 % of the arena on each axis."""
-    narrow = [sd < SD_UNDER * side for sd, side in zip(record.mean.sd_m, arena_m, strict=True)]
+    narrow = [sd < SD_UNDER * side for sd, side in zip(record.mean_estimate.sd_m, arena_m, strict=True)]
     return record.estimate.converged > MORE_THAN and all(narrow)
 
 

@@ -16,7 +16,7 @@ from .modes import TrackedMode
 Say = Callable[[float], str]  # writes a length in metres, with its unit
 
 
-def in_metres(length_m: float) -> str:
+def in_meters(length_m: float) -> str:
     """Write a length: "0.32 m"."""
     return f"{length_m:.2f} m"
 

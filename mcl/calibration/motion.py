@@ -236,7 +236,7 @@ FloorOf = Callable[[F64, F64], str | None]  # names the floor of a way between t
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Leg:
+class MotionSegment:
     """What was measured between two known poses."""
 
     before: F64  # (3,) x_m, y_m, heading_rad
@@ -253,26 +253,26 @@ class _Part:
     course_rad: float = 0.0  # of a straight, from the robot's forward
 
 
-def trials_of(legs: Iterable[Leg], floor_of: FloorOf) -> Trials:
+def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
     """Sort out what each movement of the legs did. One leg is held at a time, and a few numbers of each."""
     turns: list[tuple[float, float]] = []
     straights: list[tuple[float, float, float]] = []
     floors: list[str | None] = []
     left_out = 0
-    for leg in legs:
-        parts = [part for motion in leg.motions for part in _parts(motion)]
+    for segment in segments:
+        parts = [part for motion in segment.motions for part in _parts(motion)]
         kinds = "".join("S" if part.straight else "T" for part in parts)
         if kinds not in ("", "T", "S", "TS", "ST"):
             left_out += len(parts)
             continue
         turn = next((part for part in parts if not part.straight), None)
         straight = next((part for part in parts if part.straight), None)
-        turned, drift = _attribute(leg, straight, turn_first=kinds == "TS", turns=turn is not None)
+        turned, drift = _attribute(segment, straight, turn_first=kinds == "TS", turns=turn is not None)
         if turn is not None:
             turns.append((turn.measured, turned))
         if straight is not None:
-            straights.append((straight.measured, _length(leg), drift))
-            floors.append(floor_of(leg.before[:2], leg.after[:2]))
+            straights.append((straight.measured, _length(segment), drift))
+            floors.append(floor_of(segment.before[:2], segment.after[:2]))
     measured, turned_rad = np.array(turns, np.float64).reshape(-1, 2).T
     way, went, drift_rad = np.array(straights, np.float64).reshape(-1, 3).T
     return Trials(
@@ -291,22 +291,26 @@ def _parts(motion: F64) -> list[_Part]:
     return parts + ([_Part(True, way, math.atan2(left, forward))] if way >= least.straight_from_m else [])
 
 
-def _length(leg: Leg) -> float:
-    return float(np.hypot(*(leg.after - leg.before)[:2]))
+def _length(segment: MotionSegment) -> float:
+    return float(np.hypot(*(segment.after - segment.before)[:2]))
 
 
-def _attribute(leg: Leg, way: _Part | None, *, turn_first: bool, turns: bool) -> tuple[float, float]:
+def _attribute(
+    segment: MotionSegment, way: _Part | None, *, turn_first: bool, turns: bool
+) -> tuple[float, float]:
     """Share the change of heading out: turn (up to whole circles) and drift, both in rad."""
-    changed = float(leg.after[2] - leg.before[2])
+    changed = float(segment.after[2] - segment.before[2])
     if way is None:
         return _wrapped(changed), math.nan
     if not turns:
         return math.nan, _wrapped(changed)
-    if _length(leg) < MauriceParameters().straight_from_m:  # no course: the robot did not get away
+    if _length(segment) < MauriceParameters().straight_from_m:  # no course: the robot did not get away
         return _wrapped(changed), math.nan
-    x, y = (float(v) for v in (leg.after - leg.before)[:2])
+    x, y = (float(v) for v in (segment.after - segment.before)[:2])
     forward = math.atan2(y, x) - way.course_rad
-    drift = 2 * _wrapped(float(leg.after[2]) - forward if turn_first else forward - float(leg.before[2]))
+    drift = 2 * _wrapped(
+        float(segment.after[2]) - forward if turn_first else forward - float(segment.before[2])
+    )
     return _wrapped(changed - drift), drift
 
 

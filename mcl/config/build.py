@@ -7,15 +7,20 @@ import numpy as np
 from ..filter.localizer import Localizer
 from ..filter.motion import motion_model
 from ..filter.proposal import regions
-from ..filter.recovery import Strategy, none
+from ..filter.recovery import RecoveryStrategy, none
 from ..filter.recovery import always as always_some
 from ..filter.resampling import RESAMPLERS, ResamplePolicy, always, below_effective, every
-from ..filter.resampling_step import Renewal
+from ..filter.resampling_step import ResamplingStep
 from ..library import Library
 from ..sensor.model import SensorModel
-from ..sensor.references import NearestReference, between, interpolated, nearest_reference
+from ..sensor.references import (
+    NearestReference,
+    interpolated_reference,
+    nearest_reference,
+    virtual_references,
+)
 from ..session import Session
-from .parameters import FilterParameters, ResamplingParameters, ReseedingParameters
+from .parameters import FilterParameters, RecoveryParameters, ResamplingParameters
 
 
 def make_localizer(
@@ -39,8 +44,8 @@ def make_localizer(
         reference=nearest,
         motion=motion_model(session.info.motion if p.motion is None else p.motion, nearest.grid),
         sensor=_sensor(library, nearest, p),
-        renewal=_renewal(library, nearest, p),
-        tail=p.tail,
+        resampling=_resampling_step(library, nearest, p),
+        outliers=p.motion_outliers,
         particles=p.particles,
         seed=seed,
     )
@@ -49,7 +54,7 @@ def make_localizer(
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
     p.sensor.check_names()
     sensors = {"nearest": _by_nearest, "interpolated": _by_interpolation}
-    return sensors[p.selection.method](library, nearest, p)
+    return sensors[p.references.method](library, nearest, p)
 
 
 def _by_nearest(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
@@ -57,26 +62,30 @@ def _by_nearest(library: Library, nearest: NearestReference, p: FilterParameters
 
 
 def _by_interpolation(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
-    how = p.selection.interpolation
-    if not how.between:
-        return SensorModel(library, interpolated(nearest, library.poses, library.arena, how), p.sensor)
-    more = between(library.poses, library.arena)
+    how = p.references.interpolation
+    if not how.virtual:
+        return SensorModel(
+            library, interpolated_reference(nearest, library.poses, library.arena, how), p.sensor
+        )
+    more = virtual_references(library.poses, library.arena)
     references = np.concatenate([library.poses, more.poses])
     index = more.extend({name: library.index[name] for name in p.sensor.weights})
-    return SensorModel(library, interpolated(nearest, references, library.arena, how), p.sensor, index)
+    return SensorModel(
+        library, interpolated_reference(nearest, references, library.arena, how), p.sensor, index
+    )
 
 
-def _renewal(library: Library, nearest: NearestReference, p: FilterParameters) -> Renewal:
-    return Renewal(
+def _resampling_step(library: Library, nearest: NearestReference, p: FilterParameters) -> ResamplingStep:
+    return ResamplingStep(
         nearest=nearest,
         where=regions(nearest, library.size),
         resampler=RESAMPLERS[p.resampling.scheme],
         when=_when(p.resampling),
-        strategy=_strategy(p.reseeding),
-        draw_evenly={"evenly": True, "likelihood": False}[p.reseeding.draw],
+        strategy=_strategy(p.recovery),
+        draw_evenly={"evenly": True, "likelihood": False}[p.recovery.draw],
         roughening=p.resampling.roughening,
         kld=p.resampling.kld if p.resampling.adaptive else None,
-        dual=p.reseeding.dual if p.reseeding.strategy == "dual" else None,
+        mixture=p.recovery.mixture if p.recovery.strategy == "mixture" else None,
     )
 
 
@@ -84,10 +93,10 @@ def _when(p: ResamplingParameters) -> ResamplePolicy:
     return {"always": always, "effective": below_effective(p.below), "every": every(p.every)}[p.when]
 
 
-def _strategy(p: ReseedingParameters) -> Strategy:
-    strategies: dict[str, Strategy] = {
+def _strategy(p: RecoveryParameters) -> RecoveryStrategy:
+    strategies: dict[str, RecoveryStrategy] = {
         "none": none,
-        "dual": none,
+        "mixture": none,
         "always": always_some(p.share),
         "threshold": p.threshold,
         "sensor": p.sensor,

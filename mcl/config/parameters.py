@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..filter.motion import TailParameters
-from ..filter.proposal import DualParameters
+from ..filter.motion import MotionOutliers
+from ..filter.proposal import MixtureParameters
 from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
 from ..filter.resampling import KldParameters
 from ..sensor.features import FEATURES
@@ -18,7 +18,7 @@ from ..sensor.references import InterpolationParameters
 
 
 @dataclass(frozen=True, slots=True)
-class SelectionParameters:
+class ReferenceParameters:
     """Which references a particle is weighed by."""
 
     method: str = "interpolated"  # "nearest" (the thesis's) or "interpolated"
@@ -39,17 +39,17 @@ class ResamplingParameters:
 
 
 @dataclass(frozen=True, slots=True)
-class ReseedingParameters:
+class RecoveryParameters:
     """Whether, when and where particles are drawn anew."""
 
-    strategy: str = "none"  # "none", "always", "threshold", "sensor", "augmented", "expansion" or "dual"
+    strategy: str = "none"  # "none", "always", "threshold", "sensor", "augmented", "expansion" or "mixture"
     draw: str = "likelihood"  # "likelihood" (where the picture says) or "evenly" (over free space)
     share: float = 0.05  # of the particles, for "always"
     threshold: DynamicThreshold = field(default_factory=DynamicThreshold)
     sensor: SensorResetting = field(default_factory=SensorResetting)
     augmented: Augmented = field(default_factory=Augmented)
     expansion: Expansion = field(default_factory=Expansion)
-    dual: DualParameters = field(default_factory=DualParameters)
+    mixture: MixtureParameters = field(default_factory=MixtureParameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +57,10 @@ class FilterParameters:
     """One filter."""
 
     sensor: SensorParameters = field(default_factory=lambda: SensorParameters(FEATURES["blended"]))
-    selection: SelectionParameters = field(default_factory=SelectionParameters)
+    references: ReferenceParameters = field(default_factory=ReferenceParameters)
     resampling: ResamplingParameters = field(default_factory=ResamplingParameters)
-    reseeding: ReseedingParameters = field(default_factory=ReseedingParameters)
-    tail: TailParameters = field(default_factory=TailParameters)
+    recovery: RecoveryParameters = field(default_factory=RecoveryParameters)
+    motion_outliers: MotionOutliers = field(default_factory=MotionOutliers)
     motion: Mapping[str, object] | None = None  # in place of the session header's
     particles: int = 2000
 

@@ -16,10 +16,10 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "sensor.blend": "sum",
         "sensor.likelihood": "power",
         "sensor.sharpness": 1.0,
-        "selection.method": "nearest",
+        "references.method": "nearest",
         "resampling.scheme": "multinomial",
         "resampling.when": "always",
-        "reseeding.strategy": "none",
+        "recovery.strategy": "none",
     },
     # with the refinements of its section 4: smoothed color and edges blended, reseeding under a threshold
     "refined": {
@@ -28,18 +28,18 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "sensor.blend": "sum",
         "sensor.likelihood": "power",
         "sensor.sharpness": 8.0,
-        "selection.method": "nearest",
+        "references.method": "nearest",
         "resampling.scheme": "systematic",
-        "reseeding.strategy": "threshold",
-        "reseeding.draw": "evenly",
+        "recovery.strategy": "threshold",
+        "recovery.draw": "evenly",
     },
     # what we would put on a robot
     "robust": {
         "sensor.weights": dict(FEATURES["best"]),
         "sensor.blend": "calibrated",
         "sensor.likelihood": "exponential",
-        "selection.method": "interpolated",
-        "reseeding.strategy": "threshold",
-        "tail.share": 0.02,
+        "references.method": "interpolated",
+        "recovery.strategy": "threshold",
+        "motion_outliers.share": 0.02,
     },
 }

@@ -128,10 +128,10 @@ RULES: Mapping[str, Rule] = {
     "sensor.quality": choice(*QUALITIES),
     "sensor.distances": channels(choice(*DISTANCES)),
     "sensor.scales": channels(number(1e-9, 1e9)),
-    "selection.method": choice("nearest", "interpolated"),
-    "selection.interpolation.between": truth,
-    "selection.interpolation.places": whole(1, 64),
-    "selection.interpolation.width": number(0.01, 100),
+    "references.method": choice("nearest", "interpolated"),
+    "references.interpolation.virtual": truth,
+    "references.interpolation.places": whole(1, 64),
+    "references.interpolation.width": number(0.01, 100),
     "resampling.scheme": choice(*RESAMPLERS),
     "resampling.when": choice("always", "effective", "every"),
     "resampling.below": SHARE,
@@ -144,27 +144,44 @@ RULES: Mapping[str, Rule] = {
     "resampling.kld.heading_bins": whole(1, 3600),
     "resampling.kld.least": whole(1, 10_000_000),
     "resampling.kld.most": whole(1, 10_000_000),
-    "reseeding.strategy": choice("none", "always", "threshold", "sensor", "augmented", "expansion", "dual"),
-    "reseeding.draw": choice("likelihood", "evenly"),
-    "reseeding.share": SHARE,
-    "reseeding.threshold.share": SHARE,
-    "reseeding.threshold.deviations": number(0, 1000),
-    "reseeding.threshold.rate": SHARE,
-    "reseeding.threshold.settle": whole(0, 1_000_000),
-    "reseeding.threshold.least_sd": number(0, 1e6),
-    "reseeding.sensor.evidence": NATS,
-    "reseeding.sensor.most": SHARE,
-    "reseeding.augmented.slow": SHARE,
-    "reseeding.augmented.fast": SHARE,
-    "reseeding.augmented.most": SHARE,
-    "reseeding.augmented.resets": SHARE,
-    "reseeding.expansion.evidence": NATS,
-    "reseeding.dual.share": number(0, 0.99),
-    "reseeding.dual.teleport": SHARE,
-    "tail.share": SHARE,
-    "tail.widen": number(1, 1000),
+    "recovery.strategy": choice("none", "always", "threshold", "sensor", "augmented", "expansion", "mixture"),
+    "recovery.draw": choice("likelihood", "evenly"),
+    "recovery.share": SHARE,
+    "recovery.threshold.share": SHARE,
+    "recovery.threshold.deviations": number(0, 1000),
+    "recovery.threshold.rate": SHARE,
+    "recovery.threshold.settle": whole(0, 1_000_000),
+    "recovery.threshold.least_sd": number(0, 1e6),
+    "recovery.sensor.evidence": NATS,
+    "recovery.sensor.most": SHARE,
+    "recovery.augmented.slow": SHARE,
+    "recovery.augmented.fast": SHARE,
+    "recovery.augmented.most": SHARE,
+    "recovery.augmented.resets": SHARE,
+    "recovery.expansion.evidence": NATS,
+    "recovery.mixture.share": number(0, 0.99),
+    "recovery.mixture.teleport": SHARE,
+    "motion_outliers.share": SHARE,
+    "motion_outliers.widen": number(1, 1000),
     "motion": table,
 }
+
+# Names of earlier versions, which saved runs, configuration files and environment variables still hold.
+
+RENAMED_KEYS: Mapping[str, str] = {
+    "selection.method": "references.method",
+    "selection.interpolation.between": "references.interpolation.virtual",
+    "selection.interpolation.places": "references.interpolation.places",
+    "selection.interpolation.width": "references.interpolation.width",
+    "tail.share": "motion_outliers.share",
+    "tail.widen": "motion_outliers.widen",
+    **{
+        key.replace("recovery.", "reseeding.").replace(".mixture.", ".dual."): key
+        for key in RULES
+        if key.startswith("recovery.")
+    },
+}
+RENAMED_WORDS: Mapping[tuple[str, str], str] = {("recovery.strategy", "dual"): "mixture"}
 
 
 # Configuration in layers: defaults, preset, file, environment, command line; the last that speaks wins.
@@ -212,13 +229,14 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def configure(layers: Iterable[Layer]) -> Configuration:
-    """Put layers together, later ones over earlier ones.
+    """Put layers together, later ones over earlier ones; names of earlier versions stand for today's.
 
     Raises ValueError in one line, naming origin, key, value and what is allowed.
     """
     found = {key: Setting(key, value, "default") for key, value in defaults().items()}
     for layer in layers:
-        for key, value in layer.values.items():
+        for name, value in layer.values.items():
+            key = RENAMED_KEYS.get(name, name)
             found[key] = Setting(key, _checked(key, value, layer.origin), layer.origin)
     values = {key: setting.value for key, setting in found.items()}
     if values["resampling.kld.least"] > values["resampling.kld.most"]:
@@ -241,7 +259,8 @@ def _checked(key: str, value: Any, origin: str) -> Any:
         advice = f"did you mean {near[0]}?" if near else "`maurice-replay config show` lists all"
         raise ValueError(f"{origin}: {key} is not known; {advice}")
     try:
-        return RULES[key](key, value)
+        word = RENAMED_WORDS.get((key, value), value) if isinstance(value, str) else value
+        return RULES[key](key, word)
     except ValueError as problem:
         raise ValueError(f"{origin}: {problem}") from None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import F64
-from .findings import Complaint, Drive
+from .findings import Finding, RecordedDrive
 
 FEW = 0.2  # share of the pictures
 FEWEST = 8  # records
@@ -35,12 +35,12 @@ def same_moments(late_t_s: F64, t_s: F64) -> float | None:
     return float(np.median(apart[best : best + met[best]]))
 
 
-def clocks_apart(drive: Drive, movement_s: float | None = None) -> list[Complaint]:
+def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
     """Tell whether pictures, odometry and truth have no time in common.
 
     `movement_s` is what has to be added to the truth's times so that it moves when the odometry does.
     """
-    complaints: list[Complaint] = []
+    complaints: list[Finding] = []
     shared = {name: _overlap(times, drive.picture_t_s) for name, times in _others(drive)}
     for name, times in _others(drive):
         ours = drive.picture_t_s
@@ -54,11 +54,11 @@ def clocks_apart(drive: Drive, movement_s: float | None = None) -> list[Complain
             f"{name} from {times.min():.3f} to {times.max():.3f} s"
         )
         what, options = f"pictures and {name} have no time in common", {f"{name}_offset_s": -round(late, 3)}
-        complaints.append(Complaint(f"{name}-clock", what, evidence, mend, {"late_s": late}, options))
+        complaints.append(Finding(f"{name}-clock", what, evidence, mend, {"late_s": late}, options))
     return complaints
 
 
-def _others(drive: Drive) -> tuple[tuple[str, F64], ...]:
+def _others(drive: RecordedDrive) -> tuple[tuple[str, F64], ...]:
     return ("odometry", drive.odometry.t_s), ("truth", drive.truth.t_s)
 
 
@@ -77,7 +77,7 @@ def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
     return float(times.min() - ours.min()), mend
 
 
-def truth_apart(drive: Drive) -> list[Complaint]:
+def truth_apart(drive: RecordedDrive) -> list[Finding]:
     """Tell whether the truth passes the pictures by: none at their times, though it goes on beside them."""
     truth, pictures = drive.truth, drive.picture_t_s
     if truth.size < FEWEST or len(pictures) < FEWEST:
@@ -95,6 +95,4 @@ def truth_apart(drive: Drive) -> list[Complaint]:
         f"and after; the truth before a picture is {late:.2g} s old (median)"
     )
     mend = "--truth-offset, or the same in the log, if one of the clocks is late; else more frequent truth"
-    return [
-        Complaint("truth-apart", "pictures have no truth", evidence, mend, {"share": known, "age_s": late})
-    ]
+    return [Finding("truth-apart", "pictures have no truth", evidence, mend, {"share": known, "age_s": late})]

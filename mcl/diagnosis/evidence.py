@@ -11,15 +11,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..arrays import F64
-from ..filter.proposal import anywhere
+from ..filter.proposal import uniform_belief
 from ..filter.resampling import systematic
 from ..geometry import compose
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import Belief, normalize, uniform_log_weights
 from . import words
-from .findings import Complaint, Drive, Odometry, rotated
+from .findings import Finding, RecordedDrive, RecordedOdometry, rotated
 from .odometry import Reading, motions_read
-from .pictures import Looks
+from .pictures import ComparedPictures
 from .plausibility import direction_of
 
 PARTICLES = 1500
@@ -42,7 +42,7 @@ class Hypothesis:
     late: int = 0  # by how many pictures they come too late
 
 
-def hypotheses(odometry: Odometry) -> list[Hypothesis]:
+def hypotheses(odometry: RecordedOdometry) -> list[Hypothesis]:
     """List what is tried; the first one is that all is well."""
     turns = [Hypothesis(f"turn-{t.replace(' ', '-')}", Reading(t)) for t in ("clockwise", "degrees")]
     turns.append(Hypothesis("turn-clockwise-degrees", Reading("clockwise degrees")))
@@ -59,7 +59,7 @@ def hypotheses(odometry: Odometry) -> list[Hypothesis]:
     return [Hypothesis(""), *turns, *frames, *offsets, *scales, *gains, *late]
 
 
-def doubted_by_pictures(looks: Looks, drive: Drive, start: F64 | None) -> list[Complaint]:
+def doubted_by_pictures(looks: ComparedPictures, drive: RecordedDrive, start: F64 | None) -> list[Finding]:
     """Say under which other hypothesis the pictures are foreseen far better; nothing where there is none."""
     if len(looks.t_s) < FEWEST_PICTURES:
         return []
@@ -80,7 +80,7 @@ def doubted_by_pictures(looks: Looks, drive: Drive, start: F64 | None) -> list[C
     return [complaint_of(better, told, spacing)]
 
 
-def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float) -> Complaint:
+def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float) -> Finding:
     """Put a hypothesis into words."""
     if hypothesis.reading.turn:
         return words.turn_complaint(hypothesis.reading.turn, evidence)
@@ -96,18 +96,20 @@ def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float) -> Com
     return words.scale_complaint(hypothesis.scale, evidence)
 
 
-def evidence(looks: Looks, drive: Drive, hypothesis: Hypothesis, start: F64 | None, seed: int = 0) -> float:
+def evidence(
+    looks: ComparedPictures, drive: RecordedDrive, hypothesis: Hypothesis, start: F64 | None, seed: int = 0
+) -> float:
     """Run a short localization and give the mean of log p(picture | those before), in nats."""
     localizer, total = replace(looks.localizer, particles=PARTICLES, seed=seed), 0.0
-    belief = localizer.start(start).belief
+    belief = localizer.initialize(start).belief
     rng = stream(Domain.FILTER, seed, 0, Purpose.INJECT)
-    fresh = anywhere(localizer.reference.grid, FRESH, belief.origin, rng).poses
+    fresh = uniform_belief(localizer.reference.grid, FRESH, belief.origin, rng).poses
     for number, motions in enumerate(motions_to(looks.t_s, drive, hypothesis)):
         poses, comparison = belief.poses, looks.comparisons[number]
         rng = stream(Domain.FILTER, seed, number, Purpose.MOTION)
         for motion in motions:
             poses = localizer.motion.move(poses, belief.origin, motion, normals(rng, belief.size))
-        found = localizer.sensor.at(comparison, poses).particles
+        found = localizer.sensor.at(comparison, poses).log_likelihood
         likelihood = np.maximum(found, float(comparison.log_likelihood.min()) - OUTSIDE)
         log_weights, foreseen = normalize(belief.log_weights + likelihood)
         total += foreseen
@@ -118,7 +120,7 @@ def evidence(looks: Looks, drive: Drive, hypothesis: Hypothesis, start: F64 | No
     return total / max(len(looks.t_s), 1)
 
 
-def motions_to(picture_t_s: F64, drive: Drive, hypothesis: Hypothesis) -> Iterator[F64]:
+def motions_to(picture_t_s: F64, drive: RecordedDrive, hypothesis: Hypothesis) -> Iterator[F64]:
     """Give the motions (M, 3) up to each picture since the one before, as the hypothesis has them."""
     motions = motions_read(drive.odometry, hypothesis.reading)
     ahead, aside = rotated(motions[:, 0], motions[:, 1], hypothesis.offset_rad)

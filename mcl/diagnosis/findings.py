@@ -17,7 +17,7 @@ DEGREE = float(np.pi / 180)
 
 
 @dataclass(frozen=True, slots=True)
-class Complaint:
+class Finding:
     """One thing that is wrong, why it is believed, and what mends it."""
 
     code: str  # a word for machines, see docs/doctor.md
@@ -29,7 +29,7 @@ class Complaint:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Odometry:
+class RecordedOdometry:
     """Odometry as it was recorded, K records in order."""
 
     t_s: F64  # (K,)
@@ -41,13 +41,13 @@ class Odometry:
         """The number of records K."""
         return len(self.t_s)
 
-    def slowed(self, factor: float) -> Odometry:
+    def slowed(self, factor: float) -> RecordedOdometry:
         """Give the same with all times multiplied."""
-        return Odometry(self.t_s * factor, self.values, self.poses)
+        return RecordedOdometry(self.t_s * factor, self.values, self.poses)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Track:
+class RecordedTruth:
     """Truth as it was recorded, T poses in order."""
 
     t_s: F64  # (T,)
@@ -59,24 +59,24 @@ class Track:
         """The number of poses T."""
         return len(self.t_s)
 
-    def slowed(self, factor: float) -> Track:
+    def slowed(self, factor: float) -> RecordedTruth:
         """Give the same with all times multiplied."""
-        return Track(self.t_s * factor, self.poses, self.part)
+        return RecordedTruth(self.t_s * factor, self.poses, self.part)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drive:
+class RecordedDrive:
     """All of a recording but its pictures' content."""
 
-    odometry: Odometry
-    truth: Track
+    odometry: RecordedOdometry
+    truth: RecordedTruth
     picture_t_s: F64  # (P,)
     size_m: float = float("inf")  # the longer side of the map; infinite without one
     turn_gain: float = 1.0  # actual over measured, as the header has it
 
-    def slowed(self, factor: float) -> Drive:
+    def slowed(self, factor: float) -> RecordedDrive:
         """Give the same with all times multiplied."""
-        return Drive(
+        return RecordedDrive(
             self.odometry.slowed(factor),
             self.truth.slowed(factor),
             self.picture_t_s * factor,
@@ -85,13 +85,13 @@ class Drive:
         )
 
 
-def in_radians(drive: Drive) -> Drive:
+def in_radians(drive: RecordedDrive) -> RecordedDrive:
     """Give a drive whose odometry turns in degrees as one that turns in radians."""
     odometry = drive.odometry
     return replace(drive, odometry=replace(odometry, values=odometry.values * [1, 1, DEGREE]))
 
 
-def motions_of(odometry: Odometry, turn: float = 1.0) -> F64:
+def motions_of(odometry: RecordedOdometry, turn: float = 1.0) -> F64:
     """Give motions (K, 3), the first of poses being none; `turn` is what every angle is multiplied by."""
     values = odometry.values * [1, 1, turn]
     return motions_between(values) if odometry.poses else values

@@ -12,11 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import F64, I32
-from .findings import DEGREE, Drive, Odometry, Track, motions_between, motions_of, rotated, short_way
+from .findings import (
+    DEGREE,
+    RecordedDrive,
+    RecordedOdometry,
+    RecordedTruth,
+    motions_between,
+    motions_of,
+    rotated,
+    short_way,
+)
 
-LEG_M, LEG_RAD = 0.15, 0.2  # a leg is as long as it takes to go or turn so far
-MOST_LEGS = 400  # spread over the drive
-FEWEST_LEGS = 8
+SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a leg is as long as it takes to go or turn so far
+MOST_SEGMENTS = 400  # spread over the drive
+FEWEST_SEGMENTS = 8
 WORST = 0.15  # share of the legs that slips and jumps of the truth may spoil
 GAINS: F64 = np.geomspace(0.3, 3.3, 200)  # actual over measured turns; skidding wheels over-read by a third
 TURNS = {"": 1.0, "clockwise": -1.0, "degrees": DEGREE, "clockwise degrees": -DEGREE}
@@ -50,7 +59,7 @@ class Agreement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Legs:
+class TruthSegments:
     """The truth cut into L legs."""
 
     begin_s: F64  # (L,)
@@ -58,7 +67,7 @@ class Legs:
     moved: F64  # (L, 3) the true motion, in the robot's frame at the leg's begin
 
 
-def legs_of(track: Track, turn: float = 1.0) -> Legs:
+def segments_of(track: RecordedTruth, turn: float = 1.0) -> TruthSegments:
     """Cut the truth where it has moved or turned enough; never across a kidnapping."""
     poses = track.poses * [1, 1, turn]
     first, last = [], []
@@ -68,24 +77,24 @@ def legs_of(track: Track, turn: float = 1.0) -> Legs:
             begin = k
             continue
         step = poses[k] - poses[begin]
-        if np.hypot(step[0], step[1]) >= LEG_M or abs(short_way(step[2])) >= LEG_RAD:
+        if np.hypot(step[0], step[1]) >= SEGMENT_M or abs(short_way(step[2])) >= SEGMENT_RAD:
             first.append(begin)
             last.append(k)
             begin = k
-    chosen = np.linspace(0, len(first) - 1, min(len(first), MOST_LEGS)).round().astype(int)
+    chosen = np.linspace(0, len(first) - 1, min(len(first), MOST_SEGMENTS)).round().astype(int)
     a, b = np.array(first, int)[chosen], np.array(last, int)[chosen]
     step = poses[b] - poses[a]
     ahead, aside = rotated(step[:, 0], step[:, 1], -poses[a, 2])
-    return Legs(track.t_s[a], track.t_s[b], np.column_stack([ahead, aside, short_way(step[:, 2])]))
+    return TruthSegments(track.t_s[a], track.t_s[b], np.column_stack([ahead, aside, short_way(step[:, 2])]))
 
 
-def readings(odometry: Odometry) -> list[Reading]:
+def readings(odometry: RecordedOdometry) -> list[Reading]:
     """List what is tried; the first one is what the numbers should be."""
     frames = ("",) if odometry.poses else ("", "world", "absolute")
     return [Reading(turn, frame) for frame in frames for turn in TURNS]
 
 
-def motions_read(odometry: Odometry, reading: Reading) -> F64:
+def motions_read(odometry: RecordedOdometry, reading: Reading) -> F64:
     """Give the robot's motions (K, 3) if the numbers are what the reading says."""
     motions = motions_of(odometry, TURNS[reading.turn])
     if reading.frame == "absolute":
@@ -97,12 +106,14 @@ def motions_read(odometry: Odometry, reading: Reading) -> F64:
     return motions
 
 
-def agreement(odometry: Odometry, legs: Legs, reading: Reading, shift_s: float = 0.0) -> Agreement | None:
+def agreement(
+    odometry: RecordedOdometry, legs: TruthSegments, reading: Reading, shift_s: float = 0.0
+) -> Agreement | None:
     """Compare odometry, read in one way and moved in time, with the truth; None for too few legs."""
     motions = motions_read(odometry, reading)
     begin, end = _records_in(odometry.t_s - shift_s, legs)
     used = end > begin
-    if used.sum() < FEWEST_LEGS:
+    if used.sum() < FEWEST_SEGMENTS:
         return None
     begin, end, moved = begin[used], end[used], legs.moved[used]
     turned = _sums(motions[:, 2], begin, end)
@@ -113,7 +124,7 @@ def agreement(odometry: Odometry, legs: Legs, reading: Reading, shift_s: float =
     return Agreement(reading, shift_s, *found, int(used.sum()))
 
 
-def _records_in(t_s: F64, legs: Legs) -> tuple[I32, I32]:
+def _records_in(t_s: F64, legs: TruthSegments) -> tuple[I32, I32]:
     """Give the first record of each leg, and the one after its last."""
     begin = np.searchsorted(t_s, legs.begin_s, side="right")
     end = np.searchsorted(t_s, legs.end_s, side="right")
@@ -148,8 +159,8 @@ def _fit_turns(measured: F64, actual: F64) -> tuple[float, float]:
 def _fit_ways(ahead: F64, aside: F64, moved: F64) -> tuple[float, float, float]:
     """Find scale and direction, and the share of the ways' squares that is not explained with them."""
     measured, actual = ahead + 1j * aside, moved[:, 0] + 1j * moved[:, 1]
-    far = (np.abs(actual) >= LEG_M / 3) & (np.abs(measured) > 0)
-    if far.sum() < FEWEST_LEGS:
+    far = (np.abs(actual) >= SEGMENT_M / 3) & (np.abs(measured) > 0)
+    if far.sum() < FEWEST_SEGMENTS:
         return 1.0, 0.0, 0.0
     scale = float(np.median(np.abs(actual[far]) / np.abs(measured[far])))
     offset = _middle_direction(actual[far] / measured[far])
@@ -174,7 +185,7 @@ def _best_part(squares: F64) -> F64:
     return np.sort(squares)[: int(np.ceil(len(squares) * (1 - WORST)))]
 
 
-def shifts(drive: Drive) -> F64:
+def shifts(drive: RecordedDrive) -> F64:
     """List the delays that are tried, in seconds: up to two updates, or two seconds of dense records."""
     steps = [np.diff(times) for times in (drive.odometry.t_s, drive.truth.t_s) if len(times) > 1]
     spacing = max((float(np.median(s[s > 0])) for s in steps if (s > 0).any()), default=1.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from . import words
-from .findings import DEGREE, Complaint, Drive, short_way
-from .odometry import Agreement, Legs, Reading, agreement, legs_of, readings, shifts
+from .findings import DEGREE, Finding, RecordedDrive, short_way
+from .odometry import Agreement, Reading, TruthSegments, agreement, readings, segments_of, shifts
 from .plausibility import FASTEST_M_S, direction_of
 
 GOOD = 0.2  # unexplained share up to which a reading is believed as it stands (healthy drives: under 0.02)
@@ -18,15 +18,15 @@ FAR_GAIN = 0.2  # natural log of a ratio of gains
 WORTH_S = 0.15  # a smaller delay is not told
 
 
-def compared_with_truth(drive: Drive, movement_s: float | None = None) -> list[Complaint]:
+def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
     """Say what is wrong with the odometry, or with the truth, by the other.
 
     `movement_s` is what would be added to the truth's times by how both move, for a delay of any length.
     """
     if drive.truth.size < 2 or drive.odometry.size < 2:
         return []
-    complaints: list[Complaint] = []
-    legs, usual = legs_of(drive.truth), None
+    complaints: list[Finding] = []
+    legs, usual = segments_of(drive.truth), None
     if np.abs(drive.truth.poses[:, 2]).max() > WHOLE_TURN:
         legs, complaints = _in_degrees(drive, legs)
     usual = agreement(drive.odometry, legs, Reading())
@@ -43,7 +43,7 @@ def compared_with_truth(drive: Drive, movement_s: float | None = None) -> list[C
     return [*complaints, *_about(best, usual, drive)]
 
 
-def best_agreement(drive: Drive, legs: Legs, usual: Agreement) -> Agreement:
+def best_agreement(drive: RecordedDrive, legs: TruthSegments, usual: Agreement) -> Agreement:
     """Find the reading and delay that explain the truth best; the usual one unless another is far better."""
     found = [one for r in readings(drive.odometry) if (one := agreement(drive.odometry, legs, r))]
     best = min(found, key=lambda one: one.unexplained)
@@ -55,7 +55,7 @@ def best_agreement(drive: Drive, legs: Legs, usual: Agreement) -> Agreement:
     return _shifted(drive, legs, best) if not best.shift_s else best
 
 
-def _shifted(drive: Drive, legs: Legs, at_once: Agreement) -> Agreement:
+def _shifted(drive: RecordedDrive, legs: TruthSegments, at_once: Agreement) -> Agreement:
     """Try delays; the agreement that was given unless one explains far more."""
     tried = [agreement(drive.odometry, legs, at_once.reading, float(s)) for s in shifts(drive)]
     known = [one for one in tried if one is not None]
@@ -67,9 +67,9 @@ def _shifted(drive: Drive, legs: Legs, at_once: Agreement) -> Agreement:
     return middle if abs(middle.shift_s) > WORTH_S else at_once
 
 
-def _in_degrees(drive: Drive, legs: Legs) -> tuple[Legs, list[Complaint]]:
+def _in_degrees(drive: RecordedDrive, legs: TruthSegments) -> tuple[TruthSegments, list[Finding]]:
     """Ask whether the truth's headings are degrees; give the legs to go on with."""
-    other = legs_of(drive.truth, DEGREE)
+    other = segments_of(drive.truth, DEGREE)
     best = [
         min(
             (a.unexplained for r in readings(drive.odometry) if (a := agreement(drive.odometry, one, r))),
@@ -87,10 +87,10 @@ def _in_degrees(drive: Drive, legs: Legs) -> tuple[Legs, list[Complaint]]:
     mend = words.IN_LOG + "multiply the truth's heading by pi / 180"
     what = "the truth's headings are in degrees"
     options = {"truth_turn_scale": DEGREE}
-    return other, [Complaint("truth-degrees", what, evidence, mend, {"largest": largest}, options)]
+    return other, [Finding("truth-degrees", what, evidence, mend, {"largest": largest}, options)]
 
 
-def _about(best: Agreement, usual: Agreement, drive: Drive) -> list[Complaint]:
+def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Finding]:
     """Say what the best reading means."""
     complaints, evidence = [], words.told(best, usual)
     if best.reading.turn:
@@ -109,18 +109,18 @@ def _about(best: Agreement, usual: Agreement, drive: Drive) -> list[Complaint]:
     return complaints
 
 
-def _offset(best: Agreement, drive: Drive) -> float:
+def _offset(best: Agreement, drive: RecordedDrive) -> float:
     """Give where forward is: by the odometry alone if that is near, as a drift of the robot is not in it."""
     own = -direction_of(drive.odometry, best.reading)
     near = own and abs(short_way(np.array(own - best.offset_rad))) < FAR_OFF
     return own if near else best.offset_rad
 
 
-def _gains_apart(best: Agreement, drive: Drive) -> bool:
+def _gains_apart(best: Agreement, drive: RecordedDrive) -> bool:
     return bool(abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN)
 
 
-def _scale(best: Agreement, drive: Drive, evidence: str) -> Complaint:
+def _scale(best: Agreement, drive: RecordedDrive, evidence: str) -> Finding:
     """Say whose lengths are wrong: truth that spans far more than the map is."""
     span = float(np.ptp(drive.truth.poses[:, :2], axis=0).max())
     if best.scale > 1 and (span > 3 * drive.size_m or _too_fast(drive)):
@@ -130,15 +130,15 @@ def _scale(best: Agreement, drive: Drive, evidence: str) -> Complaint:
     return words.scale_complaint(best.scale, evidence)
 
 
-def _too_fast(drive: Drive) -> bool:
+def _too_fast(drive: RecordedDrive) -> bool:
     """Tell whether no robot goes as the truth does."""
-    legs = legs_of(drive.truth)
+    legs = segments_of(drive.truth)
     speeds = np.hypot(legs.moved[:, 0], legs.moved[:, 1]) / np.maximum(legs.end_s - legs.begin_s, 1e-3)
     return bool(np.median(speeds) > FASTEST_M_S)
 
 
-def _no_agreement(best: Agreement) -> Complaint:
+def _no_agreement(best: Agreement) -> Finding:
     mend = "check that odometry and truth belong to one drive and one clock"
-    return Complaint(
+    return Finding(
         "disagreement", "odometry and truth do not describe the same drive", words.told(best), mend
     )

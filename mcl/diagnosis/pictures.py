@@ -16,7 +16,7 @@ from ..filter.localizer import Localizer
 from ..records import Comparison
 from . import words
 from .clocks import same_moments
-from .findings import Complaint, Track, short_way
+from .findings import Finding, RecordedTruth, short_way
 
 YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # where the camera may look
 DELAYS = 41
@@ -32,7 +32,7 @@ FLAT = 0.15  # share of the gain that counts as nearly as high
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Looks:
+class ComparedPictures:
     """Some pictures of a drive, in order, compared with the library."""
 
     t_s: F64  # (n,)
@@ -45,7 +45,7 @@ class Looks:
         local = (poses - np.append(origin, 0)).astype(np.float32)
         local[..., 2] = short_way(poses[..., 2])
         pairs = zip(self.comparisons, local, strict=True)
-        found = np.array([self.localizer.sensor.at(c, p).particles for c, p in pairs], np.float64)
+        found = np.array([self.localizer.sensor.at(c, p).log_likelihood for c, p in pairs], np.float64)
         return np.where(np.isfinite(found), found, np.nan)
 
 
@@ -59,21 +59,21 @@ class Gained:
     pictures: int
 
 
-def best_yaw(looks: Looks, track: Track) -> Gained | None:
+def best_yaw(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
     """Find where the camera looks, counter-clockwise from forward; None where truth says too little."""
     poses = truth_at(track, looks.t_s)[:, None].repeat(len(YAWS), axis=1)
     poses[..., 2] += YAWS
     return _best(looks.at(poses), YAWS, circular=True)
 
 
-def best_delay(looks: Looks, track: Track) -> Gained | None:
+def best_delay(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
     """Find how many seconds too late the pictures' time stamps are (below zero: too early)."""
     delays = delays_tried(track)
     poses = np.stack([truth_at(track, looks.t_s - delay) for delay in delays], axis=1)
     return _best(looks.at(poses), delays, circular=False)
 
 
-def delays_tried(track: Track) -> F64:
+def delays_tried(track: RecordedTruth) -> F64:
     """List delays: to two seconds and more coarsely to fifteen, or two updates and a half of sparse truth."""
     steps = np.diff(track.t_s)
     spacing = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
@@ -82,7 +82,7 @@ def delays_tried(track: Track) -> F64:
     return np.concatenate([-COARSE[::-1], np.linspace(-2.0, 2.0, DELAYS), COARSE])
 
 
-def truth_at(track: Track, t_s: F64) -> F64:
+def truth_at(track: RecordedTruth, t_s: F64) -> F64:
     """Give the true pose (n, 3) at times (n,): interpolated across a second at most, else the nearest."""
     after = np.clip(np.searchsorted(track.t_s, t_s), 1, track.size - 1)
     before = after - 1
@@ -127,7 +127,7 @@ def _run(mean: F64, top: int) -> Bool:
     return marks
 
 
-def seen_with_truth(looks: Looks, track: Track) -> list[Complaint]:
+def seen_with_truth(looks: ComparedPictures, track: RecordedTruth) -> list[Finding]:
     """Say whether the camera looks elsewhere, or pictures are stamped late: the one that explains more."""
     yaw, delay = best_yaw(looks, track), best_delay(looks, track)
     elsewhere = yaw is not None and _sure(yaw) and abs(yaw.value) >= LEAST_YAW_RAD

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import F64
 from . import words
-from .findings import Complaint, Drive, Odometry, motions_of, rotated
+from .findings import Finding, RecordedDrive, RecordedOdometry, motions_of, rotated
 from .odometry import TURNS, Reading, motions_read, readings
 
 SLOWEST_M_S, FASTEST_M_S = 0.002, 12.0  # what a robot that looks about drives at, as the 95th percentile
@@ -20,7 +20,7 @@ ONE_WAY, OFF_RAD = 0.8, 0.44  # share of the way that goes one way, and how far 
 ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the way that goes sideways: too much, and hardly any
 
 
-def speeds(odometry: Odometry) -> tuple[float, float]:
+def speeds(odometry: RecordedOdometry) -> tuple[float, float]:
     """Give how fast the robot goes (m/s) and turns (rad/s): 95th percentiles of what moves; 0 for nothing.
 
     Turns are taken as they stand, so that degrees show.
@@ -39,7 +39,7 @@ def _high(amounts: F64, passed_s: F64) -> float:
     return float(np.percentile(amounts[moves] / passed_s[moves], 95))
 
 
-def time_unit(drive: Drive) -> tuple[float, list[Complaint]]:
+def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
     """Tell whether times are no seconds; give what they have to be multiplied by."""
     way, turn = speeds(drive.odometry) if drive.odometry.size else (0.0, 0.0)
     if not (0 < way < SLOWEST_M_S and turn < SLOWEST_M_S):
@@ -53,10 +53,10 @@ def time_unit(drive: Drive) -> tuple[float, list[Complaint]]:
     short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
     mend, numbers = f"{words.IN_LOG}divide times by {factor:.0e}", {"per_s": factor}
     what, options = f"times are in {unit}", {"time_unit": short}
-    return 1 / factor, [Complaint("time-unit", what, evidence, mend, numbers, options)]
+    return 1 / factor, [Finding("time-unit", what, evidence, mend, numbers, options)]
 
 
-def odometry_doubts(drive: Drive) -> list[Complaint]:
+def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
     """Say what is wrong with the odometry by its own numbers."""
     odometry = drive.odometry
     if odometry.size < FEWEST:
@@ -87,7 +87,7 @@ def odometry_doubts(drive: Drive) -> list[Complaint]:
     return complaints
 
 
-def best_reading(odometry: Odometry) -> Reading:
+def best_reading(odometry: RecordedOdometry) -> Reading:
     """Find the reading by which a robot that cannot go sideways does not; the usual one where that does."""
     if aside_share(odometry, Reading()) < ASIDE:
         return Reading()
@@ -98,7 +98,7 @@ def best_reading(odometry: Odometry) -> Reading:
     return best if aside_share(odometry, best) < NOT_ASIDE else Reading()
 
 
-def aside_share(odometry: Odometry, reading: Reading) -> float:
+def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
     """Give the share of the way that goes sideways, 0 to 1, if the odometry is what the reading says."""
     if odometry.poses:
         motions = _steps(odometry.values * [1, 1, TURNS[reading.turn]])
@@ -121,7 +121,7 @@ def _steps(poses: F64) -> F64:
     return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
 
 
-def direction_of(odometry: Odometry, reading: Reading) -> float:
+def direction_of(odometry: RecordedOdometry, reading: Reading) -> float:
     """Give the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
     if odometry.poses:
         return main_direction(_steps(odometry.values * [1, 1, TURNS[reading.turn]]))
@@ -135,7 +135,7 @@ def main_direction(motions: F64) -> float:
     return float(np.arctan2(y, x)) if np.hypot(x, y) > ONE_WAY * whole else 0.0
 
 
-def _too_fast(way: float, size_m: float) -> Complaint:
+def _too_fast(way: float, size_m: float) -> Finding:
     """Say that lengths are no metres."""
     scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
     wide = f", on a map of {size_m:.1f} m" if np.isfinite(size_m) else ""

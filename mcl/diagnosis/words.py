@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .findings import Complaint
+from .findings import Finding
 from .odometry import TURNS as FACTORS
 from .odometry import Agreement, Reading
 
@@ -34,14 +34,14 @@ IN_LOG = "in what wrote the log: "
 ARE = {"absolute": "poses", "world": "steps"}
 
 
-def turn_complaint(turn: str, evidence: str, **numbers: float) -> Complaint:
+def turn_complaint(turn: str, evidence: str, **numbers: float) -> Finding:
     """Say that turns are not counter-clockwise radians."""
     what, mend = TURNS[turn]
     code, options = f"turn-{turn.replace(' ', '-')}", {"turn_scale": FACTORS[turn]}
-    return Complaint(code, what, evidence, IN_LOG + mend, numbers, options)
+    return Finding(code, what, evidence, IN_LOG + mend, numbers, options)
 
 
-def frame_complaint(frame: str, evidence: str, offset_rad: float = 0.0, **numbers: float) -> Complaint:
+def frame_complaint(frame: str, evidence: str, offset_rad: float = 0.0, **numbers: float) -> Finding:
     """Say that odometry is not made of motions in the robot's frame.
 
     `offset_rad` is the true direction of travel minus that of steps whose heading began at zero.
@@ -50,14 +50,14 @@ def frame_complaint(frame: str, evidence: str, offset_rad: float = 0.0, **number
     options: dict[str, float | str] = {"odometry_are": ARE[frame]}
     if abs(offset_rad) > LEAST_FORWARD:
         options["odometry_forward_rad"] = _whole_degrees(-offset_rad)
-    return Complaint(f"frame-{frame}", what, evidence, IN_LOG + mend, numbers, options)
+    return Finding(f"frame-{frame}", what, evidence, IN_LOG + mend, numbers, options)
 
 
 def _whole_degrees(angle_rad: float) -> float:
     return float(np.radians(round(float(np.degrees(angle_rad)))))
 
 
-def direction_complaint(offset_rad: float, evidence: str, **numbers: float) -> Complaint:
+def direction_complaint(offset_rad: float, evidence: str, **numbers: float) -> Finding:
     """Say that what odometry calls forward is another direction."""
     degrees = round(float(np.degrees(offset_rad)))
     numbers = {"offset_deg": degrees, **numbers}
@@ -71,26 +71,24 @@ def direction_complaint(offset_rad: float, evidence: str, **numbers: float) -> C
             if degrees > 0
             else "write forward = left, left = -forward"
         )
-        return Complaint(
+        return Finding(
             "frame-swapped", "forward and left are swapped", evidence, IN_LOG + mend, numbers, options
         )
     if abs(degrees) >= 160:
         mend = "multiply forward and left by -1"
-        return Complaint(
-            "frame-backward", "forward points backward", evidence, IN_LOG + mend, numbers, options
-        )
+        return Finding("frame-backward", "forward points backward", evidence, IN_LOG + mend, numbers, options)
     what = f"odometry's forward is {degrees:+d} deg off the robot's"
     mend = f"turn forward and left by {degrees:+d} deg; with poses, add {-degrees:+d} deg to the heading"
-    return Complaint("frame-turned", what, evidence, IN_LOG + mend, numbers, options)
+    return Finding("frame-turned", what, evidence, IN_LOG + mend, numbers, options)
 
 
-def offset_complaint(offset_rad: float, evidence: str) -> Complaint:
+def offset_complaint(offset_rad: float, evidence: str) -> Finding:
     """Say that odometry and camera do not go by the same forward; which of them is wrong is not known."""
     found = direction_complaint(offset_rad, evidence)
     degrees = round(float(np.degrees(offset_rad)))
     what = f"{found.what}, or the camera looks {-degrees:+d} deg off"
     mend = f"{found.mend}; if it is the camera, --camera-yaw {-degrees} mends it as well"
-    return Complaint(found.code, what, evidence, mend, found.numbers, found.options)
+    return Finding(found.code, what, evidence, mend, found.numbers, found.options)
 
 
 def scale_name(scale: float) -> tuple[str, float] | None:
@@ -99,7 +97,7 @@ def scale_name(scale: float) -> tuple[str, float] | None:
     return (SCALES[near], near) if abs(np.log(scale / near)) < SAME_SCALE else None
 
 
-def scale_complaint(scale: float, evidence: str, *, truth: bool = False, **numbers: float) -> Complaint:
+def scale_complaint(scale: float, evidence: str, *, truth: bool = False, **numbers: float) -> Finding:
     """Say that lengths are no metres, or over-read by far."""
     whose = "the truth" if truth else "odometry"
     named = scale_name(scale)
@@ -108,22 +106,22 @@ def scale_complaint(scale: float, evidence: str, *, truth: bool = False, **numbe
     if named is None:
         what = f"lengths of {whose} have to be multiplied by {scale:.3g}"
         mend = "check wheel diameter and ticks a turn; `maurice-replay calibrate motion SESSION` measures it"
-        return Complaint("scale", what, evidence, mend, numbers, {field: round(scale, 4)})
+        return Finding("scale", what, evidence, mend, numbers, {field: round(scale, 4)})
     unit, factor = named
     mend = IN_LOG + f"multiply the lengths of {whose} by {factor:g}"
     code, what = "truth-scale" if truth else "scale", f"lengths of {whose} are in {unit}"
-    return Complaint(code, what, evidence, mend, numbers, {field: factor})
+    return Finding(code, what, evidence, mend, numbers, {field: factor})
 
 
-def gain_complaint(gain: float, expected: float, evidence: str) -> Complaint:
+def gain_complaint(gain: float, expected: float, evidence: str) -> Finding:
     """Say that turns over-read or under-read by far."""
     what = f"turns have to be multiplied by {gain:.2f}, and the motion model does so by {expected:.2f}"
     mend = "`maurice-replay calibrate motion SESSION` measures it on a drive with truth; --motion takes it"
     numbers, options = {"gain": gain, "expected": expected}, {"turn_gain": round(gain / expected, 3)}
-    return Complaint("turn-gain", what, evidence, mend, numbers, options)
+    return Finding("turn-gain", what, evidence, mend, numbers, options)
 
 
-def delay_complaint(found: Agreement, usual: Agreement) -> Complaint:
+def delay_complaint(found: Agreement, usual: Agreement) -> Finding:
     """Say that odometry's clock is not the truth's."""
     late = round(found.shift_s, 2)
     what = f"odometry is {abs(late):.2g} s too {'late' if late > 0 else 'early'} for the truth"
@@ -132,24 +130,24 @@ def delay_complaint(found: Agreement, usual: Agreement) -> Complaint:
         f"{found.unexplained:.1%} moved by {-late:+.2g} s"
     )
     mend = f"{IN_LOG}{_take(late, 'the odometry')}; --truth-offset {late:g} if pictures go with the odometry"
-    return Complaint("odometry-delay", what, why, mend, {"delay_s": late}, {"odometry_offset_s": -late})
+    return Finding("odometry-delay", what, why, mend, {"delay_s": late}, {"odometry_offset_s": -late})
 
 
-def picture_delay_complaint(late_s: float, evidence: str) -> Complaint:
+def picture_delay_complaint(late_s: float, evidence: str) -> Finding:
     """Say that pictures' times are wrong."""
     late = round(late_s, 6)
     what = f"pictures are stamped {abs(late):.2g} s too {'late' if late > 0 else 'early'}"
     mend = f"{IN_LOG}{_take(late, 'the pictures')}"
-    return Complaint("picture-delay", what, evidence, mend, {"delay_s": late}, {"picture_offset_s": -late})
+    return Finding("picture-delay", what, evidence, mend, {"delay_s": late}, {"picture_offset_s": -late})
 
 
-def yaw_complaint(yaw_rad: float, evidence: str) -> Complaint:
+def yaw_complaint(yaw_rad: float, evidence: str) -> Finding:
     """Say that the camera does not look forward."""
     degrees = round(float(np.degrees(yaw_rad)) / 5) * 5
     what = f"the camera looks {degrees:+d} deg off where the library's pictures look at the same heading"
     mend = f"survey with the same mounting, or `maurice-replay library build SURVEY --yaw {degrees}`"
     options = {"camera_yaw_rad": float(np.radians(degrees))}
-    return Complaint("camera-yaw", what, evidence, mend, {"yaw_deg": degrees}, options)
+    return Finding("camera-yaw", what, evidence, mend, {"yaw_deg": degrees}, options)
 
 
 def _take(late_s: float, whose: str) -> str:

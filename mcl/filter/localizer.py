@@ -23,15 +23,15 @@ from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
 from .estimate import heaviest_cluster, log_mean_likelihood, weighted_mean
-from .motion import MotionModel, TailParameters, widened
-from .proposal import anywhere, at_pose
-from .resampling_step import Renewal, Renewed
+from .motion import MotionModel, MotionOutliers, with_outliers
+from .proposal import belief_at, uniform_belief
+from .resampling_step import Resampled, ResamplingStep
 
 RESAMPLED = "resampled"
 RESEEDED = "reseeded"
 EXPANDED = "expanded"
 ALL_ZERO = "all weights zero"
-NO_TAIL = TailParameters()
+NO_OUTLIERS = MotionOutliers()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,17 +42,17 @@ class Localizer:
     reference: NearestReference
     motion: MotionModel
     sensor: SensorModel
-    renewal: Renewal
-    tail: TailParameters = NO_TAIL
+    resampling: ResamplingStep
+    outliers: MotionOutliers = NO_OUTLIERS
     particles: int = 2000
     seed: int = 0
 
-    def start(self, pose: F64 | None) -> FilterState:
+    def initialize(self, pose: F64 | None) -> FilterState:
         """Begin at a known pose (3,) in the map's frame, or anywhere for None."""
         if pose is not None:
-            return FilterState(0, at_pose(pose, self.particles, self.library.origin))
-        rng = stream(Domain.FILTER, self.seed, 0, Purpose.START)
-        return FilterState(0, anywhere(self.reference.grid, self.particles, self.library.origin, rng))
+            return FilterState(0, belief_at(pose, self.particles, self.library.origin))
+        rng = stream(Domain.FILTER, self.seed, 0, Purpose.INITIALIZATION)
+        return FilterState(0, uniform_belief(self.reference.grid, self.particles, self.library.origin, rng))
 
     def step(self, state: FilterState, frame: Frame) -> tuple[FilterState, StepRecord]:
         """Take in one frame; the state that was given is left as it was."""
@@ -61,12 +61,12 @@ class Localizer:
             predicted = self._predict(state.belief, frame)
         with _timed(took, "measure"):
             comparison = self.sensor.compare(self.sensor.measure(frame.image))
-            predicted, correction = self.renewal.mix_in(
-                predicted, comparison, self._rng(frame.step, Purpose.DUAL)
+            predicted, correction = self.resampling.mix_in(
+                predicted, comparison, self._rng(frame.step, Purpose.MIXTURE)
             )
             sighting = self.sensor.at(comparison, predicted.poses)
         with _timed(took, "weight"):
-            weighted, log_evidence = weigh(predicted, sighting.particles, correction)
+            weighted, log_evidence = weigh(predicted, sighting.log_likelihood, correction)
             prior = _corrected(predicted, correction)
             evidence = log_mean_likelihood(comparison.cost[None], prior, sighting.entries)
             by_channel = log_mean_likelihood(comparison.channel_cost, prior, sighting.entries)
@@ -75,11 +75,11 @@ class Localizer:
             estimate = heaviest_cluster(weighted, fresh)
             mean = weighted_mean(weighted, fresh)
         with _timed(took, "resample"):
-            renewed = self.renewal.renew(
+            renewed = self.resampling.renew(
                 weighted,
                 comparison,
                 float(evidence[0]),
-                state.memory,
+                state.recovery,
                 frame.step,
                 lambda purpose: self._rng(frame.step, purpose),
             )
@@ -89,7 +89,7 @@ class Localizer:
             sighting=sighting,
             weighted=weighted,
             estimate=estimate,
-            mean=mean,
+            mean_estimate=mean,
             effective_sample_size=effective_sample_size(weighted.log_weights),
             log_evidence=log_evidence,
             calibrated_evidence=float(evidence[0]),
@@ -100,7 +100,7 @@ class Localizer:
             events=_events(log_evidence, renewed),
             took_s=took,
         )
-        return FilterState(frame.step, renewed.belief, renewed.injected, renewed.memory), record
+        return FilterState(frame.step, renewed.belief, renewed.injected, renewed.recovery), record
 
     def _rng(self, step: int, purpose: int) -> np.random.Generator:
         return stream(Domain.FILTER, self.seed, step, purpose)
@@ -110,9 +110,9 @@ class Localizer:
         # a generator a movement, so that a larger N keeps a smaller one's draws in all of them
         count = len(frame.motions)
         usual = self._rng(frame.step, Purpose.MOTION).spawn(count)
-        slips = self._rng(frame.step, Purpose.SLIP).spawn(count)
+        slips = self._rng(frame.step, Purpose.OUTLIER).spawn(count)
         for motion, own, slip in zip(frame.motions, usual, slips, strict=True):
-            noise = widened(normals(own, belief.size), self.tail, slip)
+            noise = with_outliers(normals(own, belief.size), self.outliers, slip)
             poses = self.motion.move(poses, belief.origin, motion, noise)
         return Belief(poses, belief.log_weights, belief.origin)
 
@@ -138,7 +138,7 @@ def _corrected(predicted: Belief, correction: F64 | None) -> Belief:
     return Belief(predicted.poses, predicted.log_weights + correction, predicted.origin)
 
 
-def _events(log_evidence: float, renewed: Renewed) -> tuple[str, ...]:
+def _events(log_evidence: float, renewed: Resampled) -> tuple[str, ...]:
     happened = {
         ALL_ZERO: not np.isfinite(log_evidence),
         RESAMPLED: renewed.parents is not None,
@@ -157,7 +157,7 @@ def _timed(took: dict[str, float], stage: str) -> Iterator[None]:
 
 def run(localizer: Localizer, session: Session, start: F64 | None) -> Iterator[tuple[Moment, StepRecord]]:
     """Go through a session a step at a time. The filter gets frames; truth passes by beside it."""
-    state = localizer.start(start)
+    state = localizer.initialize(start)
     for moment in session.moments():
         state, record = localizer.step(state, moment.frame)
         yield moment, record

@@ -36,7 +36,7 @@ class MotionModel(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
+class FloorDrift:
     """How the heading drifts on one floor while driving straight, in proportion to the distance."""
 
     bias_rad_per_m: float = 0.0  # mean drift, counter-clockwise
@@ -53,7 +53,9 @@ class MauriceParameters:
     straight_bias_m: float = -0.6978 * INCH_M  # actual minus encoder distance; inches are inferred
     straight_sd_m: float = 0.6356 * INCH_M  # sd of that
     # by floor, "" for all others; 1.1 degrees a metre is ours, as the thesis's figure 10 cannot be read
-    drift: Mapping[str, Drift] = field(default_factory=lambda: {"": Drift(0.0, float(np.deg2rad(1.1)))})
+    drift: Mapping[str, FloorDrift] = field(
+        default_factory=lambda: {"": FloorDrift(0.0, float(np.deg2rad(1.1)))}
+    )
     turn_from_rad: float = float(np.deg2rad(0.5))  # a smaller measured rotation is no turn (ours)
     straight_from_m: float = 0.001  # a shorter measured way is no movement (ours)
 
@@ -78,17 +80,19 @@ def _read(values: Mapping[str, Any], known: set[str]) -> dict[str, Any]:
     }
 
 
-def _floors(value: Any) -> dict[str, Drift]:
+def _floors(value: Any) -> dict[str, FloorDrift]:
     if not isinstance(value, Mapping):
         raise ValueError(f"robot.motion.drift must name floors, found {value!r}")
     return {str(floor): _drift(floor, spec) for floor, spec in value.items()}
 
 
-def _drift(floor: str, spec: Any) -> Drift:
+def _drift(floor: str, spec: Any) -> FloorDrift:
     if not isinstance(spec, Mapping) or set(spec) - {"bias_rad_per_m", "sd_rad_per_m"}:
         wanted = "bias_rad_per_m and sd_rad_per_m"
         raise ValueError(f"robot.motion.drift.{floor} must hold {wanted}, found {spec!r}")
-    return Drift(**{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()})
+    return FloorDrift(
+        **{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()}
+    )
 
 
 def _number(name: str, value: Any) -> float:
@@ -132,7 +136,7 @@ class MauriceMotion:
     def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
         """Drift (N,) in radians over a way, by the floor on which each particle starts."""
         floors = [self.parameters.drift.get(name) for name in self.grid.floors]
-        known = [f or self.parameters.drift.get("", Drift()) for f in floors]
+        known = [f or self.parameters.drift.get("", FloorDrift()) for f in floors]
         bias = np.array([f.bias_rad_per_m * way_m for f in known], np.float32)
         sd = np.array([f.sd_rad_per_m * way_m for f in known], np.float32)
         if len(known) == 1:
@@ -216,14 +220,14 @@ def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
 
 
 @dataclass(frozen=True, slots=True)
-class TailParameters:
+class MotionOutliers:
     """How often, and how far."""
 
     share: float = 0.0  # of particles and movements whose noise is widened, 0 to 1
     widen: float = 4.0  # times the noise
 
 
-def widened(noise: F32, tail: TailParameters, rng: np.random.Generator) -> F32:
+def with_outliers(noise: F32, tail: MotionOutliers, rng: np.random.Generator) -> F32:
     """Give standard normals (N, 3) of which some rows, chosen by chance, are so many times as large."""
     if tail.share <= 0:
         return noise

@@ -24,7 +24,7 @@ from .resampling import systematic
 # Fresh particles: drawn evenly over free space, or where the picture says the robot could be.
 
 
-def evenly(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> F32:
+def uniform_poses(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> F32:
     """Draw n poses (n, 3) relative to `origin`, evenly over free space and all headings.
 
     Drawn row by row, so that a larger n keeps a smaller one's draws. Raises ValueError where nothing is free.
@@ -89,7 +89,7 @@ def shares_of(log_likelihood: F32, where: Regions) -> F64:
     return np.asarray(weight / weight.sum())
 
 
-def from_likelihood(
+def likely_poses(
     log_likelihood: F32, grid: Grid, where: Regions, n: int, origin: F64, rng: np.random.Generator
 ) -> F32:
     """Draw n poses (n, 3) relative to `origin`, with density in proportion to the likelihood (L,)."""
@@ -112,7 +112,7 @@ def _pick(first: I32, group: NDArray[np.integer[Any]], share: F64) -> I32:
 # Where a run begins: at a known pose, or anywhere.
 
 
-def at_pose(pose: F64, n: int, origin: F64) -> Belief:
+def belief_at(pose: F64, n: int, origin: F64) -> Belief:
     """Put all n particles on one pose (3,): position tracking, zero variance (thesis 3.6.2)."""
     poses = np.empty((n, 3), np.float32)
     poses[:, :2] = pose[:2] - origin
@@ -120,32 +120,32 @@ def at_pose(pose: F64, n: int, origin: F64) -> Belief:
     return Belief(poses, uniform_log_weights(n), origin)
 
 
-def anywhere(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> Belief:
+def uniform_belief(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> Belief:
     """Spread n particles evenly over free space and all headings: global localization.
 
     Drawn row by row, so that a larger n keeps a smaller one's draws. Raises ValueError where nothing is
     free.
     """
-    return Belief(evenly(grid, n, origin, rng), uniform_log_weights(n), origin)
+    return Belief(uniform_poses(grid, n, origin, rng), uniform_log_weights(n), origin)
 
 
 # Mixture (dual) MCL: some particles are drawn where the picture says, and weighed by the motion model.
 
 
 @dataclass(frozen=True, slots=True)
-class DualParameters:
+class MixtureParameters:
     """How much of it."""
 
     share: float = 0.1  # of the particles
     teleport: float = 0.01  # probability that the robot was carried anywhere since the last update
 
 
-def mix(
+def mixture_proposal(
     predicted: Belief,
     log_likelihood: F32,
     nearest: NearestReference,
     where: Regions,
-    parameters: DualParameters,
+    parameters: MixtureParameters,
     rng: np.random.Generator,
 ) -> tuple[Belief, F64]:
     """Give N particles of which the last share are dual draws, and log p/mixture (N,) to weigh them by.
@@ -154,7 +154,7 @@ def mix(
     """
     count = round(parameters.share * predicted.size)
     kept = systematic(predicted.weights, predicted.size - count, rng)
-    drawn = from_likelihood(log_likelihood, nearest.grid, where, count, predicted.origin, rng)
+    drawn = likely_poses(log_likelihood, nearest.grid, where, count, predicted.origin, rng)
     poses = np.concatenate([predicted.poses[kept], drawn])
     p = _predicted_shares(predicted, nearest, where, parameters.teleport)
     q = shares_of(log_likelihood, where)

@@ -11,30 +11,30 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from ..records import NOTHING, Memory
+from ..records import NO_HISTORY, RecoveryState
 
-Strategy = Callable[[float, Memory], "Reseeding"]  # evidence in nats (<= 0 or -inf), memory
+RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in nats (<= 0 or -inf), state
 
 
 @dataclass(frozen=True, slots=True)
-class Reseeding:
+class Recovery:
     """What is to be done after resampling, and what is remembered for the next update."""
 
     share: float  # of the particles, 0 to 1, drawn anew
-    memory: Memory = NOTHING
+    state: RecoveryState = NO_HISTORY
     expand: bool = False  # spread the particles there are, instead of drawing new ones
 
 
-def none(evidence: float, memory: Memory) -> Reseeding:
+def none(evidence: float, state: RecoveryState) -> Recovery:
     """Never draw anew, as the thesis's first filter."""
-    return Reseeding(0.0, memory)
+    return Recovery(0.0, state)
 
 
-def always(share: float) -> Strategy:
+def always(share: float) -> RecoveryStrategy:
     """Draw the same share anew at every update."""
 
-    def strategy(evidence: float, memory: Memory) -> Reseeding:
-        return Reseeding(share, memory)
+    def strategy(evidence: float, state: RecoveryState) -> Recovery:
+        return Recovery(share, state)
 
     return strategy
 
@@ -53,18 +53,18 @@ class DynamicThreshold:
     settle: int = 5  # updates before the first verdict
     least_sd: float = 1.0  # nats: chance alone moves the evidence by this much
 
-    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
-        """See `Strategy`; `slow` holds the mean of the evidence, in nats."""
+    def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
+        """See `RecoveryStrategy`; `slow` holds the mean of the evidence, in nats."""
         if not math.isfinite(evidence):
-            return Reseeding(self.share, memory)
-        sd = max(math.sqrt(memory.spread), self.least_sd)
-        known = memory.updates >= self.settle
-        if known and evidence < memory.slow - self.deviations * sd:
-            return Reseeding(self.share, memory)  # a bad picture does not lower the bar for the next
-        rate = max(self.rate, 1 / (memory.updates + 1))
-        off = evidence - memory.slow
-        spread = 0.0 if memory.updates == 0 else (1 - rate) * (memory.spread + rate * off * off)
-        return Reseeding(0.0, Memory(memory.slow + rate * off, 0.0, spread, memory.updates + 1))
+            return Recovery(self.share, state)
+        sd = max(math.sqrt(state.spread), self.least_sd)
+        known = state.updates >= self.settle
+        if known and evidence < state.slow - self.deviations * sd:
+            return Recovery(self.share, state)  # a bad picture does not lower the bar for the next
+        rate = max(self.rate, 1 / (state.updates + 1))
+        off = evidence - state.slow
+        spread = 0.0 if state.updates == 0 else (1 - rate) * (state.spread + rate * off * off)
+        return Recovery(0.0, RecoveryState(state.slow + rate * off, 0.0, spread, state.updates + 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +74,10 @@ class SensorResetting:
     evidence: float = -12.0  # nats that are good enough
     most: float = 0.5  # share at the most
 
-    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
-        """See `Strategy`: share 1 - mean likelihood / good likelihood."""
+    def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
+        """See `RecoveryStrategy`: share 1 - mean likelihood / good likelihood."""
         share = 1 - math.exp(min(evidence - self.evidence, 0.0))
-        return Reseeding(min(max(share, 0.0), self.most), memory)
+        return Recovery(min(max(share, 0.0), self.most), state)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,17 +93,17 @@ class Augmented:
     most: float = 0.5  # share at the most
     resets: float = 0.3  # a share above this begins both averages anew
 
-    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
-        """See `Strategy`."""
+    def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
+        """See `RecoveryStrategy`."""
         likelihood = math.exp(evidence) if math.isfinite(evidence) else 0.0
-        if memory.updates == 0:
-            return Reseeding(0.0, Memory(likelihood, likelihood, 0.0, 1))
-        slow = memory.slow + max(self.slow, 1 / (memory.updates + 1)) * (likelihood - memory.slow)
-        fast = memory.fast + self.fast * (likelihood - memory.fast)
+        if state.updates == 0:
+            return Recovery(0.0, RecoveryState(likelihood, likelihood, 0.0, 1))
+        slow = state.slow + max(self.slow, 1 / (state.updates + 1)) * (likelihood - state.slow)
+        fast = state.fast + self.fast * (likelihood - state.fast)
         share = min(max(0.0, 1 - fast / slow), self.most) if slow > 0 else self.most
         if share > self.resets:
-            return Reseeding(share, NOTHING)
-        return Reseeding(share, replace(memory, slow=slow, fast=fast, updates=memory.updates + 1))
+            return Recovery(share, NO_HISTORY)
+        return Recovery(share, replace(state, slow=slow, fast=fast, updates=state.updates + 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +112,6 @@ class Expansion:
 
     evidence: float = -14.0  # nats under which the cloud is spread
 
-    def __call__(self, evidence: float, memory: Memory) -> Reseeding:
-        """See `Strategy`."""
-        return Reseeding(0.0, memory, expand=evidence < self.evidence)
+    def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
+        """See `RecoveryStrategy`."""
+        return Recovery(0.0, state, expand=evidence < self.evidence)

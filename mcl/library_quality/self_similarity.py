@@ -32,7 +32,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SelfCheck:
+class SelfSimilarity:
     """What came of comparing a library's L entries with each other, over P distinct places."""
 
     spacing_m: float  # from an entry to the next one that looks the same way: the median
@@ -41,7 +41,7 @@ class SelfCheck:
     retrieved: I32  # (L,) the most similar entry at another place; -1 where there is none
     error_m: F64  # (L,) how far away that is; nan for none
     error_rad: F64  # (L,) how much its heading differs
-    look_alike: I32  # (L,) the most similar far entry; -1 for none
+    alias: I32  # (L,) the most similar far entry; -1 for none
     margin: F64  # (L,) nats by which that is less similar than the best neighbor; below 0: aliased; nan
     ambiguity: F64  # (L,) effective number of places that fit as well: exp of the entropy, 1 or more
     similarity: (
@@ -68,7 +68,9 @@ class SelfCheck:
         return np.asarray(total / np.maximum(count, 1))
 
 
-def check_library(library: Library, sensor: SensorModel, progress: Progress | None = None) -> SelfCheck:
+def self_similarity_of(
+    library: Library, sensor: SensorModel, progress: Progress | None = None
+) -> SelfSimilarity:
     """Compare every entry with all that are elsewhere."""
     between = max(spacing(distinct_places(library.poses[:, :2])[0]), LEAST_SPACING_M)
     places, place_of = places_of(library.poses[:, :2], between)
@@ -82,17 +84,17 @@ def check_library(library: Library, sensor: SensorModel, progress: Progress | No
         curve.append(_curve(library, between, entry, others, cost))
         if progress:
             progress(entry + 1, library.size)
-    retrieved, error_m, error_rad, look_alike, margin, ambiguity = (
+    retrieved, error_m, error_rad, alias, margin, ambiguity = (
         np.array(column) for column in zip(*found, strict=True)
     )
-    return SelfCheck(
+    return SelfSimilarity(
         spacing_m=between,
         places=places,
         place_of=place_of,
         retrieved=retrieved.astype(np.int32),
         error_m=error_m,
         error_rad=error_rad,
-        look_alike=look_alike.astype(np.int32),
+        alias=alias.astype(np.int32),
         margin=margin,
         ambiguity=ambiguity,
         similarity=_medians(np.array(curve)),
@@ -136,22 +138,22 @@ def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
 def _one(
     library: Library, place_of: I32, between: float, entry: int, others: Index, cost: F64
 ) -> tuple[int, float, float, int, float, float]:
-    """Give what `SelfCheck` holds of one entry."""
+    """Give what `SelfSimilarity` holds of one entry."""
     if not len(others):
         return -1, np.nan, np.nan, -1, np.nan, 1.0
     apart_m, turned = _apart(library, entry, others)
     best = int(cost[others].argmin())
     near = (apart_m <= NEAR * between) & (turned <= SAME_WAY_RAD)
     far = apart_m > FAR * between
-    look_alike, margin = -1, np.nan
+    alias, margin = -1, np.nan
     if far.any():
-        look_alike = int(others[far][cost[others][far].argmin()])
-        margin = float(cost[look_alike] - cost[others][near].min()) if near.any() else np.nan
+        alias = int(others[far][cost[others][far].argmin()])
+        margin = float(cost[alias] - cost[others][near].min()) if near.any() else np.nan
     return (
         int(others[best]),
         float(apart_m[best]),
         float(turned[best]),
-        look_alike,
+        alias,
         margin,
         _ambiguity(place_of[others], cost[others]),
     )

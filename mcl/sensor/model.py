@@ -20,7 +20,7 @@ from .distances import DISTANCES
 from .features import SCALES
 from .fusion import BLENDS, QUALITIES
 from .likelihood import LIKELIHOODS
-from .references import Selection
+from .references import ReferenceLookup
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class SensorModel:
     """Looks at a picture and weighs particles by the entries that each is compared with."""
 
     library: Library
-    selection: Selection
+    references: ReferenceLookup
     parameters: SensorParameters
     # each channel in use, with the references between that the selection has; empty: the library's own
     index: Mapping[str, ChannelIndex] = field(default_factory=dict)
@@ -93,17 +93,17 @@ class SensorModel:
             channel_cost=channel_cost,
             cost=np.asarray(weights @ channel_cost, np.float32),
             log_likelihood=log_likelihood[:entries],
-            between=log_likelihood[entries:],
+            virtual=log_likelihood[entries:],
         )
 
     def at(self, comparison: Comparison, poses: F32) -> Sighting:
         """Say what a comparison means for each of the poses (N, 3)."""
         origin = self.library.origin
-        log_likelihood = np.append(comparison.log_likelihood, comparison.between)
+        log_likelihood = np.append(comparison.log_likelihood, comparison.virtual)
         return Sighting(
             comparison=comparison,
-            entries=self.selection.entries(poses, origin),
-            particles=self.selection.at(log_likelihood, poses, origin),
+            entries=self.references.entries(poses, origin),
+            log_likelihood=self.references.at(log_likelihood, poses, origin),
         )
 
     def _distance(self, channel: str, sample: F32) -> F32:

@@ -36,7 +36,7 @@ SAME_PLACE_M = 0.001
 NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn, before walking there instead
 
 
-class Selection(Protocol):
+class ReferenceLookup(Protocol):
     """Brings what is known of entries to particles."""
 
     @property
@@ -145,8 +145,8 @@ def crosses(start: F64, end: F64, walls: F64) -> Bool:
     for x1, y1, x2, y2 in walls:
         a, b = np.array([x1, y1]), np.array([x2, y2])
         apart = _side(a, b, start) * _side(a, b, end) < 0
-        between = _side(start, end, a) * _side(start, end, b) <= 0
-        hit |= apart & between
+        straddles = _side(start, end, a) * _side(start, end, b) <= 0
+        hit |= apart & straddles
     return hit
 
 
@@ -180,13 +180,13 @@ NO_WEIGHT = 1e-9  # a cell whose kernel holds less takes its nearest reference's
 class InterpolationParameters:
     """How far and how many."""
 
-    between: bool = True  # use references midway between the surveyed ones, in place and heading
+    virtual: bool = True  # use references midway between the surveyed ones, in place and heading
     places: int = 4  # weighed at once: the corners of a grid's cell
     width: float = 0.5  # sd of the kernel in units of the spacing of the places in use
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Interpolated:
+class InterpolatedReference:
     """Tables: raster cell to K places with weights; place and heading bin to two entries and a share."""
 
     nearest: NearestReference
@@ -219,9 +219,9 @@ class Interpolated:
         return np.asarray(np.where(inside, total, np.float32(-np.inf)), np.float32)
 
 
-def interpolated(
+def interpolated_reference(
     nearest: NearestReference, poses: F64, arena: Arena, parameters: InterpolationParameters | None = None
-) -> Interpolated:
+) -> InterpolatedReference:
     """Build the tables for references (R, 3) upon those of the nearest library entry.
 
     References are the library's entries first, then those between them, if any.
@@ -230,7 +230,7 @@ def interpolated(
     places, place_of_reference = distinct_places(poses[:, :2])
     at, weights = _kernel(nearest, places, arena, parameters)
     before, after, share = _neighbors(len(places), place_of_reference, poses)
-    return Interpolated(nearest, at, weights, before, after, share)
+    return InterpolatedReference(nearest, at, weights, before, after, share)
 
 
 def _kernel(
@@ -280,7 +280,7 @@ SAME_HEADING = np.radians(15)  # of two places: views that show the same things
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Between:
+class VirtualReferences:
     """V poses and the surveyed entries whose descriptors are averaged there, in equal shares."""
 
     poses: F64  # (V, 3) in the map's frame
@@ -298,7 +298,7 @@ class Between:
         return replace(channel, references=np.concatenate([channel.references, total]))
 
 
-def between(poses: F64, arena: Arena) -> Between:
+def virtual_references(poses: F64, arena: Arena) -> VirtualReferences:
     """Find the poses midway between those of a library (L, 3): in heading, in place, and in both.
 
     Places are never joined across a wall.
@@ -314,7 +314,7 @@ def between(poses: F64, arena: Arena) -> Between:
     for group in groups:
         rows.append(_joined(views, headings, [by_place[place] for place in group]))
     sources = np.concatenate(rows).astype(np.int32)
-    return Between(_mean_poses(poses, sources), sources)
+    return VirtualReferences(_mean_poses(poses, sources), sources)
 
 
 def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:

@@ -7,7 +7,7 @@ import pytest
 
 from maurice_datasets.robot.calibration_drive import TrialPlan, calibration_drive, floor_everywhere
 from maurice_datasets.robot.motion import Chassis, Luck, drive_by, turn_by
-from maurice_mcl.calibration.motion import Calibration, Leg, calibrate, trials_of
+from maurice_mcl.calibration.motion import Calibration, MotionSegment, calibrate, trials_of
 
 CHASSIS = Chassis()
 SEEDS = 60
@@ -44,7 +44,7 @@ def test_the_thesis_s_trials_give_the_constants_back() -> None:
     check_coverage(fits)
 
 
-def legs(seed: int, updates: int = 40) -> Iterator[Leg]:
+def legs(seed: int, updates: int = 40) -> Iterator[MotionSegment]:
     """Drive as a session does: a turn, a straight, and only then the truth."""
     rng = np.random.default_rng([seed, 7])
     arenas = [floor_everywhere(name, 1e4) for name in CHASSIS.drifts]
@@ -55,7 +55,7 @@ def legs(seed: int, updates: int = 40) -> Iterator[Leg]:
         turn = turn_by(pose, float(rng.uniform(-np.pi, np.pi)), luck, CHASSIS)
         floor = arenas[2 * number // updates]
         straight = drive_by(turn.path[-1], float(rng.uniform(0.1, 0.4)), luck, floor, CHASSIS)
-        yield Leg(pose, (turn.measured, straight.measured), straight.path[-1])
+        yield MotionSegment(pose, (turn.measured, straight.measured), straight.path[-1])
         pose = straight.path[-1]
 
 

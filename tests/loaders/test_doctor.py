@@ -18,7 +18,7 @@ from maurice_loaders.formats.odometry_folder import read_aligned
 from maurice_loaders.formats.registry import OpenOptions, open_session
 from maurice_loaders.inspection.doctor import Diagnosis, diagnose
 from maurice_loaders.libraries.store import build_library
-from maurice_mcl.diagnosis.findings import Drive, Odometry, Track
+from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, RecordedTruth
 from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
 from maurice_mcl.library import Library
 
@@ -209,10 +209,10 @@ def test_no_numbers_bring_it_down(
 def test_real_odometry_beside_real_truth_is_healthy(name: str) -> None:
     rows = read_aligned(THYMIO / name)
     t_s = np.arange(len(rows.truth)) / 3.0
-    track = Track(t_s, rows.truth, np.zeros(len(t_s), np.int32))
-    healthy = Drive(Odometry(t_s, rows.odometry, poses=True), track, t_s)
+    track = RecordedTruth(t_s, rows.truth, np.zeros(len(t_s), np.int32))
+    healthy = RecordedDrive(RecordedOdometry(t_s, rows.odometry, poses=True), track, t_s)
     assert compared_with_truth(healthy) == []
     if name.startswith("random"):
-        mirrored = Odometry(t_s, rows.odometry * [1, 1, -1], poses=True)
+        mirrored = RecordedOdometry(t_s, rows.odometry * [1, 1, -1], poses=True)
         wrong = compared_with_truth(replace(healthy, odometry=mirrored))
         assert [one.code for one in wrong] == ["turn-clockwise"]

@@ -34,8 +34,8 @@ from maurice_mcl.session import Moment
 Played = list[tuple[Moment, StepRecord]]
 Save = Callable[..., tuple[Path, Played]]
 EVERYTHING = {
-    "reseeding.strategy": "always",
-    "reseeding.share": 0.1,
+    "recovery.strategy": "always",
+    "recovery.share": 0.1,
     "resampling.roughening": 0.2,
     "resampling.adaptive": True,
     "resampling.kld.least": 20,
@@ -69,7 +69,7 @@ def assert_same(a: Any, b: Any, where: str = "") -> None:
 
 @pytest.mark.parametrize(
     "settings",
-    [{}, EVERYTHING, {"resampling.when": "effective"}, {"reseeding.strategy": "dual"}],
+    [{}, EVERYTHING, {"resampling.when": "effective"}, {"recovery.strategy": "mixture"}],
     ids=["default", "injected, roughened, of changing number", "not always resampled", "dual draws"],
 )
 def test_what_is_read_is_what_was_written_to_the_last_bit(save_run: Save, settings: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
 Save = Callable[..., tuple[Path, list[tuple[Moment, StepRecord]]]]
-INJECTING = {"reseeding.strategy": "always", "reseeding.share": 0.1}
+INJECTING = {"recovery.strategy": "always", "recovery.share": 0.1}
 
 
 def opened(folder: Path) -> SavedRun:

@@ -8,16 +8,16 @@ import numpy as np
 from maurice_loaders.libraries.store import build_library
 from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
-from maurice_mcl.library_quality.self_similarity import SelfCheck, check_library
+from maurice_mcl.library_quality.self_similarity import SelfSimilarity, self_similarity_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_viz.plots.sheets import draw_ambiguity
 from maurice_viz.style import DEAD, WALL, scale_for
 
 
-def checked(library: Library) -> SelfCheck:
+def checked(library: Library) -> SelfSimilarity:
     nearest = nearest_reference(library.poses, library.arena)
-    return check_library(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+    return self_similarity_of(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
 
 
 def pixels_of(image: U8, color: tuple[int, int, int]) -> int:
@@ -39,7 +39,7 @@ def test_a_pair_of_look_alikes_is_a_line_from_dot_to_dot(small_session: Path) ->
     margin = np.full(library.size, np.nan)
     none, one = (replace(found, margin=values) for values in (margin, np.append(margin[:-1], -1.0)))
     assert one.aliased.tolist() == [library.size - 1]
-    pair = found.places[found.place_of[[library.size - 1, found.look_alike[-1]]]]
+    pair = found.places[found.place_of[[library.size - 1, found.alias[-1]]]]
     moved = replace(library, poses=library.poses + np.array([0.3, 0.3, 0.0]))  # entries, not places
     lines = [draw_ambiguity(of, one, scale) for of in (library, moved)]
     assert pixels_of(lines[0], DEAD) > pixels_of(draw_ambiguity(library, none, scale), DEAD) + 100

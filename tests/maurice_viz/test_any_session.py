@@ -16,7 +16,7 @@ import viz_recordings as recordings
 
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.config.build import make_localizer
-from maurice_mcl.config.parameters import FilterParameters, ReseedingParameters
+from maurice_mcl.config.parameters import FilterParameters, RecoveryParameters
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena, Region
@@ -81,7 +81,7 @@ CASES = {
     "blind and far off": Case(sharpness=0.0, start=np.array([0.2, 0.7, 3.0]), steps=5),
     "outside the map": Case(start=np.array([-50.0, 80.0, 1.0]), steps=5),
     "reseeded": Case(reseeding="always", steps=4),
-    "drawn from the picture": Case(reseeding="dual", steps=4),
+    "drawn from the picture": Case(reseeding="mixture", steps=4),
     "not in ASCII": Case(session="Büro 東京", label="Lauf ä 走", obstacle="Schränkchen 机"),
     "signs in a label": Case(label="a b: 50 % (x)"),
     "little detail": Case(detail=Detail.LIGHT, steps=4),
@@ -148,7 +148,7 @@ def draw(case: Case, folder: Path) -> Path:
     weights = dict.fromkeys(case.channels, 1 / len(case.channels))
     parameters = FilterParameters(
         sensor=SensorParameters(weights, sharpness=case.sharpness),
-        reseeding=ReseedingParameters(strategy=case.reseeding),
+        recovery=RecoveryParameters(strategy=case.reseeding),
         particles=case.particles,
     )
     localizer = make_localizer(library, session, parameters)

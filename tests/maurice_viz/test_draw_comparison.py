@@ -13,7 +13,7 @@ import viz_fakes as fakes
 import viz_recordings as read
 from rerun.chunk import RrdReader
 
-from maurice_mcl.analysis.run_comparison import PairedStep, Step
+from maurice_mcl.analysis.run_comparison import Step, StepComparison
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import INCH_M
@@ -28,7 +28,7 @@ from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
 LABELS = ["seed 0", "größe", "c"]
-Seen = list[tuple[Mapping[str, Step], Mapping[str, PairedStep]]]
+Seen = list[tuple[Mapping[str, Step], Mapping[str, StepComparison]]]
 
 
 def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, steps: int = 3) -> Seen:

@@ -6,7 +6,7 @@ from pathlib import Path
 import rerun.blueprint as rrb
 import viz_recordings as recordings
 
-from maurice_mcl.analysis.events import KINDS, PARTED, Event
+from maurice_mcl.analysis.events import KINDS, PARTED, RunEvent
 from maurice_mcl.analysis.localization_status import STATES
 from maurice_mcl.filter.localizer import RESAMPLED
 from maurice_viz import entities
@@ -28,7 +28,7 @@ def drawn(path: Path, steps: Sequence[Step], *, scene: bool = True, hold: int = 
         for step, (state, events) in enumerate(steps, start=1):
             rec.set_time(entities.STEP, sequence=step)
             rec.set_time(entities.PHASE, sequence=6 * step + 5)
-            lane.draw(rec, step, state, [Event(step, 0.0, kind, text) for kind, text in events])
+            lane.draw(rec, step, state, [RunEvent(step, 0.0, kind, text) for kind, text in events])
     return path
 
 

@@ -14,7 +14,7 @@ from rerun.experimental import ViewerClient
 from typer.testing import CliRunner
 
 from maurice_loaders.runs.bookmarks import bookmarks_file
-from maurice_mcl.analysis.events import Event
+from maurice_mcl.analysis.events import RunEvent
 from maurice_viz.cli import app as cli
 from maurice_viz.cli.understand.events import events
 from maurice_viz.cli.understand.jump import _is, _there, jump
@@ -344,7 +344,10 @@ def test_parted_runs_say_so_at_the_second(runs: Path, typed: Type) -> None:
 
 
 def test_what_the_log_says_is_found_by_its_first_word() -> None:
-    bump, lost = Event(41, 332.5, "session", "bump into a wall"), Event(50, 400.0, "lost", "since step 47")
+    bump, lost = (
+        RunEvent(41, 332.5, "session", "bump into a wall"),
+        RunEvent(50, 400.0, "lost", "since step 47"),
+    )
     assert _is(bump, "bump")
     assert not _is(bump, "wall")
     assert _is(bump, "session")

@@ -13,7 +13,7 @@ import viz_recordings as recordings
 from PIL import Image
 
 from maurice_mcl.analysis.ancestry import Ancestry
-from maurice_mcl.analysis.events import Event
+from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.analysis.modes import TrackedMode
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.records import Belief, uniform_log_weights
@@ -162,7 +162,7 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None
     session = fakes.make_session(fakes.make_library(), 9)
     for moment, record in fakes.play(session, "color", 5):
         step = moment.frame.step
-        events = [Event(step, 0.0, "resampled", "")] + [Event(step, 0.0, "lost", "")] * (step == at)
+        events = [RunEvent(step, 0.0, "resampled", "")] + [RunEvent(step, 0.0, "lost", "")] * (step == at)
         given += thinning.see(Update(moment, record, tuple(events)))
     given += thinning.rest()
     assert [update.moment.frame.step for update in given] == list(range(1, 10))
@@ -195,7 +195,7 @@ def test_scales_reach_a_number_that_the_viewer_labels(most: float, top: float) -
 def test_the_tops_of_the_scales_are_logged_once_at_the_end(drawn: Any) -> None:
     path, played, _ = drawn
     (row,) = recordings.rows(path, draw_traces.top_path(RUN, draw_traces.SPREAD))
-    widest = max(float(np.hypot(*record.mean.sd_m)) for _, record in played) / 0.0254
+    widest = max(float(np.hypot(*record.mean_estimate.sd_m)) for _, record in played) / 0.0254
     assert row.step == STEPS
     assert row.values["Scalars:scalars"][0] >= widest * 0.999
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.analysis.events import Event
+from maurice_mcl.analysis.events import RunEvent
 from maurice_viz.app.tracks import NOWHERE, NUMBERS, Collected, Track
 from maurice_viz.report.charts import MOST_POINTS, thinned, ticks
 from maurice_viz.report.choosing import MOST_PICTURES, Happening, choose, listed, said_steps, worst_step
@@ -73,7 +73,7 @@ def test_a_long_way_keeps_its_ends() -> None:
     assert len(thin(places[:50])) == 50
 
 
-def track(label: str, errors: list[float], events: list[Event] | None = None) -> Track:
+def track(label: str, errors: list[float], events: list[RunEvent] | None = None) -> Track:
     made = Track(label, events=events or [])
     for step, error in enumerate(errors, start=1):
         row = dict.fromkeys(NUMBERS, 0.5) | {"step": float(step), "position_error_m": error}
@@ -87,7 +87,7 @@ def collected(*tracks: Track) -> Collected:
 
 
 def happened(kind: str, *steps: int) -> list[Happening]:
-    return [Happening(Event(step, float(step), kind, "text"), ("a",)) for step in steps]
+    return [Happening(RunEvent(step, float(step), kind, "text"), ("a",)) for step in steps]
 
 
 def test_the_worst_step_is_that_of_the_largest_error_of_any_run() -> None:

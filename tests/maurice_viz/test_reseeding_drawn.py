@@ -27,8 +27,8 @@ def _records(session: fakes.FakeSession) -> list[tuple[object, StepRecord]]:
     always = {
         "particles": 40,
         "sensor.weights": {"color": 1.0},
-        "reseeding.strategy": "always",
-        "reseeding.share": SHARE,
+        "recovery.strategy": "always",
+        "recovery.share": SHARE,
     }
     parameters = configure([Layer("test", always)]).parameters
     return list(run(make_localizer(session.library, session, parameters), session, None))

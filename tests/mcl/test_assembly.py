@@ -8,14 +8,14 @@ import pytest
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.config.parameters import (
     FilterParameters,
+    RecoveryParameters,
+    ReferenceParameters,
     ResamplingParameters,
-    ReseedingParameters,
-    SelectionParameters,
 )
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.filter.localizer import RESEEDED, run
-from maurice_mcl.filter.motion import TailParameters
-from maurice_mcl.filter.proposal import DualParameters
+from maurice_mcl.filter.motion import MotionOutliers
+from maurice_mcl.filter.proposal import MixtureParameters
 from maurice_mcl.filter.resampling import KldParameters
 from maurice_mcl.sensor.model import SensorParameters
 
@@ -23,11 +23,11 @@ from maurice_mcl.sensor.model import SensorParameters
 @pytest.mark.parametrize(
     "choice",
     [
-        {"selection": SelectionParameters("furthest")},
+        {"references": ReferenceParameters("furthest")},
         {"resampling": ResamplingParameters("lottery")},
         {"resampling": ResamplingParameters(when="sometimes")},
-        {"reseeding": ReseedingParameters("hope")},
-        {"reseeding": ReseedingParameters("always", draw="somewhere")},
+        {"reseeding": RecoveryParameters("hope")},
+        {"reseeding": RecoveryParameters("always", draw="somewhere")},
     ],
 )
 def test_unknown_names_are_refused(world, choice):
@@ -48,12 +48,12 @@ def test_unknown_names_are_refused(world, choice):
 @pytest.mark.parametrize("method", ["nearest", "interpolated"])
 def test_unknown_names_of_the_sensor_are_refused_before_any_picture(world, choice, method):
     sensor = SensorParameters(**{"weights": {"color": 1.0}} | choice)
-    parameters = FilterParameters(sensor=sensor, selection=SelectionParameters(method))
+    parameters = FilterParameters(sensor=sensor, references=ReferenceParameters(method))
     with pytest.raises(KeyError):
         make_localizer(world.library, world.drive, parameters)
 
 
-RESEEDINGS = ["none", "always", "threshold", "sensor", "augmented", "expansion", "dual"]
+RESEEDINGS = ["none", "always", "threshold", "sensor", "augmented", "expansion", "mixture"]
 
 
 @pytest.mark.parametrize("strategy", RESEEDINGS)
@@ -61,10 +61,10 @@ RESEEDINGS = ["none", "always", "threshold", "sensor", "augmented", "expansion",
 @pytest.mark.parametrize("draw", ["evenly", "likelihood"])
 def test_every_strategy_runs_repeats_and_keeps_its_books(world, strategy, method, draw):
     parameters = FilterParameters(
-        selection=SelectionParameters(method),
+        references=ReferenceParameters(method),
         resampling=ResamplingParameters("residual", when="effective", roughening=0.1),
-        reseeding=ReseedingParameters(strategy, draw),
-        tail=TailParameters(0.1),
+        recovery=RecoveryParameters(strategy, draw),
+        motion_outliers=MotionOutliers(0.1),
         particles=200,
     )
     localizer = make_localizer(world.library, world.drive, parameters, seed=3)
@@ -82,21 +82,21 @@ def test_every_strategy_runs_repeats_and_keeps_its_books(world, strategy, method
             assert np.array_equal(record.injected, record.parents == -1)
         if strategy == "always":
             assert record.injected.sum() == 10
-        if strategy == "dual":
+        if strategy == "mixture":
             assert record.predicted.weights == pytest.approx(np.full(200, 1 / 200))
 
 
 def test_freshly_injected_particles_have_no_say_in_the_next_estimate(world):
     parameters = FilterParameters(
-        reseeding=ReseedingParameters("always", share=0.4),
+        recovery=RecoveryParameters("always", share=0.4),
         sensor=SensorParameters({"color": 1.0}, sharpness=0.0),
         particles=400,
     )
     localizer = make_localizer(world.library, world.drive, parameters)
-    state, _ = localizer.step(localizer.start(world.start), world.drive.all_moments[0].frame)
+    state, _ = localizer.step(localizer.initialize(world.start), world.drive.all_moments[0].frame)
     assert state.injected.sum() == 160
     _, record = localizer.step(state, world.drive.all_moments[1].frame)
-    for found, estimator in ((record.estimate, heaviest_cluster), (record.mean, weighted_mean)):
+    for found, estimator in ((record.estimate, heaviest_cluster), (record.mean_estimate, weighted_mean)):
         expected = estimator(record.weighted, state.injected)
         assert np.array_equal(found.pose, expected.pose)
         assert found.converged == expected.converged
@@ -116,10 +116,10 @@ def test_adaptive_size_follows_the_cloud(world):
         sizes[name] = [r.belief.size for _, r in run(localizer, world.drive, start)]
         assert all(50 <= size <= 3000 for size in sizes[name])
     assert sizes["known"][0] < 300 < 2500 < sizes["anywhere"][0]
-    state = localizer.start(None)
+    state = localizer.initialize(None)
     for moment in world.drive.all_moments:
         state, record = localizer.step(state, moment.frame)
-        assert record.predicted.size == len(record.sighting.particles) == record.weighted.size
+        assert record.predicted.size == len(record.sighting.log_likelihood) == record.weighted.size
         assert len(record.parents) == record.belief.size
 
 
@@ -127,15 +127,15 @@ def test_evidence_of_dual_draws_counts_their_densities(world):
     """Draws where the picture fits would make every picture look well explained."""
     frame = replace(world.drive.all_moments[0].frame, motions=np.zeros((0, 3)))
     found = []
-    for strategy in ("none", "dual"):
+    for strategy in ("none", "mixture"):
         parameters = FilterParameters(
-            reseeding=ReseedingParameters(strategy, dual=DualParameters(0.5, 0.0)),
+            recovery=RecoveryParameters(strategy, mixture=MixtureParameters(0.5, 0.0)),
             sensor=SensorParameters({"color": 1.0}, distances={"color": "thesis"}, scales={"color": 0.002}),
-            selection=SelectionParameters("nearest"),
+            references=ReferenceParameters("nearest"),
             particles=100_000,
         )
         localizer = make_localizer(world.library, world.drive, parameters)
-        _, record = localizer.step(localizer.start(None), frame)
+        _, record = localizer.step(localizer.initialize(None), frame)
         assert record.calibrated_evidence == pytest.approx(record.log_evidence, abs=1e-4)
         assert record.channel_evidence[0] == pytest.approx(record.calibrated_evidence, abs=1e-4)
         found.append(record.calibrated_evidence)

@@ -6,7 +6,7 @@ from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import wrap
 from maurice_mcl.library import ChannelIndex
 from maurice_mcl.map import Arena
-from maurice_mcl.sensor.references import between, crosses
+from maurice_mcl.sensor.references import crosses, virtual_references
 
 PITCH = 0.5
 
@@ -29,7 +29,7 @@ def _index(references):
 
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (4, 1), (3, 2), (5, 4)])
 def test_a_grid_gets_all_middles_of_places_and_headings_once(columns, rows):
-    found = between(_grid(columns, rows), _arena())
+    found = virtual_references(_grid(columns, rows), _arena())
     edges = (columns - 1) * rows + columns * (rows - 1)
     cells = (columns - 1) * (rows - 1)
     assert len(found.poses) == columns * rows * 8 + (edges + cells) * 16
@@ -38,7 +38,7 @@ def test_a_grid_gets_all_middles_of_places_and_headings_once(columns, rows):
 
 def test_poses_are_the_middles_of_their_sources_across_half_a_turn_too():
     poses = _grid(3, 3, turned=0.1)
-    found = between(poses, _arena())
+    found = virtual_references(poses, _arena())
     sources = poses[found.sources]
     assert found.poses[:, :2] == pytest.approx(sources[..., :2].mean(axis=1))
     off = wrap(sources[..., 2] - found.poses[:, 2:])
@@ -52,7 +52,7 @@ def test_what_changes_evenly_with_the_place_is_met_exactly():
     def seen(at):
         return np.column_stack([2 * at[:, 0] - at[:, 1], 0.3 * at[:, 1] + 1])
 
-    found = between(poses, _arena())
+    found = virtual_references(poses, _arena())
     extended = found.extend({"color": _index(seen(poses))})["color"].references
     assert np.array_equal(extended[: len(poses)], seen(poses).astype(np.float32))
     assert extended[len(poses) :] == pytest.approx(seen(found.poses), abs=1e-6)
@@ -60,41 +60,41 @@ def test_what_changes_evenly_with_the_place_is_met_exactly():
 
 def test_places_are_never_joined_across_a_wall():
     wall = [1.2, -1.0, 1.2, 1.2]
-    found = between(_grid(5, 4), _arena(wall))
+    found = virtual_references(_grid(5, 4), _arena(wall))
     sources = _grid(5, 4)[found.sources][..., :2]
     for k in range(1, sources.shape[1]):
         assert not crosses(sources[:, 0], sources[:, k], np.array([wall])).any()
-    free = between(_grid(5, 4), _arena())
+    free = virtual_references(_grid(5, 4), _arena())
     assert len(found.poses) < len(free.poses)
 
 
 def test_views_that_do_not_overlap_are_not_joined():
-    four = between(_grid(2, 1, headings=4), _arena())
+    four = virtual_references(_grid(2, 1, headings=4), _arena())
     assert len(four.poses) == 4  # the middle of the two places, but no heading between two at right angles
     there_and_back = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, np.pi]])
-    assert len(between(there_and_back, _arena()).poses) == 0
-    assert len(between(there_and_back[:1], _arena()).poses) == 0
+    assert len(virtual_references(there_and_back, _arena()).poses) == 0
+    assert len(virtual_references(there_and_back[:1], _arena()).poses) == 0
 
 
 def test_a_localizer_weighs_by_them_and_records_only_the_librarys_entries(world):
     session = world.drive
     localizer = make_localizer(world.library, session, of_feature("blended", 50))
-    _, record = localizer.step(localizer.start(None), session.all_moments[0].frame)
+    _, record = localizer.step(localizer.initialize(None), session.all_moments[0].frame)
     comparison = record.sighting.comparison
     assert comparison.log_likelihood.shape == (world.library.size,)
     assert comparison.distances.shape == (2, world.library.size)
-    extra = between(world.library.poses, world.library.arena)
-    assert comparison.between.shape == (len(extra.poses),)
+    extra = virtual_references(world.library.poses, world.library.arena)
+    assert comparison.virtual.shape == (len(extra.poses),)
     assert record.sighting.entries.max() < world.library.size
 
 
 def test_a_particle_where_a_middle_is_gets_its_likelihood(world):
     localizer = make_localizer(world.library, world.drive, of_feature("blended", 50))
-    extra = between(world.library.poses, world.library.arena)
+    extra = virtual_references(world.library.poses, world.library.arena)
     comparison = localizer.sensor.compare(localizer.sensor.measure(world.drive.all_moments[0].frame.image))
     poses = extra.poses - np.append(world.library.origin, 0)
     found = localizer.sensor.at(comparison, poses.astype(np.float32))
     inside = found.entries >= 0
     assert inside.mean() > 0.5
     # a kernel lets the neighbors have a say as well, so they are alike and not equal
-    assert np.corrcoef(found.particles[inside], comparison.between[inside])[0, 1] > 0.9
+    assert np.corrcoef(found.log_likelihood[inside], comparison.virtual[inside])[0, 1] > 0.9

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_mcl.arrays import F64
-from maurice_mcl.calibration.motion import Leg, trials_of
+from maurice_mcl.calibration.motion import MotionSegment, trials_of
 
 
 def arc(pose: F64, length_m: float, drift_rad: float) -> F64:
@@ -39,7 +39,7 @@ def test_a_turn_and_a_straight_are_told_apart_in_either_order(
         after = arc(turn(START, by), length, drift)
     else:
         motions, after = motions[::-1], turn(arc(START, length, drift), by)
-    trials = trials_of([Leg(START, motions, wrapped(after))], lambda a, b: "wood")
+    trials = trials_of([MotionSegment(START, motions, wrapped(after))], lambda a, b: "wood")
     assert trials.turns.actual_rad == pytest.approx([by], abs=1e-9)
     assert trials.turns.measured_rad == pytest.approx([by])
     assert trials.straights.drift_rad == pytest.approx([drift], abs=1e-9)
@@ -50,9 +50,11 @@ def test_a_turn_and_a_straight_are_told_apart_in_either_order(
 
 def test_a_turn_alone_a_straight_alone_and_a_straight_backward() -> None:
     legs = [
-        Leg(START, (np.array([0, 0, 1.4]),), turn(START, 1.0)),
-        Leg(START, (np.array([0.5, 0, 0]),), arc(START, 0.4, 0.1)),
-        Leg(START, (np.array([0, 0, 0.8]), np.array([-0.5, 0, 0])), arc(turn(START, 0.6), -0.4, 0.1)),
+        MotionSegment(START, (np.array([0, 0, 1.4]),), turn(START, 1.0)),
+        MotionSegment(START, (np.array([0.5, 0, 0]),), arc(START, 0.4, 0.1)),
+        MotionSegment(
+            START, (np.array([0, 0, 0.8]), np.array([-0.5, 0, 0])), arc(turn(START, 0.6), -0.4, 0.1)
+        ),
     ]
     trials = trials_of(legs, lambda a, b: "")
     assert trials.turns.actual_rad == pytest.approx([1.0, 0.6])
@@ -62,20 +64,22 @@ def test_a_turn_alone_a_straight_alone_and_a_straight_backward() -> None:
 
 def test_several_movements_between_two_poses_are_left_out_and_counted() -> None:
     one, way = np.array([0, 0, 1.0]), np.array([0.5, 0, 0])
-    trials = trials_of([Leg(START, (one, way, one), START), Leg(START, (), START)], lambda a, b: "")
+    trials = trials_of(
+        [MotionSegment(START, (one, way, one), START), MotionSegment(START, (), START)], lambda a, b: ""
+    )
     assert trials.left_out == 3
     assert len(trials.turns.measured_rad) == len(trials.straights.measured_m) == 0
 
 
 def test_a_movement_that_is_both_is_a_turn_first() -> None:
-    leg = Leg(START, (np.array([0.5, 0.0, 1.0]),), arc(turn(START, 0.7), 0.5, 0.0))
+    leg = MotionSegment(START, (np.array([0.5, 0.0, 1.0]),), arc(turn(START, 0.7), 0.5, 0.0))
     trials = trials_of([leg], lambda a, b: "")
     assert trials.turns.actual_rad == pytest.approx([0.7])
     assert trials.straights.actual_m == pytest.approx([0.5])
 
 
 def test_a_robot_that_did_not_get_away_has_no_known_drift() -> None:
-    leg = Leg(START, (np.array([0, 0, 1.0]), np.array([0.5, 0, 0])), turn(START, 0.7))
+    leg = MotionSegment(START, (np.array([0, 0, 1.0]), np.array([0.5, 0, 0])), turn(START, 0.7))
     trials = trials_of([leg], lambda a, b: "")
     assert trials.turns.actual_rad == pytest.approx([0.7])
     assert np.isnan(trials.straights.drift_rad).all()

@@ -14,7 +14,7 @@ from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
 from maurice_mcl.config.build import make_localizer
-from maurice_mcl.config.parameters import FilterParameters, ResamplingParameters, SelectionParameters
+from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
@@ -73,7 +73,7 @@ class _Drive:
 def localizer():
     parameters = FilterParameters(
         sensor=SensorParameters({"color": 1.0}, 1.0, distances={"color": "l1"}, scales={"color": 5.0}),
-        selection=SelectionParameters("nearest"),
+        references=ReferenceParameters("nearest"),
         resampling=ResamplingParameters("systematic", "effective", below=0.6),
     )
     return make_localizer(_library(), _Drive(), parameters)
@@ -189,7 +189,7 @@ def test_the_grid_is_a_fair_answer(exact, likelihoods):
 
 def _filtered(localizer, frames, n, seed):
     localizer = replace(localizer, particles=n, seed=seed)
-    state = localizer.start(None)
+    state = localizer.initialize(None)
     for frame in frames:
         state, record = localizer.step(state, frame)
     inside = record.sighting.entries >= 0

@@ -7,15 +7,24 @@ import pytest
 
 from maurice_mcl.arrays import F64
 from maurice_mcl.diagnosis.clocks import clocks_apart, same_moments, truth_apart
-from maurice_mcl.diagnosis.findings import Drive, Odometry, Track, motions_between, motions_of, rotated
-from maurice_mcl.diagnosis.odometry import Reading, agreement, legs_of, motions_read, readings
+from maurice_mcl.diagnosis.findings import (
+    RecordedDrive,
+    RecordedOdometry,
+    RecordedTruth,
+    motions_between,
+    motions_of,
+    rotated,
+)
+from maurice_mcl.diagnosis.odometry import Reading, agreement, motions_read, readings, segments_of
 from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
 from maurice_mcl.diagnosis.plausibility import aside_share, odometry_doubts, time_unit
 
 RATE_HZ = 10.0
 
 
-def dense_drive(seconds: float = 120.0, noise: float = 0.02, seed: int = 0, *, poses: bool = True) -> Drive:
+def dense_drive(
+    seconds: float = 120.0, noise: float = 0.02, seed: int = 0, *, poses: bool = True
+) -> RecordedDrive:
     """Drive curves at 10 Hz, odometry and truth alike but for noise and another frame."""
     rng = np.random.default_rng(seed)
     count = int(seconds * RATE_HZ)
@@ -26,8 +35,8 @@ def dense_drive(seconds: float = 120.0, noise: float = 0.02, seed: int = 0, *, p
     factor = 1 + noise * rng.standard_normal((count, 2))
     measured = np.column_stack([speed * factor[:, 0], 0 * speed, rate * factor[:, 1]]) / RATE_HZ
     values = integrated(measured) if poses else measured
-    track = Track(t_s, truth + np.array([3.0, 2.0, 0.0]), np.zeros(count, np.int32))
-    return Drive(Odometry(t_s, values, poses), track, t_s[::5])
+    track = RecordedTruth(t_s, truth + np.array([3.0, 2.0, 0.0]), np.zeros(count, np.int32))
+    return RecordedDrive(RecordedOdometry(t_s, values, poses), track, t_s[::5])
 
 
 def integrated(motions: F64) -> F64:
@@ -38,11 +47,11 @@ def integrated(motions: F64) -> F64:
     return np.column_stack([x, y, heading])
 
 
-def with_values(drive: Drive, values: F64) -> Drive:
+def with_values(drive: RecordedDrive, values: F64) -> RecordedDrive:
     return replace(drive, odometry=replace(drive.odometry, values=values))
 
 
-def codes(drive: Drive) -> list[str]:
+def codes(drive: RecordedDrive) -> list[str]:
     return [one.code for one in compared_with_truth(drive)]
 
 
@@ -110,14 +119,14 @@ def test_another_drive_agrees_with_nothing() -> None:
 def test_too_little_truth_says_nothing() -> None:
     drive = dense_drive(seconds=2)
     assert codes(with_values(drive, drive.odometry.values * [1, 1, -1])) == []
-    empty = Track(np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.int32))
+    empty = RecordedTruth(np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.int32))
     assert codes(replace(drive, truth=empty)) == []
 
 
 def test_legs_are_not_cut_across_a_kidnapping() -> None:
     poses = np.array([[0, 0, 0], [0.2, 0, 0], [5, 5, 1], [5.2, 5, 1], [5.4, 5, 1.0]])
-    track = Track(np.arange(5.0), poses, np.array([0, 0, 1, 1, 1], np.int32))
-    legs = legs_of(track)
+    track = RecordedTruth(np.arange(5.0), poses, np.array([0, 0, 1, 1, 1], np.int32))
+    legs = segments_of(track)
     assert legs.begin_s.tolist() == [0, 2, 3]
     assert np.abs(legs.moved[:, :2]).max() < 0.25
 
@@ -126,19 +135,19 @@ def test_readings_undo_what_was_done() -> None:
     motions = dense_drive(seconds=20, poses=False).odometry.values
     t_s = np.arange(len(motions)) * 0.1
     poses = np.concatenate([np.zeros((1, 3)), integrated(motions)])
-    absolute = Odometry(np.append(t_s, 99), poses, poses=False)
+    absolute = RecordedOdometry(np.append(t_s, 99), poses, poses=False)
     assert np.allclose(motions_read(absolute, Reading("", "absolute"))[1:], motions)
     assert np.allclose(motions_between(poses)[1:], motions)
-    steps = Odometry(t_s, np.diff(poses, axis=0), poses=False)
+    steps = RecordedOdometry(t_s, np.diff(poses, axis=0), poses=False)
     assert np.allclose(motions_read(steps, Reading("", "world")), motions)
-    degrees = Odometry(t_s, motions * [1, 1, 180 / np.pi], poses=False)
+    degrees = RecordedOdometry(t_s, motions * [1, 1, 180 / np.pi], poses=False)
     assert np.allclose(motions_read(degrees, Reading("degrees")), motions)
     assert np.allclose(motions_of(degrees)[:, :2], motions[:, :2])
 
 
 def test_agreement_of_a_perfect_drive_is_perfect() -> None:
     drive = dense_drive(noise=0.0)
-    legs = legs_of(drive.truth)
+    legs = segments_of(drive.truth)
     best = agreement(drive.odometry, legs, readings(drive.odometry)[0])
     assert best is not None
     assert best.unexplained < 1e-3
@@ -187,7 +196,7 @@ def test_headings_within_half_a_turn_are_never_degrees() -> None:
     t_s = np.arange(200) / RATE_HZ
     values = np.column_stack([0.3 * t_s, 0.02 * np.sin(t_s), np.full(200, -np.pi / 2)])
     drive = dense_drive(20.0)
-    still = Drive(Odometry(t_s, values, poses=True), drive.truth, drive.picture_t_s)
+    still = RecordedDrive(RecordedOdometry(t_s, values, poses=True), drive.truth, drive.picture_t_s)
     assert "turn-degrees" not in [one.code for one in odometry_doubts(still)]
 
 

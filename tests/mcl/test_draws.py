@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from maurice_mcl.filter.proposal import evenly, from_likelihood, regions, shares_of
+from maurice_mcl.filter.proposal import likely_poses, regions, shares_of, uniform_poses
 from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import stream
 from maurice_mcl.sensor.references import HEADING_BINS, nearest_reference
@@ -51,7 +51,7 @@ def _in_free_space(grid, poses):
 
 
 def test_evenly_is_even_over_free_space_and_headings(nearest):
-    poses = evenly(nearest.grid, N, MIDDLE, stream(9, 1))
+    poses = uniform_poses(nearest.grid, N, MIDDLE, stream(9, 1))
     assert poses.shape == (N, 3)
     assert poses.dtype == np.float32
     assert _in_free_space(nearest.grid, poses)
@@ -68,27 +68,27 @@ def test_evenly_is_even_over_free_space_and_headings(nearest):
 
 
 def test_evenly_is_even_within_a_cell(nearest):
-    poses = evenly(nearest.grid, N, MIDDLE, stream(9, 2)).astype(np.float64)
+    poses = uniform_poses(nearest.grid, N, MIDDLE, stream(9, 2)).astype(np.float64)
     inside = (poses[:, :2] + MIDDLE - nearest.grid.corner) / nearest.grid.cell_m % 1
     for share in inside.T:
         _assert_shares(np.bincount((share * 10).astype(int), minlength=10), np.full(10, 0.1))
 
 
 def test_a_larger_number_keeps_the_smaller_ones_draws(nearest):
-    few, many = (evenly(nearest.grid, n, MIDDLE, stream(9, 3)) for n in (10, 300))
+    few, many = (uniform_poses(nearest.grid, n, MIDDLE, stream(9, 3)) for n in (10, 300))
     assert np.array_equal(many[:10], few)
 
 
 def test_none_can_be_drawn(nearest, where):
-    assert evenly(nearest.grid, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
-    assert from_likelihood(_logs(), nearest.grid, where, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
+    assert uniform_poses(nearest.grid, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
+    assert likely_poses(_logs(), nearest.grid, where, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
 
 
 def test_no_free_space_is_said():
     flood = Region("flood", np.array([[-1.0, -1.0], [5.0, -1.0], [5.0, 4.0], [-1.0, 4.0]]))
     grid = make_grid(Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4)), (flood,)), _library()[:, :2])
     with pytest.raises(ValueError, match="no free space"):
-        evenly(grid, 3, MIDDLE, stream(9, 1))
+        uniform_poses(grid, 3, MIDDLE, stream(9, 1))
 
 
 def test_regions_are_the_tables_the_other_way_round(nearest, where):
@@ -116,7 +116,7 @@ def test_an_entry_whose_place_is_the_nearest_of_no_cell_has_no_share(where):
     found = regions(twice, len(crowded)).sizes()
     assert found[-1] == 0
     assert shares_of(np.full(len(crowded), -9.0, np.float32), regions(twice, len(crowded)))[-1] == 0
-    drawn = from_likelihood(
+    drawn = likely_poses(
         np.append(_logs(), np.float32(0)), twice.grid, regions(twice, len(crowded)), 500, MIDDLE, stream(9, 4)
     )
     assert (twice.entries(drawn, MIDDLE) < len(_library())).all()
@@ -126,7 +126,7 @@ def test_from_likelihood_has_every_entry_in_its_share(nearest, where):
     logs = _logs()
     weight = np.exp(logs.astype(float) + 50) * where.sizes()
     assert shares_of(logs, where) == pytest.approx(weight / weight.sum())
-    poses = from_likelihood(logs, nearest.grid, where, N, MIDDLE, stream(9, 5))
+    poses = likely_poses(logs, nearest.grid, where, N, MIDDLE, stream(9, 5))
     assert poses.shape == (N, 3)
     assert poses.dtype == np.float32
     assert _in_free_space(nearest.grid, poses)
@@ -136,7 +136,7 @@ def test_from_likelihood_has_every_entry_in_its_share(nearest, where):
 
 
 def test_from_likelihood_is_even_over_what_each_entry_is_nearest_of(nearest, where):
-    poses = from_likelihood(_logs(1), nearest.grid, where, N, MIDDLE, stream(9, 6))
+    poses = likely_poses(_logs(1), nearest.grid, where, N, MIDDLE, stream(9, 6))
     entries, cells = nearest.entries(poses, MIDDLE), nearest.grid.cells_of(poses[:, :2], MIDDLE)
     most = np.bincount(entries[entries >= 0]).argmax()
     held = cells[entries == most]
@@ -154,9 +154,7 @@ def test_from_likelihood_is_even_over_what_each_entry_is_nearest_of(nearest, whe
 
 
 def test_an_even_likelihood_draws_evenly(nearest, where):
-    poses = from_likelihood(
-        np.zeros(len(_library()), np.float32), nearest.grid, where, N, MIDDLE, stream(9, 7)
-    )
+    poses = likely_poses(np.zeros(len(_library()), np.float32), nearest.grid, where, N, MIDDLE, stream(9, 7))
     west = (poses[:, 0] < 0).mean()
     centers = nearest.grid.centers()[nearest.grid.free.ravel()]
     expected = (centers[:, 0] < 2).mean()
@@ -166,14 +164,14 @@ def test_an_even_likelihood_draws_evenly(nearest, where):
 def test_one_sure_entry_takes_all_draws(nearest, where):
     logs = np.full(len(_library()), -1e6, np.float32)
     logs[9] = -1e5
-    drawn = from_likelihood(logs, nearest.grid, where, 1000, MIDDLE, stream(9, 8))
+    drawn = likely_poses(logs, nearest.grid, where, 1000, MIDDLE, stream(9, 8))
     assert (nearest.entries(drawn, MIDDLE) == 9).mean() > 0.998
 
 
 def test_headings_stay_in_their_range(nearest, where):
     for poses in (
-        evenly(nearest.grid, N, MIDDLE, stream(9, 9)),
-        from_likelihood(_logs(), nearest.grid, where, N, MIDDLE, stream(9, 9)),
+        uniform_poses(nearest.grid, N, MIDDLE, stream(9, 9)),
+        likely_poses(_logs(), nearest.grid, where, N, MIDDLE, stream(9, 9)),
     ):
         assert poses[:, 2].min() >= np.float32(-np.pi)
         assert poses[:, 2].max() <= np.float32(np.pi)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.filter.proposal import DualParameters, mix, regions, shares_of
+from maurice_mcl.filter.proposal import MixtureParameters, mixture_proposal, regions, shares_of
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import stream
 from maurice_mcl.records import Belief, normalize
@@ -29,7 +29,7 @@ def _belief(n=1000, seed=1):
 
 def _mix(belief=None, share=0.3, teleport=0.05, logs=LOGS, seed=2):
     belief = _belief() if belief is None else belief
-    return mix(belief, logs, NEAREST, WHERE, DualParameters(share, teleport), stream(9, seed))
+    return mixture_proposal(belief, logs, NEAREST, WHERE, MixtureParameters(share, teleport), stream(9, seed))
 
 
 def test_the_size_stays_and_all_weigh_the_same_before_the_picture():
@@ -98,7 +98,9 @@ def test_an_entry_that_is_nearest_of_nothing_does_no_harm():
     where = regions(nearest, 17)
     assert where.sizes()[16] == 0
     for teleport in (0.0, 0.01):
-        mixed, correction = mix(_belief(), logs, nearest, where, DualParameters(0.3, teleport), stream(9, 2))
+        mixed, correction = mixture_proposal(
+            _belief(), logs, nearest, where, MixtureParameters(0.3, teleport), stream(9, 2)
+        )
         assert not np.isnan(correction).any()
         assert np.isfinite(mixed.poses).all()
 

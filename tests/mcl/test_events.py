@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_records import Cloud, at, made, moment
 
-from maurice_mcl.analysis.events import KINDS, Event, EventDetector
+from maurice_mcl.analysis.events import KINDS, EventDetector, RunEvent
 from maurice_mcl.analysis.localization_status import STATES
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.analysis.watchers import BeyondSigma, Burst, Dip, EventThresholds, deviations
@@ -19,7 +19,7 @@ SPREAD = [*at(0, 0, 0.4), *at(3, 0, 0.35), *at(6, 0, 0.25)]
 TRUTH = (0.0, 0.0, 0.0)
 
 
-def kinds(events: Sequence[Event]) -> list[tuple[int, str]]:
+def kinds(events: Sequence[RunEvent]) -> list[tuple[int, str]]:
     return [(event.step, event.kind) for event in events if event.kind not in ("mode-switch", "ess-dip")]
 
 
@@ -28,9 +28,9 @@ def watch(
     truth: tuple[float, float, float] | None = TRUTH,
     told: dict[int, str] | None = None,
     detector: EventDetector | None = None,
-) -> list[Event]:
+) -> list[RunEvent]:
     """See clouds from step 1 on, against one truth."""
-    found, detector = list[Event](), detector or EventDetector()
+    found, detector = list[RunEvent](), detector or EventDetector()
     for step, cloud in enumerate(clouds, start=1):
         said = (told or {}).get(step)
         found += detector.see(moment(made(cloud, step=step), truth, *([said] if said else [])), made(cloud))
@@ -98,7 +98,7 @@ def test_a_run_that_is_still_searching_is_first_localized_not_recovered() -> Non
 def test_events_agree_with_the_table_of_figures(letters: list[int]) -> None:
     """Whatever happens: first localized and lost at the updates that the scores name; 3: no truth."""
     clouds, scorer, detector = (HERE, FAR, SPREAD, HERE), Scorer(), EventDetector()
-    found = list[Event]()
+    found = list[RunEvent]()
     for step, letter in enumerate(letters, start=1):
         record = made(clouds[letter], step=step)
         here = moment(record, None if letter == 3 else TRUTH)

@@ -42,7 +42,7 @@ def _compare(model, world, step=0):
 def _stepped(world, **changes):
     localizer = make_localizer(world.library, world.drive, FilterParameters(particles=200, **changes))
     moment = world.drive.all_moments[0]
-    _, record = localizer.step(localizer.start(None), moment.frame)
+    _, record = localizer.step(localizer.initialize(None), moment.frame)
     return localizer.sensor, moment, record
 
 
@@ -136,7 +136,7 @@ def test_a_step_shows_truth_estimate_and_winner_by_the_filters_own_rule(world):
     for who, pose in ((TRUTH, moment.truth), (ESTIMATE, record.estimate.pose)):
         found = step.of(who)
         relative = np.asarray(pose - np.append(world.library.origin, 0), np.float32)
-        expected = int(sensor.selection.entries(relative[None], world.library.origin)[0])
+        expected = int(sensor.references.entries(relative[None], world.library.origin)[0])
         assert (found.entry.entry if found.entry else -1) == expected
     assert step.of(TRUTH).from_truth.apart_m == 0
     assert step.of(ESTIMATE).from_estimate.apart_m == 0
@@ -172,7 +172,7 @@ def test_a_particle_is_weighed_as_the_sensor_weighs_it(world):
     number = int(np.argmax(record.sighting.entries >= 0))
     pose = record.predicted.world_poses[number]
     step = explain_step(record, sensor, moment.truth, Asked(pose=pose), weigh=True)
-    assert step.shown[0].weighed == pytest.approx(float(record.sighting.particles[number]), abs=1e-3)
+    assert step.shown[0].weighed == pytest.approx(float(record.sighting.log_likelihood[number]), abs=1e-3)
     assert step.shown[0].entry.entry == record.sighting.entries[number]
 
 
@@ -182,7 +182,7 @@ def test_a_library_of_one_entry(world):
     alone = Library(whole.name, whole.poses[:1], whole.pictures[:1], index, whole.arena)
     localizer = make_localizer(alone, world.drive, FilterParameters(particles=50))
     moment = world.drive.all_moments[0]
-    _, record = localizer.step(localizer.start(None), moment.frame)
+    _, record = localizer.step(localizer.initialize(None), moment.frame)
     step = explain_step(record, localizer.sensor, moment.truth, weigh=True)
     assert {e.entry.entry for e in step.shown if e.entry} == {0}
     assert step.winner.rank == step.winner.entries == 1

@@ -5,7 +5,7 @@ from maurice_mcl.map import Arena, Region
 from maurice_mcl.sensor.references import (
     InterpolationParameters,
     crosses,
-    interpolated,
+    interpolated_reference,
     nearest_reference,
     spacing,
 )
@@ -30,7 +30,7 @@ def _tables(walls=WALL, library=None, **parameters):
     library = _library() if library is None else library
     arena = _arena(walls)
     nearest = nearest_reference(library, arena)
-    return interpolated(nearest, library, arena, InterpolationParameters(**parameters))
+    return interpolated_reference(nearest, library, arena, InterpolationParameters(**parameters))
 
 
 def _logs(library, seed=0):
@@ -67,7 +67,7 @@ def test_outside_is_where_the_nearest_reference_has_it():
     box = Region("box", np.array([[1.0, 1.0], [1.4, 1.0], [1.4, 1.4], [1.0, 1.4]]))
     library, arena = _library(), _arena(WALL, [box])
     nearest = nearest_reference(library, arena)
-    tables = interpolated(nearest, library, arena)
+    tables = interpolated_reference(nearest, library, arena)
     poses = np.vstack([_poses(3000), [[1.2, 1.2, 0], [-1, 1, 0], [1, 9, 0], [2.01, 1, 0]]]).astype(np.float32)
     found = tables.at(_logs(library), poses, HERE)
     assert np.array_equal(np.isfinite(found), nearest.entries(poses, HERE) >= 0)

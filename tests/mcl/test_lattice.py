@@ -13,10 +13,10 @@ from scipy.special import ndtr
 
 import maurice_mcl.filter.localizer as localizer_module
 from maurice_mcl.filter.localizer import Localizer, weigh
-from maurice_mcl.filter.proposal import DualParameters, regions
+from maurice_mcl.filter.proposal import MixtureParameters, regions
 from maurice_mcl.filter.recovery import none
 from maurice_mcl.filter.resampling import RESAMPLERS, always, below_effective
-from maurice_mcl.filter.resampling_step import Renewal
+from maurice_mcl.filter.resampling_step import ResamplingStep
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import stream
@@ -176,8 +176,8 @@ def lattice():
     sensor = SensorModel(library, reference, parameters)
     where = regions(reference, library.size)
     # weights are carried over in some steps and not in others
-    renewal = Renewal(reference, where, RESAMPLERS["systematic"], below_effective(0.75), none)
-    localizer = Localizer(library, reference, LatticeMotion(poses), sensor, renewal)
+    resampling = ResamplingStep(reference, where, RESAMPLERS["systematic"], below_effective(0.75), none)
+    localizer = Localizer(library, reference, LatticeMotion(poses), sensor, resampling)
     seen = enumerate(zip(DRIVE, images, strict=True), start=1)
     frames = [Frame(k, float(k), np.array([motion]), image, "") for k, (motion, image) in seen]
     return Lattice(localizer, frames, poses, posterior, log_evidence)
@@ -185,7 +185,7 @@ def lattice():
 
 def _renewing(localizer, **changes):
     """The same localizer, renewing otherwise."""
-    return replace(localizer, renewal=replace(localizer.renewal, **changes))
+    return replace(localizer, resampling=replace(localizer.resampling, **changes))
 
 
 def _run(lattice, localizer, n, seed):
@@ -284,7 +284,7 @@ def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice
     assert outcome.bias_off() < 4
 
 
-DUAL = DualParameters(share=0.2, teleport=0.0)
+DUAL = MixtureParameters(share=0.2, teleport=0.0)
 
 
 @pytest.mark.parametrize("when", [always, below_effective(0.75)], ids=["always", "effective"])
@@ -294,9 +294,11 @@ def test_dual_draws_weighed_by_their_densities_are_exact(lattice, when):
     (The lattice's motion rounds to the state, and every cell of the raster that has an entry nearest lies
     within half a step of its state.)
     """
-    outcome = _many(lattice, _renewing(lattice.localizer, dual=DUAL, when=when), 500)
+    outcome = _many(lattice, _renewing(lattice.localizer, mixture=DUAL, when=when), 500)
     assert outcome.evidence_off() < 4
-    assert _many(lattice, _renewing(lattice.localizer, dual=DUAL, when=when), 4000, RUNS // 2).bias_off() < 4
+    assert (
+        _many(lattice, _renewing(lattice.localizer, mixture=DUAL, when=when), 4000, RUNS // 2).bias_off() < 4
+    )
 
 
 def _is_caught(lattice, faulty):
@@ -330,4 +332,4 @@ def test_dual_draws_without_their_densities_are_caught(lattice, monkeypatch):
         return weigh(predicted, log_likelihood)
 
     monkeypatch.setattr(localizer_module, "weigh", naive)
-    assert _is_caught(lattice, _renewing(lattice.localizer, dual=DUAL))
+    assert _is_caught(lattice, _renewing(lattice.localizer, mixture=DUAL))

@@ -5,7 +5,7 @@ import pytest
 
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.config.build import make_localizer
-from maurice_mcl.config.parameters import FilterParameters, ResamplingParameters, SelectionParameters
+from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
 from maurice_mcl.filter.localizer import ALL_ZERO, RESAMPLED, Localizer, run, weigh
 from maurice_mcl.filter.resampling import always, never
 from maurice_mcl.records import Belief, uniform_log_weights
@@ -21,7 +21,7 @@ def _localizer(world, particles=300, seed=5, resampler="systematic", feature="bl
     sensor = SensorParameters(FEATURES[feature], likelihood="power", blend="sum", distances=BY)
     parameters = FilterParameters(
         sensor=sensor,
-        selection=SelectionParameters("nearest"),
+        references=ReferenceParameters("nearest"),
         resampling=ResamplingParameters(resampler),
         particles=particles,
     )
@@ -77,7 +77,7 @@ def test_truth_and_events_change_no_particle(world, change):
 
 def test_what_is_given_is_not_changed(world):
     localizer = _localizer(world, particles=300)
-    state = localizer.start(None)
+    state = localizer.initialize(None)
     frame = world.drive.all_moments[0].frame
     given = [state.belief.poses, state.belief.log_weights, frame.motions, frame.image]
     kept = [array.copy() for array in given]
@@ -93,7 +93,7 @@ def test_what_is_given_is_not_changed(world):
 def test_a_step_goes_on_from_the_state_alone(world):
     records = _records(world)
     localizer = _localizer(world, particles=300, seed=5)
-    state = localizer.start(world.start)
+    state = localizer.initialize(world.start)
     for moment, expected in zip(world.drive.all_moments, records, strict=True):
         branch, record = localizer.step(state, moment.frame)
         again, _ = localizer.step(state, moment.frame)
@@ -128,7 +128,7 @@ def test_parents_reproduce_the_belief(world, resampler):
 def test_each_step_starts_from_the_last_ones_belief(world):
     localizer = _localizer(world, particles=300)
     still = [replace(m.frame, motions=np.zeros((0, 3))) for m in world.drive.all_moments]
-    state = localizer.start(None)
+    state = localizer.initialize(None)
     for frame in still:
         before = state.belief
         state, record = localizer.step(state, frame)
@@ -138,9 +138,9 @@ def test_each_step_starts_from_the_last_ones_belief(world):
 
 def test_without_resampling_weights_multiply(world):
     localizer = replace(
-        _localizer(world, particles=300), renewal=replace(_localizer(world).renewal, when=never)
+        _localizer(world, particles=300), resampling=replace(_localizer(world).resampling, when=never)
     )
-    state, total = localizer.start(None), np.zeros(300)
+    state, total = localizer.initialize(None), np.zeros(300)
     for moment in world.drive.all_moments[:4]:
         state, record = localizer.step(state, moment.frame)
         total = total + np.append(record.sighting.comparison.log_likelihood, -np.inf)[record.sighting.entries]
@@ -174,7 +174,7 @@ def test_all_weights_zero_keeps_the_prior():
 
 def test_when_every_particle_is_outside_it_is_an_event_and_no_nan(world):
     localizer = _localizer(world, particles=50)
-    state = localizer.start(np.array([-3.0, -3.0, 0.0]))
+    state = localizer.initialize(np.array([-3.0, -3.0, 0.0]))
     for moment in world.drive.all_moments[:3]:
         state, record = localizer.step(state, moment.frame)
         assert record.events == (ALL_ZERO, RESAMPLED)
@@ -183,7 +183,7 @@ def test_when_every_particle_is_outside_it_is_an_event_and_no_nan(world):
         assert record.effective_sample_size == pytest.approx(50)
         assert np.isfinite(record.belief.poses).all()
         assert np.isfinite(record.estimate.pose).all()
-        assert np.isfinite(record.mean.pose).all()
+        assert np.isfinite(record.mean_estimate.pose).all()
 
 
 @EITHER_START
@@ -198,7 +198,7 @@ def test_a_frame_without_movements_and_one_with_many(world):
     image = world.drive.all_moments[0].frame.image
     motions = np.tile([[0.01, 0.0, 0.02]], (50, 1))
     for step, moved in [(1, np.zeros((0, 3))), (2, motions)]:
-        state, record = localizer.step(localizer.start(world.start), Frame(step, 0.0, moved, image, ""))
+        state, record = localizer.step(localizer.initialize(world.start), Frame(step, 0.0, moved, image, ""))
         assert np.isfinite(record.predicted.poses).all()
         assert state.step == step
 
@@ -237,7 +237,7 @@ def test_far_from_the_origin_the_errors_are_the_same(world_at):
 def test_a_robot_whose_pictures_match_is_tracked(world):
     """Give each update the very picture of the entry nearest to the truth: the filter stays with it."""
     localizer = _localizer(world, feature="color", particles=1000)
-    state = localizer.start(world.start)
+    state = localizer.initialize(world.start)
     index = world.library.index["color"]
     for moment in world.drive.all_moments:
         relative = np.array([moment.truth], np.float32) - np.append(world.library.origin, 0)
@@ -265,6 +265,6 @@ class _Seeing:
 
 
 def test_the_localizer_holds_no_state():
-    assert {f.name for f in fields(Localizer)} >= {"library", "motion", "sensor", "renewal", "seed"}
+    assert {f.name for f in fields(Localizer)} >= {"library", "motion", "sensor", "resampling", "seed"}
     assert Localizer.__dataclass_params__.frozen
     assert np.exp(uniform_log_weights(4)) == pytest.approx([0.25] * 4)

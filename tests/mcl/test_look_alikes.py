@@ -8,7 +8,7 @@ import pytest
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.library_quality.coverage import coverage_of
-from maurice_mcl.library_quality.self_similarity import SelfCheck, check_library, places_of
+from maurice_mcl.library_quality.self_similarity import SelfSimilarity, places_of, self_similarity_of
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -29,9 +29,9 @@ def library_of(poses: F64, looks: F64, bounds: tuple[float, float] = (4.0, 1.5))
     return Library("made", poses, (None,) * len(poses), {"color": index}, arena)
 
 
-def checked(library: Library) -> SelfCheck:
+def checked(library: Library) -> SelfSimilarity:
     nearest = nearest_reference(library.poses, library.arena)
-    return check_library(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+    return self_similarity_of(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
 
 
 def smooth(poses: F64) -> F64:
@@ -52,7 +52,7 @@ def test_two_places_that_look_the_same_are_each_others_look_alikes() -> None:
     looks[COLUMNS - 1] = looks[0]
     found = checked(library_of(poses, looks))
     assert {0, COLUMNS - 1} <= set(found.aliased.tolist())
-    assert found.look_alike[0] == COLUMNS - 1
+    assert found.alias[0] == COLUMNS - 1
     assert found.margin[0] < 0
     assert found.error_m[0] == pytest.approx((COLUMNS - 1) * STEP_M)
     assert found.retrieved_right < 1

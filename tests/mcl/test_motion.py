@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from maurice_mcl.filter.motion import (
-    Drift,
+    FloorDrift,
     MauriceMotion,
     MauriceParameters,
     OdometryMotion,
@@ -56,7 +56,7 @@ def test_a_turn_has_maurices_gain_and_residual(turn):
 @pytest.mark.parametrize("way_in", [20.0, -20.0], ids=["forward", "reverse"])
 @pytest.mark.parametrize(("x", "bias", "sd"), [(-2.0, 0.01, 0.03), (2.0, -0.2, 0.08)], ids=["wood", "carpet"])
 def test_a_straight_has_the_encoders_error_and_the_floors_drift(way_in, x, bias, sd):
-    drift = {"": Drift(0.01, 0.03), "carpet": Drift(-0.2, 0.08)}
+    drift = {"": FloorDrift(0.01, 0.03), "carpet": FloorDrift(-0.2, 0.08)}
     motion = MauriceMotion(MauriceParameters(drift=drift), GRID)
     movement = np.array([way_in * INCH_M, 0.0, 0.0])
     moved = motion.move(_at(x, 1, 0), HERE, movement, _noise(2)).astype(np.float64)
@@ -68,7 +68,7 @@ def test_a_straight_has_the_encoders_error_and_the_floors_drift(way_in, x, bias,
 
 
 def test_a_floor_without_a_drift_of_its_own_has_the_default():
-    motion = MauriceMotion(MauriceParameters(drift={"": Drift(0.1, 0.0)}), GRID)
+    motion = MauriceMotion(MauriceParameters(drift={"": FloorDrift(0.1, 0.0)}), GRID)
     for x in (-2.0, 2.0):
         moved = motion.move(_at(x, 0, 0, 10), HERE, np.array([1.0, 0, 0]), _noise(2, 10))
         assert moved[:, 2] == pytest.approx(0.1)
@@ -76,7 +76,7 @@ def test_a_floor_without_a_drift_of_its_own_has_the_default():
 
 def test_the_floor_is_looked_up_in_the_map_not_relative_to_the_origin():
     origin = np.array([3.0, 0.0])
-    drift = {"carpet": Drift(0.5, 0.0), "": Drift(0.0, 0.0)}
+    drift = {"carpet": FloorDrift(0.5, 0.0), "": FloorDrift(0.0, 0.0)}
     motion = MauriceMotion(MauriceParameters(drift=drift), GRID)
     moved = motion.move(_at(-1.0, 0, 0, 5), origin, np.array([1.0, 0, 0]), _noise(2, 5))
     assert moved[:, 2] == pytest.approx(0.5), "x = -1 relative to 3 is 2, on the carpet"
@@ -197,7 +197,7 @@ def test_header_parameters_are_read():
     model = motion_model(values, GRID)
     assert isinstance(model, MauriceMotion)
     assert model.parameters.turn_gain == 0.9
-    assert model.parameters.drift == {"wood": Drift(-0.1, 0.0)}
+    assert model.parameters.drift == {"wood": FloorDrift(-0.1, 0.0)}
     assert model.parameters.turn_sd_rad == MauriceParameters().turn_sd_rad
     odometry = motion_model({"model": "odometry", "way_from_way": 0.5}, GRID)
     assert isinstance(odometry, OdometryMotion)

@@ -9,7 +9,7 @@ import pytest
 
 from maurice_mcl.analysis.events import PARTED
 from maurice_mcl.analysis.metrics import FIRST_SCORED
-from maurice_mcl.analysis.run_comparison import Paired, PairedStep, Pairing, Step
+from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.records import Estimate
 from maurice_mcl.session import Frame, Moment
@@ -36,8 +36,10 @@ def inches(length_m: float) -> str:
     return f"{length_m / INCH_M:.1f} in"
 
 
-def paired(first: list[float], other: list[float], **options: Any) -> tuple[list[PairedStep], Paired]:
-    pairing = Pairing("color", "edges", inches, **options)
+def paired(
+    first: list[float], other: list[float], **options: Any
+) -> tuple[list[StepComparison], ComparisonResult]:
+    pairing = RunComparison("color", "edges", inches, **options)
     seen = [
         pairing.see(step(number, a), step(number, b))
         for number, (a, b) in enumerate(zip(first, other, strict=True), start=1)
@@ -53,7 +55,7 @@ def test_below_zero_is_closer_to_the_truth() -> None:
 
 
 def test_heading_errors_count_the_short_way_round() -> None:
-    pairing = Pairing("a", "b", inches)
+    pairing = RunComparison("a", "b", inches)
     seen = pairing.see(step(1, 0, np.pi - 0.1), step(1, 0, -np.pi + 0.1))
     assert seen.heading_rad == pytest.approx(0.0)
     assert pairing.see(step(2, 0, 2 * np.pi + 0.1), step(2, 0, -0.4)).heading_rad == pytest.approx(0.3)
@@ -112,7 +114,7 @@ def test_the_first_updates_are_left_to_settle_as_in_every_figure() -> None:
 
 
 def test_without_truth_only_places_are_compared() -> None:
-    pairing = Pairing("a", "b", inches)
+    pairing = RunComparison("a", "b", inches)
     for number in range(1, 9):
         seen = pairing.see(step(number, 0.0, truth=None), step(number, 1.0, truth=None))
         assert (seen.position_m, seen.heading_rad) == (None, None)
@@ -124,7 +126,7 @@ def test_without_truth_only_places_are_compared() -> None:
 def test_runs_of_different_drives_are_compared_by_error_alone() -> None:
     """Robots at different places are no news."""
     elsewhere = TRUTH + np.array([50.0, 0.0, 0.0])
-    pairing = Pairing("a", "b", inches, same_drive=False)
+    pairing = RunComparison("a", "b", inches, same_drive=False)
     for number in range(1, 9):
         moment, record = step(number, 50.2, truth=elsewhere)
         seen = pairing.see(step(number, 0.1), (moment, record))
@@ -134,4 +136,4 @@ def test_runs_of_different_drives_are_compared_by_error_alone() -> None:
 
 
 def test_no_update_gives_no_figure() -> None:
-    assert Pairing("a", "b", inches).result() == Paired(None, None, None, None, None)
+    assert RunComparison("a", "b", inches).result() == ComparisonResult(None, None, None, None, None)

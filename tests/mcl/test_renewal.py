@@ -3,14 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.filter.proposal import DualParameters, regions
-from maurice_mcl.filter.recovery import Reseeding, none
+from maurice_mcl.filter.proposal import MixtureParameters, regions
+from maurice_mcl.filter.recovery import Recovery, none
 from maurice_mcl.filter.recovery import always as always_some
 from maurice_mcl.filter.resampling import RESAMPLERS, KldParameters, adapted_size, always, never
-from maurice_mcl.filter.resampling_step import Renewal
+from maurice_mcl.filter.resampling_step import ResamplingStep
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Purpose, stream
-from maurice_mcl.records import Belief, Comparison, Memory, normalize
+from maurice_mcl.records import Belief, Comparison, RecoveryState, normalize
 from maurice_mcl.sensor.references import nearest_reference
 
 MIDDLE = np.array([2.0, 1.5])
@@ -24,7 +24,7 @@ def _library():
 
 NEAREST = nearest_reference(_library(), Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4))))
 WHERE = regions(NEAREST, 16)
-RENEWAL = Renewal(NEAREST, WHERE, RESAMPLERS["systematic"], never, none)
+RENEWAL = ResamplingStep(NEAREST, WHERE, RESAMPLERS["systematic"], never, none)
 
 
 def _comparison(seed=0, spread=1.0):
@@ -41,19 +41,19 @@ def _belief(n=500, seed=1):
     return Belief(poses.astype(np.float32), normalize(logs)[0], MIDDLE)
 
 
-def _renew(renewal, belief=None, comparison=None, memory=None):
-    return renewal.renew(
+def _renew(resampling, belief=None, comparison=None, recovery=None):
+    return resampling.renew(
         _belief() if belief is None else belief,
         _comparison() if comparison is None else comparison,
         -5.0,
-        memory or Memory(1.0, 2.0, 3.0, 4),
+        recovery or RecoveryState(1.0, 2.0, 3.0, 4),
         2,
         lambda purpose: stream(9, 3, 2, purpose),
     )
 
 
 def _asking(share, expand=False):
-    return lambda evidence, memory: Reseeding(share, memory, expand)
+    return lambda evidence, memory: Recovery(share, memory, expand)
 
 
 def test_when_nothing_is_asked_for_the_belief_is_handed_on():
@@ -63,7 +63,7 @@ def test_when_nothing_is_asked_for_the_belief_is_handed_on():
     assert found.parents is None
     assert found.injected is None
     assert not found.expanded
-    assert found.memory == Memory(1.0, 2.0, 3.0, 4)
+    assert found.recovery == RecoveryState(1.0, 2.0, 3.0, 4)
 
 
 @EACH
@@ -71,10 +71,10 @@ def test_when_nothing_is_asked_for_the_belief_is_handed_on():
 @pytest.mark.parametrize("evenly", [True, False])
 def test_sizes_parents_weights_and_flags(resampler, share, evenly):
     belief = _belief()
-    renewal = replace(
+    resampling = replace(
         RENEWAL, resampler=RESAMPLERS[resampler], when=always, strategy=_asking(share), draw_evenly=evenly
     )
-    found = _renew(renewal, belief)
+    found = _renew(resampling, belief)
     fresh = round(share * 500)
     assert found.belief.size == 500
     assert found.belief.poses.dtype == np.float32
@@ -107,8 +107,8 @@ def test_where_fresh_particles_are_drawn():
     sure = replace(_comparison(), log_likelihood=logs)
     share = {}
     for evenly in (True, False):
-        renewal = replace(RENEWAL, strategy=_asking(1.0), draw_evenly=evenly)
-        found = _renew(renewal, comparison=sure)
+        resampling = replace(RENEWAL, strategy=_asking(1.0), draw_evenly=evenly)
+        found = _renew(resampling, comparison=sure)
         share[evenly] = (NEAREST.entries(found.belief.poses, MIDDLE) == 5).mean()
     expected = WHERE.sizes()[5] / WHERE.sizes().sum()
     assert share[False] > 0.99
@@ -118,25 +118,25 @@ def test_where_fresh_particles_are_drawn():
 def test_nothing_is_changed_in_place():
     belief, comparison = _belief(), _comparison()
     kept = belief.poses.copy(), belief.log_weights.copy(), comparison.log_likelihood.copy()
-    renewal = replace(
+    resampling = replace(
         RENEWAL,
         when=always,
         strategy=_asking(0.2, True),
         roughening=0.2,
         kld=KldParameters(),
-        dual=DualParameters(),
+        mixture=MixtureParameters(),
     )
-    _renew(renewal, belief, comparison)
-    renewal.mix_in(belief, comparison, stream(9, 1))
+    _renew(resampling, belief, comparison)
+    resampling.mix_in(belief, comparison, stream(9, 1))
     assert np.array_equal(belief.poses, kept[0])
     assert np.array_equal(belief.log_weights, kept[1])
     assert np.array_equal(comparison.log_likelihood, kept[2])
 
 
 def test_the_memory_is_the_strategys():
-    told = Memory(7.0, 8.0, 9.0, 10)
-    assert _renew(replace(RENEWAL, strategy=lambda e, m: Reseeding(0.0, told))).memory == told
-    assert _renew(replace(RENEWAL, strategy=lambda e, m: Reseeding(0.1, told))).memory == told
+    told = RecoveryState(7.0, 8.0, 9.0, 10)
+    assert _renew(replace(RENEWAL, strategy=lambda e, m: Recovery(0.0, told))).recovery == told
+    assert _renew(replace(RENEWAL, strategy=lambda e, m: Recovery(0.1, told))).recovery == told
 
 
 def test_the_strategy_is_told_evidence_and_memory():
@@ -144,10 +144,10 @@ def test_the_strategy_is_told_evidence_and_memory():
 
     def listening(evidence, memory):
         heard.append((evidence, memory))
-        return Reseeding(0.0, memory)
+        return Recovery(0.0, memory)
 
-    _renew(replace(RENEWAL, strategy=listening), memory=Memory(updates=3))
-    assert heard == [(-5.0, Memory(updates=3))]
+    _renew(replace(RENEWAL, strategy=listening), recovery=RecoveryState(updates=3))
+    assert heard == [(-5.0, RecoveryState(updates=3))]
 
 
 def test_expansion_moves_copies_by_the_spacing():
@@ -168,8 +168,8 @@ def test_expansion_and_fresh_particles_together_are_both_told():
 
 
 def test_roughening_moves_copies_and_leaves_fresh_ones():
-    renewal = replace(RENEWAL, when=always, strategy=_asking(0.2))
-    plain, rough = _renew(renewal), _renew(replace(renewal, roughening=0.2))
+    resampling = replace(RENEWAL, when=always, strategy=_asking(0.2))
+    plain, rough = _renew(resampling), _renew(replace(resampling, roughening=0.2))
     assert np.array_equal(plain.parents, rough.parents)
     moved = (plain.belief.poses != rough.belief.poses).any(axis=1)
     assert moved[:400].all()
@@ -194,8 +194,8 @@ def test_roughening_and_expansion_draw_numbers_of_their_own():
     belief = Belief(poses, normalize(np.zeros(n))[0], MIDDLE)
     share = 20.0  # so that roughening's sd of 2 share N^(-1/3) is like the expansion's
     rough = 2 * share * n ** (-1 / 3)
-    renewal = replace(RENEWAL, strategy=_asking(0.0, True), roughening=share)
-    sd = _renew(renewal, belief).belief.poses[:, 0].std()
+    resampling = replace(RENEWAL, strategy=_asking(0.0, True), roughening=share)
+    sd = _renew(resampling, belief).belief.poses[:, 0].std()
     assert sd == pytest.approx(np.hypot(rough, (1 + np.sqrt(2)) / 2), rel=0.03)
 
 
@@ -205,8 +205,8 @@ def test_adaptive_size(resampler, spread):
     belief = _belief(1000)
     belief = Belief((belief.poses * np.float32(spread)).clip(-3, 3), belief.log_weights, MIDDLE)
     kld = KldParameters(least=120, most=1500)
-    renewal = replace(RENEWAL, resampler=RESAMPLERS[resampler], kld=kld, strategy=_asking(0.1))
-    found = _renew(renewal, belief)
+    resampling = replace(RENEWAL, resampler=RESAMPLERS[resampler], kld=kld, strategy=_asking(0.1))
+    found = _renew(resampling, belief)
     size = adapted_size(belief, kld)
     assert size != 1000
     assert found.belief.size == len(found.parents) == len(found.injected) == size
@@ -221,8 +221,8 @@ def test_purposes_have_streams_of_their_own():
         asked.append(purpose)
         return stream(9, 3, 2, purpose)
 
-    renewal = replace(RENEWAL, when=always, strategy=_asking(0.1), roughening=0.2)
-    renewal.renew(_belief(), _comparison(), -5.0, Memory(), 2, rng)
+    resampling = replace(RENEWAL, when=always, strategy=_asking(0.1), roughening=0.2)
+    resampling.renew(_belief(), _comparison(), -5.0, RecoveryState(), 2, rng)
     assert asked == [Purpose.RESAMPLE, Purpose.ROUGHEN, Purpose.INJECT]
 
 

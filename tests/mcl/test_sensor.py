@@ -9,7 +9,7 @@ from maurice_mcl.sensor.distances import DISTANCES
 from maurice_mcl.sensor.fusion import BLENDS, QUALITIES
 from maurice_mcl.sensor.likelihood import LIKELIHOODS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
-from maurice_mcl.sensor.references import interpolated, nearest_reference
+from maurice_mcl.sensor.references import interpolated_reference, nearest_reference
 
 BY = {"color": "thesis", "edges": "thesis"}
 THESIS = SensorParameters({"color": 1.0}, sharpness=2.0, likelihood="power", blend="sum", distances=BY)
@@ -62,19 +62,19 @@ def test_a_comparison_is_made_of_the_parts(world, blend, likelihood, quality):
 
 def test_a_sighting_is_the_selections_word_on_the_comparison(world):
     poses, nearest = _poses(world), nearest_reference(world.library.poses, world.library.arena)
-    between = interpolated(nearest, world.library.poses, world.library.arena)
+    between = interpolated_reference(nearest, world.library.poses, world.library.arena)
     for selection in (nearest, between):
-        model = replace(_model(world), selection=selection)
+        model = replace(_model(world), references=selection)
         comparison = _compare(model, world)
         sighting = model.at(comparison, poses)
         assert sighting.comparison is comparison
         origin = world.library.origin
         assert np.array_equal(sighting.entries, nearest.entries(poses, origin))
-        assert np.array_equal(sighting.particles, selection.at(comparison.log_likelihood, poses, origin))
+        assert np.array_equal(sighting.log_likelihood, selection.at(comparison.log_likelihood, poses, origin))
         outside = sighting.entries < 0
         assert 0 < outside.sum() < len(poses)
-        assert np.all(sighting.particles[outside] == -np.inf)
-        assert np.isfinite(sighting.particles[~outside]).all()
+        assert np.all(sighting.log_likelihood[outside] == -np.inf)
+        assert np.isfinite(sighting.log_likelihood[~outside]).all()
 
 
 def test_particles_get_their_nearest_entrys_likelihood(world):
@@ -82,7 +82,7 @@ def test_particles_get_their_nearest_entrys_likelihood(world):
     sighting = model.at(_compare(model, world), _poses(world))
     inside = sighting.entries >= 0
     expected = sighting.comparison.log_likelihood[sighting.entries[inside]]
-    assert np.array_equal(sighting.particles[inside], expected)
+    assert np.array_equal(sighting.log_likelihood[inside], expected)
 
 
 @pytest.mark.parametrize("name", sorted(CHANNELS))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.filter.proposal import anywhere, at_pose
+from maurice_mcl.filter.proposal import belief_at, uniform_belief
 from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import stream
 
@@ -15,14 +15,14 @@ def _grid(obstacles=(BOX,)):
 
 
 def test_tracking_starts_on_one_pose():
-    belief = at_pose(np.array([500_000.5, 2.0, 3.0 + 2 * np.pi]), 7, np.array([500_000.0, 1.5]))
+    belief = belief_at(np.array([500_000.5, 2.0, 3.0 + 2 * np.pi]), 7, np.array([500_000.0, 1.5]))
     assert belief.world_poses == pytest.approx(np.tile([500_000.5, 2.0, 3.0], (7, 1)))
     assert belief.weights == pytest.approx(np.full(7, 1 / 7))
 
 
 def test_global_start_is_even_over_free_space_and_headings():
     n, grid = 100_000, _grid()
-    belief = anywhere(grid, n, MIDDLE, stream(9, 1))
+    belief = uniform_belief(grid, n, MIDDLE, stream(9, 1))
     x, y, heading = belief.world_poses.T
     assert grid.free.ravel()[grid.cells_of(belief.poses[:, :2], MIDDLE)].mean() > 0.9999
     assert not ((x < 1.97) & (y < 1.47)).any()
@@ -36,11 +36,11 @@ def test_global_start_is_even_over_free_space_and_headings():
 
 
 def test_more_particles_keep_the_first_ones():
-    few, many = (anywhere(_grid(), n, MIDDLE, stream(9, 2)).poses for n in (50, 500))
+    few, many = (uniform_belief(_grid(), n, MIDDLE, stream(9, 2)).poses for n in (50, 500))
     assert np.array_equal(many[:50], few)
 
 
 def test_no_free_space_is_said():
     all_over = Region("flood", np.array([[-1.0, -1.0], [5.0, -1.0], [5.0, 4.0], [-1.0, 4.0]]))
     with pytest.raises(ValueError, match="no free space"):
-        anywhere(_grid((all_over,)), 10, MIDDLE, stream(9, 1))
+        uniform_belief(_grid((all_over,)), 10, MIDDLE, stream(9, 1))

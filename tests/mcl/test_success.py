@@ -58,7 +58,7 @@ def test_each_axis_has_its_own_bound():
     record = _record(ROW)
     assert meets_tenth(record, (2.95, 0.1))
     assert not meets_tenth(record, (2.9, 100.0))
-    record.mean = replace(record.mean, sd_m=(0.0, 0.5))
+    record.mean_estimate = replace(record.mean_estimate, sd_m=(0.0, 0.5))
     assert not meets_tenth(record, (100.0, 4.9))
 
 

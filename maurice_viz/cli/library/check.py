@@ -16,7 +16,7 @@ from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.library import Library
 from maurice_mcl.library_quality.coverage import Coverage, coverage_of
-from maurice_mcl.library_quality.self_similarity import CURVE, SelfCheck, check_library
+from maurice_mcl.library_quality.self_similarity import CURVE, SelfSimilarity, self_similarity_of
 from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -51,7 +51,7 @@ def check_library_folder(
             library = open_library(path, progress=advance, warn=note)
         sensor = _sensor(path, library, feature or "blended")
         with progress("comparing") as advance:
-            found = check_library(library, sensor, advance)
+            found = self_similarity_of(library, sensor, advance)
         if draw is not None:
             _draw(draw, library, found, force)
     covered = coverage_of(library, found.spacing_m)
@@ -97,16 +97,16 @@ def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
         yield f"gap: {where}, up to {scale.say(gap.to_entry_m)} from an entry"
 
 
-def _pair_lines(library: Library, found: SelfCheck, scale: Scale) -> Iterator[str]:
+def _pair_lines(library: Library, found: SelfSimilarity, scale: Scale) -> Iterator[str]:
     for entry in found.aliased[:MOST_PAIRS].tolist():
-        one, other = (scale.say_pose(library.poses[k]) for k in (entry, found.look_alike[entry]))
+        one, other = (scale.say_pose(library.poses[k]) for k in (entry, found.alias[entry]))
         by = -found.margin[entry]
         yield f"look-alikes: {one} is more like {other} than like its neighbors, by {by:.2f} nats"
     if len(found.aliased) > MOST_PAIRS:
         yield f"... and {len(found.aliased) - MOST_PAIRS} more look-alikes; --json lists all"
 
 
-def _table(library: Library, found: SelfCheck, covered: Coverage, scale: Scale) -> Table:
+def _table(library: Library, found: SelfSimilarity, covered: Coverage, scale: Scale) -> Table:
     table = Table(title=f"library {library.name}", title_justify="left", show_header=False)
     places = found.at_places(found.ambiguity)
     apart = scale.say(found.spacing_m)
@@ -128,7 +128,7 @@ def _table(library: Library, found: SelfCheck, covered: Coverage, scale: Scale) 
     return table
 
 
-def _error(found: SelfCheck, scale: Scale) -> str:
+def _error(found: SelfSimilarity, scale: Scale) -> str:
     known = found.retrieved >= 0
     if not known.any():
         return "- (one place only)"
@@ -137,14 +137,14 @@ def _error(found: SelfCheck, scale: Scale) -> str:
     return f"{scale.say(middle)} median, {scale.say(high)} at 90 %, heading {turned:.0f} deg median"
 
 
-def _curve(found: SelfCheck, scale: Scale) -> str:
+def _curve(found: SelfSimilarity, scale: Scale) -> str:
     """Write the self-similarity: how unlike the most similar picture of each range of distance is."""
     names = [f"to {scale.say(k * found.spacing_m)}" for k in CURVE] + ["beyond"]
     pairs = zip(names, found.similarity, strict=True)
     return ", ".join(f"{name}: {cost:.2f}" for name, cost in pairs if np.isfinite(cost)) + " nats"
 
 
-def _facts(library: Library, found: SelfCheck, covered: Coverage) -> dict[str, object]:
+def _facts(library: Library, found: SelfSimilarity, covered: Coverage) -> dict[str, object]:
     """Give everything as JSON, in metres and radians."""
     known, places = found.retrieved >= 0, found.at_places(found.ambiguity)
     return {
@@ -162,7 +162,7 @@ def _facts(library: Library, found: SelfCheck, covered: Coverage) -> dict[str, o
         "retrieval_error_median_m": float(np.median(found.error_m[known])) if known.any() else None,
         "retrieval_error_90_m": float(np.percentile(found.error_m[known], 90)) if known.any() else None,
         "look_alikes": [
-            {"entry": entry, "like": int(found.look_alike[entry]), "nats": float(-found.margin[entry])}
+            {"entry": entry, "like": int(found.alias[entry]), "nats": float(-found.margin[entry])}
             for entry in found.aliased.tolist()
         ],
         "ambiguity_median": float(np.median(places)),
@@ -174,7 +174,7 @@ def _facts(library: Library, found: SelfCheck, covered: Coverage) -> dict[str, o
     }
 
 
-def _draw(path: Path, library: Library, found: SelfCheck, force: bool) -> None:
+def _draw(path: Path, library: Library, found: SelfSimilarity, force: bool) -> None:
     from ...drawing.raster import png
     from ...plots.sheets import draw_ambiguity
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from maurice_mcl.analysis.events import BOOKMARK, KINDS, SESSION, Event
+from maurice_mcl.analysis.events import BOOKMARK, KINDS, SESSION, RunEvent
 
 from ...entities import PHASE, STEP, Slot, phase_number
 from ..console import note, results
@@ -118,14 +118,14 @@ def _move(folder: Path, port: int | None, timeline: str, value: int) -> None:
     move_viewer(folder, open_runs(folder)[0].manifest.name, port, timeline, value)
 
 
-def _is(event: Event, to: str) -> bool:
+def _is(event: RunEvent, to: str) -> bool:
     """Tell whether a kind, a bookmark's text or the first word of what the log says names this event."""
     if event.kind == BOOKMARK and event.text == to:
         return True
     return event.kind == to or (event.kind == SESSION and event.text.split()[:1] == [to])
 
 
-def _there(events: Sequence[Event]) -> list[str]:
+def _there(events: Sequence[RunEvent]) -> list[str]:
     """Name what one could jump to."""
     kinds = [kind for kind in KINDS if any(one.kind == kind for one in events)]
     told = [one.text.split()[0] for one in events if one.kind == SESSION and one.text.split()]
