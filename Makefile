@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check bench difficulty results fuzz soak clean
+.PHONY: demo test check bench difficulty results fuzz soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -38,6 +38,10 @@ fuzz: .venv/installed-dev
 soak: .venv/installed-dev
 	$(BIN)/python benchmarks/soak.py
 
+# The documentation as a site, into site/; strict, and without a network.
+docs: .venv/installed-docs
+	$(BIN)/mkdocs build --quiet --strict
+
 # An editable install, so that what is edited is what runs; a stale build/ would bring deleted files back.
 .venv/installed: pyproject.toml constraints.txt
 	rm -rf build
@@ -49,5 +53,9 @@ soak: .venv/installed-dev
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
+.venv/installed-docs: .venv/installed
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	touch $@
+
 clean:
-	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf site .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
