@@ -23,7 +23,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
-from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -48,7 +48,7 @@ def main() -> None:
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
     shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = for_runs([RunView("blended", tuple(distances))], shown)
+    layout = runs_blueprint([RunView("blended", tuple(distances))], shown)
     with (
         tempfile.TemporaryDirectory() as folder,
         sinks.to_file(Path(folder) / "long.rrd", "long", layout) as rec,

@@ -25,7 +25,7 @@ from maurice_mcl.config.build import make_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import Detail, RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -42,7 +42,7 @@ def measure(
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
     shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = for_runs([RunView(feature, tuple(distances))], shown)
+    layout = runs_blueprint([RunView(feature, tuple(distances))], shown)
     with sinks.to_file(path, feature, layout, force=True) as rec:
         observer = RerunObserver(rec, feature, distances, detail=detail, sensor=localizer.sensor)
         observer.begin(session.info, library)

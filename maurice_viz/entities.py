@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from enum import IntEnum
 
-from .style import legible
+from .style import font_safe
 
 # Every entity path and every timeline, once.
 
@@ -19,7 +19,7 @@ SESSION = "session"  # duration in seconds since the session's first record
 PHASE = "phase"  # sequence: 6 * step + slot; on it one walks through one update
 TIMELINES = (STEP, SESSION, PHASE)
 
-SLOTS = 6  # phases of one update on the phase timeline, whether or not they are filled
+PHASES_PER_STEP = 6  # phases of one update on the phase timeline, whether or not they are filled
 
 WORLD = "/world"
 FLOORS = "/world/floors"
@@ -37,7 +37,7 @@ TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 RESERVED = ("world", "session", "compare")
 
 
-class Slot(IntEnum):
+class Phase(IntEnum):
     """The phases of one update, in the order in which they happen."""
 
     PREDICT = 0
@@ -48,14 +48,14 @@ class Slot(IntEnum):
     ESTIMATE = 5
 
 
-def phase_number(step: int, slot: Slot) -> int:
+def phase_number(step: int, slot: Phase) -> int:
     """Give the place of one phase of one step on the phase timeline."""
-    return SLOTS * step + slot
+    return PHASES_PER_STEP * step + slot
 
 
 def escaped(label: str) -> str:
     """Write a label as one part of an entity path: Rerun wants a backslash before spaces and signs."""
-    return re.sub(r"([^\w.-])", r"\\\1", legible(label))
+    return re.sub(r"([^\w.-])", r"\\\1", font_safe(label))
 
 
 @dataclass(frozen=True, slots=True)

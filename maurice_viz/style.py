@@ -195,19 +195,19 @@ RANGES = (
 WITHOUT_GLYPH = (0x149, 0x1C4)
 
 
-def legible(text: str) -> str:
+def font_safe(text: str) -> str:
     """Write every letter that the viewer cannot show as its code, like "u8D70"; others stay as they are."""
     if text.isascii():
         return text
     return "".join(c if _is_known(ord(c)) else f"u{ord(c):04X}" for c in unicodedata.normalize("NFC", text))
 
 
-def legible_names(part: Any) -> None:
-    """Make the titles of a container and of all that is in it legible, in place."""
-    part.name = None if part.name is None else legible(str(part.name))
+def font_safe_names(part: Any) -> None:
+    """Make the titles of a container and of all that is in it font_safe, in place."""
+    part.name = None if part.name is None else font_safe(str(part.name))
     for inner in getattr(part, "contents", ()):
         if hasattr(inner, "name"):
-            legible_names(inner)
+            font_safe_names(inner)
 
 
 def _is_known(code: int) -> bool:

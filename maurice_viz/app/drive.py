@@ -21,18 +21,18 @@ from ..cli.console import Advance, note, progress
 from ..cli.errors import INTERRUPTED, TERMINATED
 from ..cli.options import OutputOptions
 from ..errors import Terminated
-from ..panels.drive import Ways, ways_of
+from ..panels.drive import DrivePaths, drive_paths
 from .output import NEXT_KEYS, opened
 from .run import remark_skipped
 
 if TYPE_CHECKING:
-    from ..panels.drive import Drive
+    from ..panels.drive import DriveView
 
 MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
 MISSING = "Nothing was localized: there is no library"
 
 
-def advice_for(path: Path, drive: Drive) -> str:
+def advice_for(path: Path, drive: DriveView) -> str:
     """Say how to localize on a drive that has no library."""
     if not drive.pictures:
         return "The drive has no pictures either, and the filter needs them."
@@ -46,10 +46,10 @@ def advice_for(path: Path, drive: Drive) -> str:
 def replay_alone(whole: RecordedSession, output: OutputOptions) -> None:
     """Draw a drive by itself. LogError where there is nothing to draw."""
     from ..layouts.drive import blueprint
-    from ..panels.drive import Drive, draw_drive
+    from ..panels.drive import DriveView, draw_drive
 
     session, ways = _looked_over(whole)
-    drive = Drive(session.info, ways, not isinstance(session.recording, StandIns))
+    drive = DriveView(session.info, ways, not isinstance(session.recording, StandIns))
     advice = advice_for(session.path, drive)
     drive = replace(drive, advice=f"**{MISSING}.** {advice}")
     drawn = _drawn_of(session, ways.moments)
@@ -68,7 +68,7 @@ def replay_alone(whole: RecordedSession, output: OutputOptions) -> None:
         raise typer.Exit(TERMINATED if isinstance(stopped, Terminated) else INTERRUPTED)
 
 
-def _looked_over(session: RecordedSession) -> tuple[RecordedSession, Ways]:
+def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]:
     """Go through a drive once without its pictures; one without any gets gray ones."""
     ways = _ways(session)
     if not ways.moments:
@@ -80,9 +80,9 @@ def _looked_over(session: RecordedSession) -> tuple[RecordedSession, Ways]:
     return session, ways
 
 
-def _ways(session: RecordedSession) -> Ways:
+def _ways(session: RecordedSession) -> DrivePaths:
     findings = Findings(session.pairing.keep_going)
-    return ways_of(session.glances(findings), session.info)
+    return drive_paths(session.glances(findings), session.info)
 
 
 def _drawn_of(session: RecordedSession, moments: int) -> RecordedSession:

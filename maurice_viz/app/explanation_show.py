@@ -17,7 +17,7 @@ from ..cli.options import OutputOptions
 from ..entities import STEP, RunPaths
 from ..errors import SinkError
 from ..layouts.explanation_screen import full
-from ..panels.explanation_screen import Update, draw_full
+from ..panels.explanation_screen import ExplainedUpdate, draw_explanation
 from ..scene import SceneInfo
 from ..viewer import sinks
 from ..viewer.snapshot import expect_driver, headless_viewer
@@ -34,7 +34,7 @@ def check_picture(picture: Path, *, force: bool) -> None:
     expect_driver(picture)
 
 
-def show(update: Update, label: str, output: OutputOptions, picture: Path | None) -> None:
+def show(update: ExplainedUpdate, label: str, output: OutputOptions, picture: Path | None) -> None:
     """Draw the panel where it was asked for; a picture alone opens no viewer and leaves no recording.
 
     SinkError and LogError when something cannot be written, or no picture can be drawn.
@@ -65,13 +65,13 @@ def show(update: Update, label: str, output: OutputOptions, picture: Path | None
 
 
 def _write(
-    path: Path, name: str, layout: rrb.Blueprint, paths: RunPaths, update: Update, *, force: bool
+    path: Path, name: str, layout: rrb.Blueprint, paths: RunPaths, update: ExplainedUpdate, *, force: bool
 ) -> None:
     with sinks.to_file(path, name, layout, force=force) as rec:
-        draw_full(rec, paths, update)
+        draw_explanation(rec, paths, update)
 
 
-def _opened(name: str, layout: rrb.Blueprint, paths: RunPaths, update: Update) -> bool:
+def _opened(name: str, layout: rrb.Blueprint, paths: RunPaths, update: ExplainedUpdate) -> bool:
     """Show it in a viewer of its own; tell whether one came up."""
     try:
         port = sinks.bring_up_viewer()
@@ -79,5 +79,5 @@ def _opened(name: str, layout: rrb.Blueprint, paths: RunPaths, update: Update) -
         note(f"{problem}; writing a file instead")
         return False
     with sinks.to_viewer(port, name, layout) as rec:
-        draw_full(rec, paths, update)
+        draw_explanation(rec, paths, update)
     return True

@@ -20,7 +20,7 @@ from ..cli.console import note
 from ..cli.options import OutputOptions
 from ..drawing.contact_sheet import cell_height
 from ..errors import SinkError
-from ..layouts.registry import for_runs
+from ..layouts.registry import runs_blueprint
 from ..panels.observer import Detail, Observer, RerunObserver
 from ..scene import RunView, SceneInfo
 from ..style import scale_for
@@ -33,7 +33,7 @@ def layout_of(runs: Sequence[RunView], scene: Scene, first: str | None = None) -
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
     shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height)
-    return for_runs(runs, shown, first, live=scene.live)
+    return runs_blueprint(runs, shown, first, live=scene.live)
 
 
 @contextmanager

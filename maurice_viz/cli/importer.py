@@ -149,7 +149,7 @@ def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     """Draw a log that no library goes with."""
     from ..app.log_moments import glances_of, moments_of
     from ..layouts.drive import blueprint
-    from ..panels.drive import Drive, draw_drive, ways_of
+    from ..panels.drive import DriveView, draw_drive, drive_paths
     from ..viewer.sinks import recording
     from .console import note
 
@@ -158,7 +158,7 @@ def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
         missing = log.info.survey or 'no "survey" in its header'
         advice = f"Its library is not there ({missing}), so that only the drive itself is shown."
         note(f"{log.path}: {advice[0].lower()}{advice[1:]}")
-    drive = Drive(log.info, ways_of(glances_of(log), log.info), log.count_pictures() > 0, advice)
+    drive = DriveView(log.info, drive_paths(glances_of(log), log.info), log.count_pictures() > 0, advice)
     rec = recording(log.info.name, recording_id)
     rec.stdout(default_blueprint=blueprint(drive))
     draw_drive(rec, drive, moments_of(log))

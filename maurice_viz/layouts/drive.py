@@ -11,14 +11,14 @@ from maurice_mcl.sensor.descriptors import CHANNELS
 from .. import entities
 from ..drawing.canvas import long_side, map_extent
 from ..panels.belief import ARROW
-from ..panels.drive import EVENTS, HISTOGRAM, ODOMETRY, TEXT, TRACE, WAYS, Drive
+from ..panels.drive import EVENTS, HISTOGRAM, ODOMETRY, TEXT, TRACE, WAYS, DriveView
 from ..style import GROUND
 from .plots import plot
 from .registry import FPS
 from .views import MAP, camera_view, edges_view
 
 
-def blueprint(drive: Drive) -> rrb.Blueprint:
+def blueprint(drive: DriveView) -> rrb.Blueprint:
     """Lay out what there is of a drive: the way left, pictures and what was measured right."""
     left, right = _left(drive), _right(drive)
     if right is None:
@@ -37,7 +37,7 @@ def blueprint(drive: Drive) -> rrb.Blueprint:
     )
 
 
-def _left(drive: Drive) -> rrb.Vertical:
+def _left(drive: DriveView) -> rrb.Vertical:
     text = rrb.TextDocumentView(name="This drive", origin=TEXT)
     parts: list[rrb.View | rrb.Container] = [text]
     shares = [1.0]
@@ -48,7 +48,7 @@ def _left(drive: Drive) -> rrb.Vertical:
     return rrb.Vertical(*parts, row_shares=shares)
 
 
-def _right(drive: Drive) -> rrb.Vertical | None:
+def _right(drive: DriveView) -> rrb.Vertical | None:
     parts: list[rrb.View | rrb.Container] = []
     shares: list[float] = []
     if drive.pictures:
@@ -68,7 +68,7 @@ def _events() -> rrb.TextLogView:
     return rrb.TextLogView(name="Events of the log", origin=EVENTS, columns=columns)
 
 
-def _map(drive: Drive) -> rrb.Spatial2DView:
+def _map(drive: DriveView) -> rrb.Spatial2DView:
     scale, x_range, y_range = drive.scale, *reach(drive)
     contents = [*MAP, entities.WEIGHT_KEY, f"{WAYS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
     return rrb.Spatial2DView(
@@ -80,7 +80,7 @@ def _map(drive: Drive) -> rrb.Spatial2DView:
     )
 
 
-def reach(drive: Drive) -> tuple[tuple[float, float], tuple[float, float]]:
+def reach(drive: DriveView) -> tuple[tuple[float, float], tuple[float, float]]:
     """Give what the map view shows: the map, and the ways where they leave it. x first, drawn units."""
     assert drive.arena is not None
     extent, ways = map_extent(drive.arena, drive.scale), drive.scale.screen(drive.ways.points)
@@ -99,7 +99,7 @@ def _chart(channel: str) -> rrb.BarChartView:
     )
 
 
-def _plots(drive: Drive) -> list[rrb.TimeSeriesView]:
+def _plots(drive: DriveView) -> list[rrb.TimeSeriesView]:
     """Plot what odometry and truth say of each movement: a wrong sign or unit shows at once."""
     unit, each = drive.scale.units.name, "picture" if drive.pictures else "moment"
     kinds = [

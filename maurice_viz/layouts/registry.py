@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from .. import entities
 from ..scene import RunView, SceneInfo
-from ..style import legible_names
+from ..style import font_safe_names
 from . import compare, explain, inside_a_step, overview, recorded, traces
 
 Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
@@ -48,7 +48,7 @@ def usual(runs: Sequence[RunView]) -> str:
     return "overview" if len(runs) == 1 else "compare"
 
 
-def for_runs(
+def runs_blueprint(
     runs: Sequence[RunView], shown: SceneInfo, first: str | None = None, *, live: bool = False
 ) -> rrb.Blueprint:
     """Give a blueprint with a tab a layout; `first` names the one that is open. KeyError for others.
@@ -60,7 +60,7 @@ def for_runs(
     chosen = first or usual(runs)
     tabs = [_named(layouts[name](runs, shown), name) for name in names]
     for tab in tabs:
-        legible_names(tab)
+        font_safe_names(tab)
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=names.index(chosen)),
         rrb.TimePanel(

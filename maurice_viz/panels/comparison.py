@@ -24,7 +24,7 @@ from ..entities import (
     RESULT,
     RUNS_KEY,
     TEXT,
-    Slot,
+    Phase,
     camera_of,
     cloud_of,
     parted_of,
@@ -32,7 +32,7 @@ from ..entities import (
 )
 from ..playback import RunResult
 from ..scene import SceneInfo
-from ..style import RUN_COLORS, Scale, legible
+from ..style import RUN_COLORS, Scale, font_safe
 from ..text import comparison as compare_words
 from . import belief as draw_belief
 from . import pictures as draw_pictures
@@ -79,22 +79,22 @@ class ComparisonDrawing:
         if self._words is None:
             raise RuntimeError("begin() comes before see()")
         moment, _ = steps[self._labels[0]]
-        set_phase(self._rec, moment, Slot.WEIGHT)
+        set_phase(self._rec, moment, Phase.WEIGHT)
         for label, (own, record) in steps.items():
             self._rec.log(self._clouds[label], rr.Points2D.from_fields(positions=self._dots(record)))
             if label in self._truths:
                 self._draw_drive(label, own)
-        set_phase(self._rec, moment, Slot.ESTIMATE)
+        set_phase(self._rec, moment, Phase.ESTIMATE)
         self._draw_lines(pairs)
         for label, pair in pairs.items():
             if pair.event is not None and pair.apart_m is not None:
                 self._rec.log(parted_of(label), rr.Scalars(self._scale.length(pair.apart_m)))
-        self._rec.log(TEXT, rr.TextDocument.from_fields(text=legible(self._words.at(steps, pairs))))
+        self._rec.log(TEXT, rr.TextDocument.from_fields(text=font_safe(self._words.at(steps, pairs))))
 
     def end(self, results: Sequence[RunResult]) -> None:
         """Log how the runs compare over the whole drive, as far as it went."""
         text = compare_words.result(results, self._scale.units)
-        self._rec.log(RESULT, rr.TextDocument(legible(text), media_type=MARKDOWN), static=True)
+        self._rec.log(RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
     def _draw_keys(self, shown: SceneInfo) -> None:
         runs = len(self._labels)
@@ -117,7 +117,7 @@ class ComparisonDrawing:
         dots = rr.Points2D.from_fields(colors=[color], radii=points(DOT), draw_order=20.0)
         self._rec.log(self._clouds[label], dots, static=True)
         mark = rr.SeriesPoints(
-            colors=[color], names=[f"{legible(label)} parts"], markers="diamond", marker_sizes=[5.0]
+            colors=[color], names=[f"{font_safe(label)} parts"], markers="diamond", marker_sizes=[5.0]
         )
         self._rec.log(parted_of(label), mark, static=True)
         if label in self._truths:

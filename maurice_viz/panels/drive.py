@@ -22,7 +22,7 @@ from maurice_mcl.session import Moment, SessionInfo
 from .. import entities
 from ..drawing import keys
 from ..drawing.canvas import long_side
-from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, legible, scale_for
+from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
 from ..text import narration as narrate_parts
 from . import belief as draw_belief
 from . import pictures as draw_pictures
@@ -35,7 +35,7 @@ MARGIN = 0.08  # around the ways, as a share of the longer side
 LEAST_M = 1.0  # free on each side of them
 
 
-class Known(Protocol):
+class KnownMoment(Protocol):
     """What is known of a moment without its picture."""
 
     @property
@@ -55,7 +55,7 @@ class Known(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ways:
+class DrivePaths:
     """What is known of a drive beforehand."""
 
     moments: int
@@ -82,7 +82,7 @@ class Ways:
         return Arena((x_min, y_min, x_max, y_max), np.zeros((0, 4)))
 
 
-def ways_of(known: Iterable[Known], info: SessionInfo) -> Ways:
+def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
     """Go through a drive once. The way by odometry is laid so that it meets the truth where that begins."""
     own, measured, true = np.zeros(3), ThinnedPath(MOST), ThinnedPath(MOST)
     begins, count, events, moves = info.start, 0, 0, False
@@ -95,9 +95,9 @@ def ways_of(known: Iterable[Known], info: SessionInfo) -> Ways:
             true.add(one.truth)
             begins = moved(one.truth, motion_between(own, np.zeros(3))) if begins is None else begins
     if not moves:
-        return Ways(count, events, False, begins, np.zeros((0, 2)), _points(true))
+        return DrivePaths(count, events, False, begins, np.zeros((0, 2)), _points(true))
     begins = np.zeros(3) if begins is None else begins
-    return Ways(count, events, True, begins, _laid(_points(measured), begins), _points(true))
+    return DrivePaths(count, events, True, begins, _laid(_points(measured), begins), _points(true))
 
 
 def _points(path: ThinnedPath) -> F64:
@@ -134,11 +134,11 @@ DOTS = ("forward/truth", "turn/truth")
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DriveView:
     """What is drawn of a drive, known beforehand."""
 
     info: SessionInfo
-    ways: Ways
+    ways: DrivePaths
     pictures: bool  # whether there is a camera
     advice: str = ""  # Markdown: what to do next
 
@@ -158,7 +158,7 @@ class Drive:
         return [name for name in SHOWN if name in CHANNELS] if self.pictures else []
 
 
-def draw_drive(rec: rr.RecordingStream, drive: Drive, moments: Iterable[Moment]) -> None:
+def draw_drive(rec: rr.RecordingStream, drive: DriveView, moments: Iterable[Moment]) -> None:
     """Log a drive: first what stays, then moment by moment."""
     _draw_still(rec, drive)
     pen = _Pen(rec, drive)
@@ -168,7 +168,7 @@ def draw_drive(rec: rr.RecordingStream, drive: Drive, moments: Iterable[Moment])
         pen.draw(moment)
 
 
-def _draw_still(rec: rr.RecordingStream, drive: Drive) -> None:
+def _draw_still(rec: rr.RecordingStream, drive: DriveView) -> None:
     ways, scale = drive.ways, drive.scale
     if drive.arena is not None:
         alone = Library(drive.info.name, np.zeros((0, 3)), (), {}, drive.arena, drive.info.display_units)
@@ -203,7 +203,7 @@ class _Pen:
     """Draws moments, and remembers where the last one was."""
 
     rec: rr.RecordingStream
-    drive: Drive
+    drive: DriveView
     _arrow: float = field(init=False)
     _pose: F64 | None = field(init=False)  # by odometry, on the map
     _truth_before: F64 | None = field(init=False, default=None)
@@ -226,9 +226,9 @@ class _Pen:
             self._draw_vectors(moment)
             self._trace("brightness", float(moment.frame.image.mean()))
         self._draw_poses(moment)
-        self.rec.log(TEXT, rr.TextDocument.from_fields(text=legible(self._words(moment))))
+        self.rec.log(TEXT, rr.TextDocument.from_fields(text=font_safe(self._words(moment))))
         for text in moment.events:
-            self.rec.log(EVENTS, rr.TextLog(legible(text)))
+            self.rec.log(EVENTS, rr.TextLog(font_safe(text)))
         self._truth_before = moment.truth
 
     def _draw_vectors(self, moment: Moment) -> None:

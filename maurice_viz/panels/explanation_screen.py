@@ -18,7 +18,7 @@ from .. import entities
 from ..drawing.canvas import long_side
 from ..drawing.contact_sheet import NOT_KEPT, read_picture
 from ..drawing.raster import jpeg, put_text
-from ..entities import RunPaths, Slot
+from ..entities import Phase, RunPaths
 from ..explain.paths import COLORS, OUTSIDE, marks_path, table_path
 from ..explain.table import markdown_table
 from ..explain.words import say_step
@@ -74,7 +74,7 @@ def notes_path(paths: RunPaths) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Update:
+class ExplainedUpdate:
     """What is drawn."""
 
     moment: Moment
@@ -96,10 +96,10 @@ def costliest_first(step: StepExplanation) -> list[int]:
     return [int(k) for k in np.argsort(-costs, kind="stable")]
 
 
-def draw_full(rec: rr.RecordingStream, paths: RunPaths, update: Update) -> None:
+def draw_explanation(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate) -> None:
     """Log everything, on all three timelines at the update's own place."""
     draw_world.draw_world(rec, update.library, update.scale)
-    set_phase(rec, update.moment, Slot.WEIGHT)
+    set_phase(rec, update.moment, Phase.WEIGHT)
     for path in (entities.CAMERA, entities.EDGES):
         draw_pictures.prepare_jpeg(rec, path)
     draw_pictures.draw_camera(rec, update.moment.frame.image)
@@ -115,7 +115,7 @@ def draw_full(rec: rr.RecordingStream, paths: RunPaths, update: Update) -> None:
     rec.log(table_path(paths), rr.TextDocument(table, media_type=MARKDOWN))
 
 
-def _draw_map(rec: rr.RecordingStream, paths: RunPaths, update: Update) -> None:
+def _draw_map(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate) -> None:
     record, scale = update.record, update.scale
     circles = draw_circles.circles_for(update.library, scale)
     circles.prepare(rec, paths)
@@ -132,7 +132,7 @@ def _draw_map(rec: rr.RecordingStream, paths: RunPaths, update: Update) -> None:
     _draw_marks(rec, paths, update, ARROW * side)
 
 
-def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: Update, arrow: float) -> None:
+def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate, arrow: float) -> None:
     shown = [(e.who, e) for e in update.step.shown if e.entry is not None]
     poses = np.array([e.entry.pose for _, e in shown if e.entry is not None])
     along = np.column_stack([np.cos(poses[:, 2]), -np.sin(poses[:, 2])]) * arrow
@@ -175,7 +175,12 @@ def _gray(words: str) -> U8:
 
 
 def _draw_charts(
-    rec: rr.RecordingStream, paths: RunPaths, explained: Explained, number: int, channel: str, update: Update
+    rec: rr.RecordingStream,
+    paths: RunPaths,
+    explained: Explained,
+    number: int,
+    channel: str,
+    update: ExplainedUpdate,
 ) -> None:
     """Log one channel's bars of one reference; charts of a channel are equally high for all references."""
     found = [e.entry.channels[number] for e in update.step.shown if e.entry is not None]

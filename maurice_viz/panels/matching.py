@@ -24,14 +24,14 @@ from . import traces as draw_traces
 from .circles import Circles, circles_for
 from .filmstrip import Film
 from .likelihood import LikelihoodMaps, likelihood_maps
-from .traces import Places, places_of
+from .traces import EntryFinder, entry_finder
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Known:
     """What can only be made where the library has entries."""
 
-    places: Places
+    places: EntryFinder
     maps: LikelihoodMaps
     film: Film
 
@@ -95,7 +95,7 @@ def matching_of(
     """Make what draws the panels of a run."""
     known = None
     if library.size:
-        places = places_of(library)
+        places = entry_finder(library)
         maps = likelihood_maps(library, places.nearest, scale)
         known = Known(places, maps, Film(paths, library, has_truth))
     circles, sheet = circles_for(library, scale), ContactSheet(library, scale)

@@ -20,8 +20,8 @@ from maurice_mcl.session import Moment, SessionInfo
 
 from .. import entities
 from ..drawing.canvas import long_side
-from ..entities import RunPaths, Slot
-from ..style import Scale, legible, scale_for
+from ..entities import Phase, RunPaths
+from ..style import Scale, font_safe, scale_for
 from ..text import narration as narrate
 from . import belief as draw_belief
 from . import headings as draw_rose
@@ -53,7 +53,7 @@ class Detail(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Update:
+class StepUpdate:
     """One update of a run, with what is known of it but for what comes next."""
 
     moment: Moment
@@ -68,11 +68,11 @@ class Thinning:
     """Decides which updates are drawn whole. Around events it needs to know what comes next, so it waits."""
 
     detail: Detail = Detail.FULL
-    _held: deque[Update] = field(default_factory=deque)
+    _held: deque[StepUpdate] = field(default_factory=deque)
     _last_event: int = -AROUND - 1  # number of the update, counted from 0
     _seen: int = 0
 
-    def see(self, update: Update) -> Iterator[Update]:
+    def see(self, update: StepUpdate) -> Iterator[StepUpdate]:
         """Take in the next update; give those that can be drawn now, in order."""
         if self.detail is not Detail.EVENTS:
             yield replace(update, whole=self.detail is Detail.FULL)
@@ -84,12 +84,12 @@ class Thinning:
         if len(self._held) > AROUND:
             yield self._first()
 
-    def rest(self) -> Iterator[Update]:
+    def rest(self) -> Iterator[StepUpdate]:
         """Give what was waited with."""
         while self._held:
             yield self._first()
 
-    def _first(self) -> Update:
+    def _first(self) -> StepUpdate:
         number = self._seen - len(self._held)
         near = abs(number - self._last_event) <= AROUND
         return replace(self._held.popleft(), whole=near)
@@ -127,14 +127,14 @@ class Observer(Protocol):
         ...
 
 
-def set_phase(rec: rr.RecordingStream, moment: Moment, slot: Slot) -> None:
+def set_phase(rec: rr.RecordingStream, moment: Moment, slot: Phase) -> None:
     """Set all three timelines to one phase of one update."""
     rec.set_time(entities.STEP, sequence=moment.frame.step)
     rec.set_time(entities.SESSION, duration=moment.frame.time_s)
     rec.set_time(entities.PHASE, sequence=entities.phase_number(moment.frame.step, slot))
 
 
-def set_phase_only(rec: rr.RecordingStream, moment: Moment, slot: Slot) -> None:
+def set_phase_only(rec: rr.RecordingStream, moment: Moment, slot: Phase) -> None:
     """Set the phase timeline alone: what is logged now hides nothing on the others."""
     set_phase(rec, moment, slot)
     rec.disable_timeline(entities.STEP)
@@ -221,9 +221,9 @@ class RerunObserver:
             raise RuntimeError("begin() comes before see()")
         detector = self._tools.detector
         events = detector.see(moment, record)
-        set_phase(self.rec, moment, Slot.ESTIMATE)
+        set_phase(self.rec, moment, Phase.ESTIMATE)
         self._tools.lane.draw(self.rec, moment.frame.step, detector.state, events)
-        for update in self._thinning.see(Update(moment, record, events, detector.modes)):
+        for update in self._thinning.see(StepUpdate(moment, record, events, detector.modes)):
             self._draw(update, self._tools)
 
     def end(self) -> None:
@@ -233,7 +233,7 @@ class RerunObserver:
                 self._draw(update, self._tools)
             self._tools.traces.draw_tops(self.rec)
 
-    def _draw(self, update: Update, tools: _Tools) -> None:
+    def _draw(self, update: StepUpdate, tools: _Tools) -> None:
         if not update.whole and self._last_whole is not False:
             self._leave_empty(update.moment, tools)
         self._predict(update, tools)
@@ -245,9 +245,9 @@ class RerunObserver:
         self._estimate(update, tools)
         self._last_whole = update.whole
 
-    def _predict(self, update: Update, tools: _Tools) -> None:
+    def _predict(self, update: StepUpdate, tools: _Tools) -> None:
         moment, record = update.moment, update.record
-        set_phase(self.rec, moment, Slot.PREDICT)
+        set_phase(self.rec, moment, Phase.PREDICT)
         cloud = record.predicted if update.whole else draw_belief.thinned(record.weighted)
         draw_belief.draw_predicted(self.rec, self._paths.particles, cloud, tools.scale)
         tools.closeup.draw(self.rec, record.mean_estimate)
@@ -255,8 +255,8 @@ class RerunObserver:
             tools.truth.draw(self.rec, moment.truth, tools.scale, tools.arrow)
         if not update.whole:
             return
-        self._say(narrate.phase(moment, record, Slot.PREDICT, tools.scale))
-        set_phase_only(self.rec, moment, Slot.PREDICT)
+        self._say(narrate.phase(moment, record, Phase.PREDICT, tools.scale))
+        set_phase_only(self.rec, moment, Phase.PREDICT)
         tools.lineage.draw_moves(self.rec, record.predicted, tools.scale)
         if self._last_whole is None:
             self._measure_nothing_yet(moment, tools)
@@ -267,41 +267,41 @@ class RerunObserver:
             draw_pictures.draw_no_camera(self.rec, moment.frame.image.shape)
         tools.matching.draw_nothing(self.rec)
 
-    def _measure(self, update: Update, tools: _Tools) -> None:
+    def _measure(self, update: StepUpdate, tools: _Tools) -> None:
         moment, record = update.moment, update.record
-        set_phase(self.rec, moment, Slot.MEASURE)
+        set_phase(self.rec, moment, Phase.MEASURE)
         if self.scene:
             draw_pictures.draw_camera(self.rec, moment.frame.image)
         if not update.whole:
             return
         tools.matching.draw(self.rec, record.sighting.comparison)
-        self._say(narrate.phase(moment, record, Slot.MEASURE, tools.scale))
-        set_phase_only(self.rec, moment, Slot.MEASURE)
+        self._say(narrate.phase(moment, record, Phase.MEASURE, tools.scale))
+        set_phase_only(self.rec, moment, Phase.MEASURE)
         tools.lineage.clear_moves(self.rec)
 
-    def _weight(self, update: Update, tools: _Tools) -> None:
+    def _weight(self, update: StepUpdate, tools: _Tools) -> None:
         moment, record = update.moment, update.record
-        set_phase(self.rec, moment, Slot.WEIGHT)
+        set_phase(self.rec, moment, Phase.WEIGHT)
         if update.whole:
             draw_belief.draw_weighted(self.rec, self._paths.particles, record.weighted)
-            self._say(narrate.phase(moment, record, Slot.WEIGHT, tools.scale))
+            self._say(narrate.phase(moment, record, Phase.WEIGHT, tools.scale))
 
-    def _resample(self, update: Update, tools: _Tools) -> None:
+    def _resample(self, update: StepUpdate, tools: _Tools) -> None:
         moment, record = update.moment, update.record
-        set_phase_only(self.rec, moment, Slot.RESAMPLE)
+        set_phase_only(self.rec, moment, Phase.RESAMPLE)
         if record.parents is not None:
             draw_belief.draw_resampled(self.rec, self._paths.particles, record)
             tools.lineage.draw_families(self.rec, record, tools.scale)
-        self._say(narrate.phase(moment, record, Slot.RESAMPLE, tools.scale))
+        self._say(narrate.phase(moment, record, Phase.RESAMPLE, tools.scale))
         if record.injected is not None or EXPANDED in record.events:
-            set_phase_only(self.rec, moment, Slot.RESEED)
+            set_phase_only(self.rec, moment, Phase.RESEED)
             tools.lineage.clear_families(self.rec)
             draw_belief.draw_reseeded(self.rec, self._paths.particles, record, tools.scale)
-            self._say(narrate.phase(moment, record, Slot.RESEED, tools.scale))
+            self._say(narrate.phase(moment, record, Phase.RESEED, tools.scale))
 
-    def _estimate(self, update: Update, tools: _Tools) -> None:
+    def _estimate(self, update: StepUpdate, tools: _Tools) -> None:
         moment, record = update.moment, update.record
-        set_phase(self.rec, moment, Slot.ESTIMATE)
+        set_phase(self.rec, moment, Phase.ESTIMATE)
         tools.estimate.draw(self.rec, record.estimate.pose, tools.scale, tools.arrow)
         draw_rose.draw_rose(self.rec, self._paths, record.weighted, record.estimate.pose, moment.truth)
         draw_traces.draw_traces(self.rec, tools.traces, record, moment.truth, tools.scale)
@@ -315,11 +315,11 @@ class RerunObserver:
 
     def _leave_empty(self, moment: Moment, tools: _Tools) -> None:
         """Empty the panels that are not drawn from here on, or they would show an earlier update."""
-        set_phase(self.rec, moment, Slot.PREDICT)
+        set_phase(self.rec, moment, Phase.PREDICT)
         tools.matching.draw_left_out(self.rec)
         tools.explain.draw_left_out(self.rec)
         for path in (self._paths.moves, self._paths.families):
             self.rec.log(path, rr.Clear(recursive=True))
 
     def _say(self, text: str) -> None:
-        self.rec.log(self._paths.text, rr.TextDocument.from_fields(text=legible(text)))
+        self.rec.log(self._paths.text, rr.TextDocument.from_fields(text=font_safe(text)))

@@ -15,14 +15,14 @@ from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from ..drawing.keys import line_key
 from ..drawing.raster import png
 from ..entities import RunPaths
-from ..style import BAR, RGB, RUN_COLORS, Scale, legible
+from ..style import BAR, RGB, RUN_COLORS, Scale, font_safe
 from ..text.narration import errors
 
 # Which library entry stands for a pose, by the library's own rule.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Places:
+class EntryFinder:
     """The nearest reference of any pose in a map."""
 
     nearest: NearestReference
@@ -34,9 +34,9 @@ class Places:
         return int(self.nearest.entries(relative[None], self.origin)[0])
 
 
-def places_of(library: Library) -> Places:
+def entry_finder(library: Library) -> EntryFinder:
     """Make the tables for a library with at least one entry."""
-    return Places(nearest_reference(library.poses, library.arena), library.origin)
+    return EntryFinder(nearest_reference(library.poses, library.arena), library.origin)
 
 
 # Traces: one number an update, over the session.
@@ -74,7 +74,7 @@ LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 def prepare_traces(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...] = ()) -> None:
     """Log names and colors of the lines, static."""
     for quantity, color in COLORS.items():
-        name = f"{legible(paths.label)}: {quantity.replace('_', ' ')}"
+        name = f"{font_safe(paths.label)}: {quantity.replace('_', ' ')}"
         style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
         rec.log(paths.trace(quantity), style, static=True)
     lines = evidence_lines(channels)
@@ -153,7 +153,7 @@ def draw_inside(rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, an
 
 
 def draw_truth_seen(
-    rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, truth: F64, places: Places
+    rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, truth: F64, places: EntryFinder
 ) -> None:
     """Log how well the picture fits where the robot is: against the estimate, and among all references."""
     seen = record.sighting.comparison

@@ -9,7 +9,7 @@ from maurice_mcl.geometry import angle_between, circular_mean
 from maurice_mcl.records import Belief, Estimate, StepRecord
 from maurice_mcl.session import Moment
 
-from ..entities import SLOTS, Slot
+from ..entities import PHASES_PER_STEP, Phase
 from ..style import Scale
 
 # Parts of sentences about an update: how the robot moved, how the cloud looks, how wrong the estimate is.
@@ -69,9 +69,9 @@ def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
 # What another localizer's recorded cloud shows, in plain words: only what a bag holds is told of.
 
 NOT_THERE = {
-    Slot.MEASURE: "What the localizer measured, and what it compared that with, is not in the bag.",
-    Slot.RESAMPLE: "Whether it was resampled, and which particle came from which, is not in the bag.",
-    Slot.RESEED: "Whether particles were drawn afresh is not in the bag.",
+    Phase.MEASURE: "What the localizer measured, and what it compared that with, is not in the bag.",
+    Phase.RESAMPLE: "Whether it was resampled, and which particle came from which, is not in the bag.",
+    Phase.RESEED: "Whether particles were drawn afresh is not in the bag.",
 }
 
 
@@ -91,12 +91,12 @@ def moved(record: StepRecord, scale: Scale) -> str:
     return f"The robot {motion(motions, scale)}. " if len(motions) else ""
 
 
-def recorded_phase(record: StepRecord, slot: Slot, scale: Scale) -> str:
+def recorded_phase(record: StepRecord, slot: Phase, scale: Scale) -> str:
     """Say what is known of one recorded_phase of an update."""
-    if slot is Slot.PREDICT:
+    if slot is Phase.PREDICT:
         before = "The cloud before the sensor is not in the bag; shown is the published one."
         return f"{moved(record, scale)}{before}"
-    if slot is Slot.WEIGHT:
+    if slot is Phase.WEIGHT:
         return f"{cloud(record, scale)} It was published after resampling, as AMCL and Beluga do."
     return NOT_THERE[slot]
 
@@ -205,16 +205,16 @@ def reseeded(record: StepRecord) -> str:
     return f"{drawn} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
 
 
-def phase(moment: Moment, record: StepRecord, slot: Slot, scale: Scale) -> str:
+def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:
     """Say what one phase of an update did: a heading and a sentence or two."""
     says = {
-        Slot.PREDICT: lambda: predicted(record, scale),
-        Slot.MEASURE: lambda: measured(record),
-        Slot.WEIGHT: lambda: weighted(record, scale),
-        Slot.RESAMPLE: lambda: resampled(record),
-        Slot.RESEED: lambda: reseeded(record),
+        Phase.PREDICT: lambda: predicted(record, scale),
+        Phase.MEASURE: lambda: measured(record),
+        Phase.WEIGHT: lambda: weighted(record, scale),
+        Phase.RESAMPLE: lambda: resampled(record),
+        Phase.RESEED: lambda: reseeded(record),
     }
-    title = f"Phase {slot + 1} of {SLOTS}: {slot.name.lower()}"
+    title = f"Phase {slot + 1} of {PHASES_PER_STEP}: {slot.name.lower()}"
     recorded = is_recorded(record)
     said = recorded_phase(record, slot, scale) if recorded else says[slot]()
     return f"**{_when(moment)} · {title}**\n\n{said}"

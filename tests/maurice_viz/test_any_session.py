@@ -25,10 +25,10 @@ from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.session import Moment
 from maurice_viz import entities
 from maurice_viz.entities import RunPaths
-from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import Detail, RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import legible, scale_for
+from maurice_viz.style import font_safe, scale_for
 from maurice_viz.viewer import sinks
 
 
@@ -153,7 +153,7 @@ def draw(case: Case, folder: Path) -> Path:
     )
     localizer = make_localizer(library, session, parameters)
     shown = SceneInfo(library.arena, scale_for(case.units, library.arena), case.has_truth)
-    blueprint = for_runs([RunView(case.label, tuple(case.channels))], shown)
+    blueprint = runs_blueprint([RunView(case.label, tuple(case.channels))], shown)
     sensor = localizer.sensor if case.explained else None
     with sinks.to_file(out, case.session, blueprint) as rec:
         distances = recordings.distances_of(case.channels)
@@ -198,11 +198,11 @@ def test_whatever_is_written_has_signs_in_the_viewers_font(tmp_path: Path) -> No
     texts = [row.values["TextDocument:text"][0] for row in recordings.rows(out, paths.text)]
     assert any("Schränkchen u673A moved" in text for text in texts)
     for text in [*texts, *recordings.entities_of(out)]:
-        assert legible(text) == text
+        assert font_safe(text) == text
     shown = SceneInfo(fakes.arena(2, 2), scale_for("m", fakes.arena(2, 2)), has_truth=True)
-    blueprint = for_runs([RunView("走", ("color",)), RunView("机", ("color",))], shown)
+    blueprint = runs_blueprint([RunView("走", ("color",)), RunView("机", ("color",))], shown)
     titles = [str(view.name) for view in views(blueprint.root_container)]
-    assert all(legible(title) == title for title in titles)
+    assert all(font_safe(title) == title for title in titles)
     assert any(title.startswith("u8D70") for title in titles)
 
 
@@ -215,9 +215,9 @@ def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View | rrb.Container]:
 
 def test_letters_that_the_viewer_has_stay_as_they_are() -> None:
     for text in ("plain", "Büro, première, Ωμέγα, Жук · − → ≤ °\nx", "a\u0308"):
-        assert len(legible(text)) <= len(text)
-    assert legible("Büro · Ωμέγα Жук") == "Büro · Ωμέγα Жук"
-    assert legible("東") == "u6771"
+        assert len(font_safe(text)) <= len(text)
+    assert font_safe("Büro · Ωμέγα Жук") == "Büro · Ωμέγα Жук"
+    assert font_safe("東") == "u6771"
 
 
 def test_the_close_view_holds_most_of_the_cloud(tmp_path: Path) -> None:

@@ -22,13 +22,19 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
-from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.explain.paths import card_path, chart_path, marks_path, table_path
 from maurice_viz.layouts import explain
 from maurice_viz.layouts.explanation_screen import full
 from maurice_viz.panels.explanation import ExplainPanel
 from maurice_viz.panels.explanation_cards import CARD_PX, MOST, bars_for, blank_card
-from maurice_viz.panels.explanation_screen import Update, bars_path, draw_full, picture_path, words_path
+from maurice_viz.panels.explanation_screen import (
+    ExplainedUpdate,
+    bars_path,
+    draw_explanation,
+    picture_path,
+    words_path,
+)
 from maurice_viz.panels.observer import set_phase
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -55,7 +61,7 @@ def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | 
     with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
         panel.prepare(rec)
         for moment, record in updates:
-            set_phase(rec, moment, Slot.ESTIMATE)
+            set_phase(rec, moment, Phase.ESTIMATE)
             if moment.frame.step == left_out:
                 panel.draw_left_out(rec)
             else:
@@ -167,7 +173,7 @@ def test_a_saved_run_without_its_library_says_so(library: Library, tmp_path: Pat
     _, updates = play(library)
     with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
         panel.prepare(rec)
-        set_phase(rec, updates[0][0], Slot.ESTIMATE)
+        set_phase(rec, updates[0][0], Phase.ESTIMATE)
         panel.draw(rec, *updates[0])
     found = {name for name in recordings.entities_of(tmp_path / "out.rrd") if "explain" in name}
     assert found == {table_path(PATHS)}
@@ -244,7 +250,7 @@ def test_the_full_panel_has_every_chart(
     scale = scale_for("in", library.arena)
     path = tmp_path / "Büro.rrd"
     with sinks.to_file(path, "Büro", full(PATHS, step, SceneInfo(library.arena, scale, has_truth))) as rec:
-        draw_full(rec, PATHS, Update(moment, record, step, library, scale))
+        draw_explanation(rec, PATHS, ExplainedUpdate(moment, record, step, library, scale))
     found = recordings.entities_of(path)
     for explained in step.shown:
         assert picture_path(PATHS, explained.who) in found

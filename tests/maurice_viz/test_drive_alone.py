@@ -24,7 +24,7 @@ from maurice_viz.app import drive as drive_alone
 from maurice_viz.cli.app import app
 from maurice_viz.layouts.drive import reach
 from maurice_viz.panels import drive as drive_ways
-from maurice_viz.panels.drive import Drive, ways_of
+from maurice_viz.panels.drive import DriveView, drive_paths
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
 
@@ -159,7 +159,7 @@ def test_perfect_odometry_lies_on_the_truth(start: np.ndarray, steps: list[np.nd
         Glance(np.array(motions).reshape(-1, 3), pose if k >= known else None, ())
         for k, (motions, pose) in enumerate(zip([[], *([step] for step in steps)], poses, strict=True))
     ]
-    ways = ways_of(glances, SessionInfo("a"))
+    ways = drive_paths(glances, SessionInfo("a"))
     np.testing.assert_allclose(ways.measured, [pose[:2] for pose in poses], atol=1e-9)
     np.testing.assert_allclose(ways.true, [pose[:2] for pose in poses[known:]], atol=1e-9)
 
@@ -167,7 +167,7 @@ def test_perfect_odometry_lies_on_the_truth(start: np.ndarray, steps: list[np.nd
 def test_ways_are_held_with_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive_ways, "MOST", 100)
     glances = (Glance(np.array([[1.0, 0.0, 0.0]]), None, ()) for _ in range(10_000))
-    ways = ways_of(glances, SessionInfo("a"))
+    ways = drive_paths(glances, SessionInfo("a"))
     assert ways.moments == 10_000
     assert 50 <= len(ways.measured) <= 100
     assert np.ptp(np.diff(ways.measured[:-1, 0])) == 0
@@ -176,10 +176,10 @@ def test_ways_are_held_with_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_bare_map_holds_the_ways_with_some_room() -> None:
     glances = [Glance(np.array([[3.0, 0.0, 0.0]]), None, ()) for _ in range(2)]
-    arena = ways_of(glances, SessionInfo("a")).arena
+    arena = drive_paths(glances, SessionInfo("a")).arena
     assert arena is not None
     assert arena.bounds == (2.0, -1.0, 7.0, 1.0)
-    assert ways_of([Glance(np.zeros((0, 3)), None, ())], SessionInfo("a")).arena is None
+    assert drive_paths([Glance(np.zeros((0, 3)), None, ())], SessionInfo("a")).arena is None
 
 
 def test_glances_are_moments_without_their_pictures(small_session: Path) -> None:
@@ -195,7 +195,7 @@ def test_the_map_reaches_as_far_as_the_robot_with_room_for_its_arrow() -> None:
     small = Arena((0.0, 0.0, 2.0, 2.0), np.zeros((0, 4)))
     info = SessionInfo("a", arena=small)
     glances = [Glance(np.array([[0.0, 0.0, 0.0]]), None, ()), Glance(np.array([[9.0, 0.0, 0.0]]), None, ())]
-    drive = Drive(info, ways_of(glances, info), pictures=False)
+    drive = DriveView(info, drive_paths(glances, info), pictures=False)
     (left, right), (top, bottom) = reach(drive)
     assert left < 0 < 9 < right
     assert top < -2 < 0 < bottom

@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_viz.entities import RunPaths, Slot, phase_number
+from maurice_viz.entities import Phase, RunPaths, phase_number
 
 
 def test_phases_of_a_step_follow_each_other_and_steps_do_not_overlap() -> None:
-    numbers = [phase_number(step, slot) for step in (1, 2) for slot in Slot]
+    numbers = [phase_number(step, slot) for step in (1, 2) for slot in Phase]
     assert numbers == list(range(6, 18))
 
 

@@ -18,14 +18,14 @@ from maurice_mcl.analysis.modes import TrackedMode
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_viz import entities
-from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.panels import headings as draw_rose
 from maurice_viz.panels import traces as draw_traces
 from maurice_viz.panels.filmstrip import COLUMNS
 from maurice_viz.panels.likelihood import names
 from maurice_viz.panels.modes import HEIGHT, LENGTH, bands
-from maurice_viz.panels.observer import AROUND, Detail, Thinning, Update, expected_bytes
-from maurice_viz.panels.traces import places_of
+from maurice_viz.panels.observer import AROUND, Detail, StepUpdate, Thinning, expected_bytes
+from maurice_viz.panels.traces import entry_finder
 from maurice_viz.style import EMPTY, MODE_COLORS
 
 RUN = RunPaths("blended")
@@ -45,13 +45,13 @@ def test_moves_go_from_where_particles_were_to_where_they_are(drawn: Any) -> Non
     found = recordings.rows(path, RUN.moves)
     assert {row.step for row in found} == {None}, "on the phase timeline alone"
     for step in range(2, STEPS + 1):
-        (row,) = (r for r in found if r.phase == entities.phase_number(step, Slot.PREDICT))
+        (row,) = (r for r in found if r.phase == entities.phase_number(step, Phase.PREDICT))
         lines = np.array(row.values["LineStrips2D:strips"])
         before, now = played[step - 2][1].belief, played[step - 1][1].predicted
         for end, belief in ((0, before), (1, now)):
             expected = belief.world_poses[:, :2] / 0.0254 * (1, -1)
             np.testing.assert_allclose(lines[:, end], expected, atol=0.05)
-        cleared = next(r for r in found if r.phase == entities.phase_number(step, Slot.MEASURE))
+        cleared = next(r for r in found if r.phase == entities.phase_number(step, Phase.MEASURE))
         assert cleared.values["LineStrips2D:strips"] == []
 
 
@@ -60,7 +60,7 @@ def test_families_are_the_ancestors_ways(drawn: Any) -> None:
     tree = Ancestry()
     for step, (_, record) in enumerate(played, start=1):
         tree.see(record)
-        at = entities.phase_number(step, Slot.RESAMPLE)
+        at = entities.phase_number(step, Phase.RESAMPLE)
         ways = [way for way in tree.lines(40) if len(way) > 1]
         found = [r for r in recordings.rows(path, RUN.families) if r.phase == at]
         assert [len(strip) for strip in found[0].values["LineStrips2D:strips"]] == [len(w) for w in ways]
@@ -130,7 +130,7 @@ def test_the_films_newest_column_stands_at_the_right(drawn: Any) -> None:
 
 def test_the_truths_rank_and_ratio(drawn: Any) -> None:
     path, played, library = drawn
-    places = places_of(library)
+    places = entry_finder(library)
     ranks = recordings.rows(path, RUN.trace(draw_traces.TRUTH_RANK))
     ratios = recordings.rows(path, RUN.trace(draw_traces.TRUTH_RATIO))
     assert len(ranks) == len(ratios) == STEPS
@@ -163,7 +163,7 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None
     for moment, record in fakes.play(session, "color", 5):
         step = moment.frame.step
         events = [RunEvent(step, 0.0, "resampled", "")] + [RunEvent(step, 0.0, "lost", "")] * (step == at)
-        given += thinning.see(Update(moment, record, tuple(events)))
+        given += thinning.see(StepUpdate(moment, record, tuple(events)))
     given += thinning.rest()
     assert [update.moment.frame.step for update in given] == list(range(1, 10))
     assert [u.moment.frame.step for u in given if u.whole] == [
@@ -175,7 +175,7 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None
 def test_full_and_light_do_not_wait(detail: Detail, whole: bool) -> None:
     session = fakes.make_session(fakes.make_library(), 1)
     ((moment, record),) = fakes.play(session, "color", 5)
-    (update,) = Thinning(detail).see(Update(moment, record))
+    (update,) = Thinning(detail).see(StepUpdate(moment, record))
     assert update.whole is whole
 
 

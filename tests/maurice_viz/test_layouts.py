@@ -9,7 +9,7 @@ import viz_fakes as fakes
 from maurice_viz import entities
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.layouts import compare, overview
-from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 
@@ -41,7 +41,7 @@ def titles(layout: rrb.Blueprint) -> list[str]:
 @pytest.mark.parametrize("has_truth", [True, False])
 @pytest.mark.parametrize("runs", [[BLENDED], [COLOR, BLENDED], [COLOR, BLENDED, EDGES]])
 def test_every_view_has_a_title_of_its_own(runs: list[RunView], has_truth: bool) -> None:
-    found = titles(for_runs(runs, shown(has_truth)))
+    found = titles(runs_blueprint(runs, shown(has_truth)))
     assert all(found)
     assert any("error" in title for title in found) == has_truth
 
@@ -52,7 +52,7 @@ def test_no_two_views_of_one_run_have_the_same_title() -> None:
 
 
 def test_lengths_and_angles_have_units_in_their_titles() -> None:
-    for title in titles(for_runs([COLOR, BLENDED], shown())):
+    for title in titles(runs_blueprint([COLOR, BLENDED], shown())):
         if "Position" in title or "Belief" in title or "Spread" in title:
             assert "(in)" in title
         if "Heading" in title:
@@ -89,7 +89,7 @@ def test_key_and_cloud_of_the_other_view_are_left_out() -> None:
 @pytest.mark.parametrize("has_truth", [True, False])
 def test_a_run_without_channels_has_no_views_of_comparisons(has_truth: bool) -> None:
     """As another localizer's, of which nothing was compared here."""
-    found = titles(for_runs([RunView("amcl", ())], shown(has_truth)))
+    found = titles(runs_blueprint([RunView("amcl", ())], shown(has_truth)))
     assert all(found)
     assert any("error" in title for title in found) == has_truth
     assert not any("Match" in title or "vidence" in title or "reference" in title for title in found)

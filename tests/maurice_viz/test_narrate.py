@@ -5,7 +5,7 @@ import pytest
 import viz_fakes as fakes
 
 from maurice_mcl.records import Belief, Estimate, uniform_log_weights
-from maurice_viz.entities import Slot
+from maurice_viz.entities import Phase
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
@@ -84,7 +84,7 @@ def test_all_weights_zero_is_said() -> None:
 
 def test_each_phase_says_which_it_is() -> None:
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
-    for slot, title in ((Slot.PREDICT, "Phase 1 of 6: predict"), (Slot.RESAMPLE, "Phase 4 of 6: resample")):
+    for slot, title in ((Phase.PREDICT, "Phase 1 of 6: predict"), (Phase.RESAMPLE, "Phase 4 of 6: resample")):
         assert title in narrate.phase(moment, record, slot, INCHES).splitlines()[0]
 
 

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import contributions
 from maurice_viz import entities
-from maurice_viz.entities import RunPaths, Slot
+from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.panels import belief as draw_belief
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.style import scale_for, weight_colors
@@ -60,7 +60,7 @@ def test_the_name_of_the_session_is_kept_whatever_its_script(drawn: tuple[Path, 
 def test_particles_walk_through_the_phases(drawn: tuple[Path, recordings.Played], library: Library) -> None:
     path, played = drawn
     found = recordings.rows(path, RUN.particles)
-    slots = (Slot.PREDICT, Slot.WEIGHT, Slot.RESAMPLE)
+    slots = (Phase.PREDICT, Phase.WEIGHT, Phase.RESAMPLE)
     steps = [m.frame.step for m, _ in played]
     assert [row.phase for row in found] == [entities.phase_number(s, slot) for s in steps for slot in slots]
     scale = scale_for("in", library.arena)
@@ -131,7 +131,7 @@ def test_traces_are_those_of_the_records(drawn: tuple[Path, recordings.Played]) 
         rows = recordings.rows(path, RUN.trace(quantity))
         assert [row.values["Scalars:scalars"][0] for row in rows] == pytest.approx(values)
         assert [row.phase for row in rows] == [
-            entities.phase_number(k, Slot.ESTIMATE) for k in range(1, STEPS + 1)
+            entities.phase_number(k, Phase.ESTIMATE) for k in range(1, STEPS + 1)
         ]
 
 
@@ -184,7 +184,7 @@ def test_pictures_are_jpeg_and_logged_once_a_step(drawn: tuple[Path, recordings.
     for entity in (entities.CAMERA, entities.EDGES, RUN.contact_sheet):
         rows = recordings.rows(drawn[0], entity)
         assert [row.step for row in rows] == [None, *range(1, STEPS + 1)]  # first: nothing taken yet
-        assert rows[0].phase == entities.phase_number(1, Slot.PREDICT)
+        assert rows[0].phase == entities.phase_number(1, Phase.PREDICT)
         assert all(bytes(row.values["EncodedImage:blob"][0][:2]) == b"\xff\xd8" for row in rows)
 
 
@@ -232,9 +232,9 @@ def test_a_step_that_was_not_resampled_leaves_the_cloud(library: Library, tmp_pa
     observer.end()
     rec.disconnect()
     slots = [row.phase - 6 for row in recordings.rows(tmp_path / "kept.rrd", RunPaths("color").particles)]
-    assert slots == [Slot.PREDICT, Slot.WEIGHT]
+    assert slots == [Phase.PREDICT, Phase.WEIGHT]
     words = recordings.rows(tmp_path / "kept.rrd", RunPaths("color").text)
-    assert "Not resampled" in words[Slot.RESAMPLE].values["TextDocument:text"][0]
+    assert "Not resampled" in words[Phase.RESAMPLE].values["TextDocument:text"][0]
 
 
 def test_seeing_before_beginning_is_refused(library: Library) -> None:

@@ -11,8 +11,8 @@ from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.records import StepRecord
 from maurice_viz import entities
-from maurice_viz.entities import RunPaths, Slot
-from maurice_viz.layouts.registry import for_runs
+from maurice_viz.entities import Phase, RunPaths
+from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels import belief as draw_belief
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
@@ -39,7 +39,7 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
     library, played = session.library, _records(session)
     path = tmp_path / "reseeded.rrd"
     shown = SceneInfo(library.arena, scale_for("in", library.arena), True)
-    layout = for_runs([RunView("color", ("color",))], shown)
+    layout = runs_blueprint([RunView("color", ("color",))], shown)
     with sinks.to_file(path, "x", layout) as rec:
         observer = RerunObserver(rec, "color", {"color": "hellinger"})
         observer.begin(session.info, library)
@@ -48,14 +48,14 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
         observer.end()
     rows = recordings.rows(path, RunPaths("color").particles)
     for step, (_, record) in enumerate(played, start=1):
-        at = {slot: entities.phase_number(step, slot) for slot in Slot}
-        survivors = next(row for row in rows if row.phase == at[Slot.RESAMPLE])
-        everyone = next(row for row in rows if row.phase == at[Slot.RESEED])
+        at = {slot: entities.phase_number(step, slot) for slot in Phase}
+        survivors = next(row for row in rows if row.phase == at[Phase.RESAMPLE])
+        everyone = next(row for row in rows if row.phase == at[Phase.RESEED])
         assert len(survivors.values["Points2D:radii"]) == 40
         assert "Points2D:positions" not in survivors.values
         assert len(everyone.values["Points2D:positions"]) == 40
         assert record.injected is not None
         radii = np.array(everyone.values["Points2D:radii"])
         assert (np.abs(radii) > draw_belief.PARTICLE).sum() == record.injected.sum() == 40 * SHARE
-        said = narrate.phase(played[step - 1][0], record, Slot.RESEED, scale_for("in", library.arena))
+        said = narrate.phase(played[step - 1][0], record, Phase.RESEED, scale_for("in", library.arena))
         assert "10 of 40 particles were drawn afresh" in said

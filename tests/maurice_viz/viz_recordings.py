@@ -16,7 +16,7 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.session import Moment
-from maurice_viz.layouts.registry import for_runs
+from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -33,7 +33,7 @@ def draw(
     runs = [RunView(feature, tuple(FEATURES[feature])) for feature in features]
     shown = SceneInfo(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
     played = [fakes.play(session, feature, particles) for feature in features]
-    with sinks.to_file(path, session.info.name, for_runs(runs, shown)) as rec:
+    with sinks.to_file(path, session.info.name, runs_blueprint(runs, shown)) as rec:
         for number, (run, records) in enumerate(zip(runs, played, strict=True)):
             observer = RerunObserver(
                 rec, run.label, distances_of(run.channels), number == 0, session.has_truth

@@ -81,7 +81,7 @@ def explain(
 
 def _explain(folder: Path, wanted: Wanted, output: OutputOptions, picture: Path | None) -> None:
     from ...app.explanation_show import check_picture, show
-    from ...panels.explanation_screen import Update
+    from ...panels.explanation_screen import ExplainedUpdate
 
     if picture is not None:
         check_picture(picture, force=output.force)
@@ -99,7 +99,7 @@ def _explain(folder: Path, wanted: Wanted, output: OutputOptions, picture: Path 
         results.print_json(json.dumps(to_json(label, step)))
     else:
         typer.echo("\n\n".join([f"{label}, step {step.step}", *say_step(step, scale)]))
-    show(Update(moment, record, step, library, scale), label, output, picture)
+    show(ExplainedUpdate(moment, record, step, library, scale), label, output, picture)
 
 
 def _chosen(opened: Opened, folder: Path, label: str | None) -> Restored:

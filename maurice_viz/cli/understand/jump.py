@@ -11,12 +11,12 @@ import typer
 
 from maurice_mcl.analysis.events import BOOKMARK, KINDS, SESSION, RunEvent
 
-from ...entities import PHASE, STEP, Slot, phase_number
+from ...entities import PHASE, STEP, Phase, phase_number
 from ..console import note, results
 from ..errors import one_line_errors
 from .events import FolderArgument
 
-PHASES = [slot.name.lower() for slot in Slot]
+PHASES = [slot.name.lower() for slot in Phase]
 
 
 def _check_phase(value: str | None) -> str | None:
@@ -70,7 +70,7 @@ def jump(
         place = _place(run, to, nth, run_label) if to is not None else _typed(run, step or 0)
         timeline, value = STEP, place.step
         if phase is not None:
-            timeline, value = PHASE, phase_number(place.step, Slot[phase.upper()])
+            timeline, value = PHASE, phase_number(place.step, Phase[phase.upper()])
         _move(run, port, timeline, value)
     results.print(f"step {place.step}{f', {phase}' if phase else ''}: {place.text}")
 

@@ -15,7 +15,7 @@ import typer
 from maurice_loaders.errors import LogError
 from maurice_loaders.io.files import expect_absent, write_whole
 
-from ...entities import PHASE, SLOTS, STEP, Slot, phase_number
+from ...entities import PHASE, PHASES_PER_STEP, STEP, Phase, phase_number
 from ..console import note, notes, progress, results
 from ..errors import one_line_errors
 from ..options import ForceOption, LayoutOption, OutputOptions
@@ -23,7 +23,7 @@ from ..options import ForceOption, LayoutOption, OutputOptions
 if TYPE_CHECKING:
     from ...viewer.snapshot import Viewer
 
-PHASES = [slot.name.lower() for slot in Slot]
+PHASES = [slot.name.lower() for slot in Phase]
 SMALLEST_PX, LARGEST_PX = 200, 8000
 MOVIE_SUFFIXES = (".mp4", ".gif")
 ALIKE_IN_MOVIE = 2  # equal pictures that a frame waits for: its step number stands in it, so that it moved on
@@ -87,7 +87,7 @@ class Places:
                 raise LogError(source, f"found no step {step}, expected one from {start} to {end}")
         if not self.phases:
             return STEP, range(first, last + 1)
-        return PHASE, range(SLOTS * first, SLOTS * (last + 1))
+        return PHASE, range(PHASES_PER_STEP * first, PHASES_PER_STEP * (last + 1))
 
 
 def snapshot(
@@ -153,7 +153,7 @@ def _take_picture(
         if phase is None:
             png = viewer.picture(STEP, steps[-1])
         else:
-            png = viewer.picture(PHASE, phase_number(steps[-1], Slot[phase.upper()]))
+            png = viewer.picture(PHASE, phase_number(steps[-1], Phase[phase.upper()]))
         write_whole(output, png, force=force)
     results.print(str(output), soft_wrap=True)
 

@@ -22,7 +22,7 @@ from maurice_viz.app.output import layout_of
 from maurice_viz.app.recorded import open_as_recorded, playing_of, replay_as_recorded
 from maurice_viz.cli.app import app
 from maurice_viz.cli.options import OutputOptions
-from maurice_viz.entities import Slot
+from maurice_viz.entities import Phase
 from maurice_viz.style import scale_for
 from maurice_viz.text import narration as narrate
 
@@ -163,7 +163,7 @@ def test_words_are_only_of_what_a_bag_holds(nav2: Path) -> None:
     scale = scale_for("m", ARENA)
     for step in open_as_recorded(nav2, OpenOptions()).updates():
         for moment, record in step.values():
-            said = [narrate.phase(moment, record, slot, scale) for slot in tuple(Slot)[:5]]
+            said = [narrate.phase(moment, record, slot, scale) for slot in tuple(Phase)[:5]]
             said.append(narrate.summary(moment, record, scale))
             assert "The published cloud spreads over" in said[-1]
             for text in said:
