@@ -1,100 +1,10 @@
-"""A small two-room world for the tests of the filter: a library, pictures and a drive with its truth."""
+"""Fixtures of the tests of localization: a small world, made once."""
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from types import ModuleType
-
-import numpy as np
 import pytest
 
-from maurice_mcl.geometry import compose
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.sensor.descriptors import CHANNELS
-from maurice_mcl.session import Frame, Moment, SessionInfo
-
-
-def _load(name: str) -> ModuleType:
-    """Load a helper beside the tests: with --import-mode=importlib they cannot import it themselves."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-_load("made_records")
-
-WIDTH_M, DEPTH_M, PITCH_M, DOOR_M = 4.0, 3.0, 0.5, 2.0
-MAURICE = {"model": "maurice", "drift": {"": {"sd_rad_per_m": 0.02}, "carpet": {"bias_rad_per_m": -0.05}}}
-
-
-def _arena(at_m: tuple[float, float]) -> Arena:
-    x, y = at_m
-    wall = np.array([[x + 2.0, y, x + 2.0, y + DOOR_M]])
-    floor = np.array([[2.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 3.0]]) + at_m
-    box = np.array([[0.6, 0.6], [0.9, 0.6], [0.9, 0.9], [0.6, 0.9]]) + at_m
-    bounds = (x, y, x + WIDTH_M, y + DEPTH_M)
-    return Arena(bounds, wall, (Region("box", box),), (Region("carpet", floor),))
-
-
-def _poses(at_m: tuple[float, float]) -> np.ndarray:
-    columns, rows = np.meshgrid(np.arange(0.25, WIDTH_M, PITCH_M), np.arange(0.25, DEPTH_M, PITCH_M))
-    places = np.column_stack([columns.ravel(), rows.ravel()]) + at_m
-    headings = np.arange(8) * np.pi / 4 - np.pi
-    return np.column_stack([np.repeat(places, 8, axis=0), np.tile(headings, len(places))])
-
-
-def _index(rng: np.random.Generator, entries: int, name: str) -> ChannelIndex:
-    size = len(CHANNELS[name].describe(np.zeros((24, 32, 3), np.uint8)))
-    references = rng.gamma(0.6, 6.0, (entries, size)).astype(np.float32)
-    return ChannelIndex(references, np.full(size, 0.5, np.float32), references.max(axis=0))
-
-
-@dataclass(frozen=True)
-class Drive:
-    """A session in memory."""
-
-    info: SessionInfo
-    all_moments: tuple[Moment, ...]
-
-    def moments(self) -> Iterator[Moment]:
-        yield from self.all_moments
-
-
-@dataclass(frozen=True)
-class World:
-    """A library and a drive through the same arena, its corner at `at_m`."""
-
-    library: Library
-    drive: Drive
-    start: np.ndarray
-
-
-def make_world(at_m: tuple[float, float] = (0.0, 0.0), updates: int = 8, motion: object = None) -> World:
-    """Build the world; everything but where it lies is the same on every call."""
-    rng = np.random.default_rng(4)
-    arena, poses = _arena(at_m), _poses(at_m)
-    index = {name: _index(rng, len(poses), name) for name in CHANNELS}
-    library = Library("two rooms", poses, (None,) * len(poses), index, arena)
-    start = np.array([1.2 + at_m[0], 1.6 + at_m[1], 0.3])
-    truth, moments = start, []
-    for step in range(1, updates + 1):
-        motions = np.array([[0.0, 0.0, rng.uniform(-0.8, 0.8)], [rng.uniform(0.1, 0.25), 0.0, 0.0]])
-        for movement in motions:
-            truth = compose(truth, movement)
-        image = rng.integers(0, 256, (24, 32, 3), dtype=np.uint8)
-        frame = Frame(step, float(step), motions, image, f"{step}.jpg")
-        moments.append(Moment(frame, truth, ("door",) if step == 3 else ()))
-    info = SessionInfo("drive", motion=MAURICE if motion is None else motion, start=start, arena=arena)
-    return World(library, Drive(info, tuple(moments)), start)
+from helpers.filter_world import World, make_world
 
 
 @pytest.fixture(scope="session")

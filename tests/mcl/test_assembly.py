@@ -26,8 +26,8 @@ from maurice_mcl.sensor.model import SensorParameters
         {"references": ReferenceParameters("furthest")},
         {"resampling": ResamplingParameters("lottery")},
         {"resampling": ResamplingParameters(when="sometimes")},
-        {"reseeding": RecoveryParameters("hope")},
-        {"reseeding": RecoveryParameters("always", draw="somewhere")},
+        {"recovery": RecoveryParameters("hope")},
+        {"recovery": RecoveryParameters("always", draw="somewhere")},
     ],
 )
 def test_unknown_names_are_refused(world, choice):

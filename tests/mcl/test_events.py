@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_records import Cloud, at, made, moment
 
+from helpers.step_records import Cloud, at, made, moment
 from maurice_mcl.analysis.events import KINDS, EventDetector, RunEvent
 from maurice_mcl.analysis.localization_status import STATES
 from maurice_mcl.analysis.metrics import Scorer

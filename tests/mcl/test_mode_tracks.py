@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from made_records import Cloud, at, made
 
+from helpers.step_records import Cloud, at, made
 from maurice_mcl.analysis.modes import ModeTracker
 from maurice_mcl.filter.estimate import modes
 

@@ -50,7 +50,7 @@ def test_nothing_unusual_is_no_cause_for_anything(name, evidence, updates):
 
 def test_none_and_always():
     memory = RecoveryState(1.0, 2.0, 3.0, 4)
-    assert (none(-math.inf, memory).share, none(-5.0, memory).memory) == (0, memory)
+    assert (none(-math.inf, memory).share, none(-5.0, memory).state) == (0, memory)
     verdict = always(0.07)(-5.0, memory)
     assert (verdict.share, verdict.state, verdict.expand) == (0.07, memory, False)
 

@@ -25,7 +25,7 @@ def _record(off_m, time_s=10.0, at=HERE, injected=None, fresh=None, forward_m=0.
     return SimpleNamespace(
         weighted=belief,
         estimate=heaviest_cluster(belief, fresh),
-        mean=weighted_mean(belief, fresh),
+        mean_estimate=weighted_mean(belief, fresh),
         injected=injected,
         frame=frame,
     )

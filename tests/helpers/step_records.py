@@ -40,7 +40,7 @@ def made(
         sighting=Sighting(comparison, np.zeros(len(table), np.int32), nothing),
         weighted=weighted,
         estimate=heaviest_cluster(weighted, left_out),
-        mean=weighted_mean(weighted, left_out),
+        mean_estimate=weighted_mean(weighted, left_out),
         effective_sample_size=effective_sample_size(weighted.log_weights),
         log_evidence=evidence,
         calibrated_evidence=evidence,

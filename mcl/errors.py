@@ -1,0 +1,21 @@
+"""The error that bad input raises, in every package: one line that a person can act on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InputError(Exception):
+    """Input that is not what it should be: what was found, where, what was expected, what to do.
+
+    `str()` is one line: `session.log:17: found ..., expected ...; what to do`.
+    """
+
+    def __init__(self, file: Path | None, message: str, line: int | None = None) -> None:
+        """Take the file, None for values that come from no file, and the line, counted from 1."""
+        message = " ".join(message.splitlines())  # one line, whatever names and system messages hold
+        place = f"{file or ''}" if line is None else f"{file}:{line}"
+        super().__init__(f"{place}: {message}" if place else message)
+        self.file = file
+        self.line = line  # None when the matter is the whole file
+        self.message = message
