@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import typer
 
 from maurice_loaders.config_files import configuration_of, read_motion, to_toml
 from maurice_loaders.errors import LogError
@@ -28,11 +27,13 @@ from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.session import Session, SessionInfo
 
-from ..cli.console import note, progress
+from ..cli.console import TO_CONSOLE, note
 from ..cli.options import RunOptions
 from ..entities import RESERVED
+from ..errors import OptionError
 from ..playback import FilterRun
 from ..style import Units, units_named
+from .listener import Listener, progress_of
 
 # A pose as it is typed: X,Y,HEADING in the session's display units and degrees.
 
@@ -40,14 +41,14 @@ FARTHEST_M = 1e9  # no map reaches further
 
 
 def typed_pose(text: str, units: Units, wanted: str) -> F64:
-    """Read a pose (3,) in metres and radians; a usage error that says what was wanted for anything else."""
+    """Read a pose (3,) in meters and radians. Raises OptionError for anything else."""
     try:
         x, y, heading_deg = (float(part) for part in text.split(","))
     except ValueError:
         x = y = heading_deg = np.nan
     pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
     if not (np.abs(pose) <= FARTHEST_M).all():
-        raise typer.BadParameter(f"{wanted} in {units.name} and degrees, found {text!r}")
+        raise OptionError(f"{wanted} in {units.name} and degrees, found {text!r}")
     return pose
 
 
@@ -123,7 +124,13 @@ class Drive(Session, Protocol):
         ...
 
 
-def open_session(path: Path, *, keep_going: bool, opening: OpenOptions | None = None) -> AnySession:
+def open_session(
+    path: Path,
+    *,
+    keep_going: bool,
+    opening: OpenOptions | None = None,
+    listener: Listener = TO_CONSOLE,
+) -> AnySession:
     """Open a session of any format; a word that is no file gets the nearest command's name."""
     if not path.exists():
         near = difflib.get_close_matches(str(path), COMMANDS, n=1)
@@ -133,9 +140,9 @@ def open_session(path: Path, *, keep_going: bool, opening: OpenOptions | None = 
     one = chosen(path, options)
     session = open_any(path, replace(options, format=one.name))
     if one.name != NATIVE:
-        note(f"{path}: read as {one.name}, {one.what}")
+        listener.remark(f"{path}: read as {one.name}, {one.what}")
     if isinstance(session, RecordedSession) and isinstance(session.recording, MadeOdometry):
-        note(session.recording.said)
+        listener.remark(session.recording.said)
     if session.kind != "session":
         advice = "build a library from it, or replay the session that belongs to it"
         raise LogError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
@@ -149,7 +156,9 @@ def as_recorded_session(session: AnySession, opening: OpenOptions) -> RecordedSe
     return RecordedSession(open_recording(session.path, opening), opening.pairing)
 
 
-def open_library_for(session: AnySession, library: Path | None, *, keep_going: bool) -> Library:
+def open_library_for(
+    session: AnySession, library: Path | None, *, keep_going: bool, listener: Listener = TO_CONSOLE
+) -> Library:
     """Open the library that was asked for, or the one that the session's header names."""
     path = library or session.info.survey
     if path is None:
@@ -159,8 +168,9 @@ def open_library_for(session: AnySession, library: Path | None, *, keep_going: b
         )
     if not path.exists():
         raise LogError(path, "found no such library or survey; say which with --library")
-    with progress("library") as advance:
-        return open_library(path, keep_going=keep_going, progress=advance, warn=note)
+    return open_library(
+        path, keep_going=keep_going, progress=progress_of(listener, "library"), warn=listener.warning
+    )
 
 
 @dataclass(frozen=True, slots=True)

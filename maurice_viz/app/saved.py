@@ -23,11 +23,12 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..cli.console import note, progress
+from ..cli.console import TO_CONSOLE, note
 from ..cli.errors import one_line_errors
 from ..cli.options import OutputOptions
 from ..playback import ResultCollector, shared
 from ..scene import RunView
+from .listener import Listener, progress_of
 from .open import AnySession
 from .output import Scene
 from .restoring import Pictures, Restored, restored_together
@@ -58,11 +59,11 @@ def session_of(run: SavedRun) -> AnySession:
     return open_session(path, replace(reading, table=found, keep_going=run.manifest.keep_going))
 
 
-def library_of(run: SavedRun) -> Library:
+def library_of(run: SavedRun, listener: Listener = TO_CONSOLE) -> Library:
     """Open the library of a run. LogError when it is gone, was changed, or is measured otherwise today."""
     path = unchanged(run.manifest.library, run.folder, "library")
-    with progress("library") as advance:
-        library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
+    advance = progress_of(listener, "library")
+    library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
     missing = [name for name in run.manifest.channels if name not in library.index]
     if missing or library_hash(library, run.manifest.channels) != run.manifest.library_content:
         what = f"has no channel {missing[0]}" if missing else "holds other measurements or poses"
@@ -90,17 +91,18 @@ class Opened:
     restored: list[Restored]
     session: AnySession | None
     scene: Scene  # its library has no entries where pictures or comparisons cannot be made again
+    listener: Listener = TO_CONSOLE
 
     def updates(self) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
         """Go through the updates from the first, every time it is called; records by the run's label."""
-        return restored_together(self.restored, Pictures(self.session, note))
+        return restored_together(self.restored, Pictures(self.session, self.listener.warning))
 
 
-def open_saved(folder: Path) -> Opened:
-    """Open a saved run's folder, or a comparison's. LogError for anything else; notes say what is gone."""
+def open_saved(folder: Path, listener: Listener = TO_CONSOLE) -> Opened:
+    """Open a saved run's folder, or a comparison's; remarks name what is gone. Raises LogError."""
     runs = open_runs(folder)
     _check_one_session(runs)
-    found = _find(runs[0])
+    found = _find(runs[0], listener)
     first = runs[0].manifest
     whole = found.session is not None and found.library is not None
     library = found.library if whole and found.library is not None else _map_alone(runs[0])
@@ -109,9 +111,11 @@ def open_saved(folder: Path) -> Opened:
     info = found.session.info if found.session else gone
     notes = find_notes(folder, runs)
     for problem in notes.problems:
-        note(problem)
+        listener.warning(problem)
     restored = [Restored(run, _sensor(run, found), notes.by_label[run.manifest.label]) for run in runs]
-    return Opened(runs, restored, found.session, Scene(info, library, first.has_truth, first.pictures))
+    return Opened(
+        runs, restored, found.session, Scene(info, library, first.has_truth, first.pictures), listener
+    )
 
 
 def replay_saved(folder: Path, output: OutputOptions) -> None:
@@ -145,13 +149,16 @@ def _check_one_session(runs: list[SavedRun]) -> None:
             raise LogError(run.folder, f"is a run of another session than {runs[0].folder}; replay it alone")
 
 
-def _find(run: SavedRun) -> _Found:
+def _find(run: SavedRun, listener: Listener) -> _Found:
     """Open what is still there, and say in a line what is not."""
     problems: list[str] = []
-    found = _Found(_tried(lambda: session_of(run), problems), _tried(lambda: library_of(run), problems))
+    found = _Found(
+        _tried(lambda: session_of(run), problems),
+        _tried(lambda: library_of(run, listener), problems),
+    )
     if problems:
         empty = "pictures and comparisons" if found.session is None else "comparisons"
-        note(f"{'; '.join(problems)}: the panels of {empty} stay empty")
+        listener.warning(f"{'; '.join(problems)}: the panels of {empty} stay empty")
     return found
 
 

@@ -61,8 +61,8 @@ def progress(what: str) -> Iterator[Advance]:
 class ConsoleListener:
     """Writes remarks and warnings to standard error and shows progress there, one bar at a time."""
 
-    def __init__(self, bar: Progress) -> None:
-        """Show progress in this bar."""
+    def __init__(self, bar: Progress | None = None) -> None:
+        """Show progress in this bar; without one only remarks and warnings are written."""
         self._bar = bar
         self._task: TaskID | None = None
         self._what = ""
@@ -77,6 +77,8 @@ class ConsoleListener:
 
     def progress(self, done: int, total: int, what: str) -> None:
         """Move the bar of `what`; it takes the place of the bar of anything else."""
+        if self._bar is None:
+            return
         if self._task is None or what != self._what:
             if self._task is not None:
                 self._bar.remove_task(self._task)
@@ -89,3 +91,6 @@ def listening() -> Iterator[Listener]:
     """Yield a listener that writes to standard error; its progress bar goes when the block ends."""
     with _bar() as bar:
         yield ConsoleListener(bar)
+
+
+TO_CONSOLE = ConsoleListener()
