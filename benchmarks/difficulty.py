@@ -21,7 +21,7 @@ import numpy as np
 
 from maurice_datasets.maurice import GENERATOR, write_simulation
 from maurice_datasets.seeds import for_fitting
-from maurice_datasets.simulation import Plan
+from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS, TIERS
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.io.files import cache_root
@@ -117,7 +117,7 @@ def retrieval(session: SessionLog, library: Library) -> dict[str, float]:
 def measure(tier: str, seed: int) -> Result:
     folder = cache_root() / "difficulty" / f"{GENERATOR}-{tier}-{for_fitting(seed)}"
     if not folder.exists():
-        write_simulation(folder, Plan(TASKS["tracking"], tier=tier, arena_seed=seed, seed=seed))
+        write_simulation(folder, SimulationPlan(TASKS["tracking"], tier=tier, arena_seed=seed, seed=seed))
     session = SessionLog(folder / "session.log")
     assert session.info.survey is not None
     library = open_library(session.info.survey)

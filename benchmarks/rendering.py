@@ -13,7 +13,7 @@ import numpy as np
 
 from maurice_datasets.render.baking import lighting_of
 from maurice_datasets.render.camera import Lens
-from maurice_datasets.render.camera_session import Outing, lit_once, session_outing
+from maurice_datasets.render.camera_session import CameraSession, lit_once, session_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
 from maurice_datasets.worlds.world import World
 from maurice_datasets.worlds.world_file import load_world
@@ -24,7 +24,7 @@ GOAL_MS, LIMIT_MS = 10, 20
 SIZES = ((88, 143), (352, 288), (640, 480))
 
 
-def outings(world: World) -> dict[str, Outing]:
+def outings(world: World) -> dict[str, CameraSession]:
     moving = parse_lights("daylight@1-1000")
     cases = {
         "plain": Conditions(),
@@ -33,10 +33,10 @@ def outings(world: World) -> dict[str, Outing]:
         "people in every picture": Conditions(occluded=1.0),
         "daylight and people": Conditions(moving, occluded=1.0),
     }
-    made = {name: session_outing(world, 0, conditions) for name, conditions in cases.items()}
+    made = {name: session_camera(world, 0, conditions) for name, conditions in cases.items()}
     for width, height in SIZES:
         lens = Lens(width, height, pixel_aspect=2.0 if width < height else 1.0)
-        made[f"plain, {width} x {height}"] = session_outing(world, 0, lens=lens)
+        made[f"plain, {width} x {height}"] = session_camera(world, 0, lens=lens)
     return made
 
 
@@ -56,9 +56,9 @@ def measure(name: str) -> None:
     poses = np.column_stack([places, rng.uniform(-np.pi, np.pi, PICTURES)])
     took: dict[str, list[float]] = {case: [] for case in cases}
     for number, pose in enumerate(poses, start=1):
-        for case, outing in cases.items():
+        for case, camera in cases.items():
             began = perf_counter()
-            outing.take(number, pose)
+            camera.take(number, pose)
             took[case].append((perf_counter() - began) * 1000)
     plain = np.median(took["plain"])
     for case, times in took.items():

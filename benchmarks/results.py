@@ -27,7 +27,7 @@ from maurice_datasets.maurice import GENERATOR, survey_folder
 from maurice_datasets.render.conditions import LightChange
 from maurice_datasets.seeds import for_testing
 from maurice_datasets.simulated_session import simulated_session
-from maurice_datasets.simulation import Plan
+from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world_file import load_world
 from maurice_loaders.io.files import cache_root
@@ -86,10 +86,10 @@ CASES = (
 )
 
 
-def plan_of(case: Case, drive: int) -> Plan:
+def plan_of(case: Case, drive: int) -> SimulationPlan:
     """Give the session of a case's drive; one arena in ten drives."""
     kidnapped = case.task == "kidnapped"
-    plan = Plan(
+    plan = SimulationPlan(
         TASKS[case.task],
         tier=case.tier,
         arena_seed=for_testing(1000 + drive % ARENAS),
@@ -136,7 +136,7 @@ class MeasuredOnce:
         return found
 
 
-def library_of(plan: Plan) -> Library:
+def library_of(plan: SimulationPlan) -> Library:
     world = load_world(plan.world, plan.arena_seed, plan.tier)
     return open_library(survey_folder(plan, world, lambda done, total, what: None) / "survey.log")
 

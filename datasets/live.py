@@ -23,7 +23,7 @@ from maurice_mcl.session import SessionInfo
 
 from .maurice import one_thread, play, session_info
 from .robot.segments import Progress
-from .simulation import Plan, stage
+from .simulation import SimulationPlan, stage
 
 # Lines to whoever listens, over TCP. Who connects late, reads slowly or goes away disturbs nobody else.
 
@@ -248,7 +248,7 @@ class Pace:
 
 
 def serve(
-    plan: Plan,
+    plan: SimulationPlan,
     address: Address,
     rate: float,
     *,

@@ -15,10 +15,10 @@ from maurice_mcl.session import Camera, SessionInfo
 
 from .folders import NOTE, cached, copy_whole, fingerprint, seal
 from .render.camera import Lens
-from .render.camera_session import Outing, survey_outing
+from .render.camera_session import CameraSession, survey_camera
 from .robot.motion import Chassis
-from .robot.segments import FRAME_S, Log, Progress, write_legs
-from .simulation import Plan, Stage, stage
+from .robot.segments import FRAME_S, Log, Progress, write_segments
+from .simulation import SimulationPlan, Stage, stage
 from .survey import Surveyor, references
 from .tasks import TASKS, UPDATES
 from .worlds.world import World
@@ -52,16 +52,16 @@ def camera_of(lens: Lens) -> Camera:
     return Camera("front", lens.width_px, lens.height_px, lens.horizontal_fov_rad, 0.0, lens.height_m)
 
 
-def survey_info(world: World, outing: Outing) -> SessionInfo:
+def survey_info(world: World, camera: CameraSession) -> SessionInfo:
     """Give the header of a world's survey."""
     return SessionInfo(
         name=f"survey of {world.name}",
         display_units="in",
         robot="Maurice (simulated)",
         motion=Chassis().motion_header(),
-        cameras=(camera_of(outing.lens),),
+        cameras=(camera_of(camera.lens),),
         arena=world.arena,
-        notes=(f"simulated: {world.name}, generator {GENERATOR}", *outing.notes),
+        notes=(f"simulated: {world.name}, generator {GENERATOR}", *camera.notes),
     )
 
 
@@ -73,7 +73,7 @@ def session_info(set_up: Stage) -> SessionInfo:
         display_units="in",
         robot="Maurice (simulated)",
         motion=set_up.course.motion,
-        cameras=(camera_of(set_up.outing.lens),),
+        cameras=(camera_of(set_up.camera.lens),),
         start=set_up.course.start if plan.task.start_known else None,
         survey=SURVEY,
         arena=set_up.surveyed.arena,
@@ -85,36 +85,40 @@ def notes_of(set_up: Stage) -> tuple[str, ...]:
     """Say in the header what a reader of the session may want to know."""
     moved = set_up.plan.moved
     things = (f"pieces of furniture moved after the survey: {moved}",) if moved else ()
-    return (f"tier {set_up.plan.tier}", *set_up.outing.notes, *things, *set_up.course.notes)
+    return (f"tier {set_up.plan.tier}", *set_up.camera.notes, *things, *set_up.course.notes)
 
 
 def play(set_up: Stage, log: Log, report: Progress) -> None:
     """Let the robot drive, and write down what happens."""
     course = set_up.course
-    write_legs(log, course.start, course.legs(), set_up.outing, set_up.world.arena, course.total, report)
+    write_segments(
+        log, course.start, course.segments(), set_up.camera, set_up.world.arena, course.total, report
+    )
 
 
-def write_survey(path: Path, world: World, outing: Outing, surveyor: Surveyor, report: Progress) -> None:
+def write_survey(
+    path: Path, world: World, camera: CameraSession, surveyor: Surveyor, report: Progress
+) -> None:
     """Write the covered pictures, then every reference with its nominal pose."""
     total = len(world.nodes) * surveyor.headings
-    with SessionWriter(path, survey_info(world, outing), kind="survey") as log:
+    with SessionWriter(path, survey_info(world, camera), kind="survey") as log:
         for number in range(surveyor.covered):
-            log.image(number * FRAME_S, outing.take_covered(number), covered=True, camera="front")
+            log.image(number * FRAME_S, camera.take_covered(number), covered=True, camera="front")
         t_s = surveyor.covered * FRAME_S
-        for number, (pose, picture) in enumerate(references(world.nodes, outing, surveyor), start=1):
+        for number, (pose, picture) in enumerate(references(world.nodes, camera, surveyor), start=1):
             log.image(t_s + number * SURVEY_S, picture, pose=pose, camera="front")
             report(number, total, "survey")
 
 
-def survey_folder(plan: Plan, world: World, report: Progress) -> Path:
+def survey_folder(plan: SimulationPlan, world: World, report: Progress) -> Path:
     """Give the folder of a world's survey from the cache: it depends on world, tier and arena seed alone."""
     camera = "-half" if plan.half_resolution else ""
     key = f"{GENERATOR}-{fingerprint(world)[:24]}-{plan.arena_seed}{camera}"
 
     def make(folder: Path) -> None:
         with new_folder(folder) as filling:
-            outing = survey_outing(world, plan.arena_seed, half_resolution=plan.half_resolution)
-            write_survey(filling / SURVEY.name, world, outing, surveyor_of(world), report)
+            camera = survey_camera(world, plan.arena_seed, half_resolution=plan.half_resolution)
+            write_survey(filling / SURVEY.name, world, camera, surveyor_of(world), report)
             seal(filling, key)
 
     return cached("surveys", key, make)
@@ -127,7 +131,7 @@ def surveyor_of(world: World) -> Surveyor:
 
 def write_simulation(
     folder: Path,
-    plan: Plan,
+    plan: SimulationPlan,
     *,
     surveyor: Surveyor | None = None,
     force: bool = False,
@@ -145,8 +149,8 @@ def write_simulation(
             kept = survey_folder(plan, set_up.surveyed, report)
             copy_whole(kept, filling / SURVEY.parent)
         else:
-            outing = survey_outing(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
-            write_survey(filling / SURVEY, set_up.surveyed, outing, surveyor, report)
+            camera = survey_camera(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
+            write_survey(filling / SURVEY, set_up.surveyed, camera, surveyor, report)
         with SessionWriter(filling / "session.log", session_info(set_up)) as log:
             play(set_up, log, report)
         seal(filling, key_of(plan))
@@ -167,12 +171,12 @@ def write_demo(
     return write_simulation(folder, plan, surveyor=surveyor or Surveyor(), force=force, progress=progress)
 
 
-def demo_plan(seed: int, updates: int) -> Plan:
+def demo_plan(seed: int, updates: int) -> SimulationPlan:
     """Give the demo's plan: no slips, so that a first picture is not one of bad luck."""
-    return Plan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
+    return SimulationPlan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
 
 
-def key_of(plan: Plan) -> str:
+def key_of(plan: SimulationPlan) -> str:
     """Name what is made from a plan so that another generator or plan never takes its place."""
     return f"{plan.task.name}-{GENERATOR}-seed{plan.arena_seed}-{plan.seed}-{plan.updates}"
 

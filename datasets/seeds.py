@@ -11,7 +11,7 @@ from enum import IntEnum
 # What the simulator draws for: the last word of its random addresses (see maurice_mcl.randomness).
 
 
-class Purpose(IntEnum):
+class SimPurpose(IntEnum):
     """One stream a purpose, so that changing one part of a world leaves the others as they were."""
 
     WORLD = 1

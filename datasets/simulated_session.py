@@ -11,7 +11,7 @@ from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from .maurice import session_info
 from .robot.segments import Happened, Moved
-from .simulation import Plan, Stage, stage
+from .simulation import SimulationPlan, Stage, stage
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,21 +23,21 @@ class SimulatedSession:
 
     def moments(self) -> Iterator[Moment]:
         """Drive and look from the beginning, on every call."""
-        outing = self.set_up.outing
-        for number, leg in enumerate(self.set_up.course.legs(), start=1):
-            motions = [entry.motion for entry in leg.entries if isinstance(entry, Moved)]
-            told = tuple(entry.text for entry in leg.entries if isinstance(entry, Happened))
+        camera = self.set_up.camera
+        for number, segment in enumerate(self.set_up.course.segments(), start=1):
+            motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
+            told = tuple(entry.text for entry in segment.entries if isinstance(entry, Happened))
             frame = Frame(
                 step=number,
-                time_s=leg.t_s,
+                time_s=segment.t_s,
                 motions=np.array(motions).reshape(-1, 3),
-                image=outing.take(number, leg.pose),
+                image=camera.take(number, segment.pose),
                 picture="",
             )
-            yield Moment(frame, leg.pose, (*told, *outing.events(number)))
+            yield Moment(frame, segment.pose, (*told, *camera.events(number)))
 
 
-def simulated_session(plan: Plan) -> SimulatedSession:
+def simulated_session(plan: SimulationPlan) -> SimulatedSession:
     """Set a plan's session up. LogError for worlds and recordings that cannot be used."""
     set_up = stage(plan)
     return SimulatedSession(set_up, session_info(set_up))

@@ -13,14 +13,14 @@ from maurice_loaders.errors import LogError
 from maurice_mcl.arrays import F64
 from maurice_mcl.randomness import Domain, stream
 
-from .render.camera_session import Outing, session_outing
+from .render.camera_session import CameraSession, session_camera
 from .render.conditions import GAINS, Conditions, LightChange, conditions_for
 from .robot.drive import KIDNAP_M, Robot, drive
 from .robot.motion import Chassis
 from .robot.planner import SCALES, Raster, fit, raster
 from .robot.recorded_path import read_recording
-from .robot.segments import Leg, driven_legs
-from .seeds import Purpose
+from .robot.segments import Segment, driven_segments
+from .seeds import SimPurpose
 from .tasks import TIERS, UPDATES, Task
 from .worlds.rearrange import move_things
 from .worlds.world import World
@@ -30,7 +30,7 @@ SLIP_CHANCE = 0.15  # at a crossing into another floor: about two in a drive of 
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SimulationPlan:
     """All that a session depends on. ValueError for what no session can be."""
 
     task: Task
@@ -75,7 +75,7 @@ class Course:
 
     start: F64  # (3,)
     total: int  # updates
-    legs: Callable[[], Iterator[Leg]]  # from the beginning on every call
+    segments: Callable[[], Iterator[Segment]]  # from the beginning on every call
     motion: dict[str, Any] | None  # the robot's motion parameters, as a header has them
     notes: tuple[str, ...] = ()  # for the header
 
@@ -84,14 +84,14 @@ class Course:
 class Stage:
     """Everything in its place; nothing has moved yet, and no picture has been taken."""
 
-    plan: Plan
+    plan: SimulationPlan
     surveyed: World  # as the survey saw it
     world: World  # as it is now
-    outing: Outing  # the session's camera
+    camera: CameraSession  # the session's camera
     course: Course
 
 
-def stage(plan: Plan) -> Stage:
+def stage(plan: SimulationPlan) -> Stage:
     """Set everything up. LogError for worlds and recordings that cannot be used."""
     surveyed = load_world(plan.world, plan.arena_seed, plan.tier)
     world = move_things(surveyed, plan.moved, plan.seed) if plan.moved else surveyed
@@ -104,13 +104,13 @@ def stage(plan: Plan) -> Stage:
         driven(plan, world, map_) if plan.recording is None else followed(plan, world, map_, plan.recording)
     )
     try:
-        outing = session_outing(world, plan.seed, plan.conditions)
+        camera = session_camera(world, plan.seed, plan.conditions)
     except ValueError as problem:  # a lamp that this world does not have
         raise LogError(Path(plan.world), str(problem)) from None
-    return Stage(plan, surveyed, world, outing, course)
+    return Stage(plan, surveyed, world, camera, course)
 
 
-def driven(plan: Plan, world: World, map_: Raster) -> Course:
+def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
     """Let the robot drive itself. LogError where a kidnapped robot cannot be put far enough away."""
     chassis = Chassis(slip_chance=plan.slip_chance)
     robot = Robot(world.arena, plan.seed, chassis)
@@ -119,19 +119,19 @@ def driven(plan: Plan, world: World, map_: Raster) -> Course:
     if kidnap_at is not None and reach_m < 2 * KIDNAP_M:
         raise LogError(Path(plan.world), "found too small a place to be kidnapped in; take a larger world")
 
-    def legs() -> Iterator[Leg]:
-        return driven_legs(drive(robot, map_, plan.updates, kidnap_at, world.start)[1], world.arena)
+    def segments() -> Iterator[Segment]:
+        return driven_segments(drive(robot, map_, plan.updates, kidnap_at, world.start)[1], world.arena)
 
     start = drive(robot, map_, 0, start=world.start)[0]
     return Course(
-        start, plan.updates, legs, chassis.motion_header(), (f"slips: {plan.slip_chance:g} a crossing",)
+        start, plan.updates, segments, chassis.motion_header(), (f"slips: {plan.slip_chance:g} a crossing",)
     )
 
 
-def followed(plan: Plan, world: World, map_: Raster, path: Path) -> Course:
+def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Course:
     """Follow a recorded path, moved to where it fits. LogError where it fits nowhere."""
     found = read_recording(path, plan.updates)
-    at = fit(map_, found.track, stream(Domain.SIMULATOR, plan.seed, 0, Purpose.START))
+    at = fit(map_, found.track, stream(Domain.SIMULATOR, plan.seed, 0, SimPurpose.START))
     if at is None:
         size = " x ".join(f"{v:.1f} m" for v in np.ptp(found.track, axis=0))
         smallest = f"{SCALES[-1]:.0%} of its size"
@@ -144,4 +144,6 @@ def followed(plan: Plan, world: World, map_: Raster, path: Path) -> Course:
     notes = [f"path and odometry are recorded: {found.name}{scaled}"]
     if found.carried:
         notes.append(f"the recorded robot was carried, or its truth jumps: {found.carried} times")
-    return Course(at.pose(found.start), len(found.legs), lambda: found.placed(at), found.motion, tuple(notes))
+    return Course(
+        at.pose(found.start), len(found.segments), lambda: found.placed(at), found.motion, tuple(notes)
+    )

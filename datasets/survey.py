@@ -14,8 +14,8 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import INCH_M, wrap
 from maurice_mcl.randomness import Domain, stream
 
-from .render.camera_session import Outing
-from .seeds import Purpose
+from .render.camera_session import CameraSession
+from .seeds import SimPurpose
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +37,15 @@ def reference_poses(nodes: F64, headings: int) -> F64:
 
 def placed_poses(nominal: F64, seed: int, surveyor: Surveyor) -> F64:
     """Give where the references (L, 3) really were: each a little off its nominal pose."""
-    rng = stream(Domain.SIMULATOR, seed, 0, Purpose.SURVEY_PLACING)
+    rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.SURVEY_PLACING)
     sd = np.array([surveyor.place_sd_m, surveyor.place_sd_m, surveyor.heading_sd_rad])
     return np.asarray(nominal + rng.standard_normal(nominal.shape) * sd)
 
 
-def references(nodes: F64, outing: Outing, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:
+def references(nodes: F64, camera: CameraSession, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:
     """Give the nominal pose (3,) and the picture of each reference."""
     nominal = reference_poses(nodes, surveyor.headings)
     for number, (label, pose) in enumerate(
-        zip(nominal, placed_poses(nominal, outing.seed, surveyor), strict=True)
+        zip(nominal, placed_poses(nominal, camera.seed, surveyor), strict=True)
     ):
-        yield label, outing.take(number, pose)
+        yield label, camera.take(number, pose)

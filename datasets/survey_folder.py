@@ -14,9 +14,9 @@ from maurice_mcl.randomness import Domain, stream
 
 from .folders import NOTE, seal
 from .maurice import GENERATOR, SURVEY, one_thread, surveyor_of, write_survey
-from .render.camera_session import survey_outing
+from .render.camera_session import survey_camera
 from .robot.segments import Progress
-from .seeds import Purpose
+from .seeds import SimPurpose
 from .tasks import TIERS
 from .worlds.build import build_world
 from .worlds.world import World, clearance, inside
@@ -50,15 +50,15 @@ def write_survey_folder(
     """Write a survey log with its pictures into a new folder, all of it or nothing; gives the log's path."""
     report = progress or (lambda done, total, what: None)
     with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
-        outing = survey_outing(world, seed, half_resolution=half_resolution)
-        write_survey(filling / SURVEY.name, world, outing, surveyor_of(world), report)
+        camera = survey_camera(world, seed, half_resolution=half_resolution)
+        write_survey(filling / SURVEY.name, world, camera, surveyor_of(world), report)
         seal(filling, f"survey-{GENERATOR}-{seed}")
     return folder / SURVEY.name
 
 
 def views(world: World, seed: int, count: int) -> F64:
     """Choose poses (count, 3) to look at a world from: every room in turn, with some depth ahead."""
-    rng = stream(Domain.SIMULATOR, seed, 0, Purpose.START)
+    rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.START)
     rooms = [world.nodes[inside(room.polygon, world.nodes)] for room in world.arena.rooms]
     rooms = [nodes for nodes in rooms if len(nodes)]
     poses = []

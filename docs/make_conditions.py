@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_datasets.render.camera_session import session_outing
+from maurice_datasets.render.camera_session import session_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
 from maurice_datasets.worlds.world_file import load_world
 
@@ -42,7 +42,7 @@ def main() -> None:
     world = load_world("two-rooms", 0)
     tiles = []
     for title, (number, conditions) in CASES.items():
-        picture = session_outing(world, 0, conditions).take(number, POSE)
+        picture = session_camera(world, 0, conditions).take(number, POSE)
         tiles.append(tile(title, (picture // 16 * 16 + 8).astype(np.uint8)))  # 16 levels: noise packs badly
     rows = [np.hstack(tiles[k : k + COLUMNS]) for k in range(0, len(tiles), COLUMNS)]
     sheet = cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR)

@@ -16,8 +16,8 @@ from maurice_mcl.arrays import F32, F64, I32
 
 from ..worlds.world import Face, World
 from .light import Baking, face_points, irradiance_by_part
-from .parts import Part, parts_of
-from .scene import LitFace, Scene, halvings, scene_of
+from .parts import LightPart, parts_of
+from .scene import LitFace, LitScene, halvings, scene_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +33,7 @@ class Lighting:
     """The light that each part throws on each face."""
 
     faces: tuple[Face, ...]
-    parts: tuple[Part, ...]  # S of them
+    parts: tuple[LightPart, ...]  # S of them
     by_part: tuple[PartLight, ...]  # S; glow included
     shapes: tuple[tuple[int, int], ...]  # rows and columns of each face's grid, one after the other
     total: F32  # (K, 3) of all parts together
@@ -89,7 +89,9 @@ def smoothed(light: F32, shapes: tuple[tuple[int, int], ...]) -> F32:
     return result
 
 
-def with_glow(world: World, parts: tuple[Part, ...], shapes: tuple[tuple[int, int], ...], light: F32) -> F32:
+def with_glow(
+    world: World, parts: tuple[LightPart, ...], shapes: tuple[tuple[int, int], ...], light: F32
+) -> F32:
     """Add the glow of shades and window panes (S, K, 3); it belongs to the lamp that is nearest."""
     result, first = light.copy(), 0
     for face, (rows, columns) in zip(world.faces, shapes, strict=True):
@@ -109,7 +111,7 @@ def nearest_source(world: World, face: Face) -> str:
     return min(far, key=far.__getitem__, default=(*world.sources, "")[0])
 
 
-def bake(world: World, baking: Baking | None = None) -> Scene:
+def bake(world: World, baking: Baking | None = None) -> LitScene:
     """Light every face of a world as the survey has it; each picture then costs only the warping of faces."""
     lighting = lighting_of(world, baking)
     return scene_of(tuple(lit(face, grid) for face, grid in zip(world.faces, lighting.grids(), strict=True)))
@@ -123,7 +125,7 @@ def lit(face: Face, light: F32) -> LitFace:
     return LitFace(face.corner, face.across, face.down, halvings(radiance.astype(np.float32)))
 
 
-def unlit(lighting: Lighting) -> Scene:
+def unlit(lighting: Lighting) -> LitScene:
     """Prepare faces whose light changes, under the light of all parts; `relit` gives them another."""
     firsts = np.cumsum([0, *(rows * columns for rows, columns in lighting.shapes)])
     faces = (
@@ -133,6 +135,6 @@ def unlit(lighting: Lighting) -> Scene:
     return scene_of(tuple(faces), lighting.total)
 
 
-def relit(scene: Scene, light: F32) -> Scene:
+def relit(scene: LitScene, light: F32) -> LitScene:
     """Put other light (K, 3) on the faces of an `unlit` scene."""
-    return Scene(scene.faces, scene.corner, scene.across, scene.down, light)
+    return LitScene(scene.faces, scene.corner, scene.across, scene.down, light)

@@ -16,7 +16,7 @@ import numpy as np
 from maurice_mcl.arrays import F32, F64, I32, Bool
 from maurice_mcl.geometry import INCH_M
 
-from .scene import LitFace, Scene
+from .scene import LitFace, LitScene
 
 Window = tuple[int, int, int, int]  # u1, v1, u2, v2 of a part of the picture, ends exclusive
 
@@ -73,7 +73,7 @@ def clip_near(corners: F64, near_m: float) -> F64:
     return np.array(kept).reshape(-1, 3)
 
 
-def project(scene: Scene, position: F64, turn: F64, lens: Lens) -> list[Seen]:
+def project(scene: LitScene, position: F64, turn: F64, lens: Lens) -> list[Seen]:
     """Find the faces that turn their front to the camera, nearest first, and where they fall in it."""
     corner = (scene.corner - position) @ turn.T
     across, down = scene.across @ turn.T, scene.down @ turn.T
@@ -196,7 +196,7 @@ def draw(picture: F32, face: Seen, grid: F32 | None, mine: Bool, nearness: F32) 
         cv2.copyTo(shown, which.view(np.uint8), picture[part])
 
 
-def radiance(scene: Scene, pose: F64, lens: Lens | None = None) -> F32:
+def radiance(scene: LitScene, pose: F64, lens: Lens | None = None) -> F32:
     """Take a perfect picture (H, W, 3) in linear light from pose (3,) x_m, y_m, heading_rad."""
     lens = lens or Lens()
     position = np.array([pose[0], pose[1], lens.height_m])

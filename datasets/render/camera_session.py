@@ -1,6 +1,6 @@
 """One camera on one day: the survey's or a session's pictures of a world, under what changes meanwhile.
 
-`survey_outing` and `session_outing` take a `World` and bake it; the light of the two worlds baked last is
+`survey_camera` and `session_camera` take a `World` and bake it; the light of the two worlds baked last is
 kept, so a survey and a session of one world bake once. Pictures are pure functions of number and pose.
 """
 
@@ -14,27 +14,27 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import Purpose
+from ..seeds import SimPurpose
 from ..worlds.world import World
 from .baking import Lighting, bake, lighting_of, relit, unlit
 from .camera import Lens, radiance
 from .conditions import Conditions, brightness_at, events_at, named_lights, reshades, weights_at
 from .image_sensor import Exposure, Sensor, covered, draw_exposure, drifted, photograph
-from .occluders import Stand, people, standing_shade, stands_at
+from .occluders import StandingPerson, people, standing_shade, stands_at
 from .parts import windows_of
-from .scene import Scene, joined
+from .scene import LitScene, joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outing:
-    """Everything that makes pictures of a world; see `survey_outing` and `session_outing`."""
+class CameraSession:
+    """Everything that makes pictures of a world; see `survey_camera` and `session_camera`."""
 
     world: World
-    scene: Scene  # lit for good; or, with `lighting`, to be lit anew for each picture
+    scene: LitScene  # lit for good; or, with `lighting`, to be lit anew for each picture
     lighting: Lighting | None
     exposure: Exposure
     seed: int
-    purpose: Purpose  # of the pictures' noise
+    purpose: SimPurpose  # of the pictures' noise
     conditions: Conditions
     lens: Lens
     sensor: Sensor
@@ -49,7 +49,7 @@ class Outing:
 
     def take_covered(self, number: int) -> U8:
         """Take a picture with the lens covered."""
-        rng = stream(Domain.SIMULATOR, self.seed, number, Purpose.COVERED_NOISE)
+        rng = stream(Domain.SIMULATOR, self.seed, number, SimPurpose.COVERED_NOISE)
         return covered(self.sensor, (self.lens.height_px, self.lens.width_px), rng)
 
     def exposure_at(self, number: int) -> Exposure:
@@ -75,11 +75,11 @@ class Outing:
         }
         return tuple(text for text, holds in told.items() if holds)
 
-    def stands(self, number: int, pose: F64) -> tuple[Stand, ...]:
+    def stands(self, number: int, pose: F64) -> tuple[StandingPerson, ...]:
         """Give the people who stand in view in one picture."""
         return stands_at(self.world.arena, pose, self.seed, number, self.conditions.occluded)
 
-    def _scene_at(self, number: int, pose: F64) -> Scene:
+    def _scene_at(self, number: int, pose: F64) -> LitScene:
         if self.lighting is None:
             return self.scene
         lighting = self.lighting
@@ -93,12 +93,12 @@ class Outing:
 
 
 @lru_cache(maxsize=1)
-def lit_once(world: World) -> Scene:
+def lit_once(world: World) -> LitScene:
     """Light a world for good; kept for the last one."""
     return bake(world)
 
 
-def survey_outing(
+def survey_camera(
     world: World,
     seed: int,
     *,
@@ -106,41 +106,48 @@ def survey_outing(
     half_resolution: bool = False,
     lens: Lens | None = None,
     sensor: Sensor | None = None,
-) -> Outing:
+) -> CameraSession:
     """Make the survey's camera: its own light and white balance, and nothing that changes."""
     conditions = Conditions(gain=gain, half_resolution=half_resolution)
-    return outing(world, seed, conditions, (Purpose.SURVEY_LIGHT, Purpose.SURVEY_NOISE), lens, sensor)
+    return _camera_session(
+        world,
+        seed,
+        conditions,
+        (SimPurpose.SURVEY_LIGHT, SimPurpose.SURVEY_NOISE),
+        lens,
+        sensor,
+    )
 
 
-def session_outing(
+def session_camera(
     world: World,
     seed: int,
     conditions: Conditions | None = None,
     *,
     lens: Lens | None = None,
     sensor: Sensor | None = None,
-) -> Outing:
+) -> CameraSession:
     """Make the session's camera: the same camera on another day, under conditions.
 
     ValueError with one line for a light that the world does not have.
     """
-    purposes = Purpose.SESSION_LIGHT, Purpose.SESSION_NOISE
-    return outing(world, seed, conditions or Conditions(), purposes, lens, sensor)
+    purposes = SimPurpose.SESSION_LIGHT, SimPurpose.SESSION_NOISE
+    return _camera_session(world, seed, conditions or Conditions(), purposes, lens, sensor)
 
 
-def outing(
+def _camera_session(
     world: World,
     seed: int,
     conditions: Conditions,
-    purposes: tuple[Purpose, Purpose],
+    purposes: tuple[SimPurpose, SimPurpose],
     lens: Lens | None,
     sensor: Sensor | None,
-) -> Outing:
-    """Put an outing together; `purposes` are those of its light and of its noise."""
+) -> CameraSession:
+    """Put a camera session together; `purposes` are those of its light and of its noise."""
     lights = named_lights(world, conditions.lights)
     drawn = draw_exposure(stream(Domain.SIMULATOR, seed, 0, purposes[0]))
     moving = reshades(conditions) or conditions.occluded > 0
-    return Outing(
+    return CameraSession(
         world=world,
         scene=unlit(lighting_of(world)) if moving else lit_once(world),
         lighting=lighting_of(world) if moving else None,

@@ -15,7 +15,7 @@ from maurice_mcl.arrays import F64
 
 from ..tasks import Tier
 from ..worlds.world import World
-from .parts import Part, windows_of
+from .parts import LightPart, windows_of
 
 # What may change during a session: light, drift, people, the camera's gain; and how light is written.
 
@@ -226,7 +226,7 @@ def daylight_at(lights: tuple[LightChange, ...], number: int) -> float:
 
 
 def weights_at(
-    parts: tuple[Part, ...], windows: frozenset[str], lights: tuple[LightChange, ...], number: int
+    parts: tuple[LightPart, ...], windows: frozenset[str], lights: tuple[LightChange, ...], number: int
 ) -> F64:
     """Give the weights (S, 3) of the parts' light at an update, all 1 where nothing has changed."""
     off, moved = sources_off(lights, number), daylight_at(lights, number)

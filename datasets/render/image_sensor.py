@@ -10,7 +10,7 @@ import numpy as np
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import Purpose
+from ..seeds import SimPurpose
 from .conditions import Conditions
 
 # From light to numbers: lens faults, exposure, tone curve, black level and noise of a small color camera.
@@ -49,7 +49,7 @@ class Exposure:
 
 
 def draw_exposure(rng: np.random.Generator, gain_sd: float = 0.05, balance_sd: float = 0.02) -> Exposure:
-    """Draw the light and white balance of an outing: some percent in all, two between colors."""
+    """Draw the light and white balance of a camera session: some percent in all, two between colors."""
     common = 1 + gain_sd * float(rng.standard_normal())
     red, green, blue = common * (1 + balance_sd * rng.standard_normal(3))
     return Exposure((float(red), float(green), float(blue)))
@@ -130,7 +130,7 @@ SHARES = (0.7, 0.3)  # of the bound that each may take
 
 def swings(seed: int, number: int, count: int) -> list[float]:
     """Give `count` smooth functions of the update, each within -1 and 1."""
-    phases = stream(Domain.SIMULATOR, seed, 0, Purpose.LIGHT_DRIFT).uniform(0, 2 * np.pi, (count, 2))
+    phases = stream(Domain.SIMULATOR, seed, 0, SimPurpose.LIGHT_DRIFT).uniform(0, 2 * np.pi, (count, 2))
     waves = np.sin(2 * np.pi * number / np.array(PERIODS) + phases)
     return [float(value) for value in waves @ np.array(SHARES)]
 

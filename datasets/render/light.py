@@ -11,7 +11,7 @@ from maurice_mcl.arrays import F32, F64, I32, Bool
 from maurice_mcl.geometry import INCH_M
 
 from ..worlds.world import Box, Face, Lamp, World, inside
-from .parts import Part, parts_of
+from .parts import LightPart, parts_of
 
 # Light at points: lamps with soft shadows, open sky of each room, dark corners, each source apart.
 
@@ -178,7 +178,7 @@ def irradiance(world: World, points: F64, normals: F64, baking: Baking) -> F64:
 
 
 def irradiance_by_part(
-    world: World, parts: tuple[Part, ...], points: F64, normals: F64, baking: Baking
+    world: World, parts: tuple[LightPart, ...], points: F64, normals: F64, baking: Baking
 ) -> F64:
     """Give the light (S, K, 3) of each part at points (K, 3) with normals (K, 3)."""
     light = np.zeros((len(parts), len(points), 3))

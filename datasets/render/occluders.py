@@ -14,12 +14,12 @@ from maurice_mcl.arrays import F32, F64, Bool
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import Purpose
+from ..seeds import SimPurpose
 from ..worlds.world import World, clearance, inside
 from .light import seen_past
-from .parts import Part
+from .parts import LightPart
 from .people import Skin, figure
-from .scene import LitFace, Scene, scene_of
+from .scene import LitFace, LitScene, scene_of
 
 WARDROBE = 6  # different people a session has; enough that none is met at every turn
 NEAREST_M, FARTHEST_M = 0.75, 2.8  # from the robot; nearer, one trouser leg fills the view
@@ -34,7 +34,7 @@ FEET_M = 0.17  # size of the dark patch where somebody stands
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class StandingPerson:
     """One person in one frame."""
 
     x_m: float
@@ -46,13 +46,13 @@ class Stand:
 @lru_cache(maxsize=2)
 def wardrobe(seed: int) -> tuple[tuple[Skin, ...], ...]:
     """Draw a session's people."""
-    rng = stream(Domain.SIMULATOR, seed, 0, Purpose.OCCLUDERS)
+    rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.OCCLUDERS)
     return tuple(figure(rng) for _ in range(WARDROBE))
 
 
-def stands_at(arena: Arena, pose: F64, seed: int, number: int, share: float) -> tuple[Stand, ...]:
+def stands_at(arena: Arena, pose: F64, seed: int, number: int, share: float) -> tuple[StandingPerson, ...]:
     """Draw who stands where in frame `number` (from 1) as seen from pose (3,); () in most frames."""
-    rng = stream(Domain.SIMULATOR, seed, number, Purpose.OCCLUDERS)
+    rng = stream(Domain.SIMULATOR, seed, number, SimPurpose.OCCLUDERS)
     if rng.random() >= share:
         return ()
     count = 2 if rng.random() < PAIRS else 1
@@ -67,7 +67,7 @@ def stands_at(arena: Arena, pose: F64, seed: int, number: int, share: float) -> 
         if len(chosen) == count:
             break
     return tuple(
-        Stand(float(places[k, 0]), float(places[k, 1]), float(turned[k]), int(one))
+        StandingPerson(float(places[k, 0]), float(places[k, 1]), float(turned[k]), int(one))
         for k, one in zip(chosen, who, strict=False)
     )
 
@@ -98,8 +98,8 @@ def crossed(eye: F64, places: F64, starts: F64, ends: F64) -> Bool:
 
 
 def people(
-    world: World, parts: tuple[Part, ...], weights: F64, stands: tuple[Stand, ...], seed: int
-) -> Scene:
+    world: World, parts: tuple[LightPart, ...], weights: F64, stands: tuple[StandingPerson, ...], seed: int
+) -> LitScene:
     """Stand people (at least one) into a world, lit by its parts under weights (S, 3)."""
     lit: list[LitFace] = []
     lights: list[F32] = []
@@ -129,7 +129,7 @@ def turning(angle_rad: float) -> F64:
 
 def person_light(
     world: World,
-    parts: tuple[Part, ...],
+    parts: tuple[LightPart, ...],
     weights: F64,
     at: F64,
     faces: tuple[F64, F64, F64],
@@ -172,7 +172,7 @@ def person_light(
 
 
 def surrounding(
-    world: World, parts: tuple[Part, ...], weights: F64, at: F64, points: F64, facing: F64
+    world: World, parts: tuple[LightPart, ...], weights: F64, at: F64, points: F64, facing: F64
 ) -> F64:
     """Give the light (..., 3) of the room at points (..., 3): less near the floor and on undersides."""
     total = np.zeros(3)
@@ -185,7 +185,7 @@ def surrounding(
     return np.asarray(openness[..., None] * total)
 
 
-def standing_shade(scene: Scene, stands: tuple[Stand, ...]) -> Scene:
+def standing_shade(scene: LitScene, stands: tuple[StandingPerson, ...]) -> LitScene:
     """Darken the light on the floor where people stand."""
     if scene.light is None:
         return scene
@@ -197,10 +197,10 @@ def standing_shade(scene: Scene, stands: tuple[Stand, ...]) -> Scene:
         if grid is not None and face.grid is not None:
             first = face.grid[0]
             light[first : first + grid.shape[0] * grid.shape[1]] = shaded(face, grid, stands).reshape(-1, 3)
-    return Scene(scene.faces, scene.corner, scene.across, scene.down, light)
+    return LitScene(scene.faces, scene.corner, scene.across, scene.down, light)
 
 
-def shaded(face: LitFace, grid: F32, stands: tuple[Stand, ...]) -> F32:
+def shaded(face: LitFace, grid: F32, stands: tuple[StandingPerson, ...]) -> F32:
     """Darken one grid (rows, columns, 3)."""
     rows, columns = grid.shape[:2]
     t, s = (np.arange(rows) + 0.5)[:, None, None] / rows, (np.arange(columns) + 0.5)[None, :, None] / columns

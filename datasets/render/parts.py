@@ -12,7 +12,7 @@ from ..worlds.world import Lamp, World
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class LightPart:
     """A source of light, or one side of a window, so that daylight can come from the other."""
 
     source: str
@@ -37,9 +37,11 @@ def windows_of(world: World) -> frozenset[str]:
     return frozenset(lamp.source for lamp in world.lamps if lamp.facing is not None)
 
 
-def parts_of(world: World) -> tuple[Part, ...]:
+def parts_of(world: World) -> tuple[LightPart, ...]:
     """Name all parts, in the order of the world's sources; of a window first its left side."""
     windows = windows_of(world)
     return tuple(
-        Part(source, side) for source in world.sources for side in ((1, -1) if source in windows else (0,))
+        LightPart(source, side)
+        for source in world.sources
+        for side in ((1, -1) if source in windows else (0,))
     )

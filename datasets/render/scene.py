@@ -26,7 +26,7 @@ class LitFace:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class LitScene:
     """Faces, and where they are all together."""
 
     faces: tuple[LitFace, ...]
@@ -43,19 +43,19 @@ class Scene:
         return self.light[first : first + rows * columns].reshape(rows, columns, 3)
 
 
-def scene_of(faces: tuple[LitFace, ...], light: F32 | None = None) -> Scene:
+def scene_of(faces: tuple[LitFace, ...], light: F32 | None = None) -> LitScene:
     """Gather lit faces."""
     corner = np.stack([face.corner for face in faces])
     across = np.stack([face.across for face in faces])
-    return Scene(faces, corner, across, np.stack([face.down for face in faces]), light)
+    return LitScene(faces, corner, across, np.stack([face.down for face in faces]), light)
 
 
-def joined(scene: Scene, more: Scene) -> Scene:
+def joined(scene: LitScene, more: LitScene) -> LitScene:
     """Put the faces and the light of two scenes together, both with light that may change."""
     if scene.light is None or more.light is None:
         raise ValueError("expected two scenes with light of their own, found one that is lit for good")
     before = len(scene.light)
-    return Scene(
+    return LitScene(
         (*scene.faces, *(moved_on(face, before) for face in more.faces)),
         np.concatenate([scene.corner, more.corner]),
         np.concatenate([scene.across, more.across]),

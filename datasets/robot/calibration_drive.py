@@ -15,7 +15,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import Purpose
+from ..seeds import SimPurpose
 from .motion import Chassis, draw_luck, drive_by, turn_by
 
 FIRST = (
@@ -56,8 +56,8 @@ def floor_everywhere(name: str, reach_m: float = 1e3) -> Arena:
 
 def _draws(seed: int, number: int) -> tuple[np.random.Generator, np.random.Generator]:
     """Open a trial's two streams: what the robot is told, and its luck."""
-    told = stream(Domain.SIMULATOR, seed, FIRST + number, Purpose.DRIVER)
-    return told, stream(Domain.SIMULATOR, seed, FIRST + number, Purpose.ROBOT)
+    told = stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.DRIVER)
+    return told, stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.ROBOT)
 
 
 def _turn(seed: int, number: int, plan: TrialPlan, chassis: Chassis) -> tuple[float, float]:

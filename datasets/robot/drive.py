@@ -17,7 +17,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import Purpose
+from ..seeds import SimPurpose
 from .behaviors import (
     DICE,
     AvoidCollision,
@@ -43,19 +43,19 @@ STAY = Proposal("nobody", -1)
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Instructions:
     """What somebody else wants of the robot, besides what it senses."""
 
     goal_rad: float | None = None  # bearing of the next point on the way to a goal
     command: Command | None = None  # from a list
 
 
-Wish = Callable[[int, F64], Wanted | None]  # by update and true pose (3,); None: that is all
+Wish = Callable[[int, F64], Instructions | None]  # by update and true pose (3,); None: that is all
 Carry = Callable[[int, F64], F64 | None]  # where somebody carries the robot after an update; None: nowhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Update:
+class DriveUpdate:
     """One update of a drive: a turn, a straight, and then the robot looks."""
 
     turn: Movement
@@ -80,23 +80,23 @@ class Robot:
     ring: Ring = field(default_factory=Ring)
 
     def decide(
-        self, step: int, pose: F64, wanted: Wanted, last: Update | None, unseen: bool
+        self, step: int, pose: F64, wanted: Instructions, last: DriveUpdate | None, unseen: bool
     ) -> Proposal | None:
         """Sense everything once and let the arbiter choose among the behaviors."""
-        around = sense(self.arena, pose, self.ring, self.chance(step, Purpose.PROXIMITY))
-        dice = self.chance(step, Purpose.WANDER).random(DICE)
+        around = sense(self.arena, pose, self.ring, self.chance(step, SimPurpose.PROXIMITY))
+        dice = self.chance(step, SimPurpose.WANDER).random(DICE)
         bumped = last is not None and last.straight.bumped
         return choose(self.behaviors, Senses(around, dice, bumped, unseen, wanted.goal_rad, wanted.command))
 
-    def move(self, step: int, pose: F64, chosen: Proposal) -> Update:
+    def move(self, step: int, pose: F64, chosen: Proposal) -> DriveUpdate:
         """Carry out what was chosen, as well as chance lets it."""
-        slip = draw_slip(self.chance(step, Purpose.SLIP), self.chassis)
-        luck = draw_luck(self.chance(step, Purpose.ROBOT), slip)
+        slip = draw_slip(self.chance(step, SimPurpose.SLIP), self.chassis)
+        luck = draw_luck(self.chance(step, SimPurpose.ROBOT), slip)
         turn = turn_by(pose, chosen.turn_rad, luck, self.chassis)
         straight = drive_by(turn.path[-1], chosen.forward_m, luck, self.arena, self.chassis)
-        return Update(turn, straight, chosen.behavior)
+        return DriveUpdate(turn, straight, chosen.behavior)
 
-    def chance(self, step: int, purpose: Purpose) -> np.random.Generator:
+    def chance(self, step: int, purpose: SimPurpose) -> np.random.Generator:
         """Open the random stream of one update and purpose."""
         return stream(Domain.SIMULATOR, self.seed, step, purpose)
 
@@ -109,7 +109,7 @@ class Guide:
 
     def __init__(self, map_: Raster, seed: int) -> None:
         self._map = map_
-        self._rng = stream(Domain.SIMULATOR, seed, 0, Purpose.DRIVER)
+        self._rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.DRIVER)
         self._goal = free_pose(map_, self._rng)
         self._way = map_.way_to(self._goal[:2])
 
@@ -124,35 +124,35 @@ class Guide:
 
 def drive(
     robot: Robot, map_: Raster, updates: int, kidnap_at: int | None = None, start: F64 | None = None
-) -> tuple[F64, Iterator[Update]]:
+) -> tuple[F64, Iterator[DriveUpdate]]:
     """Give the start pose (3,) and so many updates, driven as they are asked for, from goal to goal.
 
     Without a start one is drawn evenly from all free poses.
     After update `kidnap_at` the robot is carried to a place drawn evenly from all that are far enough away.
     """
-    begin = free_pose(map_, robot.chance(0, Purpose.START)) if start is None else start
+    begin = free_pose(map_, robot.chance(0, SimPurpose.START)) if start is None else start
     guide = Guide(map_, robot.seed)
 
-    def wish(step: int, pose: F64) -> Wanted | None:
-        return Wanted(goal_rad=guide.bearing(pose)) if step <= updates else None
+    def wish(step: int, pose: F64) -> Instructions | None:
+        return Instructions(goal_rad=guide.bearing(pose)) if step <= updates else None
 
     def carry(step: int, pose: F64) -> F64 | None:
-        at = robot.chance(step, Purpose.KIDNAP)
+        at = robot.chance(step, SimPurpose.KIDNAP)
         return free_pose(map_, at, pose, KIDNAP_M) if step == kidnap_at else None
 
     return begin, go(robot, begin, wish, carry)
 
 
-def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[Update]:
+def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[DriveUpdate]:
     """Teleoperate from a pose (3,): one update a command (turn_rad, forward_m), stopped only by contact."""
 
-    def wish(step: int, pose: F64) -> Wanted | None:
-        return Wanted(command=commands[step - 1]) if step <= len(commands) else None
+    def wish(step: int, pose: F64) -> Instructions | None:
+        return Instructions(command=commands[step - 1]) if step <= len(commands) else None
 
     return go(robot, start, wish)
 
 
-def go(robot: Robot, pose: F64, wish: Wish, carry: Carry = lambda step, pose: None) -> Iterator[Update]:
+def go(robot: Robot, pose: F64, wish: Wish, carry: Carry = lambda step, pose: None) -> Iterator[DriveUpdate]:
     """Let the robot live from a pose (3,) until nothing is wished for any more.
 
     A motion after which nobody has looked stops everything else, as localization outranks all behaviors: one

@@ -23,7 +23,7 @@ SUBSTEP_M = 0.5 * INCH_M  # a straight is followed in steps of about this
 
 
 @dataclass(frozen=True, slots=True)
-class Drift:
+class HeadingDrift:
     """How the heading drifts on one floor, counter-clockwise, in proportion to distance."""
 
     bias_rad_per_m: float
@@ -31,8 +31,8 @@ class Drift:
 
 
 PER_YARD = float(np.radians(1) / (36 * INCH_M))  # one degree per 36 in
-DRIFTS = {"wood": Drift(0.0, 1 * PER_YARD), "carpet": Drift(8 * PER_YARD, 3 * PER_YARD)}
-NO_DRIFT = Drift(0.0, 0.0)  # off the map
+DRIFTS = {"wood": HeadingDrift(0.0, 1 * PER_YARD), "carpet": HeadingDrift(8 * PER_YARD, 3 * PER_YARD)}
+NO_DRIFT = HeadingDrift(0.0, 0.0)  # off the map
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,9 @@ class Chassis:
     turn_sd_rad: float = float(np.radians(4.916))  # its scatter, once a turn
     straight_bias_m: float = -0.6978 * INCH_M  # mean of actual - measured, once a movement (figure 11)
     straight_sd_m: float = 0.6356 * INCH_M  # its scatter
-    drifts: dict[str, Drift] = field(default_factory=lambda: dict(DRIFTS))  # by floor; numbers invented
+    drifts: dict[str, HeadingDrift] = field(
+        default_factory=lambda: dict(DRIFTS)
+    )  # by floor; numbers invented
     track_m: float = 10 * INCH_M  # between left and right wheels; invented
     encoder_sd_m: float = 0.15 * INCH_M  # front against rear wheel of a side; invented
     radius_m: float = 5 * INCH_M  # of its body, a disc: nothing solid comes nearer to its middle; invented

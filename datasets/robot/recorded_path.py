@@ -19,7 +19,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M, wrap
 
 from .planner import Placement
-from .segments import KIDNAPPED, Happened, Leg, Moved
+from .segments import KIDNAPPED, Happened, Moved, Segment
 
 ROW_S = 1 / 3  # between two rows of a folder's tables: about three a second, as their source says
 STRIDE_M = 9 * INCH_M  # the robot looks whenever the odometry says that it went so far ...
@@ -27,42 +27,42 @@ SWING_RAD = float(np.radians(60))  # ... or turned so far
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class RecordedPath:
     """A recorded drive in a frame of its own, cut into updates."""
 
     name: str
     start: F64  # (3,)
-    legs: tuple[Leg, ...]
+    segments: tuple[Segment, ...]
     track: F64  # (K, 2) places on the way, dense where the recording is
     motion: dict[str, Any] | None  # motion parameters of its robot, as a header has them
 
     @property
     def carried(self) -> int:
         """How often the robot was carried to where it went on."""
-        return sum(isinstance(e, Happened) for leg in self.legs for e in leg.entries)
+        return sum(isinstance(e, Happened) for segment in self.segments for e in segment.entries)
 
-    def placed(self, at: Placement) -> Iterator[Leg]:
-        """Give the legs at another place; a scale applies to the odometry's lengths as well."""
+    def placed(self, at: Placement) -> Iterator[Segment]:
+        """Give the segments at another place; a scale applies to the odometry's lengths as well."""
         lengths = np.array([at.scale, at.scale, 1.0])
-        for leg in self.legs:
+        for segment in self.segments:
             moved = tuple(
-                Moved(e.t_s, e.motion * lengths) if isinstance(e, Moved) else e for e in leg.entries
+                Moved(e.t_s, e.motion * lengths) if isinstance(e, Moved) else e for e in segment.entries
             )
-            yield Leg(moved, leg.t_s, at.pose(leg.pose))
+            yield Segment(moved, segment.t_s, at.pose(segment.pose))
 
 
-def read_recording(path: Path, updates: int) -> Recording:
+def read_recording(path: Path, updates: int) -> RecordedPath:
     """Read at most so many updates from a folder of odometry or a session log with truth.
 
     LogError when it is neither, or holds less than one update.
     """
     found = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
-    if not found.legs:
+    if not found.segments:
         raise LogError(path, "found no movement with truth before and after it; take a longer recording")
     return found
 
 
-def read_tables(folder: Path, updates: int) -> Recording:
+def read_tables(folder: Path, updates: int) -> RecordedPath:
     """Read aligned odometry and truth; the robot looks after every stride of its odometry.
 
     Where truth goes further than the wheels could (somebody carried the robot, or the capture lost it), the
@@ -75,21 +75,21 @@ def read_tables(folder: Path, updates: int) -> Recording:
         forward, left, turn = between(drive.odometry[rows[-1]], drive.odometry[row])
         if len(rows) <= updates and (np.hypot(forward, left) >= STRIDE_M or abs(turn) >= SWING_RAD):
             rows.append(row)
-    legs = []
+    segments = []
     for a, b in pairwise(rows):
         carried = (Happened(b * ROW_S, KIDNAPPED),) if jumped[a:b].any() else ()
         moved = Moved(b * ROW_S, between(drive.odometry[a], drive.odometry[b]))
-        legs.append(Leg((*carried, moved), b * ROW_S, drive.truth[b]))
-    return Recording(folder.name, drive.truth[0], tuple(legs), drive.truth[: rows[-1] + 1, :2], None)
+        segments.append(Segment((*carried, moved), b * ROW_S, drive.truth[b]))
+    return RecordedPath(folder.name, drive.truth[0], tuple(segments), drive.truth[: rows[-1] + 1, :2], None)
 
 
-def read_log(path: Path, updates: int) -> Recording:
+def read_log(path: Path, updates: int) -> RecordedPath:
     """Read a session log's odometry and truth; its pictures say when the robot looked, and stay unopened."""
     info, kind = read_header(path)
     if kind != "session":
         raise LogError(path, f"found a {kind} log, expected a session log with truth", 1)
     start, begin_s = info.start, 0.0
-    legs: list[Leg] = []
+    segments: list[Segment] = []
     moved: list[Moved | Happened] = []
     for record, truth in with_truth(read_records(path, kind, Findings(False))):
         if isinstance(record, Truth) and start is None and not moved:
@@ -98,17 +98,17 @@ def read_log(path: Path, updates: int) -> Recording:
             moved.append(Happened(record.t_s - begin_s, KIDNAPPED))
         if isinstance(record, Odometry):
             moved.append(Moved(record.t_s - begin_s, record.motion, record.encoders_m))
-        if isinstance(record, PictureRecord) and not record.covered and len(legs) < updates:
+        if isinstance(record, PictureRecord) and not record.covered and len(segments) < updates:
             if start is None or truth is None:
                 raise LogError(path, "found a picture without truth, expected truth throughout", record.line)
-            legs.append(Leg(tuple(moved), record.t_s - begin_s, truth))
+            segments.append(Segment(tuple(moved), record.t_s - begin_s, truth))
             moved = []
     if start is None:
         raise LogError(path, "found neither a start pose nor truth, expected where the robot really was", 1)
-    corners = np.array([start[:2], *(leg.pose[:2] for leg in legs)])
+    corners = np.array([start[:2], *(segment.pose[:2] for segment in segments)])
     shares = np.linspace(0, 1, 16, endpoint=False)[:, None, None]
     track = corners[:-1] + shares * (corners[1:] - corners[:-1])
-    return Recording(info.name, start, tuple(legs), track.reshape(-1, 2), info.motion)
+    return RecordedPath(info.name, start, tuple(segments), track.reshape(-1, 2), info.motion)
 
 
 def between(a: F64, b: F64) -> F64:

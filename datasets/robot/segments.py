@@ -12,7 +12,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena
 
 from ..worlds.world import floor_at
-from .drive import Update
+from .drive import DriveUpdate
 
 FRAME_S = 3.3  # to fetch an 88 x 143 frame at 115,200 baud (worked out from the CMUcam2's manual)
 SETTLE_S = 0.5  # before and after each movement; invented
@@ -74,7 +74,7 @@ class Happened:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Leg:
+class Segment:
     """Everything from the last picture up to and with the next one."""
 
     entries: tuple[Moved | Happened, ...]  # in order, none after `t_s`
@@ -83,26 +83,26 @@ class Leg:
     kidnapped_to: F64 | None = None  # (3,) where the robot was carried afterwards
 
 
-def write_legs(
-    log: Log, start: F64, legs: Iterable[Leg], eye: Eye, arena: Arena, total: int, report: Progress
+def write_segments(
+    log: Log, start: F64, segments: Iterable[Segment], eye: Eye, arena: Arena, total: int, report: Progress
 ) -> None:
-    """Write a session as it goes: movements, events, a picture and the truth for each leg."""
+    """Write a session as it goes: movements, events, a picture and the truth for each segment."""
     log.event(0.0, floor_event(arena, start))
     log.truth(0.0, start)
-    for number, leg in enumerate(legs, start=1):
-        for entry in leg.entries:
+    for number, segment in enumerate(segments, start=1):
+        for entry in segment.entries:
             if isinstance(entry, Moved):
                 log.odometry(entry.t_s, entry.motion, entry.encoders_m)
             else:
                 log.event(entry.t_s, entry.text)
         for text in eye.events(number):
-            log.event(leg.t_s, text)
-        log.image(leg.t_s, eye.take(number, leg.pose), camera="front")
-        log.truth(leg.t_s, leg.pose)
-        if leg.kidnapped_to is not None:
-            log.event(leg.t_s + CARRY_S, KIDNAPPED)
-            log.event(leg.t_s + CARRY_S, floor_event(arena, leg.kidnapped_to))
-            log.truth(leg.t_s + CARRY_S, leg.kidnapped_to)
+            log.event(segment.t_s, text)
+        log.image(segment.t_s, eye.take(number, segment.pose), camera="front")
+        log.truth(segment.t_s, segment.pose)
+        if segment.kidnapped_to is not None:
+            log.event(segment.t_s + CARRY_S, KIDNAPPED)
+            log.event(segment.t_s + CARRY_S, floor_event(arena, segment.kidnapped_to))
+            log.truth(segment.t_s + CARRY_S, segment.kidnapped_to)
         report(number, total, "session")
 
 
@@ -111,16 +111,16 @@ def floor_event(arena: Arena, pose: F64) -> str:
     return f"floor {floor_at(arena, float(pose[0]), float(pose[1]))}".strip()
 
 
-def driven_legs(updates: Iterable[Update], arena: Arena) -> Iterator[Leg]:
+def driven_segments(updates: Iterable[DriveUpdate], arena: Arena) -> Iterator[Segment]:
     """Give the updates of a drive their times: each movement settles before the next begins."""
     t_s = 0.0
     for update in updates:
-        leg = timed(t_s, update, arena)
-        yield leg
-        t_s = leg.t_s + (0.0 if leg.kidnapped_to is None else CARRY_S)
+        segment = timed(t_s, update, arena)
+        yield segment
+        t_s = segment.t_s + (0.0 if segment.kidnapped_to is None else CARRY_S)
 
 
-def timed(t_s: float, update: Update, arena: Arena) -> Leg:
+def timed(t_s: float, update: DriveUpdate, arena: Arena) -> Segment:
     """Give one update that begins at a time its own times."""
     turn, straight = update.turn, update.straight
     turned = t_s + 2 * SETTLE_S + abs(float(turn.measured[2])) / TURN_RAD_S
@@ -139,7 +139,7 @@ def timed(t_s: float, update: Update, arena: Arena) -> Leg:
         Moved(turned, turn.measured, turn.encoders_m),
         Moved(driven, straight.measured, straight.encoders_m),
     )
-    return Leg((moved[0], *happened, moved[1]), driven + FRAME_S, update.pose, update.kidnapped_to)
+    return Segment((moved[0], *happened, moved[1]), driven + FRAME_S, update.pose, update.kidnapped_to)
 
 
 def crossings(path: F64, arena: Arena) -> list[tuple[float, str]]:

@@ -12,10 +12,10 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import Purpose
+from ..seeds import SimPurpose
 from ..tasks import Tier
 from .draw import PLAIN_PALETTE, Bareness, Palette, number, paint_of
-from .furniture import MAKERS, Stand, block
+from .furniture import MAKERS, Footprint, block
 from .openings import (
     Opening,
     Windows,
@@ -27,8 +27,8 @@ from .openings import (
     opening_of,
     wall_of,
 )
-from .plan import FloorPlan, FurniturePlan, LibraryPlan, Plan, RoomPlan
-from .shell import Look, bounds_of, door_faces, draw_look, rectangle, room_faces, solid_boxes
+from .plan import FloorPlan, FurniturePlan, LibraryPlan, RoomPlan, WorldPlan
+from .shell import DrawnStyle, bounds_of, door_faces, draw_look, rectangle, room_faces, solid_boxes
 from .solids import flat
 from .world import Face, Lamp, Piece, RoomLight, World, clearance, inside, touching
 
@@ -38,13 +38,15 @@ GAP_IN = 0.5  # between furniture and the wall it stands against
 PER_INCH = 6.0
 
 
-def pieces_of(rng: np.random.Generator, plan: Plan) -> tuple[FurniturePlan, ...]:
+def pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan, ...]:
     """Give the pieces that are always there and those of one layout."""
     layout = plan.layouts[int(rng.integers(len(plan.layouts)))] if plan.layouts else ()
     return (*plan.furniture, *layout)
 
 
-def place_all(rng: np.random.Generator, layout: tuple[FurniturePlan, ...], plan: Plan) -> tuple[Piece, ...]:
+def place_all(
+    rng: np.random.Generator, layout: tuple[FurniturePlan, ...], plan: WorldPlan
+) -> tuple[Piece, ...]:
     """Put up all pieces; LogError where one stands in a wall or in another."""
     rooms = {room.name: room for room in plan.rooms}
     placed: list[tuple[FurniturePlan, Piece]] = []
@@ -64,7 +66,7 @@ def place_all(rng: np.random.Generator, layout: tuple[FurniturePlan, ...], plan:
     return tuple(made for _, made in placed)
 
 
-def make(rng: np.random.Generator, piece: FurniturePlan, stand: Stand) -> Piece:
+def make(rng: np.random.Generator, piece: FurniturePlan, stand: Footprint) -> Piece:
     """Make one piece where it stands."""
     if piece.paint is None or piece.height_in is None:
         return MAKERS[piece.kind](rng, stand)
@@ -73,13 +75,13 @@ def make(rng: np.random.Generator, piece: FurniturePlan, stand: Stand) -> Piece:
     return block(rng, stand, number(rng, piece.height_in), sides, top)
 
 
-def stand_of(rng: np.random.Generator, piece: FurniturePlan, rooms: dict[str, RoomPlan]) -> Stand:
+def stand_of(rng: np.random.Generator, piece: FurniturePlan, rooms: dict[str, RoomPlan]) -> Footprint:
     """Draw place and size of a piece; with `against` its back is at the wall."""
     width, depth = (number(rng, size) for size in piece.size_in)
     at = [number(rng, value) for value in piece.at_in]
     yaw = number(rng, piece.front) + math.pi / 2  # the front is local -y
     if piece.against is None or piece.room is None:
-        return Stand(at[0], at[1], width, depth, yaw)
+        return Footprint(at[0], at[1], width, depth, yaw)
     x1, y1, x2, y2 = rooms[piece.room].rect
     away = GAP_IN + depth / 2
     x, y = {
@@ -88,7 +90,7 @@ def stand_of(rng: np.random.Generator, piece: FurniturePlan, rooms: dict[str, Ro
         "west": (x1 + away, at[0]),
         "east": (x2 - away, at[0]),
     }[piece.against]
-    return Stand(x, y, width, depth, yaw)
+    return Footprint(x, y, width, depth, yaw)
 
 
 def within(room: RoomPlan, plan_m: F64) -> bool:
@@ -100,13 +102,13 @@ def within(room: RoomPlan, plan_m: F64) -> bool:
 # From a plan and a seed to a world: all that a file leaves to the seed is drawn here.
 
 
-def build_world(plan: Plan, seed: int, tier: Tier) -> World:
+def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
     """Draw the world of a seed; LogError where what is drawn cannot stand or no node is free."""
     check_rooms(plan)
     openings = tuple(opening_of(plan, door) for door in plan.doors)
     check_doors(plan, openings)
-    rng = stream(Domain.SIMULATOR, seed, 0, Purpose.WORLD)
-    bare = Bareness(tier.bare, stream(Domain.SIMULATOR, seed, 0, Purpose.BARE))
+    rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.WORLD)
+    bare = Bareness(tier.bare, stream(Domain.SIMULATOR, seed, 0, SimPurpose.BARE))
     looks = draw_looks(rng, plan, tier.light, bare)
     windows = {room.name: draw_windows(rng, plan, room, looks[room.name], openings) for room in plan.rooms}
     layout = pieces_of(rng, plan)
@@ -138,7 +140,7 @@ def build_world(plan: Plan, seed: int, tier: Tier) -> World:
 
 
 def map_of(
-    plan: Plan, openings: tuple[Opening, ...], pieces: tuple[Piece, ...], floors: tuple[Region, ...]
+    plan: WorldPlan, openings: tuple[Opening, ...], pieces: tuple[Piece, ...], floors: tuple[Region, ...]
 ) -> Arena:
     """Give the map of a world: what the robot is told of it."""
     x1, y1, x2, y2 = (float(v) for v in np.array(bounds_of(plan)) * INCH_M)
@@ -151,7 +153,9 @@ def map_of(
     )
 
 
-def draw_looks(rng: np.random.Generator, plan: Plan, light: float, bare: Bareness) -> dict[str, Look]:
+def draw_looks(
+    rng: np.random.Generator, plan: WorldPlan, light: float, bare: Bareness
+) -> dict[str, DrawnStyle]:
     """Draw how each room looks; with `shuffle_styles` the rooms get each other's styles."""
     names = [room.style for room in plan.rooms]
     if plan.shuffle_styles:
@@ -164,7 +168,7 @@ def draw_looks(rng: np.random.Generator, plan: Plan, light: float, bare: Barenes
 
 
 def draw_windows(
-    rng: np.random.Generator, plan: Plan, room: RoomPlan, look: Look, openings: tuple[Opening, ...]
+    rng: np.random.Generator, plan: WorldPlan, room: RoomPlan, look: DrawnStyle, openings: tuple[Opening, ...]
 ) -> Windows:
     """Draw where the windows of a room are; none where no daylight comes in."""
     drawn = tuple((window, number(rng, window.at_in)) for window in room.windows)
@@ -172,7 +176,7 @@ def draw_windows(
     return drawn if look.daylight > 0 else ()
 
 
-def lamps_of(room: RoomPlan, look: Look, windows: Windows) -> list[Lamp]:
+def lamps_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[Lamp]:
     """What lights a room: its ceiling lamps together are one source, its windows another."""
     lamps = []
     spread = np.array([[-8, -8, -8], [8, -8, -8], [8, 8, -8], [-8, 8, -8.0]])
@@ -191,7 +195,7 @@ def lamps_of(room: RoomPlan, look: Look, windows: Windows) -> list[Lamp]:
     return lamps
 
 
-def ambient_of(room: RoomPlan, look: Look, windows: Windows) -> list[RoomLight]:
+def ambient_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[RoomLight]:
     """Share the light of a room after many bounces out among its lamps and windows, by brightness.
 
     Bounced light is half as colored as its source.
@@ -214,7 +218,7 @@ def ambient_of(room: RoomPlan, look: Look, windows: Windows) -> list[RoomLight]:
 FLOOR_PER_INCH = 5.0
 
 
-def lay_floors(rng: np.random.Generator, plan: Plan) -> tuple[list[Face], tuple[Region, ...]]:
+def lay_floors(rng: np.random.Generator, plan: WorldPlan) -> tuple[list[Face], tuple[Region, ...]]:
     """Lay the floors, later ones a little above earlier ones."""
     faces, regions = [], []
     for k, floor in enumerate(plan.floors):
@@ -225,7 +229,9 @@ def lay_floors(rng: np.random.Generator, plan: Plan) -> tuple[list[Face], tuple[
     return faces, tuple(regions)
 
 
-def floor_rect(rng: np.random.Generator, plan: Plan, floor: FloorPlan) -> tuple[float, float, float, float]:
+def floor_rect(
+    rng: np.random.Generator, plan: WorldPlan, floor: FloorPlan
+) -> tuple[float, float, float, float]:
     """Draw the rectangle of a floor."""
     if floor.rect is None:
         return bounds_of(plan)
@@ -259,7 +265,7 @@ def in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bo
     return found
 
 
-def check_world(plan: Plan, world: World, keys: list[str]) -> None:
+def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:
     """Refuse a world without free nodes, or with something solid where the robot starts."""
     if not len(world.nodes):
         raise LogError(

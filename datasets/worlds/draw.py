@@ -10,7 +10,7 @@ import numpy as np
 
 from maurice_mcl.arrays import F32
 
-from .plan import Number, PaintPlan, Span, Word
+from .plan import Number, NumberRange, PaintPlan, Word
 from .solids import Paint
 from .surfaces.paints import TEXTURES, image_paint
 from .surfaces.palettes import Rgb, color_of
@@ -19,7 +19,7 @@ from .surfaces.textures import Size, plaster
 
 def number(rng: np.random.Generator, value: Number) -> float:
     """Draw a number where it is a span."""
-    return float(rng.uniform(value.low, value.high)) if isinstance(value, Span) else value
+    return float(rng.uniform(value.low, value.high)) if isinstance(value, NumberRange) else value
 
 
 def word(rng: np.random.Generator, value: Word) -> str:

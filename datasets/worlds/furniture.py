@@ -26,7 +26,7 @@ from .world import Face, Piece
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class Footprint:
     """Where a piece stands: the middle of its plan, its size there, and which way its back points."""
 
     x_in: float
@@ -39,7 +39,7 @@ class Stand:
 Part = tuple[Solid, Paint]
 
 
-def placed(part: Solid, stand: Stand) -> Solid:
+def placed(part: Solid, stand: Footprint) -> Solid:
     """Bring a part from the piece's own frame into the world."""
     cos, sin = np.cos(stand.yaw_rad), np.sin(stand.yaw_rad)
     x = stand.x_in + float(part.x_in * cos - part.y_in * sin)
@@ -48,7 +48,7 @@ def placed(part: Solid, stand: Stand) -> Solid:
 
 
 def assemble(
-    rng: np.random.Generator, name: str, stand: Stand, parts: list[Part], extra: tuple[Face, ...] = ()
+    rng: np.random.Generator, name: str, stand: Footprint, parts: list[Part], extra: tuple[Face, ...] = ()
 ) -> Piece:
     """Put the parts of one piece up; parts off the floor get an underside."""
     solids = [(placed(solid, stand), paint) for solid, paint in parts]
@@ -61,7 +61,7 @@ def assemble(
 
 def front_panel(
     rng: np.random.Generator,
-    stand: Stand,
+    stand: Footprint,
     span_in: tuple[float, float],
     heights_in: tuple[float, float],
     y_in: float,
@@ -89,7 +89,7 @@ def wood_color(rng: np.random.Generator) -> Rgb:
     return (0.66, 0.64, 0.58) if rng.random() < 0.2 else wood(rng)
 
 
-def clutter(rng: np.random.Generator, stand: Stand, height_in: float, room_in: float) -> list[Part]:
+def clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_in: float) -> list[Part]:
     """Two to four things that lie about on a top: books, a mug, a box; `room_in` is how deep the top is."""
     things: list[Part] = []
     count = int(rng.integers(2, 5))
@@ -106,10 +106,10 @@ def clutter(rng: np.random.Generator, stand: Stand, height_in: float, room_in: f
 
 # Furniture: each piece is a few boxes in its own frame, painted from the generator.
 
-Maker = Callable[[np.random.Generator, Stand], Piece]
+Maker = Callable[[np.random.Generator, Footprint], Piece]
 
 
-def sofa(rng: np.random.Generator, stand: Stand) -> Piece:
+def sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Seat, back, two arms and two or three cushions, one of them striped."""
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
     cover = cloth_of(color)
@@ -128,7 +128,7 @@ def sofa(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "sofa", stand, parts)
 
 
-def armchair(rng: np.random.Generator, stand: Stand) -> Piece:
+def armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A small sofa for one, on legs."""
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
     cover, leg = cloth_of(color), timber_of((0.10, 0.07, 0.05))
@@ -145,7 +145,7 @@ def armchair(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "armchair", stand, parts + legs)
 
 
-def table(rng: np.random.Generator, stand: Stand) -> Piece:
+def table(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A low table one can look under, with a crate or a bag beneath."""
     w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
     height = float(rng.uniform(16, 21))
@@ -163,7 +163,7 @@ def table(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "table", stand, parts)
 
 
-def bookcase(rng: np.random.Generator, stand: Stand) -> Piece:
+def bookcase(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A tall case with rows of books at its front."""
     w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
     height, shelf = float(rng.uniform(46, 62)), 11.5
@@ -182,7 +182,7 @@ def bookcase(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "bookcase", stand, [(Solid(0, 0, 0, w, d, height), timber_of(color))], shelves)
 
 
-def dresser(rng: np.random.Generator, stand: Stand) -> Piece:
+def dresser(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A chest of drawers with dark joints and something colorful on the side of it."""
     w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
     height, rows = float(rng.uniform(26, 34)), 3
@@ -218,7 +218,7 @@ def drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
     return np.clip(front, 0.02, 0.95)
 
 
-def carton(rng: np.random.Generator, stand: Stand) -> Piece:
+def carton(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A packing box, often with a smaller and brighter one on top of it."""
     w, d, height = stand.width_in, stand.depth_in, float(rng.uniform(11, 16))
     parts: list[Part] = [(Solid(0, 0, 0, w, d, height), textures.cardboard)]
@@ -229,7 +229,7 @@ def carton(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "box", stand, parts)
 
 
-def plant(rng: np.random.Generator, stand: Stand) -> Piece:
+def plant(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A pot with a bush: two crossed blocks of leaves."""
     pot = cloth_of(dye(rng))
     w, height = 0.85 * min(stand.width_in, stand.depth_in), float(rng.uniform(9, 12))
@@ -243,7 +243,7 @@ def plant(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "plant", stand, parts)
 
 
-def desk(rng: np.random.Generator, stand: Stand) -> Piece:
+def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A desk with a screen, a keyboard and papers on it, and a cable that hangs down behind."""
     w, d = stand.width_in, stand.depth_in
     top, steel = timber_of((0.5, 0.42, 0.33) if rng.random() < 0.6 else wood(rng)), cloth_of((0.2, 0.2, 0.21))
@@ -264,7 +264,7 @@ def desk(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "desk", stand, parts)
 
 
-def chair(rng: np.random.Generator, stand: Stand) -> Piece:
+def chair(rng: np.random.Generator, stand: Footprint) -> Piece:
     """An office chair: a cross on the floor, a column, seat and back."""
     w, d, cover = stand.width_in, stand.depth_in, cloth_of(dye(rng))
     steel = cloth_of((0.05, 0.05, 0.055))
@@ -279,7 +279,7 @@ def chair(rng: np.random.Generator, stand: Stand) -> Piece:
     return assemble(rng, "chair", stand, parts)
 
 
-def cabinet(rng: np.random.Generator, stand: Stand) -> Piece:
+def cabinet(rng: np.random.Generator, stand: Footprint) -> Piece:
     """A steel cabinet with two doors, and files or a box on top."""
     w, d = stand.width_in, stand.depth_in
     height, gray = float(rng.uniform(38, 56)), float(rng.uniform(0.28, 0.5))
@@ -309,7 +309,7 @@ def steel_door(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32
     return np.clip(leaf, 0.02, 0.95)
 
 
-def block(rng: np.random.Generator, stand: Stand, height_in: float, sides: Paint, top: Paint) -> Piece:
+def block(rng: np.random.Generator, stand: Footprint, height_in: float, sides: Paint, top: Paint) -> Piece:
     """A plain box, as a world file paints it."""
     solid = Solid(stand.x_in, stand.y_in, 0, stand.width_in, stand.depth_in, height_in, stand.yaw_rad)
     return Piece("block", faces_of(rng, solid, sides, top=top), (box_of(solid),), footprint(solid) * INCH_M)

@@ -11,7 +11,7 @@ from maurice_loaders.errors import LogError
 from maurice_mcl.arrays import F64
 
 from .hangings import Interval, Wall
-from .plan import DoorPlan, Plan, PosterPlan, Rect, RoomPlan, WindowPlan, Word
+from .plan import DoorPlan, PosterPlan, Rect, RoomPlan, WindowPlan, Word, WorldPlan
 
 # Which rooms a door joins, and what is left of walls beside it: plan geometry in inches.
 
@@ -51,7 +51,7 @@ def overlap(a: Rect, b: Rect, axis: int) -> Interval:
     return max(a[axis], b[axis]), min(a[axis + 2], b[axis + 2])
 
 
-def check_rooms(plan: Plan) -> None:
+def check_rooms(plan: WorldPlan) -> None:
     """Refuse rooms that overlap or have no wall between."""
     for k, a in enumerate(plan.rooms):
         for b in plan.rooms[:k]:
@@ -63,7 +63,7 @@ def check_rooms(plan: Plan) -> None:
                 )
 
 
-def opening_of(plan: Plan, door: DoorPlan) -> Opening:
+def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
     """Find the two rooms that a door joins and the wall it goes through; LogError where it joins none."""
     joined = sorted(
         (
@@ -146,7 +146,7 @@ def stretch(wall: Wall, interval: Interval) -> Wall:
     return Wall((float(left[0]), float(left[1])), (float(right[0]), float(right[1])))
 
 
-def map_walls(plan: Plan, openings: tuple[Opening, ...]) -> F64:
+def map_walls(plan: WorldPlan, openings: tuple[Opening, ...]) -> F64:
     """Give the walls of the map (W, 4) in inches: outlines of rooms without doors, and the doors' jambs."""
     lines = []
     for room in plan.rooms:
@@ -167,14 +167,14 @@ BEYOND_IN = 24.0  # a window with another room so near behind its wall gets no d
 Windows = tuple[tuple[WindowPlan, float], ...]  # with the x or y drawn for each
 
 
-def check_doors(plan: Plan, openings: tuple[Opening, ...]) -> None:
+def check_doors(plan: WorldPlan, openings: tuple[Opening, ...]) -> None:
     """Refuse doors in doors: what would stand in each other is their frames."""
     for (first, a), (second, b) in combinations(zip(plan.doors, openings, strict=True), 2):
         if a.rooms == b.rooms and a.axis == b.axis and _share(_framed(a), _framed(b)):
             raise LogError(plan.file, f"{second.key}.rect: stands in {first.key}; leave wall between the two")
 
 
-def check_windows(plan: Plan, room: RoomPlan, windows: Windows, openings: tuple[Opening, ...]) -> None:
+def check_windows(plan: WorldPlan, room: RoomPlan, windows: Windows, openings: tuple[Opening, ...]) -> None:
     """Refuse windows that reach beyond their wall, look into a room, or share wall with a door or another."""
     for k, (window, at) in enumerate(windows):
         span = _around(at, window.width_in)
@@ -191,7 +191,7 @@ def check_windows(plan: Plan, room: RoomPlan, windows: Windows, openings: tuple[
 
 
 def check_poster(
-    plan: Plan, room: RoomPlan, poster: PosterPlan, at_in: float, openings: tuple[Opening, ...]
+    plan: WorldPlan, room: RoomPlan, poster: PosterPlan, at_in: float, openings: tuple[Opening, ...]
 ) -> None:
     """Refuse posters that reach beyond their wall or hang where a door is."""
     span, top = _around(at_in, poster.size_in[0]), poster.bottom_in + poster.size_in[1]
@@ -202,7 +202,7 @@ def check_poster(
             raise LogError(plan.file, f"{poster.key}: hangs where a door is; move one of them")
 
 
-def _refuse(plan: Plan, room: RoomPlan, window: int, why: str) -> None:
+def _refuse(plan: WorldPlan, room: RoomPlan, window: int, why: str) -> None:
     raise LogError(plan.file, f"{room.key}.windows[{window}]: {why}")
 
 
@@ -232,7 +232,7 @@ def _doors_on(room: RoomPlan, wall: str, openings: tuple[Opening, ...]) -> list[
     return [opening for opening, _ in doors_in(room, wall, openings)]
 
 
-def _room_behind(plan: Plan, room: RoomPlan, wall: str, span: Interval) -> RoomPlan | None:
+def _room_behind(plan: WorldPlan, room: RoomPlan, wall: str, span: Interval) -> RoomPlan | None:
     """Give the room right behind a stretch of wall."""
     axis = _axis(wall)
     x1, y1, x2, y2 = room.rect

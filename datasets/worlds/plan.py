@@ -1,7 +1,7 @@
 """What a world file says, before anything is drawn: one frozen dataclass a table of the file.
 
 Lengths are inches here, whatever units the file is in: furniture and walls are made in inches. A number or a
-word may be left to the seed: a `Span` or a `Choice` in its place. docs/worlds.md is the same for writers.
+word may be left to the seed: a `NumberRange` or a `Choice` in its place. docs/worlds.md documents the file.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ Rect = tuple[float, float, float, float]  # x1, y1, x2, y2 with x1 < x2 and y1 <
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class NumberRange:
     """A number that a seed draws evenly between two."""
 
     low: float
@@ -27,7 +27,7 @@ class Choice:
     options: tuple[str, ...]
 
 
-Number = float | Span
+Number = float | NumberRange
 Word = str | Choice
 
 
@@ -151,7 +151,7 @@ class LibraryPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class WorldPlan:
     """A whole world file."""
 
     file: Path

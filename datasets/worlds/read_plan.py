@@ -1,4 +1,4 @@
-"""From a TOML file to a `Plan`: every key checked, nothing drawn."""
+"""From a TOML file to a `WorldPlan`: every key checked, nothing drawn."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .plan import (
     LibraryPlan,
     LightPlan,
     Number,
+    NumberRange,
     PaintPlan,
-    Plan,
     PosterPlan,
     RoomPlan,
-    Span,
     StylePlan,
     WindowPlan,
     Word,
+    WorldPlan,
 )
 from .surfaces.paints import TEXTURES, read_image
 from .surfaces.palettes import COLORS, GROUPS, LIGHTS, is_color, is_light
@@ -36,20 +36,20 @@ PLASTER = PaintPlan("plaster")
 HEX = '"#rrggbb"'
 
 
-class Known:
+class Vocabulary:
     """Which words are known, and how they are listed in an error."""
 
     def __init__(self, what: str, tell: Callable[[str], bool], listed: str) -> None:
         self.what, self.tell, self.listed = what, tell, listed
 
 
-COLOR = Known("color", is_color, ", ".join([*GROUPS, *COLORS, HEX]))
-LIGHT = Known("color of light", is_light, ", ".join([*LIGHTS, HEX]))
-TEXTURE = Known("texture", TEXTURES.__contains__, ", ".join(TEXTURES))
+COLOR = Vocabulary("color", is_color, ", ".join([*GROUPS, *COLORS, HEX]))
+LIGHT = Vocabulary("color of light", is_light, ", ".join([*LIGHTS, HEX]))
+TEXTURE = Vocabulary("texture", TEXTURES.__contains__, ", ".join(TEXTURES))
 
 
 def word(
-    table: Table, key: str, known: Known, default: str | None = None, more: tuple[str, ...] = ()
+    table: Table, key: str, known: Vocabulary, default: str | None = None, more: tuple[str, ...] = ()
 ) -> Word:
     """Take a word of some kind out, or a choice of them; `more` are known as well."""
     if default is not None and not table.has(key):
@@ -142,7 +142,7 @@ def read_hang(table: Table) -> tuple[str, ...]:
     return tuple(str(kind) for kind in kinds)
 
 
-# From a TOML file to a `Plan`: every key checked, nothing drawn.
+# From a TOML file to a `WorldPlan`: every key checked, nothing drawn.
 
 FORMAT = 1
 INCHES = {"in": 1.0, "ft": 12.0, "m": 1 / 0.0254, "cm": 1 / 2.54}
@@ -152,7 +152,7 @@ BLOCK = "block"
 KINDS = (*MAKERS, BLOCK)
 
 
-def read_plan(file: Path) -> Plan:
+def read_plan(file: Path) -> WorldPlan:
     """Read a world file; LogError names the file, the key and what is wrong with it."""
     top = read_toml(file)
     if top.take("format") != FORMAT:
@@ -167,7 +167,7 @@ def read_plan(file: Path) -> Plan:
     known = tuple(room.name for room in rooms)
     if len(set(known)) < len(known):
         top.fail("room", "two have the same name; give each its own")
-    plan = Plan(
+    plan = WorldPlan(
         file=file,
         name=top.text("name", file.stem),
         rooms=rooms,
@@ -274,12 +274,12 @@ def read_floor(table: Table, first: bool) -> FloorPlan:
 
 def lowest(value: Number) -> float:
     """Give the least that can be drawn."""
-    return value.low if isinstance(value, Span) else value
+    return value.low if isinstance(value, NumberRange) else value
 
 
 def highest(value: Number) -> float:
     """Give the most that can be drawn."""
-    return value.high if isinstance(value, Span) else value
+    return value.high if isinstance(value, NumberRange) else value
 
 
 def read_poster(table: Table, rooms: tuple[str, ...]) -> PosterPlan:

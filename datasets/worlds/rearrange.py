@@ -13,7 +13,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import Purpose
+from ..seeds import SimPurpose
 from .world import Box, Face, Piece, World, clearance, inside, touching
 
 LEAST_M = 24 * INCH_M  # every piece is moved at least so far
@@ -30,7 +30,7 @@ def move_things(world: World, count: int, seed: int) -> World:
     if count > len(world.furniture):
         found = f"found {len(world.furniture)} pieces of furniture"
         raise LogError(Path(world.name), f"{found}, fewer than the {count} to move; move fewer")
-    rng = stream(Domain.SIMULATOR, seed, 0, Purpose.MOVED)
+    rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.MOVED)
     pieces = list(world.furniture)
     for k in rng.permutation(len(pieces))[:count]:
         others = [piece.plan for j, piece in enumerate(pieces) if j != k]

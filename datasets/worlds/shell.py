@@ -12,7 +12,7 @@ from maurice_mcl.arrays import F32, F64
 from .draw import Bareness, Palette, number, paint_of
 from .hangings import Wall, decorate, hang, shaded, trim, window_in
 from .openings import Opening, along, check_poster, doors_in, rest_of, stretch, wall_of
-from .plan import Plan, PosterPlan, RoomPlan, StylePlan, WindowPlan
+from .plan import PosterPlan, RoomPlan, StylePlan, WindowPlan, WorldPlan
 from .solids import Paint, Solid, box_of, faces_of, flat, upright
 from .surfaces import textures
 from .surfaces.palettes import Rgb, light_of
@@ -25,7 +25,7 @@ SKIRTING_IN = 4.5
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class DrawnStyle:
     """A style as drawn for one room."""
 
     style: StylePlan
@@ -39,14 +39,14 @@ class Look:
     ambient: float
 
 
-def draw_look(rng: np.random.Generator, style: StylePlan, light: float, bare: Bareness) -> Look:
+def draw_look(rng: np.random.Generator, style: StylePlan, light: float, bare: Bareness) -> DrawnStyle:
     """Draw colors, paints and light of one room; all light times `light`."""
     palette = Palette({name: Palette().color(rng, value) for name, value in style.colors})
     plans = [style.walls[k % len(style.walls)] for k in range(4)]
     order = rng.permutation(4) if style.shuffle_walls else np.arange(4)
     paints = [paint_of(rng, plans[k], palette, PER_INCH, plain=bare.leaves_out()) for k in order]
     lamp, daylight = style.lamp, style.daylight
-    return Look(
+    return DrawnStyle(
         style,
         palette,
         (paints[0], paints[1], paints[2], paints[3]),
@@ -63,9 +63,9 @@ def draw_look(rng: np.random.Generator, style: StylePlan, light: float, bare: Ba
 
 def room_faces(
     rng: np.random.Generator,
-    plan: Plan,
+    plan: WorldPlan,
     room: RoomPlan,
-    look: Look,
+    look: DrawnStyle,
     windows: tuple[tuple[WindowPlan, float], ...],
     openings: tuple[Opening, ...],
     bare: Bareness,
@@ -78,13 +78,13 @@ def room_faces(
     return faces
 
 
-def ceiling(rng: np.random.Generator, room: RoomPlan, look: Look) -> Face:
+def ceiling(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> Face:
     """The ceiling of a room."""
     paint = paint_of(rng, look.style.ceiling, look.palette, 1.0)
     return flat(rng, rectangle(*room.rect), room.height_in, paint, facing_up=False, per_inch=1)
 
 
-def lamp_shades(rng: np.random.Generator, room: RoomPlan, look: Look) -> list[Face]:
+def lamp_shades(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> list[Face]:
     """Glowing panels on the ceiling where lamps are."""
     if look.lamp == 0:
         return []
@@ -103,7 +103,7 @@ def wall_faces(
     room: RoomPlan,
     name: str,
     paint: Paint,
-    look: Look,
+    look: DrawnStyle,
     openings: tuple[Opening, ...],
 ) -> list[Face]:
     """One wall to the ceiling: beside its doors and above them, with a skirting board."""
@@ -138,10 +138,10 @@ def skirting(board: Paint) -> Paint:
 
 def on_wall(
     rng: np.random.Generator,
-    plan: Plan,
+    plan: WorldPlan,
     room: RoomPlan,
     name: str,
-    look: Look,
+    look: DrawnStyle,
     windows: tuple[tuple[WindowPlan, float], ...],
     openings: tuple[Opening, ...],
     bare: Bareness,
@@ -171,7 +171,7 @@ def on_wall(
 
 
 def poster_face(
-    rng: np.random.Generator, wall: Wall, middle_in: float, poster: PosterPlan, look: Look
+    rng: np.random.Generator, wall: Wall, middle_in: float, poster: PosterPlan, look: DrawnStyle
 ) -> Face:
     """One thing that hangs at a place of its own, so far from the left end of its wall."""
     paint = paint_of(rng, poster.paint, look.palette, 5.0)
@@ -215,7 +215,7 @@ def plain_jambs(rng: np.random.Generator, opening: Opening) -> list[Face]:
     return faces
 
 
-def solid_boxes(plan: Plan, openings: tuple[Opening, ...]) -> list[Box]:
+def solid_boxes(plan: WorldPlan, openings: tuple[Opening, ...]) -> list[Box]:
     """Walls, floor and ceilings as boxes, so that light stays inside and corners darken."""
     found: dict[Solid, None] = {}
     for room in plan.rooms:
@@ -247,7 +247,7 @@ def _behind(room: RoomPlan, name: str, where: tuple[float, float], heights: tupl
     return Solid(float(x1 + x2) / 2, float(y1 + y2) / 2, heights[0], *size, heights[1] - heights[0])
 
 
-def bounds_of(plan: Plan) -> tuple[float, float, float, float]:
+def bounds_of(plan: WorldPlan) -> tuple[float, float, float, float]:
     """Give the rectangle around all rooms, in inches."""
     rects = np.array([room.rect for room in plan.rooms])
     (x1, y1), (x2, y2) = rects[:, :2].min(axis=0), rects[:, 2:].max(axis=0)

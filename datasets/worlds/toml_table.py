@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from maurice_loaders.errors import LogError
 
-from .plan import Choice, Number, Rect, Span, Word
+from .plan import Choice, Number, NumberRange, Rect, Word
 
 FARTHEST = 1e5  # no length of a building is longer, in inches
 MOST_NUMBER = 1e300
@@ -120,7 +120,7 @@ class Table:
         inner.done()
         if ends[0] > ends[1]:
             self.fail(key, f"goes from {ends[0] / unit:g} down to {ends[1] / unit:g}; put the smaller first")
-        return Span(ends[0], ends[1])
+        return NumberRange(ends[0], ends[1])
 
     def number(
         self,

@@ -9,7 +9,7 @@ from maurice_loaders.errors import LogError
 
 from ..tasks import TIERS
 from .build import build_world
-from .plan import Plan
+from .plan import WorldPlan
 from .read_plan import read_plan
 from .world import World
 
@@ -20,7 +20,7 @@ def shipped_worlds() -> dict[str, Path]:
     return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 
-def load_plan(name_or_path: str | Path) -> Plan:
+def load_plan(name_or_path: str | Path) -> WorldPlan:
     """Read a shipped world by its name, or a TOML file by its path; LogError names what is wrong."""
     known = shipped_worlds()
     if str(name_or_path) in known:

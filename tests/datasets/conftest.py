@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from maurice_datasets.render.baking import bake
-from maurice_datasets.render.scene import Scene
+from maurice_datasets.render.scene import LitScene
 from maurice_datasets.worlds.world import World
 from maurice_datasets.worlds.world_file import load_world
 
@@ -16,5 +16,5 @@ def world() -> World:
 
 
 @pytest.fixture(scope="session")
-def scene(world: World) -> Scene:
+def scene(world: World) -> LitScene:
     return bake(world)

@@ -6,23 +6,23 @@ import pytest
 from maurice_datasets.render.baking import bake, lighting_of, nearest_source, relit, unlit
 from maurice_datasets.render.camera import radiance
 from maurice_datasets.render.parts import windows_of
-from maurice_datasets.render.scene import Scene
+from maurice_datasets.render.scene import LitScene
 from maurice_datasets.worlds.world import World
 
 POSES = [np.array(pose) for pose in ([0.5, 1.8, 0.3], [2.7, 1.8, 3.0], [4.6, 1.6, -1.2], [3.6, 1.8, np.pi])]
 
 
 @pytest.fixture(scope="module")
-def bare(world: World) -> Scene:
+def bare(world: World) -> LitScene:
     return unlit(lighting_of(world))
 
 
-def view(world: World, bare: Scene, weights: np.ndarray, pose: np.ndarray) -> np.ndarray:
+def view(world: World, bare: LitScene, weights: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return radiance(relit(bare, lighting_of(world).under(weights)), pose)
 
 
 def test_weights_of_one_give_the_picture_that_is_lit_for_good(
-    world: World, scene: Scene, bare: Scene
+    world: World, scene: LitScene, bare: LitScene
 ) -> None:
     ones = np.ones((len(lighting_of(world).parts), 3))
     for pose in POSES:
@@ -30,18 +30,18 @@ def test_weights_of_one_give_the_picture_that_is_lit_for_good(
         assert np.abs(fixed - live).mean() < 0.01 * fixed.mean()
 
 
-def test_light_is_the_sum_over_its_sources(world: World, bare: Scene) -> None:
+def test_light_is_the_sum_over_its_sources(world: World, bare: LitScene) -> None:
     parts = len(lighting_of(world).parts)
     weights = np.random.default_rng(5).uniform(0.2, 2, (parts, 3))
     alone = [view(world, bare, weights * (np.arange(parts) == k)[:, None], POSES[1]) for k in range(parts)]
     assert sum(alone) == pytest.approx(view(world, bare, weights, POSES[1]), abs=1e-4)
 
 
-def test_no_light_is_black(world: World, bare: Scene) -> None:
+def test_no_light_is_black(world: World, bare: LitScene) -> None:
     assert view(world, bare, np.zeros((len(lighting_of(world).parts), 3)), POSES[0]).max() < 1e-5
 
 
-def test_a_lamp_that_goes_out_changes_shading_and_not_only_brightness(world: World, bare: Scene) -> None:
+def test_a_lamp_that_goes_out_changes_shading_and_not_only_brightness(world: World, bare: LitScene) -> None:
     lighting = lighting_of(world)
     source = windows_of(world) and next(iter(windows_of(world)))
     off = np.array([[0.0 if part.source == source else 1.0] * 3 for part in lighting.parts])

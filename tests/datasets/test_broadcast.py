@@ -12,7 +12,7 @@ import pytest
 
 from maurice_datasets import simulation
 from maurice_datasets.live import WAITING, Address, Broadcast, Pace, Tally, parse_address, serve
-from maurice_datasets.simulation import Plan
+from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World
 from maurice_loaders.session_log.reader import SessionLog
@@ -152,7 +152,7 @@ def live(world: World, monkeypatch: pytest.MonkeyPatch, truth: bool) -> list[byt
             heard.append(connection.makefile("rb", buffering=0).readline())
 
         told: list[Tally] = []
-        plan = Plan(TASKS["tracking"], updates=3)
+        plan = SimulationPlan(TASKS["tracking"], updates=3)
         serve(plan, HERE, 0.0, truth=truth, ready=ready, over=told.append)
         heard.append(connection.makefile("rb").read())
     assert told == [Tally(1, 0)]

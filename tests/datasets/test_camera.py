@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maurice_datasets.render.camera import Lens, orientation, radiance
-from maurice_datasets.render.scene import LitFace, Scene, halvings, scene_of
+from maurice_datasets.render.scene import LitFace, LitScene, halvings, scene_of
 
 LEVEL = Lens(pitch_rad=0.0, height_m=1.0)
 FOCAL = LEVEL.width_px / 2 / np.tan(LEVEL.horizontal_fov_rad / 2)
@@ -118,12 +118,12 @@ def test_far_texture_is_averaged_not_sampled() -> None:
     assert picture[70:74, 80:96] == pytest.approx(0.5, abs=0.06)
 
 
-def test_rooms_are_closed_no_sample_is_left_without_a_face(scene: Scene) -> None:
+def test_rooms_are_closed_no_sample_is_left_without_a_face(scene: LitScene) -> None:
     for pose in ([0.5, 1.8, 0.3], [2.7, 1.8, 3.0], [4.6, 1.6, -1.2], [0.25, 0.7, -2.6]):
         assert radiance(scene, np.array(pose)).min() > 0
 
 
-def test_the_door_gap_shows_the_other_room(scene: Scene) -> None:
+def test_the_door_gap_shows_the_other_room(scene: LitScene) -> None:
     """From the dim room, what is seen through the gap is brighter than the wall beside it."""
     across_the_gap = np.array([[1.2, 1.8, 0.0], [4.2, 1.8, np.pi]])
     through = [radiance(scene, pose)[30:110, 70:106].mean() for pose in across_the_gap]
@@ -132,6 +132,6 @@ def test_the_door_gap_shows_the_other_room(scene: Scene) -> None:
     assert sum(brighter) == 1  # one room is bright, the other dim
 
 
-def test_the_same_pose_gives_the_same_picture(scene: Scene) -> None:
+def test_the_same_pose_gives_the_same_picture(scene: LitScene) -> None:
     pose = np.array([1.0, 1.9, 0.7])
     assert np.array_equal(radiance(scene, pose), radiance(scene, pose))

@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import chisquare
 
 from maurice_datasets.robot.behaviors import Localize, Wander
-from maurice_datasets.robot.drive import KIDNAP_M, Robot, Update, drive, steer
+from maurice_datasets.robot.drive import KIDNAP_M, DriveUpdate, Robot, drive, steer
 from maurice_datasets.robot.motion import Chassis, draw_luck
 from maurice_datasets.robot.planner import is_free, raster
-from maurice_datasets.seeds import Purpose
+from maurice_datasets.seeds import SimPurpose
 from maurice_datasets.worlds.world import World, clearance, floor_at
 from maurice_datasets.worlds.world_file import load_world
 from maurice_mcl.geometry import INCH_M, wrap
@@ -19,10 +19,10 @@ from maurice_mcl.randomness import Domain, stream
 
 SEEDS = (0, 1, 2, 3, 4, 5)
 CELL_M = 18 * INCH_M
-Drives = list[tuple[World, np.ndarray, list[Update]]]
+Drives = list[tuple[World, np.ndarray, list[DriveUpdate]]]
 
 
-def drive_in(arena: Arena, seed: int, updates: int, **options: int) -> tuple[np.ndarray, list[Update]]:
+def drive_in(arena: Arena, seed: int, updates: int, **options: int) -> tuple[np.ndarray, list[DriveUpdate]]:
     map_ = raster(arena)
     assert map_ is not None
     start, driven = drive(Robot(arena, seed, Chassis(slip_chance=0.1)), map_, updates, **options)
@@ -89,7 +89,7 @@ def test_luck_is_the_seed_s_and_does_not_depend_on_what_the_robot_chose(drives: 
     chassis = Chassis()
     for seed, (_, _, updates) in zip(SEEDS, drives, strict=True):
         for step, update in enumerate(updates, start=1):
-            luck = draw_luck(stream(Domain.SIMULATOR, seed, step, Purpose.ROBOT))
+            luck = draw_luck(stream(Domain.SIMULATOR, seed, step, SimPurpose.ROBOT))
             turned = wrap(update.turn.path[-1:, 2] - update.turn.path[0, 2])[0]
             residual = wrap(np.array([turned - update.turn.measured[2] / chassis.turn_over_read]))[0]
             assert residual == pytest.approx(chassis.turn_bias_rad + chassis.turn_sd_rad * luck.turn)

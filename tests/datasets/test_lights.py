@@ -16,10 +16,10 @@ from maurice_datasets.render.conditions import (
     weights_at,
 )
 from maurice_datasets.render.image_sensor import Exposure, drifted, swings
-from maurice_datasets.render.parts import Part, parts_of, windows_of
+from maurice_datasets.render.parts import LightPart, parts_of, windows_of
 from maurice_datasets.worlds.world import World
 
-PARTS = (Part("lamp"), Part("other lamp"), Part("window", 1), Part("window", -1))
+PARTS = (LightPart("lamp"), LightPart("other lamp"), LightPart("window", 1), LightPart("window", -1))
 WINDOWS = frozenset({"window"})
 
 

@@ -5,11 +5,19 @@ import pytest
 
 from maurice_datasets.render.baking import lighting_of, unlit
 from maurice_datasets.render.camera import radiance
-from maurice_datasets.render.camera_session import session_outing
+from maurice_datasets.render.camera_session import session_camera
 from maurice_datasets.render.conditions import Conditions
 from maurice_datasets.render.light import seen_past
-from maurice_datasets.render.occluders import FARTHEST_M, NEAREST_M, ROOM_M, Stand, crossed, people, stands_at
-from maurice_datasets.render.scene import Scene, joined
+from maurice_datasets.render.occluders import (
+    FARTHEST_M,
+    NEAREST_M,
+    ROOM_M,
+    StandingPerson,
+    crossed,
+    people,
+    stands_at,
+)
+from maurice_datasets.render.scene import LitScene, joined
 from maurice_datasets.worlds.world import Box, World, clearance
 from maurice_mcl.map import Arena
 
@@ -70,13 +78,13 @@ def test_a_box_hides_a_lamp_behind_it_only() -> None:
     assert seen_past(np.zeros(3), targets, ()).all()
 
 
-def person(world: World, stand: Stand, dim: float = 1.0) -> Scene:
+def person(world: World, stand: StandingPerson, dim: float = 1.0) -> LitScene:
     parts = lighting_of(world).parts
     return people(world, parts, np.full((len(parts), 3), dim), (stand,), 7)
 
 
 def test_a_person_is_people_sized_and_stands_on_the_floor(world: World) -> None:
-    made = person(world, Stand(3.0, 2.0, 0.7, 2))
+    made = person(world, StandingPerson(3.0, 2.0, 0.7, 2))
     corners = np.concatenate([made.corner + a * made.across + b * made.down for a in (0, 1) for b in (0, 1)])
     assert corners[:, 2].min() == pytest.approx(0, abs=1e-9)
     assert 1.5 < corners[:, 2].max() < 1.9
@@ -84,17 +92,20 @@ def test_a_person_is_people_sized_and_stands_on_the_floor(world: World) -> None:
 
 
 def test_a_person_takes_the_light_of_the_place(world: World) -> None:
-    stand = Stand(3.0, 2.0, 0.7, 2)
+    stand = StandingPerson(3.0, 2.0, 0.7, 2)
     bright, dim = person(world, stand), person(world, stand, 0.25)
     assert bright.light is not None
     assert dim.light == pytest.approx(0.25 * bright.light, rel=1e-4)
-    west, east = (np.mean(person(world, Stand(x, 2.0, 0.0, 1)).light) for x in (1.2, 4.0))
+    west, east = (np.mean(person(world, StandingPerson(x, 2.0, 0.0, 1)).light) for x in (1.2, 4.0))
     assert max(west, east) > 2 * min(west, east)  # one room is bright, the other dim
 
 
 def test_furniture_in_front_hides_a_person(world: World) -> None:
     """What a picture with somebody in it differs in is hidden where something nearer stands."""
-    ahead, beyond = Stand(3.0, 2.0, 0.0, 0), Stand(-0.6, 2.0, 0.0, 0)  # the second behind the outer wall
+    ahead, beyond = (
+        StandingPerson(3.0, 2.0, 0.0, 0),
+        StandingPerson(-0.6, 2.0, 0.0, 0),
+    )  # the second behind the outer wall
     scene = unlit(lighting_of(world))
     empty = radiance(scene, POSE)
     assert np.abs(radiance(joined(scene, person(world, ahead)), POSE) - empty).mean() > 1e-3
@@ -102,7 +113,7 @@ def test_furniture_in_front_hides_a_person(world: World) -> None:
 
 
 def test_pictures_without_people_are_as_if_none_had_been_asked_for(world: World) -> None:
-    some, none = session_outing(world, 3, Conditions(occluded=0.3)), session_outing(world, 3)
+    some, none = session_camera(world, 3, Conditions(occluded=0.3)), session_camera(world, 3)
     seen = {bool(some.stands(k, POSE)) for k in range(1, 30)}
     assert seen == {True, False}
     for k in range(1, 9):

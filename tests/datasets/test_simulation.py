@@ -14,7 +14,7 @@ from maurice_datasets.maurice import DemoPaths, write_simulation
 from maurice_datasets.render.conditions import parse_lights
 from maurice_datasets.robot.drive import KIDNAP_M
 from maurice_datasets.robot.recorded_path import read_recording
-from maurice_datasets.simulation import Plan
+from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.survey import Surveyor
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World, clearance
@@ -23,7 +23,7 @@ from maurice_loaders.errors import LogError
 from maurice_loaders.session_log.reader import SessionLog
 
 QUICK = Surveyor(headings=1, covered=1)
-SHORT = Plan(TASKS["tracking"], updates=4)
+SHORT = SimulationPlan(TASKS["tracking"], updates=4)
 DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "thymio"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no recorded drives at {DATA}; set MAURICE_DATA")
 
@@ -145,8 +145,8 @@ def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
     log = SessionLog(write_simulation(tmp_path / "a", plan).session)
     recording = read_recording(DATA / "random_long", 4)
     moments = list(log.moments())
-    for moment, leg in zip(moments, recording.legs, strict=True):
-        (entry,) = leg.entries
+    for moment, segment in zip(moments, recording.segments, strict=True):
+        (entry,) = segment.entries
         assert moment.frame.motions[0] == pytest.approx(entry.motion)  # type: ignore[union-attr]
     assert log.info.motion is None
     assert any("recorded" in text for text in log.info.notes)
@@ -163,7 +163,7 @@ def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> 
     paths = write_simulation(tmp_path / "out", plan)
     moments = list(SessionLog(paths.session).moments())
     carried = [number for number, moment in enumerate(moments) if "kidnapped" in moment.events]
-    assert carried == [6]  # 0.24 m a leg: rows 36 to 42
+    assert carried == [6]  # 0.24 m per segment: rows 36 to 42
     assert any("jumps: 1 times" in note for note in SessionLog(paths.session).info.notes)
     again = read_recording(paths.session, 9)
     assert again.carried == 1

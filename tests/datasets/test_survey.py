@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.render.camera_session import session_outing, survey_outing
+from maurice_datasets.render.camera_session import session_camera, survey_camera
 from maurice_datasets.survey import (
     Surveyor,
     placed_poses,
@@ -36,16 +36,16 @@ def test_references_are_placed_with_the_errors_that_are_named() -> None:
 
 
 def test_labels_are_nominal_and_pictures_are_taken_where_the_robot_was(world: World) -> None:
-    outing, surveyor = survey_outing(world, 0), Surveyor(headings=1)
+    camera, surveyor = survey_camera(world, 0), Surveyor(headings=1)
     nodes = np.array([[1.2, 1.9], [1.65, 1.9]])
-    made = list(references(nodes, outing, surveyor))
+    made = list(references(nodes, camera, surveyor))
     assert np.array_equal([pose for pose, _ in made], reference_poses(nodes, 1))
     actual = placed_poses(reference_poses(nodes, 1), 0, surveyor)
-    assert np.array_equal(made[1][1], outing.take(1, actual[1]))
+    assert np.array_equal(made[1][1], camera.take(1, actual[1]))
 
 
 def test_survey_and_session_have_lights_and_noise_of_their_own(world: World) -> None:
-    survey, session = survey_outing(world, 0), session_outing(world, 0)
+    survey, session = survey_camera(world, 0), session_camera(world, 0)
     assert survey.exposure != session.exposure
     pose = np.array([1.2, 1.9, 0.4])
     assert not np.array_equal(survey.take(1, pose), session.take(1, pose))
@@ -54,5 +54,5 @@ def test_survey_and_session_have_lights_and_noise_of_their_own(world: World) -> 
 
 
 def test_covered_pictures_differ_from_one_another(world: World) -> None:
-    outing = survey_outing(world, 0)
-    assert not np.array_equal(outing.take_covered(0), outing.take_covered(1))
+    camera = survey_camera(world, 0)
+    assert not np.array_equal(camera.take_covered(0), camera.take_covered(1))

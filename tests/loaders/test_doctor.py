@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from maurice_datasets.maurice import write_simulation
-from maurice_datasets.simulation import Plan
+from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.errors import LogError
 from maurice_loaders.formats.odometry_folder import read_aligned
@@ -36,7 +36,9 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Libr
     folder = tmp_path_factory.mktemp("doctor")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "doctor-cache"))
-        written = write_simulation(folder / "s", Plan(TASKS["tracking"], seed=1, arena_seed=1, updates=24))
+        written = write_simulation(
+            folder / "s", SimulationPlan(TASKS["tracking"], seed=1, arena_seed=1, updates=24)
+        )
         yield written.session, build_library(written.survey, ["color", "edges"])
 
 

@@ -15,7 +15,7 @@ from ..options import ForceOption, JsonOption
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally
-    from maurice_datasets.simulation import Plan
+    from maurice_datasets.simulation import SimulationPlan
 
 MOST_SEED = 2**32 - 1
 
@@ -115,14 +115,14 @@ def simulate(
     if (output is None) == (serve is None):
         raise typer.BadParameter("give either -o DIR or --serve tcp://HOST:PORT")
     from maurice_datasets.render.conditions import parse_lights
-    from maurice_datasets.simulation import Plan
+    from maurice_datasets.simulation import SimulationPlan
     from maurice_datasets.tasks import TASKS
 
     if task not in TASKS:
         raise typer.BadParameter(f"no task called {task!r}; there are {', '.join(TASKS)}")
     try:
         changes = parse_lights(lights)
-        plan = Plan(
+        plan = SimulationPlan(
             task=TASKS[task],
             world=world,
             tier=tier,
@@ -152,7 +152,9 @@ def _live(serve: str | None, rate: float | None, no_truth: bool) -> Live | None:
     return Live(parse_address(serve), 1.0 if rate is None else rate, not no_truth)
 
 
-def _run(plan: Plan, output: Path | None, live: Live | None, force: bool, json_output: bool) -> None:
+def _run(
+    plan: SimulationPlan, output: Path | None, live: Live | None, force: bool, json_output: bool
+) -> None:
     with one_line_errors(), progress("arena") as advance:
         if live is not None:
             from maurice_datasets.live import serve

@@ -105,7 +105,7 @@ def _write_sheet(
     path: Path, world: World, seed: int, half_resolution: bool, force: bool, advance: Advance
 ) -> None:
     from maurice_datasets.maurice import one_thread
-    from maurice_datasets.render.camera_session import survey_outing
+    from maurice_datasets.render.camera_session import survey_camera
     from maurice_datasets.survey_folder import views
 
     from ...drawing.raster import jpeg, png
@@ -115,9 +115,9 @@ def _write_sheet(
     expect_absent(path, force=force)
     poses, pictures = views(world, seed, VIEWS), []
     with one_thread():
-        outing = survey_outing(world, seed, half_resolution=half_resolution)
+        camera = survey_camera(world, seed, half_resolution=half_resolution)
         for number, pose in enumerate(poses, start=1):
-            pictures.append(outing.take(number, pose))
+            pictures.append(camera.take(number, pose))
             advance(number, len(poses), "views")
     scale = scale_for("in", world.arena)
     sheet = draw_sheet(pictures, poses, scale)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maurice_datasets.render.camera import Lens
-from maurice_datasets.render.camera_session import session_outing, survey_outing
+from maurice_datasets.render.camera_session import session_camera, survey_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
 from maurice_datasets.worlds.world import World
 
@@ -17,56 +17,56 @@ ALL = Conditions(
 
 @pytest.mark.parametrize("conditions", [Conditions(), ALL], ids=["nominal", "everything"])
 def test_a_picture_is_a_function_of_seed_number_and_pose_alone(world: World, conditions: Conditions) -> None:
-    one, same = session_outing(world, 3, conditions), session_outing(world, 3, conditions)
+    one, same = session_camera(world, 3, conditions), session_camera(world, 3, conditions)
     forward = [one.take(k, POSE) for k in (5, 6, 7)]
     backward = [same.take(k, POSE) for k in (7, 6, 5)]
     assert all(np.array_equal(a, b) for a, b in zip(forward, backward[::-1], strict=True))
-    assert not np.array_equal(forward[0], session_outing(world, 4, conditions).take(5, POSE))
+    assert not np.array_equal(forward[0], session_camera(world, 4, conditions).take(5, POSE))
 
 
 def test_taking_a_picture_moves_nobody(world: World) -> None:
     pose = POSE.copy()
     obstacles = [region.polygon.copy() for region in world.arena.obstacles]
-    session_outing(world, 3, ALL).take(5, pose)
+    session_camera(world, 3, ALL).take(5, pose)
     assert np.array_equal(pose, POSE)
     after = [region.polygon for region in world.arena.obstacles]
     assert all(np.array_equal(a, b) for a, b in zip(obstacles, after, strict=True))
 
 
 def test_nothing_changes_before_the_first_change(world: World) -> None:
-    plain = session_outing(world, 3)
-    changing = session_outing(world, 3, Conditions(parse_lights("dim@4,off@4,daylight@5-6")))
+    plain = session_camera(world, 3)
+    changing = session_camera(world, 3, Conditions(parse_lights("dim@4,off@4,daylight@5-6")))
     off = np.abs(plain.take(3, POSE).astype(int) - changing.take(3, POSE))
     assert off.mean() < 0.2  # texture times light is averaged in another order, nothing more
     assert np.abs(plain.take(4, POSE).astype(int) - changing.take(4, POSE)).mean() > 4
 
 
 def test_on_gives_the_lights_back(world: World) -> None:
-    changing = session_outing(world, 3, Conditions(parse_lights("dim:0.3@2,on@4")))
-    assert np.array_equal(changing.take(4, POSE), session_outing(world, 3).take(4, POSE))
+    changing = session_camera(world, 3, Conditions(parse_lights("dim:0.3@2,on@4")))
+    assert np.array_equal(changing.take(4, POSE), session_camera(world, 3).take(4, POSE))
 
 
 def test_automatic_gain_brings_every_mean_near_the_target_where_fixed_gain_does_not(world: World) -> None:
-    fixed, auto = session_outing(world, 3), session_outing(world, 3, Conditions(gain="auto"))
+    fixed, auto = session_camera(world, 3), session_camera(world, 3, Conditions(gain="auto"))
     want = auto.sensor.target + np.mean(auto.sensor.black)
     means = {
-        name: np.array([outing.take(1, pose).mean() for pose in POSES])
-        for name, outing in (("fixed", fixed), ("auto", auto))
+        name: np.array([camera.take(1, pose).mean() for pose in POSES])
+        for name, camera in (("fixed", fixed), ("auto", auto))
     }
     assert np.abs(means["auto"] - want).max() < 6
     assert np.abs(means["fixed"] - want).max() > 15
 
 
 def test_automatic_gain_makes_up_for_dimming(world: World) -> None:
-    bright = session_outing(world, 3, Conditions(gain="auto"))
-    dim = session_outing(world, 3, Conditions(parse_lights("dim@1"), gain="auto"))
+    bright = session_camera(world, 3, Conditions(gain="auto"))
+    dim = session_camera(world, 3, Conditions(parse_lights("dim@1"), gain="auto"))
     pose = POSES[1]
     assert np.abs(bright.take(2, pose).astype(int) - dim.take(2, pose)).mean() < 1
 
 
 def test_half_resolution_doubles_every_other_column(world: World) -> None:
-    picture = session_outing(world, 3, Conditions(half_resolution=True)).take(1, POSE)
-    whole = session_outing(world, 3).take(1, POSE)
+    picture = session_camera(world, 3, Conditions(half_resolution=True)).take(1, POSE)
+    whole = session_camera(world, 3).take(1, POSE)
     assert picture.shape == whole.shape == (144, 176, 3)
     assert np.array_equal(picture[:, ::2], picture[:, 1::2])
     assert not np.array_equal(whole[:, ::2], whole[:, 1::2])
@@ -77,9 +77,9 @@ def test_every_size_shows_the_same_view(world: World, size: tuple[int, int]) -> 
     """At 88 x 143 pixels are twice as wide as high."""
     width, height = size
     lens = Lens(width, height, pixel_aspect=2.0 if width < height else 1.0)
-    picture = session_outing(world, 3, lens=lens).take(1, POSE)
+    picture = session_camera(world, 3, lens=lens).take(1, POSE)
     assert picture.shape == (height, width, 3)
-    usual = session_outing(world, 3).take(1, POSE).astype(float)
+    usual = session_camera(world, 3).take(1, POSE).astype(float)
     blocks = (6, 8)
 
     def mosaic(image: np.ndarray) -> np.ndarray:
@@ -99,20 +99,20 @@ def test_every_size_shows_the_same_view(world: World, size: tuple[int, int]) -> 
 
 
 def test_events_and_notes_tell_what_happens(world: World) -> None:
-    outing = session_outing(world, 3, ALL)
+    camera = session_camera(world, 3, ALL)
     lamp = world.sources[0]
-    assert outing.events(4) == (f"lights off {lamp}",)
-    assert outing.events(5) == ()
-    assert len(outing.notes) == 5
-    assert session_outing(world, 3).notes == ()
+    assert camera.events(4) == (f"lights off {lamp}",)
+    assert camera.events(5) == ()
+    assert len(camera.notes) == 5
+    assert session_camera(world, 3).notes == ()
 
 
 def test_an_unknown_light_is_refused_when_the_outing_is_made(world: World) -> None:
     with pytest.raises(ValueError, match="found no light called 'attic'"):
-        session_outing(world, 3, Conditions(parse_lights("off:attic@3")))
+        session_camera(world, 3, Conditions(parse_lights("off:attic@3")))
 
 
 def test_the_survey_has_no_changes_and_may_meter_too(world: World) -> None:
-    assert survey_outing(world, 3).events(1) == ()
-    auto = survey_outing(world, 3, gain="auto")
-    assert not np.array_equal(auto.take(1, POSE), survey_outing(world, 3).take(1, POSE))
+    assert survey_camera(world, 3).events(1) == ()
+    auto = survey_camera(world, 3, gain="auto")
+    assert not np.array_equal(auto.take(1, POSE), survey_camera(world, 3).take(1, POSE))
