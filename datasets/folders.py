@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import cache_root, discard
 
 NOTE = "simulation.json"  # written last: without it a folder is not whole
@@ -53,14 +53,14 @@ def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:
     if not folder.exists():
         try:
             make(folder)
-        except LogError:
+        except InputError:
             if not is_whole(folder, key):  # otherwise somebody else was faster
                 raise
     return folder
 
 
 def copy_whole(source: Path, target: Path) -> None:
-    """Copy a finished folder without its note. LogError at the first file that cannot be written."""
+    """Copy a finished folder without its note. InputError at the first file that cannot be written."""
     for file in sorted(source.rglob("*")):
         copy = target / file.relative_to(source)
         try:
@@ -70,7 +70,7 @@ def copy_whole(source: Path, target: Path) -> None:
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(file, copy)
         except OSError as problem:
-            raise LogError(copy, f"cannot be written: {problem.strerror}; choose another place") from None
+            raise InputError(copy, f"cannot be written: {problem.strerror}; choose another place") from None
 
 
 def fingerprint(value: Any) -> str:

@@ -260,7 +260,7 @@ def serve(
     """Drive a whole session and say its lines at an address.
 
     `ready` is told where it listens, as soon as it does, and `over` what became of the lines, also when the
-    robot is stopped half way. LogError for worlds and recordings that cannot be used,
+    robot is stopped half way. InputError for worlds and recordings that cannot be used,
     OSError where one cannot listen. Readers get the header first, then what is said from then on.
     """
     with one_thread():

@@ -139,7 +139,7 @@ def write_simulation(
 ) -> DemoPaths:
     """Write a session and the survey it belongs to into a new folder, all of it or nothing.
 
-    LogError when the folder exists and holds something (`force` replaces an earlier one), and for worlds and
+    InputError when the folder exists and holds something (`force` replaces an earlier one), for worlds and
     recordings that cannot be used. Without a surveyor the survey comes from the cache.
     """
     report = progress or (lambda done, total, what: None)

@@ -38,6 +38,6 @@ class SimulatedSession:
 
 
 def simulated_session(plan: SimulationPlan) -> SimulatedSession:
-    """Set a plan's session up. LogError for worlds and recordings that cannot be used."""
+    """Set a plan's session up. InputError for worlds and recordings that cannot be used."""
     set_up = stage(plan)
     return SimulatedSession(set_up, session_info(set_up))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F64
 from maurice_mcl.randomness import Domain, stream
 
@@ -92,12 +92,12 @@ class Stage:
 
 
 def stage(plan: SimulationPlan) -> Stage:
-    """Set everything up. LogError for worlds and recordings that cannot be used."""
+    """Set everything up. InputError for worlds and recordings that cannot be used."""
     surveyed = load_world(plan.world, plan.arena_seed, plan.tier)
     world = move_things(surveyed, plan.moved, plan.seed) if plan.moved else surveyed
     map_ = raster(world.arena)
     if map_ is None:
-        raise LogError(
+        raise InputError(
             Path(plan.world), "found no room for the robot to drive in; leave 12 in between things"
         )
     course = (
@@ -106,18 +106,18 @@ def stage(plan: SimulationPlan) -> Stage:
     try:
         camera = session_camera(world, plan.seed, plan.conditions)
     except ValueError as problem:  # a lamp that this world does not have
-        raise LogError(Path(plan.world), str(problem)) from None
+        raise InputError(Path(plan.world), str(problem)) from None
     return Stage(plan, surveyed, world, camera, course)
 
 
 def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
-    """Let the robot drive itself. LogError where a kidnapped robot cannot be put far enough away."""
+    """Let the robot drive itself. InputError where a kidnapped robot cannot be put far enough away."""
     chassis = Chassis(slip_chance=plan.slip_chance)
     robot = Robot(world.arena, plan.seed, chassis)
     kidnap_at = plan.task.kidnap_at(plan.updates, plan.kidnap_at)
     reach_m = float(np.ptp(map_.centers, axis=0).max())  # one of the two ends is half of it away, or more
     if kidnap_at is not None and reach_m < 2 * KIDNAP_M:
-        raise LogError(Path(plan.world), "found too small a place to be kidnapped in; take a larger world")
+        raise InputError(Path(plan.world), "found too small a place to be kidnapped in; take a larger world")
 
     def segments() -> Iterator[Segment]:
         return driven_segments(drive(robot, map_, plan.updates, kidnap_at, world.start)[1], world.arena)
@@ -129,13 +129,13 @@ def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
 
 
 def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Course:
-    """Follow a recorded path, moved to where it fits. LogError where it fits nowhere."""
+    """Follow a recorded path, moved to where it fits. InputError where it fits nowhere."""
     found = read_recording(path, plan.updates)
     at = fit(map_, found.track, stream(Domain.SIMULATOR, plan.seed, 0, SimPurpose.START))
     if at is None:
         size = " x ".join(f"{v:.1f} m" for v in np.ptp(found.track, axis=0))
         smallest = f"{SCALES[-1]:.0%} of its size"
-        raise LogError(
+        raise InputError(
             path,
             f"found a path of {size} that fits nowhere into {world.name}, not even at {smallest}; "
             "take a larger world or fewer --updates",

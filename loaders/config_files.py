@@ -12,7 +12,7 @@ from typing import Any
 from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import Configuration, Layer, configure, flatten
 
-from .errors import LogError
+from .errors import InputError
 from .io.files import expect_regular
 
 # Configuration files: TOML with the tables and names of `maurice_mcl.config.parameters`, and the environment.
@@ -21,13 +21,13 @@ PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sha
 
 
 def read_config(path: Path) -> Layer:
-    """Read a configuration file. LogError for one that is no TOML; what its keys mean is checked later."""
+    """Read a configuration file. InputError for one that is no TOML; what its keys mean is checked later."""
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
-        raise LogError(path, f"cannot be read: {problem.strerror}") from None
+        raise InputError(path, f"cannot be read: {problem.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise LogError(path, f"is no TOML: {problem}") from None
+        raise InputError(path, f"is no TOML: {problem}") from None
     return Layer(str(path), flatten(tree))
 
 
@@ -48,7 +48,7 @@ def configuration_of(
 ) -> Configuration:
     """Put together what is in force: default, preset, file, environment, command line, the last one winning.
 
-    `typed` maps keys to values given on the command line. LogError in one line for anything that is wrong.
+    `typed` maps keys to values given on the command line. InputError in one line for anything that is wrong.
     """
     layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
     layers += [] if file is None else [read_config(file)]
@@ -58,7 +58,7 @@ def configuration_of(
         return configure(layers)
     except ValueError as problem:  # its text begins with the origin
         origin, _, what = str(problem).partition(": ")
-        raise LogError(Path(origin), what) from None
+        raise InputError(Path(origin), what) from None
 
 
 def to_toml(configuration: Configuration, *, origins: bool = False) -> str:
@@ -121,20 +121,20 @@ def motion_to_toml(values: Mapping[str, Any], comments: tuple[str, ...] = ()) ->
 def read_motion(file: Path) -> dict[str, Any]:
     """Read the table robot.motion; what its fields mean is the motion model's to check.
 
-    LogError where the file is no TOML, or holds no such table.
+    InputError where the file is no TOML, or holds no such table.
     """
     expect_regular(file, "a TOML file")
     try:
         found = tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise LogError(file, "found no such file, expected motion parameters; check the path") from None
+        raise InputError(file, "found no such file, expected motion parameters; check the path") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as problem:
-        raise LogError(file, f"cannot be read as TOML: {problem}") from None
+        raise InputError(file, f"cannot be read as TOML: {problem}") from None
     robot = found.get("robot")
     motion = robot.get("motion") if isinstance(robot, dict) else None
     if not isinstance(motion, dict) or not motion:
         names = ", ".join(found) or "nothing"
-        raise LogError(file, f"found {names}, expected a table [{TABLE}], as calibrate motion writes it")
+        raise InputError(file, f"found {names}, expected a table [{TABLE}], as calibrate motion writes it")
     return motion
 
 

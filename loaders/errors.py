@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 
-class LogError(Exception):
+class InputError(Exception):
     """A file that is not what it should be: what was found, where, what was expected, what to do.
 
     `str()` is one line without a traceback's help: `session.log:17: found ..., expected ...; what to do`.
@@ -20,8 +20,8 @@ class LogError(Exception):
         self.message = message
 
 
-class SourceError(LogError):
-    """As LogError, of a source that is no file: its name is kept as it was typed."""
+class SourceError(InputError):
+    """As InputError, of a source that is no file: its name is kept as it was typed."""
 
     def __init__(self, name: str, message: str, line: int | None = None) -> None:
         super().__init__(Path(name), message, line)

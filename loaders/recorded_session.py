@@ -13,8 +13,8 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from .errors import LogError
-from .io.findings import Finder, Findings
+from .errors import InputError
+from .io.notes import HasReadingNotes, ReadingNotes
 from .io.pictures import PictureError
 from .recording import (
     Motion,
@@ -30,7 +30,7 @@ from .recording import (
 from .session_log.header import Kind
 from .session_log.reader import SessionLog, SurveyPicture
 from .session_log.records import read_records
-from .transforms.clocks import Span, apart
+from .transforms.clocks import TimeSpan, apart
 from .transforms.gating import Gate
 from .transforms.time_alignment import Aligned, Aligner, Steps, as_rows
 
@@ -40,7 +40,7 @@ MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 
 
 @dataclass(frozen=True, slots=True)
-class Pairing:
+class TimeAlignment:
     """How pictures are paired with odometry, and which of them make an update."""
 
     max_dt_s: float = MAX_DT_S  # a picture without an odometry pose so near in time is left out
@@ -69,20 +69,20 @@ class _Update:
     odometry: F64 | None
 
 
-class RecordedSession(Finder):
+class RecordedSession(HasReadingNotes):
     """A recording as a `maurice_mcl.session.Session`; nothing is read before it is asked for.
 
     Odometry poses become one motion from a used picture to the next; motions measured as such stay apart.
     A picture with no odometry within `max_dt_s` is left out, and what moved belongs to the next one; a
-    recording without any odometry gives pictures without motions. LogError as `SessionLog` raises it.
+    recording without any odometry gives pictures without motions. InputError as `SessionLog` raises it.
     """
 
     kind: Kind = "session"
 
-    def __init__(self, recording: Recording, pairing: Pairing | None = None) -> None:
+    def __init__(self, recording: Recording, alignment: TimeAlignment | None = None) -> None:
         self.recording = recording
-        self.pairing = pairing or Pairing()
-        self._findings = Findings(self.pairing.keep_going)
+        self.alignment = alignment or TimeAlignment()
+        self._notes = ReadingNotes(self.alignment.keep_going)
 
     @property
     def path(self) -> Path:
@@ -96,15 +96,15 @@ class RecordedSession(Finder):
 
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a used picture at a time."""
-        findings = self._findings = Findings(self.pairing.keep_going)
-        updates = _Updates(self, findings)
+        notes = self._notes = ReadingNotes(self.alignment.keep_going)
+        updates = _Updates(self, notes)
         step = 0
         for update in updates:
             picture = update.aligned.picture
             try:
                 image = picture.read()
             except PictureError as problem:
-                findings.problem(LogError(self.path, f"{picture.name}: {problem}"))
+                notes.problem(InputError(self.path, f"{picture.name}: {problem}"))
                 continue
             updates.used(update)
             step += 1
@@ -113,22 +113,22 @@ class RecordedSession(Finder):
 
     def overview(self) -> tuple[int, bool]:
         """Count the pictures that make a moment, and tell whether any truth is there; decodes no picture."""
-        count, updates = 0, _Updates(self, Findings(self.pairing.keep_going))
+        count, updates = 0, _Updates(self, ReadingNotes(self.alignment.keep_going))
         for update in updates:
             updates.used(update)
             count += 1
         return count, updates.truths > 0
 
-    def glances(self, findings: Findings) -> Iterator[Glance]:
+    def glances(self, notes: ReadingNotes) -> Iterator[Glance]:
         """Give what is known of every moment without its picture; decodes none."""
-        updates = _Updates(self, findings)
+        updates = _Updates(self, notes)
         for update in updates:
             updates.used(update)
             yield Glance(as_rows(update.motions), update.truth, tuple(updates.events_taken()))
 
     def count_pictures(self) -> int:
         """Count all pictures, used or not, without decoding any."""
-        records = checked(self.recording, Findings(self.pairing.keep_going))
+        records = checked(self.recording, ReadingNotes(self.alignment.keep_going))
         return sum(isinstance(record, Picture) for record in records)
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
@@ -140,7 +140,7 @@ class RecordedSession(Finder):
     @cached_property
     def odometry(self) -> type[OdometryPose] | type[Motion] | None:
         """Tell how odometry comes, if at all; stops at its first record."""
-        for record in checked(self.recording, Findings(keep_going=True)):
+        for record in checked(self.recording, ReadingNotes(keep_going=True)):
             if isinstance(record, OdometryPose | Motion):
                 return type(record)
         return None
@@ -149,23 +149,23 @@ class RecordedSession(Finder):
 class _Updates:
     """One reading of a recording: which pictures are used, and what belongs to each."""
 
-    def __init__(self, session: RecordedSession, findings: Findings) -> None:
+    def __init__(self, session: RecordedSession, notes: ReadingNotes) -> None:
         self.truths = 0  # seen so far
         self._session = session
-        self._findings = findings
-        self._gate = Gate(session.pairing.min_distance_m, session.pairing.min_angle_rad)
+        self._notes = notes
+        self._gate = Gate(session.alignment.min_distance_m, session.alignment.min_angle_rad)
         self._steps = Steps()
         self._events: list[str] = []
         self._begin_s: float | None = None
-        self._spans = {"pictures": Span(), "odometry": Span()}
+        self._spans = {"pictures": TimeSpan(), "odometry": TimeSpan()}
         self._used = False
         self._unpaired = 0
 
     def __iter__(self) -> Iterator[_Update]:
-        aligner = Aligner(self._session.pairing.max_dt_s)
+        aligner = Aligner(self._session.alignment.max_dt_s)
         for aligned in aligner(self._seen()):
             self._events += aligned.events
-            pose = aligned.odometry_at(self._session.pairing.max_dt_s)
+            pose = aligned.odometry_at(self._session.alignment.max_dt_s)
             motions = self._steps.add(aligned.motions, pose, aligner.first_odometry)
             if pose is None and self._session.odometry is OdometryPose:
                 self._unpaired += 1
@@ -188,7 +188,7 @@ class _Updates:
 
     def _seen(self) -> Iterator[Record]:
         """Pass the records on, and keep what is told of them at the end."""
-        for record in checked(self._session.recording, self._findings):
+        for record in checked(self._session.recording, self._notes):
             self._begin_s = record.t_s if self._begin_s is None else self._begin_s
             self.truths += isinstance(record, TruthPose)
             if isinstance(record, Picture):
@@ -206,33 +206,36 @@ class _Updates:
         )
 
     def _tell(self) -> None:
-        """Say at the end how pairing went. LogError where no picture found its odometry."""
+        """Say at the end how pairing went. InputError where no picture found its odometry."""
         pictures, odometry = self._spans["pictures"], self._spans["odometry"]
         if pictures.count and self._session.odometry is None:
-            self._findings.warning(
+            self._notes.warning(
                 f"found no odometry: the filter only has the pictures to go by; {self._advice}"
             )
         if not self._unpaired:
             return
-        within = f"within {self._session.pairing.max_dt_s:g} s"
+        within = f"within {self._session.alignment.max_dt_s:g} s"
         if self._unpaired == pictures.count:
             where = apart("pictures", pictures, "odometry", odometry)
             found = f"found no picture with odometry {within}: {where}"
-            raise LogError(self._session.path, f"{found}; see --odometry-offset and --max-dt")
+            raise InputError(self._session.path, f"{found}; see --odometry-offset and --max-dt")
         share = f"{self._unpaired} of {pictures.count} pictures"
-        self._findings.warning(f"{share} have no odometry {within} and were left out; see --max-dt")
+        self._notes.warning(f"{share} have no odometry {within} and were left out; see --max-dt")
 
 
 # When a session began, on the clock of the recording itself; a session counts from there.
 
 
 def begin_of(session: SessionLog | RecordedSession) -> float:
-    """Give the time in seconds of the first record; 0 where there is none. LogError as reading raises it."""
-    findings = Findings(keep_going=True)
+    """Give the time in seconds of the first record; 0 where there is none.
+
+    InputError as reading raises it.
+    """
+    notes = ReadingNotes(keep_going=True)
     if isinstance(session, SessionLog):
-        line = next(read_records(session.path, "session", findings), None)
+        line = next(read_records(session.path, "session", notes), None)
         return 0.0 if line is None else line.t_s
-    record = next(checked(session.recording, findings), None)
+    record = next(checked(session.recording, notes), None)
     return 0.0 if record is None else record.t_s
 
 
@@ -246,7 +249,7 @@ def first_truth(recording: Recording) -> F64 | None:
     all of it comes to that pose in time.
     """
     moved, first = np.zeros(3), None
-    for record in checked(recording, Findings(keep_going=True)):
+    for record in checked(recording, ReadingNotes(keep_going=True)):
         if isinstance(record, TruthPose):
             return before(record.pose, moved)
         if isinstance(record, Motion):

@@ -17,9 +17,9 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose
 from maurice_mcl.session import SessionInfo
 
-from .errors import LogError
+from .errors import InputError
 from .io.fields import MOST, MOST_T_S, up_to
-from .io.findings import Findings
+from .io.notes import ReadingNotes
 
 # A recorded drive as a stream of records in time order: what every format is read into.
 
@@ -81,23 +81,23 @@ class Recording(Protocol):
         """What is known before the first record."""
         ...
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read from the beginning on every call, lazily, in time order.
 
-        What is broken goes to `findings.problem`, what is worth saying to `findings.warning`; LogError
+        What is broken goes to `notes.problem`, what is worth saying to `notes.warning`; InputError
         where nothing more can be read.
         """
         ...
 
 
-def checked(recording: Recording, findings: Findings) -> Iterator[Record]:
-    """Give a recording's records; times that fall and numbers that no log may hold go to `findings`."""
+def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:
+    """Give a recording's records; times that fall and numbers that no log may hold go to `notes`."""
     last_t_s = -math.inf
-    for record in recording.records(findings):
+    for record in recording.records(notes):
         fault = _fault(record, last_t_s)
         if fault:
             what = type(record).__name__
-            findings.problem(LogError(recording.path, f"{what} at t {record.t_s:.15g}: {fault}"))
+            notes.problem(InputError(recording.path, f"{what} at t {record.t_s:.15g}: {fault}"))
             continue
         last_t_s = record.t_s
         yield record
@@ -158,7 +158,7 @@ def _fault(record: Record, last_t_s: float) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wrapped:
+class RecordingWrapper:
     """Path and info of the recording within. What is otherwise, a class of its own says in `records`."""
 
     measured: Recording

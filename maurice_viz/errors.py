@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 
-class OptionError(LogError):
+class OptionError(InputError):
     """An argument has a value that it cannot have: what was found, what was expected.
 
     On the command line it is a usage error, exit status 2.
@@ -17,7 +17,7 @@ class OptionError(LogError):
         self.message = str(self)
 
 
-class SinkError(LogError):
+class SinkError(InputError):
     """A recording cannot be written or shown: what, where, what to do. The figures are not touched by it."""
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import U8
 from maurice_viz.cli.app import app
 from maurice_viz.viewer.snapshot import Viewer, headless_viewer, software_driver
@@ -198,11 +198,11 @@ def test_another_picture_is_not_as_stored(monkeypatch: pytest.MonkeyPatch) -> No
 def test_what_is_no_recording_is_an_error_and_no_hang(tmp_path: Path) -> None:
     broken = tmp_path / "broken.rrd"
     broken.write_bytes(b"RRF2 but no more")
-    with pytest.raises(LogError), headless_viewer(broken, patience_s=6.0):
+    with pytest.raises(InputError), headless_viewer(broken, patience_s=6.0):
         pass
 
 
 def test_without_a_driver_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
-    with pytest.raises(LogError, match="mesa-vulkan-drivers"), headless_viewer(tmp_path / "any.rrd"):
+    with pytest.raises(InputError, match="mesa-vulkan-drivers"), headless_viewer(tmp_path / "any.rrd"):
         pass

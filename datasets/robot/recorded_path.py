@@ -10,10 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.odometry_folder import Cutting, jumps, read_aligned
-from maurice_loaders.io.findings import Findings
-from maurice_loaders.session_log.records import Odometry, PictureRecord, Truth, read_header, read_records
+from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.session_log.records import (
+    OdometryRecord,
+    PictureRecord,
+    TruthRecord,
+    read_header,
+    read_records,
+)
 from maurice_loaders.session_log.truth import is_kidnapping, with_truth
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M, wrap
@@ -54,11 +60,11 @@ class RecordedPath:
 def read_recording(path: Path, updates: int) -> RecordedPath:
     """Read at most so many updates from a folder of odometry or a session log with truth.
 
-    LogError when it is neither, or holds less than one update.
+    InputError when it is neither, or holds less than one update.
     """
     found = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
     if not found.segments:
-        raise LogError(path, "found no movement with truth before and after it; take a longer recording")
+        raise InputError(path, "found no movement with truth before and after it; take a longer recording")
     return found
 
 
@@ -87,24 +93,26 @@ def read_log(path: Path, updates: int) -> RecordedPath:
     """Read a session log's odometry and truth; its pictures say when the robot looked, and stay unopened."""
     info, kind = read_header(path)
     if kind != "session":
-        raise LogError(path, f"found a {kind} log, expected a session log with truth", 1)
+        raise InputError(path, f"found a {kind} log, expected a session log with truth", 1)
     start, begin_s = info.start, 0.0
     segments: list[Segment] = []
     moved: list[Moved | Happened] = []
-    for record, truth in with_truth(read_records(path, kind, Findings(False))):
-        if isinstance(record, Truth) and start is None and not moved:
+    for record, truth in with_truth(read_records(path, kind, ReadingNotes(False))):
+        if isinstance(record, TruthRecord) and start is None and not moved:
             start, begin_s = record.pose, record.t_s
         if is_kidnapping(record):
             moved.append(Happened(record.t_s - begin_s, KIDNAPPED))
-        if isinstance(record, Odometry):
+        if isinstance(record, OdometryRecord):
             moved.append(Moved(record.t_s - begin_s, record.motion, record.encoders_m))
         if isinstance(record, PictureRecord) and not record.covered and len(segments) < updates:
             if start is None or truth is None:
-                raise LogError(path, "found a picture without truth, expected truth throughout", record.line)
+                raise InputError(
+                    path, "found a picture without truth, expected truth throughout", record.line
+                )
             segments.append(Segment(tuple(moved), record.t_s - begin_s, truth))
             moved = []
     if start is None:
-        raise LogError(path, "found neither a start pose nor truth, expected where the robot really was", 1)
+        raise InputError(path, "found neither a start pose nor truth, expected where the robot really was", 1)
     corners = np.array([start[:2], *(segment.pose[:2] for segment in segments)])
     shares = np.linspace(0, 1, 16, endpoint=False)[:, None, None]
     track = corners[:-1] + shares * (corners[1:] - corners[:-1])

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
@@ -47,18 +47,18 @@ def pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan,
 def place_all(
     rng: np.random.Generator, layout: tuple[FurniturePlan, ...], plan: WorldPlan
 ) -> tuple[Piece, ...]:
-    """Put up all pieces; LogError where one stands in a wall or in another."""
+    """Put up all pieces; InputError where one stands in a wall or in another."""
     rooms = {room.name: room for room in plan.rooms}
     placed: list[tuple[FurniturePlan, Piece]] = []
     for piece in layout:
         made = make(rng, piece, stand_of(rng, piece, rooms))
         if not any(within(room, made.plan) for room in plan.rooms):
-            raise LogError(
+            raise InputError(
                 plan.file, f"{piece.key}: the {piece.kind} reaches into a wall or out of its room; move it"
             )
         for other, earlier in placed:
             if touching(made.plan, earlier.plan):
-                raise LogError(
+                raise InputError(
                     plan.file,
                     f"{piece.key}: the {piece.kind} stands in the {other.kind} of {other.key}; move one",
                 )
@@ -103,7 +103,7 @@ def within(room: RoomPlan, plan_m: F64) -> bool:
 
 
 def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
-    """Draw the world of a seed; LogError where what is drawn cannot stand or no node is free."""
+    """Draw the world of a seed; InputError where what is drawn cannot stand or no node is free."""
     check_rooms(plan)
     openings = tuple(opening_of(plan, door) for door in plan.doors)
     check_doors(plan, openings)
@@ -268,7 +268,7 @@ def in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bo
 def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:
     """Refuse a world without free nodes, or with something solid where the robot starts."""
     if not len(world.nodes):
-        raise LogError(
+        raise InputError(
             plan.file,
             f"library: no node of the grid is free in {world.name}; use a smaller spacing or clearance",
         )
@@ -276,13 +276,13 @@ def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:
         return
     at = world.start[None, :2]
     if not in_rooms(world.arena, at)[0]:
-        raise LogError(plan.file, "start.pose: lies in no room; move it into one")
+        raise InputError(plan.file, "start.pose: lies in no room; move it into one")
     need = plan.library.clearance_in * INCH_M
     bare = Arena(world.arena.bounds, world.arena.walls)
     if clearance(bare, at)[0] < need:
-        raise LogError(plan.file, "start.pose: has a wall through it or nearer than the clearance; move it")
+        raise InputError(plan.file, "start.pose: has a wall through it or nearer than the clearance; move it")
     for region, key in zip(world.arena.obstacles, keys, strict=True):
         if clearance(Arena(bare.bounds, np.zeros((0, 4)), (region,)), at)[0] < need:
-            raise LogError(
+            raise InputError(
                 plan.file, f"start.pose: has {key} ({region.name}) on it or too near; move one of them"
             )

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F64
 
 from .hangings import Interval, Wall
@@ -56,7 +56,7 @@ def check_rooms(plan: WorldPlan) -> None:
     for k, a in enumerate(plan.rooms):
         for b in plan.rooms[:k]:
             if all(high - low > -THIN_IN for low, high in (overlap(a.rect, b.rect, i) for i in (0, 1))):
-                raise LogError(
+                raise InputError(
                     plan.file,
                     f"{a.key}.rect: {a.name!r} overlaps or touches {b.name!r} ({b.key}); "
                     "leave room for the wall between them",
@@ -64,7 +64,7 @@ def check_rooms(plan: WorldPlan) -> None:
 
 
 def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
-    """Find the two rooms that a door joins and the wall it goes through; LogError where it joins none."""
+    """Find the two rooms that a door joins and the wall it goes through; InputError where it joins none."""
     joined = sorted(
         (
             r
@@ -79,7 +79,7 @@ def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
             if found is not None and len(joined) == 2:
                 return found
     names = " and ".join(repr(room.name) for room in joined) or "no room"
-    raise LogError(
+    raise InputError(
         plan.file,
         f"{door.key}.rect: reaches {names}, expected two rooms on either side of one wall; "
         "let it reach from one into the other and nowhere beyond the wall they share",
@@ -171,7 +171,9 @@ def check_doors(plan: WorldPlan, openings: tuple[Opening, ...]) -> None:
     """Refuse doors in doors: what would stand in each other is their frames."""
     for (first, a), (second, b) in combinations(zip(plan.doors, openings, strict=True), 2):
         if a.rooms == b.rooms and a.axis == b.axis and _share(_framed(a), _framed(b)):
-            raise LogError(plan.file, f"{second.key}.rect: stands in {first.key}; leave wall between the two")
+            raise InputError(
+                plan.file, f"{second.key}.rect: stands in {first.key}; leave wall between the two"
+            )
 
 
 def check_windows(plan: WorldPlan, room: RoomPlan, windows: Windows, openings: tuple[Opening, ...]) -> None:
@@ -196,14 +198,14 @@ def check_poster(
     """Refuse posters that reach beyond their wall or hang where a door is."""
     span, top = _around(at_in, poster.size_in[0]), poster.bottom_in + poster.size_in[1]
     if not _within_wall(room, poster.wall, span) or top > room.height_in:
-        raise LogError(plan.file, f"{poster.key}: reaches beyond its wall; move it or make it smaller")
+        raise InputError(plan.file, f"{poster.key}: reaches beyond its wall; move it or make it smaller")
     for opening in _doors_on(room, poster.wall, openings):
         if _share(span, _framed(opening)) and poster.bottom_in < opening.top_in:
-            raise LogError(plan.file, f"{poster.key}: hangs where a door is; move one of them")
+            raise InputError(plan.file, f"{poster.key}: hangs where a door is; move one of them")
 
 
 def _refuse(plan: WorldPlan, room: RoomPlan, window: int, why: str) -> None:
-    raise LogError(plan.file, f"{room.key}.windows[{window}]: {why}")
+    raise InputError(plan.file, f"{room.key}.windows[{window}]: {why}")
 
 
 def _around(at_in: float, width_in: float) -> Interval:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 from .furniture import MAKERS
 from .hangings import HANGINGS
@@ -78,7 +78,7 @@ def paint_value(table: Table, key: str, value: object, more: tuple[str, ...] = (
             inner.fail("image", f"there is no file {file}; its path is relative to the world file")
         try:
             read_image(file)
-        except LogError as problem:
+        except InputError as problem:
             inner.fail("image", str(problem))
         result = PaintPlan("plaster", image=file)
     else:
@@ -153,7 +153,7 @@ KINDS = (*MAKERS, BLOCK)
 
 
 def read_plan(file: Path) -> WorldPlan:
-    """Read a world file; LogError names the file, the key and what is wrong with it."""
+    """Read a world file; InputError names the file, the key and what is wrong with it."""
     top = read_toml(file)
     if top.take("format") != FORMAT:
         top.fail("format", f"expected {FORMAT}; this program reads no other")

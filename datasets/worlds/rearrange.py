@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
@@ -24,12 +24,12 @@ TRIES = 4000  # places tried for one piece before it is given up
 def move_things(world: World, count: int, seed: int) -> World:
     """Move `count` pieces of furniture to other free places, each at least 24 in away, any way round.
 
-    Pieces stay whole, in rooms, off doors and off each other. LogError where there are not so many pieces,
+    Pieces stay whole, in rooms, off doors and off each other. InputError where there are not so many pieces,
     or where no free place is found.
     """
     if count > len(world.furniture):
         found = f"found {len(world.furniture)} pieces of furniture"
-        raise LogError(Path(world.name), f"{found}, fewer than the {count} to move; move fewer")
+        raise InputError(Path(world.name), f"{found}, fewer than the {count} to move; move fewer")
     rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.MOVED)
     pieces = list(world.furniture)
     for k in rng.permutation(len(pieces))[:count]:
@@ -51,7 +51,7 @@ def moved(world: World, piece: Piece, others: list[F64], rng: np.random.Generato
         far = float(np.linalg.norm(place - middle)) >= LEAST_M
         if far and stands_free(world.arena, plan, others, gaps):
             return carried(piece, middle, place, turn)
-    raise LogError(Path(world.name), f"found no other free place for the {piece.name}; move fewer pieces")
+    raise InputError(Path(world.name), f"found no other free place for the {piece.name}; move fewer pieces")
 
 
 def stands_free(arena: Arena, plan: F64, others: list[F64], gaps: list[F64]) -> bool:

@@ -10,7 +10,7 @@ import tomllib
 from pathlib import Path
 from typing import NoReturn
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 from .plan import Choice, Number, NumberRange, Rect, Word
 
@@ -31,7 +31,7 @@ class Table:
 
     def fail(self, key: str, why: str) -> NoReturn:
         """Raise the one-line error for a key of this table."""
-        raise LogError(self.file, f"{self.named(key) if key else self.key}: {why}")
+        raise InputError(self.file, f"{self.named(key) if key else self.key}: {why}")
 
     def has(self, key: str) -> bool:
         """Tell whether a key is there and was not read yet."""
@@ -168,14 +168,16 @@ class Table:
 
 
 def read_toml(file: Path) -> Table:
-    """Read a file as one table; LogError where it cannot be read or is no TOML."""
+    """Read a file as one table; InputError where it cannot be read or is no TOML."""
     try:
         return Table(file, "", tomllib.loads(file.read_text(encoding="utf-8")))
     except tomllib.TOMLDecodeError as problem:
-        raise LogError(file, f"is no valid TOML: {problem}; mend it there") from None
+        raise InputError(file, f"is no valid TOML: {problem}; mend it there") from None
     except UnicodeDecodeError:
-        raise LogError(file, "is no text in UTF-8; save it as such") from None
+        raise InputError(file, "is no text in UTF-8; save it as such") from None
     except (ValueError, RecursionError):  # thousands of digits, or of brackets
-        raise LogError(file, "is no valid TOML: numbers too long or nested too deep; mend it there") from None
+        raise InputError(
+            file, "is no valid TOML: numbers too long or nested too deep; mend it there"
+        ) from None
     except OSError as problem:
-        raise LogError(file, f"cannot be read: {problem.strerror}") from None
+        raise InputError(file, f"cannot be read: {problem.strerror}") from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 from ..tasks import TIERS
 from .build import build_world
@@ -21,25 +21,25 @@ def shipped_worlds() -> dict[str, Path]:
 
 
 def load_plan(name_or_path: str | Path) -> WorldPlan:
-    """Read a shipped world by its name, or a TOML file by its path; LogError names what is wrong."""
+    """Read a shipped world by its name, or a TOML file by its path; InputError names what is wrong."""
     known = shipped_worlds()
     if str(name_or_path) in known:
         return read_plan(known[str(name_or_path)])
     path = Path(name_or_path)
     if not path.is_file():
-        raise LogError(
+        raise InputError(
             path, f"there is no world or file of that name; there are {', '.join(known)}, or FILE.toml"
         )
     return read_plan(path)
 
 
 def load_world(name_or_path: str | Path, seed: int, tier: str = "nominal") -> World:
-    """Draw the world of a seed in a tier; LogError where name, file or tier is wrong."""
+    """Draw the world of a seed in a tier; InputError where name, file or tier is wrong."""
     return build_world(load_plan(name_or_path), seed, TIERS[check_tier(name_or_path, tier)])
 
 
 def check_tier(name_or_path: str | Path, tier: str) -> str:
-    """Give the name of a tier back; LogError where there is none of that name."""
+    """Give the name of a tier back; InputError where there is none of that name."""
     if tier not in TIERS:
-        raise LogError(Path(name_or_path), f"found no tier {tier!r}; there are {', '.join(TIERS)}")
+        raise InputError(Path(name_or_path), f"found no tier {tier!r}; there are {', '.join(TIERS)}")
     return tier

@@ -10,7 +10,7 @@ from typing import Any
 
 from maurice_mcl.session import Camera
 
-from ..errors import LogError
+from ..errors import InputError
 from ..formats._poses import forward_axis, leaning, planar
 from .messages import TRANSFORMS, FrameTree, known_type, links_of
 from .readers import MESSAGE_ERRORS
@@ -91,5 +91,5 @@ def _decoded(bag: BagSource, topic: str, most: int) -> Iterator[Any]:
     for message in islice(bag.messages({topic}), most):
         try:
             yield message.decode()
-        except (LogError, *MESSAGE_ERRORS):
+        except (InputError, *MESSAGE_ERRORS):
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..formats.registry import Format, OpenOptions
+from ..formats.registry import Format, ReadingOptions
 from ..recording import Recording
 from .mcap import open_mcap
 from .recording import BagRecording
@@ -18,7 +18,7 @@ BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": 
 
 
 def _opening(name: str) -> Format:
-    def open_one(path: Path, options: OpenOptions) -> Recording:
+    def open_one(path: Path, options: ReadingOptions) -> Recording:
         return BagRecording(path, BAGS[name], options)
 
     return Format(name, WHAT[name], LOOKS[name], open_one, "ros", shifts=True)

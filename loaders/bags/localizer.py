@@ -19,9 +19,9 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
-from ..formats.registry import OpenOptions
-from ..io.findings import Findings
+from ..errors import InputError
+from ..formats.registry import ReadingOptions
+from ..io.notes import ReadingNotes
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.time_alignment import Aligner, Steps, as_rows
 from .map import GRID, arena_of
@@ -122,9 +122,9 @@ class _CloudPicture(Picture):
 
 
 class RecordedLocalizer:
-    """The localizer of a bag. LogError where the bag holds no particles, or is damaged."""
+    """The localizer of a bag. InputError where the bag holds no particles, or is damaged."""
 
-    def __init__(self, path: Path, open_bag: OpenBag, options: OpenOptions) -> None:
+    def __init__(self, path: Path, open_bag: OpenBag, options: ReadingOptions) -> None:
         self.path = path
         self._options = options
         self._drive = BagRecording(path, open_bag, options, nothing_will_do=True)
@@ -145,10 +145,10 @@ class RecordedLocalizer:
         """Tell whether any are read."""
         return self._drive.chosen.image is not None
 
-    def updates(self, findings: Findings) -> Iterator[RecordedUpdate]:
-        """Read all updates from the first, lazily; what is broken goes to `findings`."""
+    def updates(self, notes: ReadingNotes) -> Iterator[RecordedUpdate]:
+        """Read all updates from the first, lazily; what is broken goes to `notes`."""
         steps, aligner = Steps(), Aligner(MAX_DT_S)
-        for aligned in aligner(_joined(self._stream(findings))):
+        for aligned in aligner(_joined(self._stream(notes))):
             one = aligned.picture
             if not isinstance(one, _CloudPicture):
                 continue
@@ -170,19 +170,19 @@ class RecordedLocalizer:
         """Read it once, without any picture."""
         count, truth, most = 0, False, 0
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
-        for update in self.updates(Findings(self._options.keep_going)):
+        for update in self.updates(ReadingNotes(self._options.keep_going)):
             count, most = count + 1, max(most, len(update.poses))
             truth = truth or update.truth is not None
             some = [update.poses, *([update.truth[None]] if update.truth is not None else [])]
             xy = np.concatenate(some)[:, :2]
             low, high = np.minimum(low, xy.min(axis=0)), np.maximum(high, xy.max(axis=0))
         if not count:
-            raise LogError(
+            raise InputError(
                 self.path, f"found no particles at {self.cloud.name}, expected a localizer's cloud"
             )
         return Overview(count, truth, most, self._map or open_arena(np.stack([low, high])))
 
-    def _stream(self, findings: Findings) -> Iterator[Timed]:
+    def _stream(self, notes: ReadingNotes) -> Iterator[Timed]:
         parts = [*self._drive.parts(), CloudReader(self.cloud.name)]
         if self.pose is not None:
             parts.append(LocalizerPoseReader(self.pose.name))
@@ -193,14 +193,10 @@ class RecordedLocalizer:
 
         keep_going = self._options.keep_going
         opening = self._drive.open_bag
-        going = read_parts(
-            self.path, opening, parts, findings, keep_going=keep_going, recorded=self._recorded
-        )
+        going = read_parts(self.path, opening, parts, notes, keep_going=keep_going, recorded=self._recorded)
         yield from in_order(going, leave_out)
         if late[0]:
-            findings.warning(
-                f"{late[0]} messages were left out: their times fall by more than {WINDOW_S:g} s"
-            )
+            notes.warning(f"{late[0]} messages were left out: their times fall by more than {WINDOW_S:g} s")
 
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
@@ -242,7 +238,7 @@ def _cloud_topic(path: Path, topics: tuple[Topic, ...]) -> Topic:
     found = readable(topics, CLOUDS)
     if not found:
         wanted = "expected a localizer's particles (PoseArray or ParticleCloud)"
-        raise LogError(path, f"found no cloud, {wanted}; it holds {listed(topics)}")
+        raise InputError(path, f"found no cloud, {wanted}; it holds {listed(topics)}")
     return min(found, key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
 
 
@@ -259,6 +255,6 @@ def _map_of(bag: BagSource) -> Arena | None:
         for message in islice(bag.messages({topic.name}), 1):
             try:
                 return arena_of(message.decode())
-            except (LogError, *MESSAGE_ERRORS):
+            except (InputError, *MESSAGE_ERRORS):
                 continue
     return None

@@ -21,7 +21,7 @@ FORMS = {"ros2msg": "msg", "ros2idl": "idl", "omgidl": "idl"}
 
 @contextmanager
 def open_mcap(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
-    """Open an MCAP file. LogError when it is damaged, or cut and not kept going."""
+    """Open an MCAP file. InputError when it is damaged, or cut and not kept going."""
     require_ros(path)
     with McapFile(path, keep_going=keep_going) as file:
         yield _McapBag(file)

@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO
 
-from ..errors import LogError
+from ..errors import InputError
 from .bag_merge import merged
 from .source import BagCut, BagError, BagFile
 
@@ -226,7 +226,7 @@ class McapFile(BagFile[Channel]):
 
     def _open(self) -> None:
         if self._file.read(len(MAGIC)) != MAGIC:
-            raise LogError(self.path, "found no MCAP file, expected one; is it another format?")
+            raise InputError(self.path, "found no MCAP file, expected one; is it another format?")
         self._data_end = self._size
         for kind, _, body in records(self._file, len(MAGIC), self._size):
             if kind == HEADER:

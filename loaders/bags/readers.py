@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Protocol
 
 from maurice_mcl.arrays import F64, U8
 
-from ..errors import LogError
-from ..io.findings import Findings
+from ..errors import InputError
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError
 from ..recording import Note, Picture
 from .images import picture_of
@@ -80,14 +80,14 @@ def read_parts(
     path: Path,
     open_bag: OpenBag,
     parts: Collection[Reader],
-    findings: Findings,
+    notes: ReadingNotes,
     *,
     keep_going: bool,
     recorded: bool,
 ) -> Iterator[Timed]:
     """Read a bag from its beginning and give the records of some parts as they come.
 
-    Messages that make no sense go to `findings`. LogError where the bag itself is damaged.
+    Messages that make no sense go to `notes`. InputError where the bag itself is damaged.
     """
     names = {name for part in parts for name in part.topics}
     if not names:
@@ -100,17 +100,17 @@ def read_parts(
             number[message.topic] += 1
             for part in parts:
                 going = part.records(message, number[message.topic], recorded=recorded)
-                yield from _sound(path, going, message, number[message.topic], findings)
+                yield from _sound(path, going, message, number[message.topic], notes)
         for text in bag.damaged:
-            findings.damage(LogError(path, text))
+            notes.damage(InputError(path, text))
         if bag.cut:
-            findings.warning(f"{bag.cut}: read as far as it goes")
+            notes.warning(f"{bag.cut}: read as far as it goes")
 
 
 def _sound(
-    path: Path, going: Iterator[Timed], message: Message, number: int, findings: Findings
+    path: Path, going: Iterator[Timed], message: Message, number: int, notes: ReadingNotes
 ) -> Iterator[Timed]:
-    """Give the records of one message; what is wrong with it goes to `findings`."""
+    """Give the records of one message; what is wrong with it goes to `notes`."""
     try:
         found = list(going)
     except MESSAGE_ERRORS as problem:
@@ -119,10 +119,10 @@ def _sound(
         if isinstance(problem, AttributeError):
             said = f"found no field {problem.name!r}, expected one"
         what = f"message {number} of {message.topic} ({message.type})"
-        findings.problem(LogError(path, f"{what}: {said}"))
-    except LogError as problem:
+        notes.problem(InputError(path, f"{what}: {said}"))
+    except InputError as problem:
         found = []
-        findings.problem(problem)
+        notes.problem(problem)
     yield from found
 
 

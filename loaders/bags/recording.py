@@ -10,9 +10,9 @@ from typing import cast
 
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
-from ..formats.registry import OpenOptions
-from ..io.findings import Findings
+from ..errors import InputError
+from ..formats.registry import ReadingOptions
+from ..io.notes import ReadingNotes
 from ..recording import OdometryPose, Record, TruthPose
 from .camera import camera_of
 from .messages import TEXT, TRANSFORMS, links_of, recorded_as_measured, stamp_ns, use_recorded
@@ -37,10 +37,10 @@ TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames there are
 
 
 class BagRecording:
-    """A bag as a `Recording`. It is opened anew at every reading. LogError where it is damaged."""
+    """A bag as a `Recording`. It is opened anew at every reading. InputError where it is damaged."""
 
     def __init__(
-        self, path: Path, open_bag: OpenBag, options: OpenOptions, *, nothing_will_do: bool = False
+        self, path: Path, open_bag: OpenBag, options: ReadingOptions, *, nothing_will_do: bool = False
     ) -> None:
         _refuse_tables(path, options)
         self.path = path
@@ -50,7 +50,7 @@ class BagRecording:
             self.chosen = choose(path, bag.topics, _wishes(options), _edges(bag))
             if not self.chosen.topics and not nothing_will_do:
                 cut = f"{bag.cut}; " if bag.cut else ""
-                raise LogError(path, f"{cut}{nothing_to_read(bag.topics)}")
+                raise InputError(path, f"{cut}{nothing_to_read(bag.topics)}")
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
             self.recorded_times = use_recorded(first)  # why the times of recording are used; "": they are not
             self.counts = {t.name: t.count for t in bag.topics}
@@ -63,20 +63,20 @@ class BagRecording:
         self.info = header or SessionInfo(name=path.stem, cameras=cameras, notes=notes)
         self._ours = header is not None  # then nothing is guessed, and a time of 0 is one
 
-    def records(self, findings: Findings) -> Iterator[Record]:
-        """Read the chosen topics in time order. Late and broken messages go to `findings`."""
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Read the chosen topics in time order. Late and broken messages go to `notes`."""
         for text in () if self._ours else (self._guessed, self._clock_note()):
             if text:
-                findings.warning(text)
+                notes.warning(text)
         late: dict[str, int] = {}
 
         def leave_out(record: Timed) -> None:
             late[type(record).__name__] = late.get(type(record).__name__, 0) + 1
 
-        streams = [in_order(self._read(roles, findings), leave_out) for roles in self._passes()]
+        streams = [in_order(self._read(roles, notes), leave_out) for roles in self._passes()]
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
         for kind, count in late.items():
-            findings.warning(
+            notes.warning(
                 f"{count} records ({kind}) were left out: their times fall by more than {WINDOW_S:g} s"
             )
 
@@ -90,11 +90,11 @@ class BagRecording:
             return [("image",), ("odometry",), ("truth",)]
         return [ROLES]
 
-    def _read(self, roles: tuple[str, ...], findings: Findings) -> Iterator[Timed]:
+    def _read(self, roles: tuple[str, ...], notes: ReadingNotes) -> Iterator[Timed]:
         """Read the topics of some roles as they come."""
         keep_going, recorded = self._options.keep_going, bool(self.recorded_times)
         parts = self.parts(roles)
-        return read_parts(self.path, self.open_bag, parts, findings, keep_going=keep_going, recorded=recorded)
+        return read_parts(self.path, self.open_bag, parts, notes, keep_going=keep_going, recorded=recorded)
 
     def parts(self, roles: Collection[str] = ROLES) -> list[Reader]:
         """Give what reads these roles."""
@@ -113,18 +113,18 @@ class BagRecording:
         return parts
 
 
-def _refuse_tables(path: Path, options: OpenOptions) -> None:
+def _refuse_tables(path: Path, options: ReadingOptions) -> None:
     """Refuse what is about tables of numbers."""
     typed = {"--time-unit": options.time_unit, "--table": options.table, "--columns": options.columns}
     for name, value in typed.items():
         if value:
-            raise LogError(
+            raise InputError(
                 path,
                 f"found {name}, expected none with a bag, whose messages say what they are; leave it out",
             )
 
 
-def _wishes(options: OpenOptions) -> TopicRequest:
+def _wishes(options: ReadingOptions) -> TopicRequest:
     return TopicRequest(options.image_topic or options.camera, options.odometry_topic, options.truth_topic)
 
 
@@ -140,7 +140,7 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     for message in islice(bag.messages({topic}), min(PEEKED, counted(bag, topic))):
         try:
             stamps.append((stamp_ns(message.decode()), message.log_ns))
-        except (LogError, *MESSAGE_ERRORS):  # told of when it is read
+        except (InputError, *MESSAGE_ERRORS):  # told of when it is read
             continue
     return stamps
 
@@ -157,6 +157,6 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
         for message in islice(bag.messages({topic.name}), min(TRANSFORMS_PEEKED, topic.count)):
             try:
                 edges |= {(link.parent, link.child) for link in links_of(message.decode())}
-            except (LogError, *MESSAGE_ERRORS):
+            except (InputError, *MESSAGE_ERRORS):
                 continue
     return edges

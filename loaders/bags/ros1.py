@@ -15,7 +15,7 @@ from .source import BagSource, FileDamage, Message, Topic, short_type, sorted_to
 
 @contextmanager
 def open_ros1(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
-    """Open a ROS 1 bag. LogError when it is damaged, or was never closed and is not kept going."""
+    """Open a ROS 1 bag. InputError when it is damaged, or was never closed and is not kept going."""
     require_ros(path)
     with Ros1File(path, keep_going=keep_going) as file:
         yield _Ros1Bag(file)

@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO
 
-from ..errors import LogError
+from ..errors import InputError
 from .bag_merge import merged
 from .source import BagCut, BagError, BagFile
 
@@ -183,12 +183,12 @@ class Ros1File(BagFile[BagConnection]):
 
     def _open(self) -> None:
         if self._file.read(len(MAGIC)) != MAGIC:
-            raise LogError(self.path, "found no ROS 1 bag of version 2.0, expected one")
+            raise InputError(self.path, "found no ROS 1 bag of version 2.0, expected one")
         fields, _, self._begin = record_at(self._file, len(MAGIC), self._size)
         if kind(fields) != BAG_HEADER:
             raise BagError("found no bag header, expected one")
         if fields.get("encryptor"):
-            raise LogError(self.path, "found an encrypted bag, expected one that was decrypted")
+            raise InputError(self.path, "found an encrypted bag, expected one that was decrypted")
         try:
             self._read_index(number(fields, "index_pos", 8))
         except BagError as problem:

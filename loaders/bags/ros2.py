@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import LogError
+from ..errors import InputError
 from .mcap import open_mcap
 from .mcap_container import MAGIC
 from .ros_types import bag_errors, decode_cdr, require_ros
@@ -40,10 +40,13 @@ def is_bag_folder(path: Path) -> bool:
 
 
 def opened_as(path: Path) -> Path:
-    """Give the folder where it has metadata, else the file to open alone. LogError where that is not one."""
+    """Give the folder where it has metadata, else the file to open alone.
+
+    InputError where that is not one.
+    """
     if path.is_file():
         if path.name.endswith(PACKED):
-            raise LogError(
+            raise InputError(
                 path, f"found a packed file, expected it unpacked; `zstd -d {path.name}` does that"
             )
         return path
@@ -54,7 +57,7 @@ def opened_as(path: Path) -> Path:
         return opened_as(files[0])
     found = f"found {len(files)} files of a bag and no {METADATA}"
     mends = f"`ros2 bag reindex {path.name}` makes it anew, --keep-going does without"
-    raise LogError(path, f"{found}, expected it; {mends}")
+    raise InputError(path, f"{found}, expected it; {mends}")
 
 
 def message_files(path: Path) -> list[Path]:
@@ -110,14 +113,14 @@ def starts_with(path: Path, magic: bytes) -> bool:
 
 @contextmanager
 def open_parts(files: Sequence[Path], lost: Sequence[str] = ()) -> Iterator[BagParts]:
-    """Open the files of a bag, of which something may be `lost` already. LogError where none can be."""
+    """Open the files of a bag, of which something may be `lost` already. InputError where none can be."""
     opened: list[tuple[Path, BagSource]] = []
-    refused: list[LogError] = []
+    refused: list[InputError] = []
     with ExitStack() as stack:
         for file in files:
             try:
                 opened.append((file, stack.enter_context(_part(file))))
-            except LogError as problem:
+            except InputError as problem:
                 refused.append(problem)
         if not opened:
             raise refused[0]
@@ -171,7 +174,7 @@ ADVICE = "--keep-going reads what can be read"
 
 @contextmanager
 def open_ros2(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
-    """Open a ROS 2 bag. LogError when it is damaged; with `keep_going` what can be read of it is read."""
+    """Open a ROS 2 bag. InputError when it is damaged; with `keep_going` what can be read of it is read."""
     require_ros(path)
     with _opening(path, keep_going=keep_going) as bag:
         yield bag
@@ -181,13 +184,13 @@ def _opening(path: Path, *, keep_going: bool) -> AbstractContextManager[BagSourc
     files = message_files(path)
     lost = [text for file in files if (text := not_merged(file))]
     if lost and not keep_going:
-        raise LogError(path, f"found that {lost[0]}, --keep-going reads without them")
+        raise InputError(path, f"found that {lost[0]}, --keep-going reads without them")
     try:
         opened = opened_as(path)
         if is_mcap(opened):
             return open_mcap(opened, keep_going=keep_going)
         bag = _Ros2Bag(opened)
-    except LogError:
+    except InputError:
         if not keep_going or not files:
             raise
         return open_parts(files, [*not_there(path), *lost])
@@ -209,7 +212,7 @@ def _reader(path: Path) -> Any:
 
 
 class _Ros2Bag:
-    """A bag, opened by `rosbags`. LogError where it is damaged."""
+    """A bag, opened by `rosbags`. InputError where it is damaged."""
 
     cut = ""
     damaged: tuple[str, ...] = ()
@@ -271,7 +274,7 @@ class _PastDamage:
             for message in self._bag.messages(names):
                 given.add(message)
                 yield message
-        except LogError:
+        except InputError:
             if not self._files:
                 self.cut = f"breaks off after {given.messages} messages"
                 return

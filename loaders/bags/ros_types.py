@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import LogError
+from ..errors import InputError
 from .mcap_container import MOST_BYTES, ZSTD_MAGIC, unpack_zstd
 
 if TYPE_CHECKING:
@@ -21,26 +21,26 @@ INSTALL = "pip install 'maurice-replay[ros]'"
 
 
 def require_ros(path: Path) -> None:
-    """Raise LogError, with the command that mends it, where the package that reads bags is not installed."""
+    """Raise InputError, with the command that fixes it, if the package that reads bags is not installed."""
     if importlib.util.find_spec("rosbags") is None:
-        raise LogError(path, f"reading bags and MCAP needs an extra; {INSTALL}")
+        raise InputError(path, f"reading bags and MCAP needs an extra; {INSTALL}")
 
 
 @contextmanager
 def bag_errors(path: Path, advice: str = "was the recording ended properly?") -> Iterator[None]:
-    """Turn whatever a reader stumbles over in a damaged file into a LogError.
+    """Turn whatever a reader stumbles over in a damaged file into a InputError.
 
     The readers raise anything, from their own errors to an assertion or a number that does not fit, so
     everything is caught here: wrap nothing but calls into them.
     """
     try:
         yield
-    except LogError:
+    except InputError:
         raise
     except Exception as problem:
         said = " ".join(str(problem).split())[:200] or type(problem).__name__
         found = f"found a damaged or unreadable bag ({said}), expected a whole one"
-        raise LogError(path, f"{found}; {advice}") from None
+        raise InputError(path, f"{found}; {advice}") from None
 
 
 # Decoding ROS messages by the definitions that a bag carries, or by the standard ones where it has none.

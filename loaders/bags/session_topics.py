@@ -16,7 +16,7 @@ import numpy as np
 
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import read_json
 from ..recording import Motion
 from ..session_log.header import header_from_json
@@ -31,14 +31,14 @@ VECTOR = "geometry_msgs/Vector3Stamped"
 
 
 def header_of(path: Path, bag: BagSource) -> SessionInfo | None:
-    """Read the header that our own files carry; None in others' files. LogError for one that is damaged."""
+    """Read the header that our own files carry; None in others' files. InputError for one that is damaged."""
     if not any(topic.name == HEADER for topic in readable(bag.topics, {TEXT})):
         return None
     for message in islice(bag.messages({HEADER}), 1):
         try:
             return header_from_json(read_json(str(message.decode().data)), path)[0]
         except MESSAGE_ERRORS as problem:
-            raise LogError(path, f"{HEADER}: {problem}; is it damaged?") from None
+            raise InputError(path, f"{HEADER}: {problem}; is it damaged?") from None
     return None
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Generic, Protocol, Self, TypeVar
 
-from ..errors import LogError
+from ..errors import InputError
 
 # One face for every kind of bag: topics with their types and counts, and messages decoded lazily.
 
@@ -31,7 +31,7 @@ class Message:
     topic: str
     type: str
     log_ns: int  # when it was recorded
-    decode: Callable[[], Any]  # gives an object whose attributes are the message's fields; raises LogError
+    decode: Callable[[], Any]  # gives an object whose attributes are the message's fields; raises InputError
 
 
 class BagSource(Protocol):
@@ -53,7 +53,7 @@ class BagSource(Protocol):
         ...
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Give the messages of these topics by the time of recording. LogError where the bag is damaged."""
+        """Give the messages of these topics by the time of recording. InputError where the bag is damaged."""
         ...
 
 
@@ -61,7 +61,7 @@ class OpenBag(Protocol):
     """What opens a bag, every time it is read."""
 
     def __call__(self, path: Path, *, keep_going: bool) -> AbstractContextManager[BagSource]:
-        """Open the bag. LogError when it is damaged."""
+        """Open the bag. InputError when it is damaged."""
         ...
 
 
@@ -104,7 +104,7 @@ BROKEN = (BagError, OSError, MemoryError)  # what a damaged file leads to
 class BagFile(ABC, Generic[Source]):
     """A bag; a context manager, and read lazily as often as one likes.
 
-    Raises LogError for what is no such file, is damaged or cut. With `keep_going` chunks that are damaged are
+    Raises InputError for another, damaged or cut file. With `keep_going` chunks that are damaged are
     left out, without an index the file is read from its beginning, and a cut one as far as it goes.
     """
 
@@ -126,7 +126,7 @@ class BagFile(ABC, Generic[Source]):
         try:
             self._file: BinaryIO = self.path.open("rb")
         except OSError as problem:
-            raise LogError(self.path, f"cannot be read: {problem.strerror}") from None
+            raise InputError(self.path, f"cannot be read: {problem.strerror}") from None
         try:
             self._size = self._file.seek(0, 2)
             self._file.seek(0)
@@ -134,7 +134,7 @@ class BagFile(ABC, Generic[Source]):
         except BROKEN as problem:
             self._file.close()
             raise self._refusal(problem) from None
-        except LogError:
+        except InputError:
             self._file.close()
             raise
         return self
@@ -146,7 +146,7 @@ class BagFile(ABC, Generic[Source]):
     def messages(self, wanted: Collection[int]) -> Iterator[tuple[Source, int, bytes]]:
         """Give messages by their source's number: source, time of recording in ns, bytes.
 
-        They come by the time of recording where the file has an index, else as written. LogError where the
+        They come by the time of recording where the file has an index, else as written. InputError where the
         file is damaged, or cut and not kept going.
         """
         try:
@@ -177,13 +177,13 @@ class BagFile(ABC, Generic[Source]):
     def _held(self, wanted: Collection[int]) -> Iterator[tuple[Source, int, bytes | memoryview]]:
         """Give messages not yet copied out of their chunk."""
 
-    def _refusal(self, problem: Exception) -> LogError:
+    def _refusal(self, problem: Exception) -> InputError:
         advice = self.advice
         if isinstance(problem, ChunkDamaged):
             advice = "--keep-going leaves it out and reads on"
         elif isinstance(problem, BagCut):
             advice = f"{self.mends} mends it, --keep-going reads it as far as it goes"
-        return LogError(
+        return InputError(
             self.path, f"{str(problem) or type(problem).__name__}; expected {self.whole}; {advice}"
         )
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from ..errors import LogError
+from ..errors import InputError
 from .ros_types import bag_errors, decode_cdr
 from .source import Message, Topic, short_type, sorted_topics
 
@@ -24,7 +24,7 @@ LEAP = 20_000  # rows in a row that cannot be read; after so many the file is ta
 
 
 class BrokenDatabase:
-    """What can be read of the file, as a `BagSource`. LogError where not even its topics can."""
+    """What can be read of the file, as a `BagSource`. InputError where not even its topics can."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -39,7 +39,7 @@ class BrokenDatabase:
             self._names = {number: (str(name), str(kind)) for number, name, kind in found}
         except sqlite3.Error as problem:
             self._base.close()
-            raise LogError(path, f"found no topics in it ({problem}), expected a ROS 2 bag") from None
+            raise InputError(path, f"found no topics in it ({problem}), expected a ROS 2 bag") from None
         self._definitions: dict[str, tuple[str, str]] = {}
         with suppress(sqlite3.Error):  # before ROS 2 Iron there are none
             self._definitions = {

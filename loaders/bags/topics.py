@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import LogError
+from ..errors import InputError
 from .messages import (
     CLOUDS,
     ODOMETRIES,
@@ -74,7 +74,7 @@ def choose(
 ) -> TopicChoice:
     """Choose what is read; `edges` are the parent and child frames that the bag's transforms hold.
 
-    LogError for a topic that is not there or has another type.
+    InputError for a topic that is not there or has another type.
     """
     image = _image(path, topics, wishes.image)
     truth = _route(path, topics, wishes.truth, _guess_truth(topics))
@@ -117,7 +117,7 @@ def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
         return None
     named = _named(path, topics, wish, PICTURES | VIDEOS)
     if known_type(named.type) in VIDEOS and not can_decode():
-        raise LogError(path, _needs_extra(named))
+        raise InputError(path, _needs_extra(named))
     return named.name
 
 
@@ -157,12 +157,12 @@ def _route(
     if not frames:
         topic = _named(path, topics, name, POSES | TRANSFORMS)
         if known_type(topic.type) in TRANSFORMS:
-            raise LogError(path, f"found transforms at {name}, expected frames too: {name}:odom.base_link")
+            raise InputError(path, f"found transforms at {name}, expected frames too: {name}:odom.base_link")
         return PoseTopic(name)
     _named(path, topics, name, TRANSFORMS)
     parent, _, child = frames.partition(".")
     if not parent or not child:
-        raise LogError(path, f"found frames {frames!r}, expected two: {name}:odom.base_link")
+        raise InputError(path, f"found frames {frames!r}, expected two: {name}:odom.base_link")
     return PoseTopic(name, (parent.lstrip("/"), child.lstrip("/")))
 
 
@@ -170,12 +170,12 @@ def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str
     """Find the topic that was asked for."""
     same = [t for t in topics if t.name.lstrip("/") == name.lstrip("/")]
     if not same:
-        raise LogError(path, f"found no topic {name}; it holds {listed(topics)}")
+        raise InputError(path, f"found no topic {name}; it holds {listed(topics)}")
     for topic in same:
         if known_type(topic.type) in types and not topic.unreadable:
             return topic
     what = same[0].unreadable or f"it carries {same[0].type or 'no known type'}"
-    raise LogError(path, f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}")
+    raise InputError(path, f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}")
 
 
 def _guess_truth(topics: Sequence[Topic]) -> PoseTopic | None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from maurice_mcl.arrays import U8
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import PICTURES
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError, decode_picture
 from ..session_log.reader import picture_bytes
 from ..session_log.records import PictureRecord, read_header, read_records
@@ -18,7 +18,7 @@ from ..session_log.records import PictureRecord, read_header, read_records
 def covered_pictures(path: Path) -> Iterator[U8]:
     """Read the covered pictures of a log, or all of a folder without one; one is held at a time.
 
-    LogError where there are none, naming what was looked for, or for a picture that cannot be read.
+    InputError where there are none, naming what was looked for, or for a picture that cannot be read.
     """
     log = _log_of(path) if path.is_dir() else path
     return _of_folder(path) if log is None else _of_log(log)
@@ -31,32 +31,34 @@ def _log_of(folder: Path) -> Path | None:
     if named in logs:
         return named
     if len(logs) > 1:
-        raise LogError(folder, f"found {len(logs)} logs, expected one or survey.log; name the log instead")
+        raise InputError(folder, f"found {len(logs)} logs, expected one or survey.log; name the log instead")
     return logs[0] if logs else None
 
 
 def _of_log(log: Path) -> Iterator[U8]:
     _, kind = read_header(log)
     none = True
-    for record in read_records(log, kind, Findings(keep_going=False)):
+    for record in read_records(log, kind, ReadingNotes(keep_going=False)):
         if isinstance(record, PictureRecord) and record.covered:
             none = False
             try:
                 yield decode_picture(picture_bytes(record, log))
             except PictureError as problem:
-                raise LogError(log, f"{record.path or 'inline picture'}: {problem}", record.line) from None
+                raise InputError(log, f"{record.path or 'inline picture'}: {problem}", record.line) from None
     if none:
-        raise LogError(log, 'found no picture with "covered": true, expected some taken with the lens cap on')
+        raise InputError(
+            log, 'found no picture with "covered": true, expected some taken with the lens cap on'
+        )
 
 
 def _of_folder(folder: Path) -> Iterator[U8]:
     files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES and file.is_file())
     if not files:
-        raise LogError(
+        raise InputError(
             folder, "found neither pictures nor a log, expected pictures taken with the lens cap on"
         )
     for file in files:
         try:
             yield decode_picture(file.read_bytes())
         except PictureError as problem:
-            raise LogError(file, str(problem)) from None
+            raise InputError(file, str(problem)) from None

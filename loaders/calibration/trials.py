@@ -18,12 +18,12 @@ from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
-from ..errors import LogError
+from ..errors import InputError
 from ..formats.odometry_folder import Cutting
 from ..io.fields import number_in, show
 from ..io.files import expect_regular, write_whole
-from ..io.findings import Findings
-from ..session_log.records import Event, Odometry, Truth, read_header, read_records
+from ..io.notes import ReadingNotes
+from ..session_log.records import EventRecord, OdometryRecord, TruthRecord, read_header, read_records
 from ..session_log.truth import is_kidnapping
 
 # A CSV table of calibration trials, one row a turn or a straight, read strictly and written.
@@ -46,7 +46,7 @@ class _Row:
 def read_trials(file: Path, unit: str = "m") -> Trials:
     """Read turns (degrees) and straights (lengths in "m", "cm", "mm" or "in").
 
-    LogError names an unknown or missing column, or the row and the column at fault.
+    InputError names an unknown or missing column, or the row and the column at fault.
     """
     if unit not in METRES:
         raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METRES)}")
@@ -55,18 +55,18 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
         with file.open(newline="", encoding="utf-8-sig") as data:
             rows = list(_rows(file, csv.DictReader(data), METRES[unit]))
     except FileNotFoundError:
-        raise LogError(file, "found no such file, expected a table of trials; check the path") from None
+        raise InputError(file, "found no such file, expected a table of trials; check the path") from None
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
-        raise LogError(file, f"cannot be read as a CSV table: {problem}") from None
+        raise InputError(file, f"cannot be read as a CSV table: {problem}") from None
     if not rows:
-        raise LogError(file, "found no rows, expected one a trial")
+        raise InputError(file, "found no rows, expected one a trial")
     return _trials(rows)
 
 
 def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
     """Write trials as a table that `read_trials` reads, lengths in metres; whole or not at all.
 
-    LogError when the file exists and `force` is not given.
+    InputError when the file exists and `force` is not given.
     """
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
@@ -85,15 +85,15 @@ def _rows(file: Path, table: csv.DictReader[str], metres: float) -> Iterator[_Ro
     for row in table:
         line = table.line_num
         if None in row:
-            raise LogError(file, f"found more values than the {len(table.fieldnames or [])} columns", line)
+            raise InputError(file, f"found more values than the {len(table.fieldnames or [])} columns", line)
         kind = (row["kind"] or "").strip()
         if kind not in KINDS:
-            raise LogError(file, f"found kind {show(row['kind'])}, expected turn or straight", line)
+            raise InputError(file, f"found kind {show(row['kind'])}, expected turn or straight", line)
         straight = kind == "straight"
         unit = metres if straight else math.pi / 180
         measured, actual = (number_in(file, line, name, row[name]) * unit for name in ("measured", "actual"))
         if measured == 0:
-            raise LogError(file, "found measured 0, expected a movement", line)
+            raise InputError(file, "found measured 0, expected a movement", line)
         given = (row.get("heading_error_deg") or "").strip()
         drift = math.radians(number_in(file, line, "heading_error_deg", given)) if given else math.nan
         yield _Row(straight, measured, actual, drift, (row.get("floor") or "").strip())
@@ -105,7 +105,7 @@ def _check_columns(file: Path, found: Sequence[str]) -> None:
     if unknown or missing or len(set(found)) < len(found):
         names = ", ".join(found) or "none"
         wanted = f"{', '.join(NEEDED)}, and perhaps {', '.join(COLUMNS[len(NEEDED) :])}"
-        raise LogError(file, f"found columns {names}; expected {wanted}, each once", 1)
+        raise InputError(file, f"found columns {names}; expected {wanted}, each once", 1)
 
 
 def _trials(rows: list[_Row]) -> Trials:
@@ -132,16 +132,16 @@ SAMPLES = 9  # points of a way at which the floor is looked up
 
 
 def trials_from_session(path: Path) -> Trials:
-    """Read a session's movements and truth. LogError for what is no session, or has no truth."""
+    """Read a session's movements and truth. InputError for what is no session, or has no truth."""
     info, kind = read_header(path)
     if kind != "session":
-        raise LogError(path, f"found a {kind} log, expected a session log with odometry and truth", 1)
+        raise InputError(path, f"found a {kind} log, expected a session log with odometry and truth", 1)
     reader = _Legs(path)
     trials = trials_of(reader, lambda a, b: floor_between(info.arena, a, b))
     trials = replace(trials, left_out=trials.left_out + reader.bent)
     if reader.truths < 2:
         found = "no truth" if not reader.truths else "one truth"
-        raise LogError(path, f"found {found}, expected truth records before and after the movements")
+        raise InputError(path, f"found {found}, expected truth records before and after the movements")
     return trials
 
 
@@ -161,12 +161,12 @@ class _Legs:
         self.truths = self.bent = 0
         before: F64 | None = None
         motions: list[F64] = []
-        for record in read_records(self._path, "session", Findings(keep_going=False)):
-            if isinstance(record, Odometry):
+        for record in read_records(self._path, "session", ReadingNotes(keep_going=False)):
+            if isinstance(record, OdometryRecord):
                 motions.append(record.motion)
             elif is_kidnapping(record):
                 before, motions = None, []
-            elif isinstance(record, Truth):
+            elif isinstance(record, TruthRecord):
                 self.truths += 1
                 if before is not None and motions:
                     leg = plain(MotionSegment(before, tuple(motions), record.pose))
@@ -179,8 +179,8 @@ class _Legs:
 def mishaps(path: Path) -> dict[str, int]:
     """Count what a session log tells of slips and bumps: events that begin with these words."""
     found = dict.fromkeys(MISHAPS, 0)
-    for record in read_records(path, "session", Findings(keep_going=False)):
-        if isinstance(record, Event) and (word := record.text.split(" ")[0]) in found:
+    for record in read_records(path, "session", ReadingNotes(keep_going=False)):
+        if isinstance(record, EventRecord) and (word := record.text.split(" ")[0]) in found:
             found[word] += 1
     return found
 

@@ -16,8 +16,8 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.session import Moment
 
 from ..bags.session_topics import MOTIONS
-from ..errors import LogError
-from ..io.findings import Findings
+from ..errors import InputError
+from ..io.notes import ReadingNotes
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, checked, motion_between, moved
 from .mcap import EVENTS, MAP, ODOM, ODOMETRY, ROBOT, TF, TRUE_PATH, TRUTH, McapWriter, mcap_file
@@ -36,7 +36,7 @@ def convert_to_mcap(
 ) -> Iterator[Converted]:
     """Write the pictures that make an update, and all odometry, truth and events; gives counts as they grow.
 
-    LogError as for `mcap_file`, as the session's reading raises it, and when there was nothing to write.
+    InputError as for `mcap_file`, as the session's reading raises it, and when there was nothing to write.
     """
     begin_s: float | None = None
     with mcap_file(file, force=force) as mcap:
@@ -49,7 +49,7 @@ def convert_to_mcap(
             drive.add(record, t_s, moment)
             yield drive.done
         if begin_s is None:
-            raise LogError(session.path, "found nothing to write, expected pictures, odometry or truth")
+            raise InputError(session.path, "found nothing to write, expected pictures, odometry or truth")
         drive.end(begin_s)
 
 
@@ -58,7 +58,9 @@ def _side_by_side(session: RecordedSession) -> Iterator[tuple[Record, Moment | N
 
     The recording is read twice at once: a session looks ahead for truth, and does not keep what it passed.
     """
-    records = checked(session.recording, Findings(keep_going=True))  # the session itself tells of problems
+    records = checked(
+        session.recording, ReadingNotes(keep_going=True)
+    )  # the session itself tells of problems
     begin_s: float | None = None
     for moment in session.moments():
         for record in records:

@@ -18,7 +18,7 @@ import numpy as np
 
 from maurice_mcl.arrays import F64, U8
 
-from ..errors import LogError
+from ..errors import InputError
 from .tables import ExportStep, filling, tum_line
 
 TITLE = "APE w.r.t. translation part (m)\n(not aligned)"
@@ -98,12 +98,12 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: Mapping[str, F64]) -> None:
 
 @contextmanager
 def evo_sink(file: Path, label: str, *, force: bool = False) -> Iterator[EvoSink]:
-    """Open evo's result file. LogError as for `filling`, and when no truth was known at any update."""
+    """Open evo's result file. InputError as for `filling`, and when no truth was known at any update."""
     with filling(file, force=force) as part:
         sink = EvoSink(label)
         yield sink
         if not len(sink.rows):
-            raise LogError(
+            raise InputError(
                 file, "the run knows no truth, and an error needs one; export --tum or --csv instead"
             )
         sink.save(part)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..bags.ros_types import INSTALL
 from ..bags.session_topics import HEADER, MOTIONS
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import expect_absent
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class McapWriter:
         self._connections: dict[str, Any] = {}
 
     def at(self, time_s: float) -> SceneMessages:
-        """Give what makes messages of one time. LogError when no ROS message can hold that time."""
+        """Give what makes messages of one time. InputError when no ROS message can hold that time."""
         from .ros_messages import SceneMessages
 
         return SceneMessages(self._store, self._nanoseconds(time_s))
@@ -78,7 +78,7 @@ class McapWriter:
     def _nanoseconds(self, time_s: float) -> int:
         if not 0 <= time_s <= LATEST_S:
             found = f"found t {time_s:.15g}, expected 0 to {LATEST_S:.0f} s in a ROS message"
-            raise LogError(self._file, f"{found}; move it with --t-offset")
+            raise InputError(self._file, f"{found}; move it with --t-offset")
         whole = int(time_s)  # apart, or Unix time would lose its last digits
         return whole * 10**9 + round((time_s - whole) * 1e9)
 
@@ -87,12 +87,12 @@ class McapWriter:
 def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
     """Open an MCAP file that appears when all went well.
 
-    LogError when it exists and `force` is not given, when it cannot be written, or without rosbags.
+    InputError when it exists and `force` is not given, when it cannot be written, or without rosbags.
     """
     if find_spec("rosbags") is None:
-        raise LogError(file, f"writing MCAP needs an extra; {INSTALL}")
+        raise InputError(file, f"writing MCAP needs an extra; {INSTALL}")
     if file.suffix != ".mcap":
-        raise LogError(file, f"found a name without .mcap, expected one; use {file.name}.mcap")
+        raise InputError(file, f"found a name without .mcap, expected one; use {file.name}.mcap")
     expect_absent(file, force=force)
     from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -104,6 +104,6 @@ def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
         (bag / file.name).replace(file)
     except OSError as problem:
         reason = problem.strerror or problem
-        raise LogError(file, f"cannot be written: {reason}; choose another place") from None
+        raise InputError(file, f"cannot be written: {reason}; choose another place") from None
     finally:
         shutil.rmtree(filling, ignore_errors=True)

@@ -18,7 +18,7 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..bags.session_topics import HEADER, MOTIONS
 from ..recording import motion_between, moved
 from ..runs.rows import weighted_of
-from ..transforms.simplified_path import ThinnedPath
+from ..transforms.simplified_path import SimplifiedPath
 from .mcap import (
     CAMERA,
     CAMERA_INFO,
@@ -84,12 +84,12 @@ def scene_of(info: SessionInfo, camera: str | None = None) -> McapScene:
     return McapScene(info, info.arena, named[0] if named else None)
 
 
-def new_path() -> ThinnedPath:
+def new_path() -> SimplifiedPath:
     """Begin a path that is written whole at the end."""
-    return ThinnedPath(MOST_POSES)
+    return SimplifiedPath(MOST_POSES)
 
 
-def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, ThinnedPath]) -> None:
+def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, SimplifiedPath]) -> None:
     """Write whole paths by topic, at the time of the first record: who looks there sees all of them."""
     for topic, way in paths.items():
         poses = way.poses()
@@ -167,7 +167,7 @@ def covariance_of(step: ExportStep) -> F64:
 
 @contextmanager
 def mcap_sink(file: Path, origin: F64, scene: McapScene, *, force: bool = False) -> Iterator[RunSink]:
-    """Open an MCAP file for a run whose clouds are relative to `origin` (2,). LogError as for `mcap_file`."""
+    """Open an MCAP file for a run whose clouds are relative to `origin` (2,). InputError as for `mcap_file`."""
     with mcap_file(file, force=force) as mcap:
         sink = RunSink(mcap, origin, scene)
         yield sink

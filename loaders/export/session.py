@@ -20,9 +20,9 @@ import cv2
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Moment, Session, SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import discard, expect_absent
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..io.pictures import encode_jpeg
 from ..recording import Motion, Note, OdometryPose, Record, Recording, TruthPose, checked, motion_between
 from ..session_log.header import header_to_json
@@ -67,7 +67,7 @@ def convert_to_log(
 ) -> Iterator[Converted]:
     """Write a native log, pictures in `<stem>-pictures` beside it; gives the counts after every picture.
 
-    Both appear when all went well. LogError when they exist and `force` is not given, or as the session's
+    Both appear when all went well. InputError when they exist and `force` is not given, or as the session's
     reading and `SessionWriter` raise it.
     """
     pictures = file.with_name(f"{file.stem}-pictures")
@@ -106,7 +106,7 @@ def _write_moment(log: SessionWriter, moment: Moment, picture: str, offset_s: fl
 
 def _expect_pictures(done: Converted, file: Path) -> None:
     if not done.pictures:
-        raise LogError(file, "found no picture to write, expected some; is it the right camera or topic?")
+        raise InputError(file, "found no picture to write, expected some; is it the right camera or topic?")
 
 
 def beside(info: SessionInfo, file: Path) -> SessionInfo:
@@ -121,14 +121,14 @@ def _check_targets(file: Path, pictures: Path, force: bool) -> None:
     if not pictures.exists():
         return
     if not force:
-        raise LogError(pictures, "exists already; write elsewhere, or replace it with --force")
+        raise InputError(pictures, "exists already; write elsewhere, or replace it with --force")
     if not pictures.is_dir() or not all(OURS.fullmatch(found.name) for found in pictures.iterdir()):
-        raise LogError(pictures, "holds more than the pictures of a converted log; remove it yourself")
+        raise InputError(pictures, "holds more than the pictures of a converted log; remove it yourself")
 
 
 @contextmanager
 def _filling(file: Path) -> Iterator[Path]:
-    """Give a new folder beside the file, gone afterwards. LogError when there is no room for it.
+    """Give a new folder beside the file, gone afterwards. InputError when there is no room for it.
 
     Where nothing came of it the file's own folder is gone as well, if it was made here.
     """
@@ -140,7 +140,7 @@ def _filling(file: Path) -> Iterator[Path]:
         yield folder
     except OSError as problem:
         reason = problem.strerror or problem
-        raise LogError(file, f"cannot be written: {reason}; choose another place") from None
+        raise InputError(file, f"cannot be written: {reason}; choose another place") from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         if made:
@@ -152,11 +152,11 @@ def _filling(file: Path) -> Iterator[Path]:
 
 
 def records_to_log(
-    recording: Recording, file: Path, findings: Findings, *, t_offset_s: float = 0.0, force: bool = False
+    recording: Recording, file: Path, notes: ReadingNotes, *, t_offset_s: float = 0.0, force: bool = False
 ) -> Iterator[Converted]:
     """Write odometry, truth and events of a recording as a native log; gives the counts after every record.
 
-    Odometry poses become the motions between them. Pictures are left out. LogError as for `filling`, and
+    Odometry poses become the motions between them. Pictures are left out. InputError as for `filling`, and
     when there was nothing to write.
     """
     done = Converted()
@@ -164,10 +164,10 @@ def records_to_log(
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise LogError(file, f"cannot be written: {problem.strerror}; choose another place") from None
+        raise InputError(file, f"cannot be written: {problem.strerror}; choose another place") from None
     with filling(file, force=force) as part:
         with SessionWriter(part, beside(recording.info, file), force=True) as log:
-            for record in checked(recording, findings):
+            for record in checked(recording, notes):
                 last = _write_line(log, record, record.t_s + t_offset_s, last, done)
                 yield done
         _expect_records(done, recording.path)
@@ -196,4 +196,4 @@ def _write_line(
 
 def _expect_records(done: Converted, path: Path) -> None:
     if not (done.motions or done.truths or done.events):
-        raise LogError(path, "found nothing to write, expected pictures, odometry or truth")
+        raise InputError(path, "found nothing to write, expected pictures, odometry or truth")

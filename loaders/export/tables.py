@@ -23,7 +23,7 @@ import pyarrow.parquet as pq  # type: ignore[import-untyped]  # has no types
 from maurice_mcl.analysis.metrics import FIRST_SCORED
 from maurice_mcl.arrays import F64, U8
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import expect_absent
 from ..recording import moved
 from ..runs.rows import StepRows, steps_schema
@@ -63,7 +63,7 @@ class Sink(Protocol):
 
 
 def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportStep]:
-    """Go through a saved run from its first update, holding one at a time. LogError where it is damaged."""
+    """Go through a saved run from its first update, holding one at a time. InputError where it is damaged."""
     odometry = np.zeros(3)
     for rows in run.steps():
         for motion in rows.step["motions"]:
@@ -81,7 +81,7 @@ def _pose(rows: StepRows, kind: str) -> F64:
 def filling(target: Path, *, force: bool) -> Iterator[Path]:
     """Give a name to fill beside the target; it becomes the target when all went well.
 
-    Where nothing was written nothing appears, and what `force` replaces is gone. LogError when the target
+    Where nothing was written nothing appears, and what `force` replaces is gone. InputError when the target
     exists and `force` is not given, or when it cannot be written.
     """
     expect_absent(target, force=force)
@@ -94,7 +94,7 @@ def filling(target: Path, *, force: bool) -> Iterator[Path]:
             target.unlink(missing_ok=True)
     except OSError as problem:
         reason = problem.strerror or problem
-        raise LogError(target, f"cannot be written: {reason}; choose another place") from None
+        raise InputError(target, f"cannot be written: {reason}; choose another place") from None
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
@@ -136,7 +136,7 @@ class CsvSink:
 
 @contextmanager
 def csv_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[CsvSink]:
-    """Open a CSV file (RFC 4180, UTF-8, a header line). LogError as for `filling`."""
+    """Open a CSV file (RFC 4180, UTF-8, a header line). InputError as for `filling`."""
     with filling(file, force=force) as part, part.open("w", encoding="utf-8", newline="") as out:
         writer = csv.DictWriter(
             out, list(table_columns(channels)), extrasaction="ignore", lineterminator="\n"
@@ -168,7 +168,7 @@ class ParquetSink:
 
 @contextmanager
 def parquet_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[ParquetSink]:
-    """Open a Parquet file. LogError as for `filling`."""
+    """Open a Parquet file. InputError as for `filling`."""
     kinds = {int: pa.int32(), float: pa.float64(), str: pa.string()}
     schema = pa.schema([(name, kinds[kind]) for name, kind in table_columns(channels).items()])
     with filling(file, force=force) as part, pq.ParquetWriter(part, schema, compression="zstd") as writer:
@@ -239,7 +239,7 @@ class PathSink:
 def path_sink(
     files: Mapping[str, Path], line: Line, *, together: bool = False, force: bool = False
 ) -> Iterator[PathSink]:
-    """Open the files of some paths; all appear when all went well. LogError as for `filling`."""
+    """Open the files of some paths; all appear when all went well. InputError as for `filling`."""
     with ExitStack() as whole:
         parts = {name: whole.enter_context(filling(file, force=force)) for name, file in files.items()}
         with ExitStack() as opened:

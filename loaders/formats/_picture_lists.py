@@ -10,13 +10,13 @@ from pathlib import Path
 
 from maurice_mcl.arrays import U8
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST_T_S, show
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError, decode_picture
 from ..recording import Picture
 from ..session_log.reader import MAX_PICTURE_BYTES
-from ..transforms.clocks import PER_SECOND, Span, detect_unit, seconds
+from ..transforms.clocks import PER_SECOND, TimeSpan, detect_unit, seconds
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
 from .cmucam import BEGIN, decode_frame
 
@@ -32,7 +32,7 @@ class PictureList:
     column: int | None = None  # of the file names; None: all that follows the first column
     unit: str | None = None  # of the times, which stand in the column before; None: told from them
 
-    def pictures(self, findings: Findings) -> Iterator[Picture]:
+    def pictures(self, notes: ReadingNotes) -> Iterator[Picture]:
         """Give the pictures in the file's order, not opened; broken rows and times that fall are problems."""
         last_t_s = -float("inf")
         for row in self._rows():
@@ -40,18 +40,18 @@ class PictureList:
                 picture = self._picture(row)
                 if picture.t_s < last_t_s:
                     found = f"found t {picture.t_s:.15g} after t {last_t_s:.15g}"
-                    raise LogError(self.file, f"{found}, expected time not to fall", row.number)
-            except LogError as problem:
-                findings.problem(problem)
+                    raise InputError(self.file, f"{found}, expected time not to fall", row.number)
+            except InputError as problem:
+                notes.problem(problem)
                 continue
             last_t_s = picture.t_s
             yield picture
 
     @cached_property
-    def span(self) -> Span:
+    def span(self) -> TimeSpan:
         """First and last time of the rows that can be read."""
-        span = Span()
-        for picture in self.pictures(Findings(keep_going=True)):
+        span = TimeSpan()
+        for picture in self.pictures(ReadingNotes(keep_going=True)):
             span.add(picture.t_s)
         return span
 
@@ -74,7 +74,9 @@ class PictureList:
     def _picture(self, row: Row) -> Picture:
         words = self._words(row)
         if len(words) < 2 or not words[1]:
-            raise LogError(self.file, f"found {show(row.text)}, expected a time and a file name", row.number)
+            raise InputError(
+                self.file, f"found {show(row.text)}, expected a time and a file name", row.number
+            )
         number_of(self.file, row, words[0], "time", MOST_T_S * PER_SECOND[self._unit])
         name = words[1]
         return Picture(seconds(words[0], self._unit), partial(read_picture, self.root / name, name), name)

@@ -15,11 +15,11 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST_T_S, show, up_to
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..recording import OdometryPose, Record, TruthPose
-from ..transforms.clocks import PER_SECOND, Span, apart, detect_unit, offset_between, seconds
+from ..transforms.clocks import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
 from ._picture_lists import PictureList
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
 
@@ -89,7 +89,7 @@ class PoseFile:
     unit: str | None = None  # of the times; None: told from them
     offset_s: float = 0.0  # added to the times
 
-    def poses(self, findings: Findings) -> Iterator[OdometryPose | TruthPose]:
+    def poses(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose]:
         """Give the poses in the plane, in the file's order; broken rows and times that fall are problems."""
         last_t_s, steepest = -np.inf, 0.0
         for row in self._rows():
@@ -98,34 +98,34 @@ class PoseFile:
                 position, turned = self._pose(row)
                 if t_s < last_t_s:
                     found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-                    raise LogError(self.file, found, row.number)
-            except LogError as problem:
-                findings.problem(problem)
+                    raise InputError(self.file, found, row.number)
+            except InputError as problem:
+                notes.problem(problem)
                 continue
             last_t_s, steepest = t_s, max(steepest, leaning(turned, self._axis))
             yield self.kind(t_s, planar(position, turned, self._axis))
         if steepest > LEANING_RAD:
             tilt = f"{np.degrees(steepest):.0f} degrees out of the plane"
-            findings.warning(f"{self.file}: poses point up to {tilt}; only x, y and the heading are used")
+            notes.warning(f"{self.file}: poses point up to {tilt}; only x, y and the heading are used")
 
     @cached_property
-    def span(self) -> Span:
+    def span(self) -> TimeSpan:
         """First and last time of the rows that can be read; reads the whole file once."""
-        span = Span()
-        for pose in self.poses(Findings(keep_going=True)):
+        span = TimeSpan()
+        for pose in self.poses(ReadingNotes(keep_going=True)):
             span.add(pose.t_s)
         return span
 
     def track(self) -> tuple[F64, F64]:
         """Give the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
-        found = list(islice(self.poses(Findings(keep_going=True)), MOST))
+        found = list(islice(self.poses(ReadingNotes(keep_going=True)), MOST))
         return np.array([one.t_s for one in found]), np.array([one.pose for one in found]).reshape(-1, 3)
 
     def check(self) -> None:
-        """Read the first row. LogError where it is broken, or there is none."""
+        """Read the first row. InputError where it is broken, or there is none."""
         first = next(self._rows(), None)
         if first is None:
-            raise LogError(self.file, "found no poses, expected one a line")
+            raise InputError(self.file, "found no poses, expected one a line")
         self._pose(first)
 
     @cached_property
@@ -151,7 +151,7 @@ class PoseFile:
         for row in islice(self._rows(), LOOKED_AT):
             try:
                 turned.append(self._pose(row)[1])
-            except LogError:
+            except InputError:
                 continue
         return turned
 
@@ -168,7 +168,7 @@ class PoseFile:
         number_of(self.file, row, word, "time", MOST_T_S * per_s)
         t_s = seconds(word, self._unit) + self.offset_s
         if abs(t_s) > MOST_T_S:
-            raise LogError(self.file, f"found time {show(word)}, expected {up_to(MOST_T_S)}", row.number)
+            raise InputError(self.file, f"found time {show(word)}, expected {up_to(MOST_T_S)}", row.number)
         return t_s
 
     def _pose(self, row: Row) -> tuple[F64, F64]:
@@ -176,12 +176,12 @@ class PoseFile:
         wanted = (*self.layout.position, *self.layout.quaternion)
         if len(words) <= max(wanted):
             found = f"found {len(words)} values ({show(row.text)}), expected at least {max(wanted) + 1}"
-            raise LogError(self.file, found, row.number)
+            raise InputError(self.file, found, row.number)
         values = np.array([number_of(self.file, row, words[at], "value") for at in wanted])
         try:
             return values[:3], rotation(values[3:])
         except ValueError as problem:
-            raise LogError(self.file, str(problem), row.number) from None
+            raise InputError(self.file, str(problem), row.number) from None
 
 
 def pose_file(
@@ -240,28 +240,28 @@ class TimedFolder:
     remarks: tuple[str, ...] = ()  # said at every reading
 
     def check(self) -> TimedFolder:
-        """Read the first row of every file. LogError where one is broken or all are missing."""
+        """Read the first row of every file. InputError where one is broken or all are missing."""
         if self.pictures is None and self.odometry is None and self.truth is None:
-            raise LogError(self.path, "found neither pictures nor poses in it")
+            raise InputError(self.path, "found neither pictures nor poses in it")
         for file in (self.odometry, self.truth):
             if file is not None:
                 file.check()
         return self
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Merge all by time: poses before the pictures of the same time."""
         for text in self.remarks:
-            findings.warning(text)
+            notes.warning(text)
         streams: list[Iterator[Record]] = []
         if self.odometry is not None:
-            streams.append(self.odometry.poses(findings))
-        if self.truth is not None and self._one_clock(self.truth, findings):
-            streams.append(self.truth.poses(findings))
+            streams.append(self.odometry.poses(notes))
+        if self.truth is not None and self._one_clock(self.truth, notes):
+            streams.append(self.truth.poses(notes))
         if self.pictures is not None:
-            streams.append(self.pictures.pictures(findings))
+            streams.append(self.pictures.pictures(notes))
         return heapq.merge(*streams, key=lambda record: record.t_s)
 
-    def _one_clock(self, truth: PoseFile, findings: Findings) -> bool:
+    def _one_clock(self, truth: PoseFile, notes: ReadingNotes) -> bool:
         """Tell whether truth is of the time of pictures or odometry; say what would help when it is not."""
         main = self.pictures or self.odometry
         if main is None or not main.span.count or main.span.overlaps(truth.span, SLACK_S):
@@ -269,10 +269,10 @@ class TimedFolder:
         name = "pictures" if self.pictures is not None else "odometry"
         where = apart(name, main.span, "truth", truth.span)
         advice = f"the clocks disagree, so truth is left out; {self._offset(truth, main.span)}"
-        findings.warning(f"{truth.file}: {where}; {advice}")
+        notes.warning(f"{truth.file}: {where}; {advice}")
         return False
 
-    def _offset(self, truth: PoseFile, main: Span) -> str:
+    def _offset(self, truth: PoseFile, main: TimeSpan) -> str:
         """Say what would bring the truth's clock to the other: by the movement, else by the beginnings."""
         odometry = self.odometry
         if odometry is not None and (odometry.span.overlaps(main, SLACK_S)):

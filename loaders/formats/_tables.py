@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 from maurice_mcl.geometry import INCH_M
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST, show, up_to
 from ..io.files import expect_regular
 from ..transforms.clocks import PER_SECOND
@@ -65,7 +65,7 @@ def begin_lines(file: Path, size: int = 4096) -> list[str]:
 
 
 def rows(file: Path) -> Iterator[Row]:
-    """Give all lines that are not empty. LogError for what is no text, cut (gzip) or not there."""
+    """Give all lines that are not empty. InputError for what is no text, cut (gzip) or not there."""
     expect_regular(file, "a table")
     number = 0
     try:
@@ -73,20 +73,20 @@ def rows(file: Path) -> Iterator[Row]:
             while line := data.readline(MAX_ROW_BYTES + 1):
                 number += 1
                 if len(line) > MAX_ROW_BYTES:
-                    raise LogError(file, "found a line of more than 1 MiB, expected a table", number)
+                    raise InputError(file, "found a line of more than 1 MiB, expected a table", number)
                 text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
                 if "\0" in text:
-                    raise LogError(file, "found binary data, expected text", number)
+                    raise InputError(file, "found binary data, expected text", number)
                 if text:
                     yield Row(number, text)
     except FileNotFoundError:
-        raise LogError(file, "found no such file, expected a table; check the path") from None
+        raise InputError(file, "found no such file, expected a table; check the path") from None
     except UnicodeDecodeError:
-        raise LogError(file, "found bytes that are not UTF-8, expected text", number) from None
+        raise InputError(file, "found bytes that are not UTF-8, expected text", number) from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as problem:
-        raise LogError(file, f"cannot be unpacked after line {number}: {problem}") from None
+        raise InputError(file, f"cannot be unpacked after line {number}: {problem}") from None
     except OSError as problem:
-        raise LogError(file, f"cannot be read: {problem.strerror}") from None
+        raise InputError(file, f"cannot be read: {problem.strerror}") from None
 
 
 def words_of(text: str, most: int = -1) -> list[str]:
@@ -110,15 +110,15 @@ def is_number(word: str) -> bool:
 
 
 def number_of(file: Path, row: Row, word: str, what: str, most: float = MOST) -> float:
-    """Read a finite number of sensible size. LogError naming file and line otherwise."""
+    """Read a finite number of sensible size. InputError naming file and line otherwise."""
     try:
         value = float(word)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise LogError(file, f"found {what} {show(word)}, expected a finite number", row.number)
+        raise InputError(file, f"found {what} {show(word)}, expected a finite number", row.number)
     if abs(value) > most:
-        raise LogError(file, f"found {what} {show(word)}, expected {up_to(most)}", row.number)
+        raise InputError(file, f"found {what} {show(word)}, expected {up_to(most)}", row.number)
     return value
 
 
@@ -223,7 +223,7 @@ class Column:
 def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dict[str, Column]:
     """Give the column of each role: the one that was asked for, or the first whose name tells it.
 
-    `asked` is column or column:unit by role. LogError for a role or column that is not there, and for
+    `asked` is column or column:unit by role. InputError for a role or column that is not there, and for
     angles without a unit.
     """
     names = [name.strip().lstrip("#").strip() for name in header]
@@ -238,7 +238,7 @@ def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dic
     for role in ANGULAR:
         if role in found and found[role].unit not in ANGLES:
             text = f"found column {found[role].name!r} without a unit; say --columns {role}="
-            raise LogError(file, f"{text}{found[role].name}:deg or :rad", 1)
+            raise InputError(file, f"{text}{found[role].name}:deg or :rad", 1)
     return found
 
 
@@ -249,13 +249,13 @@ def factor(role: str, column: Column) -> float:
 
 def _asked(file: Path, names: Sequence[str], role: str, value: str) -> Column:
     if role not in NAMES:
-        raise LogError(file, f"there is no role {role!r} for a column; there are {', '.join(NAMES)}")
+        raise InputError(file, f"there is no role {role!r} for a column; there are {', '.join(NAMES)}")
     name, _, unit = value.rpartition(":") if value not in names and ":" in value else (value, "", "")
     if name not in names:
-        raise LogError(file, f"found columns {', '.join(names) or 'none'}, expected also {name!r}", 1)
+        raise InputError(file, f"found columns {', '.join(names) or 'none'}, expected also {name!r}", 1)
     units = PER_SECOND if role == "time" else ANGLES if role in ANGULAR else LENGTHS
     if unit and unit not in units:
-        raise LogError(file, f"found unit {unit!r} of {role}, expected one of {', '.join(units)}")
+        raise InputError(file, f"found unit {unit!r} of {role}, expected one of {', '.join(units)}")
     return Column(names.index(name), name, unit or _split(name)[1])
 
 

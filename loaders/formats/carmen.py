@@ -19,12 +19,12 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST_T_S, show
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..recording import OdometryPose, Record, TruthPose, motion_between, moved
 from ._tables import Row, begin_lines, number_of, rows
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 
 WORDS = ("ODOM", "FLASER", "RLASER", "TRUEPOS", "ROBOTLASER1", "PARAM", "SYNC", "NEFF", "GLASER", "SCANMARK")
 _WORD = re.compile(r"[A-Z][A-Z0-9_]+$")  # what a line begins with, known here or not
@@ -51,7 +51,7 @@ class CarmenRecording:
     path: Path
     info: SessionInfo
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the log's lines in order.
 
         The order of lines counts: a time that falls a little is raised to the one before. Odometry that is
@@ -59,12 +59,12 @@ class CarmenRecording:
         """
         odometry, last_t_s, fallen, before = _Continuous(), 0.0, 0, None
         source, truth = self._odometry_word, self._truth_word
-        for found in self._poses(findings):
+        for found in self._poses(notes):
             set_anew = _set_anew(before, found, last_t_s)
             before = found
             if found.t_s < last_t_s - MOST_BACK_S and not set_anew:
                 text = f"found time {found.t_s:g} after {last_t_s:g}, expected time not to fall"
-                findings.problem(LogError(self.path, text, found.row.number))
+                notes.problem(InputError(self.path, text, found.row.number))
                 continue
             fallen += found.t_s < last_t_s and not set_anew
             last_t_s = max(last_t_s, found.t_s)
@@ -73,11 +73,11 @@ class CarmenRecording:
             if found.word == truth:
                 yield TruthPose(last_t_s, found.pose if found.laser is None else found.laser)
         if fallen:
-            findings.warning(f"{self.path}: {fallen} times fall a little and are raised to the ones before")
+            notes.warning(f"{self.path}: {fallen} times fall a little and are raised to the ones before")
 
     @cached_property
     def _words(self) -> frozenset[str]:
-        return frozenset(found.word for found in self._poses(Findings(keep_going=True)))
+        return frozenset(found.word for found in self._poses(ReadingNotes(keep_going=True)))
 
     @property
     def _odometry_word(self) -> str | None:
@@ -87,7 +87,7 @@ class CarmenRecording:
     def _truth_word(self) -> str | None:
         if "TRUEPOS" in self._words:
             return "TRUEPOS"
-        lasers = (found for found in self._poses(Findings(keep_going=True)) if found.word != "RLASER")
+        lasers = (found for found in self._poses(ReadingNotes(keep_going=True)) if found.word != "RLASER")
         mounted: F64 | None = None
         before, last_t_s = None, 0.0
         for found in lasers:
@@ -103,13 +103,13 @@ class CarmenRecording:
                 return found.word
         return None
 
-    def _poses(self, findings: Findings) -> Iterator[_Pose]:
+    def _poses(self, notes: ReadingNotes) -> Iterator[_Pose]:
         for row in rows(self.path):
             words = row.text.split()
             try:
                 found = _parsed(self.path, row, words)
-            except LogError as problem:
-                findings.problem(problem)
+            except InputError as problem:
+                notes.problem(problem)
                 continue
             if found is not None:
                 yield found
@@ -140,7 +140,7 @@ class _Continuous:
 
 
 def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
-    """Read a line that has a pose; None for every other. LogError for one that is cut or no number."""
+    """Read a line that has a pose; None for every other. InputError for one that is cut or no number."""
     if words[0] == "ODOM":  # x y theta tv rv accel, then times
         return _Pose(row, "ODOM", _time(file, row, words), _vector(file, row, words, 1))
     if words[0] == "TRUEPOS":  # true x y theta, odometry's x y theta, then times
@@ -162,13 +162,13 @@ def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
 def _time(file: Path, row: Row, words: list[str]) -> float:
     """Give the logger's time, which stands last; it is of one clock throughout."""
     if len(words) < 4:
-        raise LogError(file, f"found {show(row.text)}, expected pose, times and host", row.number)
+        raise InputError(file, f"found {show(row.text)}, expected pose, times and host", row.number)
     return number_of(file, row, words[-1], "time", MOST_T_S)
 
 
 def _vector(file: Path, row: Row, words: list[str], at: int) -> F64:
     if len(words) < at + 6:  # three more at least follow every pose
-        raise LogError(
+        raise InputError(
             file, f"found {len(words)} values, expected at least {at + 6}; was it cut?", row.number
         )
     return np.array([number_of(file, row, word, "value") for word in words[at : at + 3]])
@@ -177,15 +177,15 @@ def _vector(file: Path, row: Row, words: list[str], at: int) -> F64:
 def _count(file: Path, row: Row, words: list[str], at: int) -> int:
     word = words[at] if at < len(words) else ""
     if not word.isdecimal() or len(word) > 6:
-        raise LogError(file, f"found {show(word)} for a count of readings, expected a number", row.number)
+        raise InputError(file, f"found {show(word)} for a count of readings, expected a number", row.number)
     return int(word)
 
 
-def open_carmen(path: Path, options: OpenOptions) -> CarmenRecording:
-    """Open a log. LogError where no line of it has a pose."""
+def open_carmen(path: Path, options: ReadingOptions) -> CarmenRecording:
+    """Open a log. InputError where no line of it has a pose."""
     recording = CarmenRecording(path, SessionInfo(path.name.removesuffix(".gz").removesuffix(".log")))
-    if next(recording._poses(Findings(keep_going=True)), None) is None:
-        raise LogError(path, "found no ODOM, FLASER or TRUEPOS, expected a CARMEN log")
+    if next(recording._poses(ReadingNotes(keep_going=True)), None) is None:
+        raise InputError(path, "found no ODOM, FLASER or TRUEPOS, expected a CARMEN log")
     return recording
 
 

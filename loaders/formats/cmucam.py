@@ -19,12 +19,12 @@ import numpy as np
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import natural_order
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError
 from ..recording import Picture, Record
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 
 # Frames of a CMUcam's frame dump, as the camera sends them and as programs have saved them.
 
@@ -154,9 +154,9 @@ class DumpRecording:
     path: Path
     info: SessionInfo
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give the frames in order, a second apart; only some of a file is held."""
-        findings.warning("frames carry no times: one a second is taken")
+        notes.warning("frames carry no times: one a second is taken")
         number = count()
         for file in _files(self.path):
             for frame in _found(file):
@@ -165,10 +165,10 @@ class DumpRecording:
                 yield Picture(at * PERIOD_S, partial(_read, file, frame), name)
 
 
-def open_dump(path: Path, options: OpenOptions) -> DumpRecording:
-    """Open a dump. LogError where there is no frame at all."""
+def open_dump(path: Path, options: ReadingOptions) -> DumpRecording:
+    """Open a dump. InputError where there is no frame at all."""
     if not any(not frame.fault for file in _files(path) for frame in _found(file)):
-        raise LogError(path, "found no whole frame (01 ... 03), expected a CMUcam's frame dump")
+        raise InputError(path, "found no whole frame (01 ... 03), expected a CMUcam's frame dump")
     return DumpRecording(path, SessionInfo(path.resolve().stem))
 
 
@@ -216,7 +216,7 @@ def _found(file: Path) -> Iterator[Found]:
             for frame in frames(held):
                 yield Found(start + frame.begin, start + frame.end, frame.fault)
     except OSError as problem:
-        raise LogError(file, f"cannot be read: {problem.strerror}") from None
+        raise InputError(file, f"cannot be read: {problem.strerror}") from None
 
 
 def _read(file: Path, frame: Found) -> U8:

@@ -16,14 +16,14 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import PICTURES
 from ..recording import OdometryPose, TruthPose
 from ..transforms.clocks import unit_in
 from ._picture_lists import PictureList
 from ._poses import Layout, PoseFile, TimedFolder, layout_of
 from ._tables import begin_lines, begin_of, words_of
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 
 # What an EuRoC camera's `sensor.yaml` says: size, angle of view, and where the camera looks on the body.
 
@@ -114,12 +114,15 @@ class _Sensor:
         return layout_of(self.columns)
 
 
-def open_euroc(path: Path, options: OpenOptions) -> TimedFolder:
-    """Open a folder; `options.camera` chooses a camera's. LogError where there is neither camera nor pose."""
+def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
+    """Open a folder; `options.camera` chooses a camera's.
+
+    InputError where there is neither camera nor pose.
+    """
     sensors = _sensors(path)
     cameras = [one for one in sensors if one.has_pictures]
     if not sensors:
-        raise LogError(path, f"found no {TABLE} below it, expected an EuRoC / ASL folder")
+        raise InputError(path, f"found no {TABLE} below it, expected an EuRoC / ASL folder")
     camera = _camera(path, cameras, options.camera)
     poses = [one for one in sensors if not one.has_pictures and one.layout]
     truth = _named(poses, TRUTHS)
@@ -177,7 +180,7 @@ def _camera(path: Path, cameras: Sequence[_Sensor], wanted: str | None) -> _Sens
         if one.name == wanted:
             return one
     names = ", ".join(one.name for one in cameras) or "no camera"
-    raise LogError(path, f"found {names}, expected {wanted!r} among them")
+    raise InputError(path, f"found {names}, expected {wanted!r} among them")
 
 
 def _named(sensors: Sequence[_Sensor], words: Sequence[str]) -> _Sensor | None:

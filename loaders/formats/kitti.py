@@ -19,15 +19,15 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST_T_S, show
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..recording import Picture, Record, TruthPose
 from ..transforms.clocks import clock_s
 from ._picture_lists import read_picture
 from ._poses import first_file
 from ._tables import Row, begin_lines, number_of, rows, words_of
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 
 CAMERAS = ("image_2", "image_0", "image_3", "image_1")  # color before gray, left before right
 RAW = tuple(name.replace("_", "_0") for name in CAMERAS)  # as raw drives have them, pictures in `data`
@@ -49,21 +49,21 @@ class KittiRecording:
     poses: Path | None
     truth_offset_s: float = 0.0
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read times, pictures and poses row by row."""
         if self.times is None:
-            findings.warning(f"found no {TIMES[0]}: {1 / PERIOD_S:g} pictures or poses a second are taken")
+            notes.warning(f"found no {TIMES[0]}: {1 / PERIOD_S:g} pictures or poses a second are taken")
         if self.poses is None:
-            findings.warning("found no poses, so the truth is unknown")
+            notes.warning("found no poses, so the truth is unknown")
         if not self.truth_offset_s:
-            yield from self._merged(findings)
+            yield from self._merged(notes)
             return
-        truth = (one for one in self._merged(findings) if isinstance(one, TruthPose))
-        others = (one for one in self._merged(Findings(True)) if not isinstance(one, TruthPose))
+        truth = (one for one in self._merged(notes) if isinstance(one, TruthPose))
+        others = (one for one in self._merged(ReadingNotes(True)) if not isinstance(one, TruthPose))
         shifted = (TruthPose(one.t_s + self.truth_offset_s, one.pose) for one in truth)
         yield from heapq.merge(shifted, others, key=lambda record: record.t_s)
 
-    def _merged(self, findings: Findings) -> Iterator[Record]:
+    def _merged(self, notes: ReadingNotes) -> Iterator[Record]:
         times = self._untimed() if self.times is None else rows(self.times)
         poses = iter(()) if self.poses is None else rows(self.poses)
         number, posed = -1, 0
@@ -71,11 +71,11 @@ class KittiRecording:
             try:
                 if self.times is not None and time is None:
                     found = f"found more poses than the {number} times of {self.times}"
-                    raise LogError(self._posed(), found, pose.number if pose else None)
+                    raise InputError(self._posed(), found, pose.number if pose else None)
                 t_s = self._time(time) if time is not None and self.times else number * PERIOD_S
                 truth = None if pose is None else planar_pose(self._posed(), pose)
-            except LogError as problem:
-                findings.problem(problem)
+            except InputError as problem:
+                notes.problem(problem)
                 continue
             if truth is not None:
                 posed += 1
@@ -83,9 +83,9 @@ class KittiRecording:
             if self.pictures is not None:
                 yield self._picture(number, t_s)
         if self.times is not None and self.pictures is not None and self._file(number + 1).is_file():
-            findings.warning(f"{self.times}: {number + 1} times, and more pictures; those are left out")
+            notes.warning(f"{self.times}: {number + 1} times, and more pictures; those are left out")
         if self.poses is not None and posed <= number:
-            findings.warning(f"{self.poses}: {posed} poses for {number + 1} times")
+            notes.warning(f"{self.poses}: {posed} poses for {number + 1} times")
 
     def _posed(self) -> Path:
         return self.poses or self.path
@@ -117,28 +117,28 @@ class KittiRecording:
 
 
 def planar_pose(file: Path, row: Row) -> F64:
-    """Give the pose (3,) of a row of twelve numbers. LogError for anything else."""
+    """Give the pose (3,) of a row of twelve numbers. InputError for anything else."""
     words = words_of(row.text)
     if len(words) != NUMBERS:
         found = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
-        raise LogError(file, found, row.number)
+        raise InputError(file, found, row.number)
     matrix = np.array([number_of(file, row, word, "value") for word in words]).reshape(3, 4)
     if not np.allclose(np.linalg.norm(matrix[:, :3], axis=0), 1, atol=0.1):
-        raise LogError(file, f"found {show(row.text)}, expected a rotation and a place", row.number)
+        raise InputError(file, f"found {show(row.text)}, expected a rotation and a place", row.number)
     return np.array([matrix[2, 3], -matrix[0, 3], math.atan2(-matrix[0, 2], matrix[2, 2])])
 
 
-def open_sequence(path: Path, options: OpenOptions) -> KittiRecording:
-    """Open a sequence; `options.camera` is image_0 to image_3. LogError where there are no pictures."""
+def open_sequence(path: Path, options: ReadingOptions) -> KittiRecording:
+    """Open a sequence; `options.camera` is image_0 to image_3. InputError where there are no pictures."""
     found = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
     if not found:
-        raise LogError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
+        raise InputError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
     folder = found[0]
     if options.camera is not None:
         folder = path / options.camera
         if folder not in found:
             names = ", ".join(one.name for one in found)
-            raise LogError(path, f"found cameras {names}, expected {options.camera!r} among them")
+            raise InputError(path, f"found cameras {names}, expected {options.camera!r} among them")
     name = path.resolve().name
     places = (*poses_beside(path), *(path / one for one in (f"poses/{name}.txt", "poses.txt", f"{name}.txt")))
     poses = options.table or next((file for file in places if file.is_file()), None)
@@ -155,11 +155,14 @@ def poses_beside(path: Path) -> list[Path]:
     return [file] if file.is_file() else []
 
 
-def open_poses(path: Path, options: OpenOptions) -> KittiRecording:
-    """Open poses alone; the times of `times.txt` beside them, where there is one. LogError for a bad row."""
+def open_poses(path: Path, options: ReadingOptions) -> KittiRecording:
+    """Open poses alone; the times of `times.txt` beside them, where there is one.
+
+    InputError for a bad row.
+    """
     first = next(rows(path), None)
     if first is None:
-        raise LogError(path, "found no poses, expected twelve numbers a line")
+        raise InputError(path, "found no poses, expected twelve numbers a line")
     planar_pose(path, first)
     times = next(iter(times_beside(path)), None)
     return KittiRecording(path, SessionInfo(path.stem), times, None, path)

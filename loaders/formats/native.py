@@ -9,15 +9,15 @@ from pathlib import Path
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
-from ..io.findings import Findings
+from ..errors import InputError
+from ..io.notes import ReadingNotes
 from ..io.pictures import decode_picture
 from ..recording import Motion, Note, Picture, Record, TruthPose
 from ..session_log.header import FORMAT
 from ..session_log.reader import CameraChoice, SessionLog, picture_bytes
-from ..session_log.records import Odometry, PictureRecord, Truth, read_records
+from ..session_log.records import OdometryRecord, PictureRecord, TruthRecord, read_records
 from ..transforms.clocks import PER_SECOND
-from .registry import NATIVE, Format, OpenOptions
+from .registry import NATIVE, Format, ReadingOptions
 
 LOOKED_AT = 4096  # bytes of the header in which the format's name is looked for
 
@@ -30,7 +30,7 @@ class NativeRecording:
         self._per_s = PER_SECOND[time_unit]
         log = SessionLog(path, camera=camera)  # checks the header and the camera's name
         if log.kind != "session":
-            raise LogError(path, f"found a {log.kind} log, expected a session log", 1)
+            raise InputError(path, f"found a {log.kind} log, expected a session log", 1)
         self._camera = camera or next((one.name for one in log.info.cameras), None)
         self._info = log.info
 
@@ -39,13 +39,13 @@ class NativeRecording:
         """What the header says."""
         return self._info
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the log's records in order."""
-        taken, number = CameraChoice(self._camera, findings), 0
-        for record in read_records(self.path, "session", findings, self._per_s):
-            if isinstance(record, Odometry):
+        taken, number = CameraChoice(self._camera, notes), 0
+        for record in read_records(self.path, "session", notes, self._per_s):
+            if isinstance(record, OdometryRecord):
                 yield Motion(record.t_s, record.motion)
-            elif isinstance(record, Truth):
+            elif isinstance(record, TruthRecord):
                 yield TruthPose(record.t_s, record.pose)
             elif not isinstance(record, PictureRecord):
                 yield Note(record.t_s, record.text)
@@ -66,7 +66,7 @@ def looks_native(path: Path) -> bool:
     return named or (path.suffix == ".log" and begin.lstrip()[:1] == b"{")
 
 
-def _open(path: Path, options: OpenOptions) -> NativeRecording:
+def _open(path: Path, options: ReadingOptions) -> NativeRecording:
     return NativeRecording(path, options.camera, options.time_unit or "s")
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.calibration.motion import Straights, Trials, Turns
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST, show, up_to
 from ..io.files import expect_regular
 
@@ -49,16 +49,16 @@ def is_odometry_folder(folder: Path) -> bool:
 
 
 def read_aligned(folder: Path) -> AlignedDrive:
-    """Read the three files. LogError names the file and the line, or files of different lengths."""
+    """Read the three files. InputError names the file and the line, or files of different lengths."""
     missing = [name for name in FILES if not (folder / name).is_file()]
     if missing:
-        raise LogError(folder, f"found no {', '.join(missing)} in it, expected {', '.join(FILES)}")
+        raise InputError(folder, f"found no {', '.join(missing)} in it, expected {', '.join(FILES)}")
     truth, places, turns = (_table(folder / name, columns) for name, columns in FILES.items())
     if not len(truth) == len(places) == len(turns):
         counts = ", ".join(f"{len(t)} in {n}" for n, t in zip(FILES, (truth, places, turns), strict=True))
-        raise LogError(folder, f"found rows of different number ({counts}), expected them aligned")
+        raise InputError(folder, f"found rows of different number ({counts}), expected them aligned")
     if len(truth) < 2:
-        raise LogError(folder, f"found {len(truth)} rows, expected a drive")
+        raise InputError(folder, f"found {len(truth)} rows, expected a drive")
     heading = np.unwrap(2 * np.arctan2(turns[:, 0], turns[:, 1]))
     return AlignedDrive(
         np.column_stack([places, heading]), np.column_stack([truth[:, :2], np.unwrap(truth[:, 2])])
@@ -130,7 +130,7 @@ def _table(file: Path, columns: int) -> F64:
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as problem:
-        raise LogError(file, f"cannot be read as a table: {problem}") from None
+        raise InputError(file, f"cannot be read as a table: {problem}") from None
     used = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
     return np.array([_values(file, n, line, columns) for n, line in used], np.float64).reshape(-1, columns)
 
@@ -141,7 +141,7 @@ def _values(file: Path, number: int, line: str, columns: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != columns or not np.isfinite(values).all():
-        raise LogError(file, f"found {show(line.strip())}, expected {columns} finite numbers", number)
+        raise InputError(file, f"found {show(line.strip())}, expected {columns} finite numbers", number)
     if max(map(abs, values)) > MOST:
-        raise LogError(file, f"found {show(line.strip())}, expected each {up_to()}", number)
+        raise InputError(file, f"found {show(line.strip())}, expected each {up_to()}", number)
     return values

@@ -13,12 +13,12 @@ import cv2
 
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..recording import OdometryPose, TruthPose
 from ._picture_lists import PictureList
 from ._poses import TimedFolder, first_file, pose_file
 from ._tables import begin_lines
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 
 NAMES = ("color", "fisheye1", "fisheye2", "infra1", "infra2")
 PICTURES = (*(f"{name}.txt" for name in NAMES), "d400_color.txt", "t265_fisheye1.txt", "t265_fisheye2.txt")
@@ -31,17 +31,20 @@ SENSORS = {
 }
 
 
-def open_openloris(path: Path, options: OpenOptions) -> TimedFolder:
-    """Open a folder; `options.camera` chooses among color, fisheye1 and so on. LogError where it is none."""
+def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
+    """Open a folder; `options.camera` chooses among color, fisheye1 and so on.
+
+    InputError where it is none.
+    """
     listed = [path / name for name in PICTURES if (path / name).is_file()]
     if not listed:
-        raise LogError(path, f"found no {PICTURES[0]} in it, expected an OpenLORIS folder")
+        raise InputError(path, f"found no {PICTURES[0]} in it, expected an OpenLORIS folder")
     chosen = listed[0]
     if options.camera is not None:
         chosen = path / f"{options.camera}.txt"
         if chosen not in listed:
             names = ", ".join(file.stem for file in listed)
-            raise LogError(path, f"found cameras {names}, expected {options.camera!r} among them")
+            raise InputError(path, f"found cameras {names}, expected {options.camera!r} among them")
     unit = options.time_unit
     return TimedFolder(
         path,

@@ -13,10 +13,10 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST_T_S, show
 from ..io.files import PICTURES, pictures_in
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.clocks import PER_SECOND, detect_unit, seconds
 from ._picture_lists import read_picture
@@ -38,7 +38,7 @@ from ._tables import (
     rows,
     split,
 )
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 from .video import ENDINGS as VIDEOS
 from .video import Frames
 
@@ -61,31 +61,31 @@ class TableRecording:
     frames: Sequence[Path] | Frames | None  # for tables that name no files
     unit: str | None
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the table row by row; poses come before the picture of their row."""
         if "time" not in self.roles:
-            findings.warning(f"{self.table}: no column tells the time: a row a second is taken")
+            notes.warning(f"{self.table}: no column tells the time: a row a second is taken")
         if not any(role in self.roles for role in (*TRUTH, *ODOMETRY, *MOTION)):
-            findings.warning(f"{self.table}: no column tells a pose or a motion; see --columns")
+            notes.warning(f"{self.table}: no column tells a pose or a motion; see --columns")
         last_t_s = -float("inf")
         for number, (row, words) in enumerate(self._rows()):
             try:
                 t_s = self._time(number, row, words)
                 if t_s < last_t_s:
                     found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-                    raise LogError(self.table, found, row.number)
+                    raise InputError(self.table, found, row.number)
                 found_records = list(self._of_row(number, t_s, row, words))
-            except LogError as problem:
-                findings.problem(problem)
+            except InputError as problem:
+                notes.problem(problem)
                 continue
             last_t_s = t_s
             yield from found_records
 
     def check(self) -> TableRecording:
-        """Read the first row. LogError where it is broken or there is none."""
+        """Read the first row. InputError where it is broken or there is none."""
         first = next(self._rows(), None)
         if first is None:
-            raise LogError(self.table, "found no rows, expected one a picture")
+            raise InputError(self.table, "found no rows, expected one a picture")
         list(self._of_row(0, self._time(0, *first), *first))
         return self
 
@@ -118,7 +118,7 @@ class TableRecording:
             return Picture(t_s, partial(self.frames.read, number), name)
         if not 0 <= number < len(self.frames):
             found = f"found no picture {number}, there are {len(self.frames)} in {self.path}"
-            raise LogError(self.table, found, row.number)
+            raise InputError(self.table, found, row.number)
         file = self.frames[number]
         return Picture(t_s, partial(read_picture, file, file.name), file.name)
 
@@ -136,7 +136,7 @@ class TableRecording:
         try:
             return planar(values[:2], rotation(values[2:]), "x")
         except ValueError as problem:
-            raise LogError(self.table, str(problem), row.number) from None
+            raise InputError(self.table, str(problem), row.number) from None
 
     def _value(self, role: str, row: Row, words: list[str]) -> float:
         column = self.roles.get(role)
@@ -153,7 +153,7 @@ class TableRecording:
     def _word(self, role: str, row: Row, words: list[str]) -> str:
         at = self.roles[role].at
         if at >= len(words):
-            raise LogError(self.table, f"found {len(words)} values, expected at least {at + 1}", row.number)
+            raise InputError(self.table, f"found {len(words)} values, expected at least {at + 1}", row.number)
         return words[at].strip()
 
     def _time(self, number: int, row: Row, words: list[str]) -> float:
@@ -180,20 +180,23 @@ class TableRecording:
                 yield row, words
 
 
-def open_table(path: Path, options: OpenOptions) -> TableRecording:
-    """Open a table, or a folder or video with `options.table` or one table in it. LogError as `roles_of`."""
+def open_table(path: Path, options: ReadingOptions) -> TableRecording:
+    """Open a table, or a folder or video with `options.table` or one table in it.
+
+    InputError as `roles_of`.
+    """
     table = options.table or _table_of(path)
     if table is None or not table.is_file():
-        raise LogError(table or path, "found no table (CSV); name one with --table")
+        raise InputError(table or path, "found no table (CSV); name one with --table")
     head = head_of(rows(table))
     if head is None:
-        raise LogError(table, "found an empty file, expected a table")
+        raise InputError(table, "found an empty file, expected a table")
     roles = roles_of(table, head.names, options.columns)
     if not roles:
         found = f"found columns {show(', '.join(head.names))}, none of a known name"
         if not head.named:
             found = f"found no names of columns, and {len(head.names)} columns; they are called 1, 2, 3 ..."
-        raise LogError(table, f"{found}; say what they are with --columns", head.lines or None)
+        raise InputError(table, f"{found}; say what they are with --columns", head.lines or None)
     frames = _frames(path, "image" in roles)
     info = SessionInfo(table.stem if table == path else path.resolve().stem)
     return TableRecording(path, info, table, roles, head, frames, options.time_unit).check()
@@ -208,7 +211,7 @@ def looks_like_table(path: Path) -> bool:
         return False
     try:
         roles = roles_of(table, head.names, {})
-    except LogError:
+    except InputError:
         return True  # columns without a unit: open_table says so
     return bool(set(roles) - {"time", "frame"})
 
@@ -256,23 +259,23 @@ class FolderRecording:
     path: Path
     info: SessionInfo
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give the pictures."""
-        findings.warning("found pictures without a table: one a second is taken; see --table")
+        notes.warning("found pictures without a table: one a second is taken; see --table")
         tables = [one.name for one in self.path.iterdir() if one.suffix.lower() in TABLES]
         if tables:
             why = "no table, or several, with columns of known names in UTF-8 text; see --table and --columns"
-            findings.warning(f"{', '.join(sorted(tables))} beside them is not used: {why}")
+            notes.warning(f"{', '.join(sorted(tables))} beside them is not used: {why}")
         for number, file in enumerate(pictures_in(self.path)):
             yield Picture(number * PERIOD_S, partial(read_picture, file, file.name), file.name)
 
 
-def open_folder(path: Path, options: OpenOptions) -> TableRecording | FolderRecording:
-    """Open a folder of pictures, with `options.table` when there is one. LogError where it has none."""
+def open_folder(path: Path, options: ReadingOptions) -> TableRecording | FolderRecording:
+    """Open a folder of pictures, with `options.table` when there is one. InputError where it has none."""
     if options.table is not None:
         return open_table(path, options)
     if not path.is_dir() or not pictures_in(path):
-        raise LogError(path, f"found no pictures ({', '.join(PICTURES)}), expected a folder of them")
+        raise InputError(path, f"found no pictures ({', '.join(PICTURES)}), expected a folder of them")
     return FolderRecording(path, SessionInfo(path.resolve().name))
 
 

@@ -10,9 +10,9 @@ from itertools import islice
 from pathlib import Path
 from shlex import quote
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import expect_regular
-from ..recorded_session import MAX_DT_S, Pairing, RecordedSession
+from ..recorded_session import MAX_DT_S, RecordedSession, TimeAlignment
 from ..recording import Recording
 from ..session_log.reader import SessionLog
 from ..transforms.corrected import Correction, corrected
@@ -37,7 +37,7 @@ MODULES = (  # in the order in which they are asked whether a file looks like th
 
 
 @dataclass(frozen=True, slots=True)
-class OpenOptions:
+class ReadingOptions:
     """How a recording is opened; None and empty: as the format has it, or guessed."""
 
     format: str | None = None  # by name, where the guess is wrong
@@ -67,9 +67,9 @@ class OpenOptions:
     keep_going: bool = False
 
     @property
-    def pairing(self) -> Pairing:
+    def alignment(self) -> TimeAlignment:
         """What of it is about pairing."""
-        return Pairing(self.max_dt_s, self.min_distance_m, self.min_angle_rad, self.keep_going)
+        return TimeAlignment(self.max_dt_s, self.min_distance_m, self.min_angle_rad, self.keep_going)
 
     @property
     def correction(self) -> Correction:
@@ -96,7 +96,7 @@ class Format:
     name: str  # as `--format` takes it
     what: str  # one line
     looks_like: Callable[[Path], bool]  # by content before name; quick, never raises
-    open: Callable[[Path, OpenOptions], Recording]  # LogError for what cannot be read
+    open: Callable[[Path, ReadingOptions], Recording]  # InputError for what cannot be read
     extra: str | None = None  # the extra that has to be installed for it
     shifts: bool = False  # whether it adds the offsets of odometry and truth itself
     beside: Callable[[Path], Sequence[Path]] = nothing_beside  # files outside the path that are read too
@@ -111,11 +111,11 @@ def formats() -> dict[str, Format]:
 
 
 def guess(path: Path) -> Format:
-    """Tell the format of a file or folder. LogError says what was found, and which formats there are."""
+    """Tell the format of a file or folder. InputError says what was found, and which formats there are."""
     one = _guess(path)
     if one is None:
         found, names = describe(path, _known, BARE), ", ".join(formats())
-        raise LogError(path, f"found {found}, expected one of these formats: {names}; see --format")
+        raise InputError(path, f"found {found}, expected one of these formats: {names}; see --format")
     return one
 
 
@@ -124,22 +124,22 @@ def _guess(path: Path) -> Format | None:
     return next((one for one in formats().values() if one.looks_like(path)), None)
 
 
-def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
+def open_recording(path: Path, options: ReadingOptions | None = None) -> Recording:
     """Open any recording as a stream of records."""
-    options = options or OpenOptions()
+    options = options or ReadingOptions()
     return _opened(chosen(path, options), path, options)
 
 
-def open_session(path: Path, options: OpenOptions | None = None) -> SessionLog | RecordedSession:
+def open_session(path: Path, options: ReadingOptions | None = None) -> SessionLog | RecordedSession:
     """Open any recording as a session; a native log as it is as a SessionLog."""
-    options = options or OpenOptions()
+    options = options or ReadingOptions()
     one = chosen(path, options)
     if one.name == NATIVE and options.as_it_is:
         return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
-    return RecordedSession(_opened(one, path, options), options.pairing)
+    return RecordedSession(_opened(one, path, options), options.alignment)
 
 
-def _opened(one: Format, path: Path, options: OpenOptions) -> Recording:
+def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:
     correction = options.correction
     if one.shifts:
         correction = replace(correction, odometry_offset_s=0.0, truth_offset_s=0.0)
@@ -149,8 +149,8 @@ def _opened(one: Format, path: Path, options: OpenOptions) -> Recording:
     return odometry_from_truth(recording, options.odometry_seed)
 
 
-def chosen(path: Path, options: OpenOptions) -> Format:
-    """Give the format that was named, or the guess. LogError for a name that is none."""
+def chosen(path: Path, options: ReadingOptions) -> Format:
+    """Give the format that was named, or the guess. InputError for a name that is none."""
     if options.format is None:
         if not (options.table or options.columns):
             return guess(path)
@@ -158,7 +158,7 @@ def chosen(path: Path, options: OpenOptions) -> Format:
         return formats()["table"] if one is None or one.name in BARE else one
     if options.format not in formats():
         names = ", ".join(formats())
-        raise LogError(path, f"there is no format {options.format!r}, expected one of {names}")
+        raise InputError(path, f"there is no format {options.format!r}, expected one of {names}")
     _expect_there(path)
     return formats()[options.format]
 
@@ -166,7 +166,7 @@ def chosen(path: Path, options: OpenOptions) -> Format:
 def _expect_there(path: Path) -> None:
     """Refuse what is not there, and what might never begin or end."""
     if not path.exists():
-        raise LogError(path, "found no such file or folder, expected a recording; check the path")
+        raise InputError(path, "found no such file or folder, expected a recording; check the path")
     expect_regular(path, "a recording")
 
 
@@ -174,7 +174,7 @@ def _known(path: Path) -> str | None:
     """Give the name of the format that a path looks like; None for what is none, or cannot be opened."""
     try:
         one = _guess(path)
-    except LogError:
+    except InputError:
         return None
     return None if one is None else one.name
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..recording import OdometryPose, TruthPose
 from ..transforms.clocks import unit_in
 from ._picture_lists import PictureList
 from ._poses import COMMENTS, Layout, PoseFile, TimedFolder, first_file, layout_of, pose_file
 from ._tables import NAMES, begin_lines, is_number, names_columns, words_of
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 
 PICTURES = "rgb.txt"
 PAIRED = ("associated.txt", "associations.txt", "associate.txt")  # time and picture twice: color and depth
@@ -23,11 +23,11 @@ TRUTH, ODOMETRY = ("groundtruth.txt", "groundtruth"), ("odometry.txt", "odom.txt
 COLOR = ("rgb", "color", "image")  # how the folders of pictures that are no depth are called
 
 
-def open_tum(path: Path, options: OpenOptions) -> TimedFolder:
-    """Open a folder with rgb.txt or associated.txt. LogError where both are missing."""
+def open_tum(path: Path, options: ReadingOptions) -> TimedFolder:
+    """Open a folder with rgb.txt or associated.txt. InputError where both are missing."""
     listed = _listed(path)
     if listed is None:
-        raise LogError(path, f"found no {PICTURES} in it, expected a TUM RGB-D folder")
+        raise InputError(path, f"found no {PICTURES} in it, expected a TUM RGB-D folder")
     unit = options.time_unit
     return TimedFolder(
         path,
@@ -38,7 +38,7 @@ def open_tum(path: Path, options: OpenOptions) -> TimedFolder:
     ).check()
 
 
-def open_trajectory(path: Path, options: OpenOptions) -> TimedFolder:
+def open_trajectory(path: Path, options: ReadingOptions) -> TimedFolder:
     """Open a trajectory by itself; its poses are the truth."""
     names = _names(path)
     layout = (layout_of(names) if names else None) or Layout()

@@ -12,12 +12,12 @@ import numpy as np
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
-from ..io.findings import Findings
+from ..errors import InputError
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError
 from ..recording import Picture, Record
 from ._tables import begin_of
-from .registry import Format, OpenOptions
+from .registry import Format, ReadingOptions
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said in one line, by us
 ENDINGS = (".mp4", ".avi", ".mkv", ".webm", ".mov", ".mpg", ".mpeg", ".m4v", ".mjpeg", ".mjpg")
@@ -32,7 +32,7 @@ class Frames:
         self._reader: cv2.VideoCapture | None = None
         self._at = -1  # the frame that the reader holds
 
-    def times(self, findings: Findings) -> Iterator[tuple[int, float]]:
+    def times(self, notes: ReadingNotes) -> Iterator[tuple[int, float]]:
         """Give number and time in seconds of every frame; a file that ends early is a problem."""
         video = _opened(self.path)
         promised = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
@@ -48,7 +48,7 @@ class Frames:
         video.release()
         if number < promised - 1:
             found = f"found {number} frames, {promised} are promised: the file was cut or is damaged"
-            findings.problem(LogError(self.path, found))
+            notes.problem(InputError(self.path, found))
 
     def read(self, number: int) -> U8:
         """Decode one frame, (H, W, 3). PictureError where the video has none."""
@@ -69,12 +69,12 @@ class VideoRecording:
         self.path = path
         self.info = SessionInfo(path.stem)
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give the frames in order."""
         if self.path.suffix.lower() in ROW_OF_JPEGS:
-            findings.warning("found JPEG pictures one after the other, without times: 25 a second are taken")
+            notes.warning("found JPEG pictures one after the other, without times: 25 a second are taken")
         reading = Frames(self.path)
-        for number, t_s in Frames(self.path).times(findings):
+        for number, t_s in Frames(self.path).times(notes):
             yield Picture(t_s, _Frame(reading, number).read, f"{self.path.name}, frame {number}")
 
 
@@ -89,8 +89,8 @@ class _Frame:
         return self._source.read(self._number)
 
 
-def open_video(path: Path, options: OpenOptions) -> VideoRecording:
-    """Open a video. LogError where it cannot be decoded."""
+def open_video(path: Path, options: ReadingOptions) -> VideoRecording:
+    """Open a video. InputError where it cannot be decoded."""
     _opened(path).release()
     return VideoRecording(path)
 
@@ -110,11 +110,13 @@ def _opened(path: Path) -> cv2.VideoCapture:
     try:
         video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     except cv2.error as problem:
-        raise LogError(path, f"cannot be opened as a video: {problem.err}") from None
+        raise InputError(path, f"cannot be opened as a video: {problem.err}") from None
     finally:
         cv2.utils.logging.setLogLevel(level)
     if not video.isOpened():
-        raise LogError(path, "cannot be opened as a video, expected MP4, AVI, Matroska or MPEG; was it cut?")
+        raise InputError(
+            path, "cannot be opened as a video, expected MP4, AVI, Matroska or MPEG; was it cut?"
+        )
     return video
 
 

@@ -12,7 +12,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import show
 from ..io.files import new_folder
 from ..io.pictures import PictureError, decode_picture
@@ -125,7 +125,7 @@ def import_pictures(
 
     Rows are taken to be one pass in order, a second apart. The odometry is made from the pose steps plus
     noise and said to be synthetic in the header. Library pictures within `guard_m` of any session pose
-    are dropped (see `split_runs`). LogError for a folder that does not exist, a table that cannot be read,
+    are dropped (see `split_runs`). InputError for a folder that does not exist, a table that cannot be read,
     poses too far apart (see `check_span`), a missing or broken picture, a split that leaves nothing, or an
     `out` that exists already; ValueError for senseless options.
     """
@@ -140,7 +140,7 @@ def import_pictures(
     )
     if not split.library:
         advice = "lower the guard, or give fewer runs to the session"
-        raise LogError(poses_csv, f"found no picture {options.guard_m:g} m off the session's; {advice}")
+        raise InputError(poses_csv, f"found no picture {options.guard_m:g} m off the session's; {advice}")
     info = _info(rows, options, poses_csv)
     with new_folder(out, force=force, ours="session.log") as filling:
         copy = _Copier(source, poses_csv, filling)
@@ -159,9 +159,9 @@ def _existing(folder: Path | str) -> Path:
     """Refuse what is no folder, "" too: as a Path it would be the working directory."""
     if not str(folder) or not Path(folder).exists():
         found = f"found no such folder {show(str(folder))}"
-        raise LogError(Path(folder), f"{found}, expected the one that picture names start from")
+        raise InputError(Path(folder), f"{found}, expected the one that picture names start from")
     if not Path(folder).is_dir():
-        raise LogError(Path(folder), "found a file, expected the folder that picture names start from")
+        raise InputError(Path(folder), "found a file, expected the folder that picture names start from")
     return Path(folder)
 
 
@@ -232,12 +232,12 @@ class _Copier:
         source = next((p / row.image for p in self._places if (p / row.image).is_file()), None)
         if source is None:
             tried = self._places[0] / row.image
-            raise LogError(self._table, f"found no picture {tried}, expected a file", row.line)
+            raise InputError(self._table, f"found no picture {tried}, expected a file", row.line)
         data = source.read_bytes()
         try:
             decode_picture(data)
         except PictureError as problem:
-            raise LogError(self._table, f"{source}: {problem}", row.line) from None
+            raise InputError(self._table, f"{source}: {problem}", row.line) from None
         relative = f"pictures/{row.number:05d}{source.suffix.lower()}"
         copied = self._out / relative
         copied.parent.mkdir(exist_ok=True)

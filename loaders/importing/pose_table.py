@@ -13,7 +13,7 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.map import Arena, open_arena
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST, number_in, show, up_to
 from ..io.files import expect_regular
 from ..libraries.files import check_span
@@ -46,17 +46,17 @@ class PoseRow:
 
 
 def read_pose_table(file: Path, columns: Columns) -> list[PoseRow]:
-    """Read all rows. LogError names the columns that were found, or the row and column at fault."""
+    """Read all rows. InputError names the columns that were found, or the row and column at fault."""
     expect_regular(file, "a table of poses")
     try:
         with file.open(newline="", encoding="utf-8-sig") as data:
             rows = list(_rows(file, csv.DictReader(data), columns))
     except FileNotFoundError:
-        raise LogError(file, "found no such file, expected a table of poses; check the path") from None
+        raise InputError(file, "found no such file, expected a table of poses; check the path") from None
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
-        raise LogError(file, f"cannot be read as a CSV table: {problem}") from None
+        raise InputError(file, f"cannot be read as a CSV table: {problem}") from None
     if not rows:
-        raise LogError(file, "found no rows, expected one a picture")
+        raise InputError(file, "found no rows, expected one a picture")
     return rows
 
 
@@ -76,7 +76,9 @@ def heading_unit(file: Path, columns: Columns) -> str:
     unit = columns.heading_unit or columns.heading.rsplit("_", 1)[-1]
     if unit not in UNITS:
         advice = "say whether it is in deg or rad"
-        raise LogError(file, f"found heading column {columns.heading!r} without a unit in its name; {advice}")
+        raise InputError(
+            file, f"found heading column {columns.heading!r} without a unit in its name; {advice}"
+        )
     return unit
 
 
@@ -87,7 +89,7 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
     if missing:
         _expect_commas(file, found)
         names = ", ".join(found) or "none"
-        raise LogError(
+        raise InputError(
             file, f"found columns {names}, expected also {', '.join(missing)}; choose the columns", 1
         )
     to_rad = math.pi / 180 if heading_unit(file, columns) == "deg" else 1.0
@@ -95,7 +97,9 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
         line = table.line_num
         image = row[columns.image]
         if not image:
-            raise LogError(file, f"found no file name in column {columns.image!r}, expected a picture", line)
+            raise InputError(
+                file, f"found no file name in column {columns.image!r}, expected a picture", line
+            )
         x, y, heading = (number_in(file, line, name, row[name]) for name in wanted[1:])
         yield PoseRow(number, line, image, np.array([x, y, heading * to_rad]))
 
@@ -105,7 +109,7 @@ def _expect_commas(file: Path, found: Sequence[str]) -> None:
     for separator, name in OTHER_SEPARATORS.items():
         if len(found) == 1 and separator in found[0]:
             advice = "save the table with commas between columns"
-            raise LogError(file, f"found columns separated by {name}, expected commas; {advice}", 1)
+            raise InputError(file, f"found columns separated by {name}, expected commas; {advice}", 1)
 
 
 # A map given as a text file of wall segments.
@@ -117,7 +121,7 @@ def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -
     """Read `x1 y1 x2 y2` a line, in "m" or "mm"; empty lines and lines that begin with # are skipped.
 
     The bounds reach a margin beyond the poses (L, 2 or 3), for a plan of a whole building says nothing
-    about rooms that were never surveyed; walls entirely outside are left out. LogError names a bad line,
+    about rooms that were never surveyed; walls entirely outside are left out. InputError names a bad line,
     or says that the map is larger than any robot's.
     """
     if unit not in METRES:
@@ -126,7 +130,7 @@ def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as problem:
-        raise LogError(file, f"cannot be read as a map: {problem}") from None
+        raise InputError(file, f"cannot be read as a map: {problem}") from None
     used = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.strip().startswith("#")]
     segments = np.array([_wall(file, n, line) for n, line in used], np.float64).reshape(-1, 4)
     bounds = open_arena(poses, margin_m).bounds
@@ -151,7 +155,7 @@ def _wall(file: Path, number: int, line: str) -> list[float]:
     except ValueError:
         values = []
     if len(values) != 4 or not np.isfinite(values).all():
-        raise LogError(file, f"found {show(line.strip())}, expected four numbers x1 y1 x2 y2", number)
+        raise InputError(file, f"found {show(line.strip())}, expected four numbers x1 y1 x2 y2", number)
     if max(map(abs, values)) > MOST:
-        raise LogError(file, f"found {show(line.strip())}, expected each {up_to()}", number)
+        raise InputError(file, f"found {show(line.strip())}, expected each {up_to()}", number)
     return values

@@ -17,7 +17,7 @@ from maurice_mcl.diagnosis.plausibility import odometry_doubts, time_unit
 from maurice_mcl.diagnosis.words import turn_complaint
 from maurice_mcl.library import Library
 
-from ..formats.registry import OpenOptions, chosen
+from ..formats.registry import ReadingOptions, chosen
 from ..io.fields import MOST
 from .doctor_reading import Gathered, Progress, gather, look, movement_apart
 
@@ -41,13 +41,13 @@ class Diagnosis:
     checks: tuple[str, ...]  # what could be asked
     not_asked: tuple[str, ...]  # what could not, and why
     complaints: tuple[Finding, ...]
-    mended: OpenOptions  # what to read it with; as it was read where no option mends anything
+    mended: ReadingOptions  # what to read it with; as it was read where no option mends anything
 
 
 def diagnose(
-    path: Path, options: OpenOptions, library: Library | None, progress: Progress | None = None
+    path: Path, options: ReadingOptions, library: Library | None, progress: Progress | None = None
 ) -> Diagnosis:
-    """Look for everything that is known to go wrong. LogError for what cannot be read at all.
+    """Look for everything that is known to go wrong. InputError for what cannot be read at all.
 
     Reads the records once, and with a library decodes at most 60 pictures. What an earlier check finds is
     taken back before the next one: times first, then what truth says, then what pictures say.
@@ -82,7 +82,7 @@ class _Asked:
 
 def _diagnosis(
     path: Path,
-    options: OpenOptions,
+    options: ReadingOptions,
     found: Gathered,
     drive: RecordedDrive,
     asked: _Asked,
@@ -183,14 +183,14 @@ def mendable(complaint: Finding, format_name: str) -> Finding:
     return complaint
 
 
-def mended(options: OpenOptions, complaints: Iterable[Finding]) -> OpenOptions:
+def mended(options: ReadingOptions, complaints: Iterable[Finding]) -> ReadingOptions:
     """Give options that read a recording as it should have been, by what was found reading it with others."""
     for complaint in complaints:
         options = _with(options, complaint.options)
     return options
 
 
-def _with(options: OpenOptions, changes: Mapping[str, float | str]) -> OpenOptions:
+def _with(options: ReadingOptions, changes: Mapping[str, float | str]) -> ReadingOptions:
     found: dict[str, float | str] = {}
     for name, value in changes.items():
         before = getattr(options, name)

@@ -23,10 +23,10 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..errors import LogError
-from ..formats.registry import NATIVE, OpenOptions, chosen, open_recording
+from ..errors import InputError
+from ..formats.registry import NATIVE, ReadingOptions, chosen, open_recording
 from ..io.fields import FieldError
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError, decode_picture
 from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
 from ..session_log.reader import CameraChoice, picture_bytes
@@ -72,13 +72,13 @@ class _Lists:
         return np.array(self.values, np.float64).reshape(-1, 3)
 
 
-def gather(path: Path, options: OpenOptions) -> Gathered:
-    """Read all but the pictures. LogError where there is nothing to diagnose."""
+def gather(path: Path, options: ReadingOptions) -> Gathered:
+    """Read all but the pictures. InputError where there is nothing to diagnose."""
     info = opened(path, options).info
-    findings = Findings(keep_going=True)
+    notes = ReadingNotes(keep_going=True)
     moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
     falls, part, last_s, cut = 0, 0, -math.inf, False
-    for record in raw_records(path, options, findings):
+    for record in raw_records(path, options, notes):
         falls += record.t_s < last_s
         last_s = max(last_s, record.t_s) if record.t_s >= last_s else record.t_s
         if isinstance(record, Motion):
@@ -102,8 +102,8 @@ def gather(path: Path, options: OpenOptions) -> Gathered:
         max(info.arena.size_m) if info.arena else math.inf,
         _gain(path, info),
     )
-    first = str(findings.problems[0]) if findings.problems else ""
-    return Gathered(info, drive, falls, findings.count, first, cut, findings.warnings)
+    first = str(notes.problems[0]) if notes.problems else ""
+    return Gathered(info, drive, falls, notes.count, first, cut, notes.warnings)
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
@@ -116,12 +116,12 @@ def movement_apart(drive: RecordedDrive) -> float | None:
     return None if found is None else found.offset_s
 
 
-def raw_records(path: Path, options: OpenOptions, findings: Findings) -> Iterator[Record]:
+def raw_records(path: Path, options: ReadingOptions, notes: ReadingNotes) -> Iterator[Record]:
     """Give a recording's records without checking that their numbers may be what they are."""
-    return opened(path, options).records(findings)
+    return opened(path, options).records(notes)
 
 
-def opened(path: Path, options: OpenOptions) -> Recording:
+def opened(path: Path, options: ReadingOptions) -> Recording:
     """Open a recording; a native log as it stands, put right by the options alone."""
     if chosen(path, options).name != NATIVE:
         return open_recording(path, options)
@@ -131,18 +131,18 @@ def opened(path: Path, options: OpenOptions) -> Recording:
 class _RawLog:
     """A native log whose numbers may break the rules."""
 
-    def __init__(self, path: Path, options: OpenOptions) -> None:
+    def __init__(self, path: Path, options: ReadingOptions) -> None:
         self.path = path
         self.info, kind = read_header(path)
         if kind != "session":
             advice = "expected a session log; `library check` is for those"
-            raise LogError(path, f"found a {kind} log, {advice}", 1)
+            raise InputError(path, f"found a {kind} log, {advice}", 1)
         self._camera = options.camera or next((one.name for one in self.info.cameras), None)
         self._per_s = PER_SECOND[options.time_unit or "s"]
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give what can be read at all, in the order of the lines."""
-        taken = CameraChoice(self._camera, findings)
+        taken = CameraChoice(self._camera, notes)
         for line in read_lines(self.path):
             if line.number == 1 or not line.data.strip():
                 continue
@@ -150,7 +150,7 @@ class _RawLog:
                 record = _raw(parse_object(line), line.number, self.path, taken)
             except (FieldError, TypeError, ValueError, OverflowError) as problem:
                 if line.ended:
-                    findings.problem(LogError(self.path, str(problem), line.number))
+                    notes.problem(InputError(self.path, str(problem), line.number))
                 continue
             if record is not None:
                 yield replace(record, t_s=record.t_s / self._per_s)
@@ -199,7 +199,7 @@ def _gain(path: Path, info: SessionInfo) -> float:
     try:
         return MauriceParameters.from_header(info.motion).turn_gain
     except ValueError as problem:
-        raise LogError(path, str(problem), 1) from None
+        raise InputError(path, str(problem), 1) from None
 
 
 # What a session's pictures say, compared with a library: some of them, over the whole drive.
@@ -212,7 +212,7 @@ Progress = Callable[[int, int], None]
 
 def look(
     path: Path,
-    options: OpenOptions,
+    options: ReadingOptions,
     library: Library,
     info: SessionInfo,
     drive: RecordedDrive,
@@ -221,7 +221,7 @@ def look(
 ) -> ComparedPictures:
     """Compare some pictures with a library, their times multiplied by `factor`.
 
-    LogError for a library without any of the channels wanted.
+    InputError for a library without any of the channels wanted.
     """
     localizer = _localizer(path, library, info)
     spacing = float(np.median(np.diff(drive.picture_t_s))) if len(drive.picture_t_s) > 1 else 0.0
@@ -241,14 +241,14 @@ def look(
 def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
     wanted = {name: weight for name, weight in FEATURES["blended"].items() if name in library.index}
     if not wanted:
-        raise LogError(path, f"the library {library.name!r} holds neither color nor edges; build it again")
+        raise InputError(path, f"the library {library.name!r} holds neither color nor edges; build it again")
     parameters = of_feature("blended" if len(wanted) > 1 else next(iter(wanted)))
     return make_localizer(library, _Named(info), parameters)
 
 
-def _pictures(path: Path, options: OpenOptions, stride: int) -> Iterator[tuple[float, U8]]:
+def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:
     """Give time and pixels of every first, second, ... picture; those that cannot be read are left out."""
-    records = raw_records(path, options, Findings(keep_going=True))
+    records = raw_records(path, options, ReadingNotes(keep_going=True))
     pictures = (record for record in records if isinstance(record, Picture))
     for picture in islice(pictures, 0, None, stride):
         with suppress(PictureError):

@@ -11,17 +11,24 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
-from ..io.findings import Findings
+from ..errors import InputError
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError, decode_picture, picture_format
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, checked
 from ..session_log.header import Kind
 from ..session_log.reader import picture_bytes
-from ..session_log.records import Event, Odometry, PictureRecord, Truth, read_header, read_records
+from ..session_log.records import (
+    EventRecord,
+    OdometryRecord,
+    PictureRecord,
+    TruthRecord,
+    read_header,
+    read_records,
+)
 from ..session_log.records import Record as LogRecord
 from ..session_log.truth import is_kidnapping, with_truth
-from ..transforms.clocks import Span
+from ..transforms.clocks import TimeSpan
 
 # Looking a log over without replaying it: what is in it, how fast, how whole.
 
@@ -52,25 +59,25 @@ class Inspection:
 
 
 def inspect_session(path: Path) -> Inspection:
-    """Read a log to its end, every picture included. LogError only when it has no readable header."""
+    """Read a log to its end, every picture included. InputError only when it has no readable header."""
     info, kind = read_header(path)
-    findings = Findings(keep_going=True)
-    tally = _Tally(path, findings)
-    for record, truth in with_truth(read_records(path, kind, findings)):
+    notes = ReadingNotes(keep_going=True)
+    tally = _Tally(path, notes)
+    for record, truth in with_truth(read_records(path, kind, notes)):
         tally.add(record, truth)
     if info.survey is not None and not info.survey.exists():
-        findings.warning(f"the header names {info.survey}, which is not there")
+        notes.warning(f"the header names {info.survey}, which is not there")
     if len(tally.pictures) > 1:
-        findings.warning(f"pictures differ in format or size: {', '.join(sorted(tally.pictures))}")
-    return _inspection(path, kind, info, tally, findings)
+        notes.warning(f"pictures differ in format or size: {', '.join(sorted(tally.pictures))}")
+    return _inspection(path, kind, info, tally, notes)
 
 
 class _Tally:
     """Counts while the records pass by; holds sums and never the records."""
 
-    def __init__(self, path: Path, findings: Findings) -> None:
+    def __init__(self, path: Path, notes: ReadingNotes) -> None:
         self._path = path
-        self._findings = findings
+        self._notes = notes
         self._begin_s: float | None = None
         self._before: F64 | None = None  # the last true pose
         self.records: Counter[str] = Counter()
@@ -84,24 +91,24 @@ class _Tally:
     def add(self, record: LogRecord, truth: F64 | None) -> None:
         """Take in one record."""
         self.spans["all"].add(record.t_s)
-        if isinstance(record, Odometry):
+        if isinstance(record, OdometryRecord):
             self.records["odometry"] += 1
             self.spans["odometry"].add(record.t_s)
             self.odometry_m += float(np.hypot(*record.motion[:2]))
-        elif isinstance(record, Truth):
+        elif isinstance(record, TruthRecord):
             self._add_truth(record)
-        elif isinstance(record, Event):
+        elif isinstance(record, EventRecord):
             self._add_event(record)
         else:
             self._add_picture(record, truth)
 
-    def _add_truth(self, record: Truth) -> None:
+    def _add_truth(self, record: TruthRecord) -> None:
         self.records["truth"] += 1
         if self._before is not None:
             self.truth_m += float(np.hypot(*(record.pose - self._before)[:2]))
         self._before = record.pose
 
-    def _add_event(self, record: Event) -> None:
+    def _add_event(self, record: EventRecord) -> None:
         self.records["event"] += 1
         if is_kidnapping(record):
             self._before = None
@@ -118,7 +125,7 @@ class _Tally:
             height, width = decode_picture(data).shape[:2]
         except PictureError as problem:
             where = f"{record.path}: " if record.path else ""
-            self._findings.problem(LogError(self._path, f"{where}{problem}", record.line))
+            self._notes.problem(InputError(self._path, f"{where}{problem}", record.line))
         else:
             self.pictures[f"{picture_format(data)} {width}x{height}"] += 1
 
@@ -148,7 +155,7 @@ class _Span:
         return (self.count - 1) / self.length_s if self.length_s > 0 else None
 
 
-def _inspection(path: Path, kind: Kind, info: SessionInfo, tally: _Tally, findings: Findings) -> Inspection:
+def _inspection(path: Path, kind: Kind, info: SessionInfo, tally: _Tally, notes: ReadingNotes) -> Inspection:
     counts = tally.records
     return Inspection(
         path=str(path),
@@ -167,9 +174,9 @@ def _inspection(path: Path, kind: Kind, info: SessionInfo, tally: _Tally, findin
         survey=None if info.survey is None else str(info.survey),
         survey_found=None if info.survey is None else info.survey.exists(),
         has_map=info.arena is not None,
-        problem_count=findings.count,
-        problems=tuple(str(problem) for problem in findings.problems),
-        warnings=findings.warnings,
+        problem_count=notes.count,
+        problems=tuple(str(problem) for problem in notes.problems),
+        warnings=notes.warnings,
     )
 
 
@@ -179,12 +186,12 @@ MOST_EVENTS = 100
 
 
 def inspect_recording(session: RecordedSession) -> Inspection:
-    """Read a recording to its end, every picture included. LogError only where nothing more can be read."""
-    findings = Findings(keep_going=True)
-    tally = _Tally_inspection(session, findings)
-    for record in checked(session.recording, findings):
+    """Read a recording to its end, every picture included. InputError only where nothing more can be read."""
+    notes = ReadingNotes(keep_going=True)
+    tally = _Tally_inspection(session, notes)
+    for record in checked(session.recording, notes):
         tally.add(record)
-    truth_share = _truth_share(session, tally.records["image"], findings)
+    truth_share = _truth_share(session, tally.records["image"], notes)
     info = session.info
     return Inspection(
         path=str(session.path),
@@ -203,26 +210,26 @@ def inspect_recording(session: RecordedSession) -> Inspection:
         survey=None if info.survey is None else str(info.survey),
         survey_found=None if info.survey is None else info.survey.exists(),
         has_map=info.arena is not None,
-        problem_count=findings.count,
-        problems=tuple(str(problem) for problem in findings.problems),
-        warnings=findings.warnings,
+        problem_count=notes.count,
+        problems=tuple(str(problem) for problem in notes.problems),
+        warnings=notes.warnings,
     )
 
 
-def _truth_share(session: RecordedSession, pictures: int, findings: Findings) -> float | None:
+def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -> float | None:
     """Give the share of pictures that have a true pose, and say how pairing went."""
     if not pictures:
         return None
-    kept = RecordedSession(session.recording, session.pairing)
+    kept = RecordedSession(session.recording, session.alignment)
     try:
-        with_truth = sum(glance.truth is not None for glance in kept.glances(findings))
-    except LogError as problem:  # clocks disagree: worth saying, and the rest is still told
-        findings.problem(problem)
+        with_truth = sum(glance.truth is not None for glance in kept.glances(notes))
+    except InputError as problem:  # clocks disagree: worth saying, and the rest is still told
+        notes.problem(problem)
         return None
     return with_truth / pictures
 
 
-def _rate(span: Span) -> float | None:
+def _rate(span: TimeSpan) -> float | None:
     length_s = span.last_s - span.first_s
     return (span.count - 1) / length_s if length_s > 0 else None
 
@@ -230,13 +237,19 @@ def _rate(span: Span) -> float | None:
 class _Tally_inspection:
     """Counts while the records pass by; holds sums and never the records."""
 
-    def __init__(self, session: RecordedSession, findings: Findings) -> None:
+    def __init__(self, session: RecordedSession, notes: ReadingNotes) -> None:
         self._session = session
-        self._findings = findings
+        self._notes = notes
         self._before: dict[str, F64] = {}
         self.records: Counter[str] = Counter()
         self.pictures: Counter[str] = Counter()
-        self.spans = {"image": Span(), "odometry": Span(), "truth": Span(), "event": Span(), "all": Span()}
+        self.spans = {
+            "image": TimeSpan(),
+            "odometry": TimeSpan(),
+            "truth": TimeSpan(),
+            "event": TimeSpan(),
+            "all": TimeSpan(),
+        }
         self.ways = {"odometry": 0.0, "truth": 0.0}
         self.events: list[str] = []
 
@@ -267,7 +280,7 @@ class _Tally_inspection:
         try:
             height, width = record.read().shape[:2]
         except PictureError as problem:
-            self._findings.problem(LogError(self._session.path, f"{record.name}: {problem}"))
+            self._notes.problem(InputError(self._session.path, f"{record.name}: {problem}"))
         else:
             self.pictures[f"{width}x{height}"] += 1
 

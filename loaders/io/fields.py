@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ..errors import LogError
+from ..errors import InputError
 
 # Checks of values that came out of JSON: each gives the value with its type known, or says what is wrong.
 
@@ -90,13 +90,13 @@ def mapping(value: Any, what: str) -> dict[str, Any]:
 
 
 def number_in(file: Path, line: int, column: str, value: str | None) -> float:
-    """Read a finite number of sensible size. LogError naming file, line and column otherwise."""
+    """Read a finite number of sensible size. InputError naming file, line and column otherwise."""
     try:
         number = float(value or "")
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise LogError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
+        raise InputError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
     if abs(number) > MOST:
-        raise LogError(file, f"found {show(value)} in column {column!r}, expected {up_to()}", line)
+        raise InputError(file, f"found {show(value)} in column {column!r}, expected {up_to()}", line)
     return number

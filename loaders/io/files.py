@@ -12,15 +12,15 @@ from pathlib import Path
 
 import platformdirs
 
-from ..errors import LogError
+from ..errors import InputError
 
 # Only regular files are read: a device may never end, a pipe may never begin.
 
 
 def expect_regular(file: Path, expected: str) -> None:
-    """Raise LogError for a device, pipe or socket; what is not there, and folders, are the caller's."""
+    """Raise InputError for a device, pipe or socket; what is not there, and folders, are the caller's."""
     if file.exists() and not file.is_file() and not file.is_dir():
-        raise LogError(file, f"found no regular file, expected {expected}; save it to a file first")
+        raise InputError(file, f"found no regular file, expected {expected}; save it to a file first")
 
 
 # The order of file names as people mean it: frame9 before frame10.
@@ -52,26 +52,26 @@ def pictures_in(folder: Path) -> list[Path]:
 
 
 def write_whole(file: Path, data: bytes, *, force: bool = False) -> None:
-    """Write a file whole or not at all. LogError when it exists and `force` is not given."""
+    """Write a file whole or not at all. InputError when it exists and `force` is not given."""
     expect_absent(file, force=force)
     filling = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
         filling.write_bytes(data)
         filling.replace(file)
     except OSError as problem:
-        raise LogError(file, f"cannot be written: {problem.strerror}; choose another place") from None
+        raise InputError(file, f"cannot be written: {problem.strerror}; choose another place") from None
     finally:
         filling.unlink(missing_ok=True)
 
 
 def expect_absent(file: Path, *, force: bool) -> None:
-    """Raise LogError where a file to be written exists and may not be overwritten, or is no regular file."""
+    """Raise InputError if a file to be written exists and may not be overwritten, or is no regular file."""
     if file.is_dir() or not file.name:
-        raise LogError(file, "found a folder, expected the name of a file to write")
+        raise InputError(file, "found a folder, expected the name of a file to write")
     if file.exists() and not file.is_file():  # a device would be replaced by a file
-        raise LogError(file, "found a device or pipe, expected the name of a file to write")
+        raise InputError(file, "found a device or pipe, expected the name of a file to write")
     if file.exists() and not force:
-        raise LogError(file, "exists already; write elsewhere, or replace it with --force")
+        raise InputError(file, "exists already; write elsewhere, or replace it with --force")
 
 
 # Folders that appear whole or not at all, and where the cache is.
@@ -87,7 +87,7 @@ def cache_root() -> Path:
 def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
     """Give a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
 
-    LogError when `target` exists already or has no name. With `force` an old folder is replaced, but only
+    InputError when `target` exists already or has no name. With `force` an old folder is replaced, but only
     one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
     """
     check_target(target, force, ours)
@@ -96,7 +96,7 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
         filling = _sibling(target, "part")
         filling.mkdir()
     except OSError as problem:
-        raise LogError(target, f"cannot be written: {problem.strerror}; choose another place") from None
+        raise InputError(target, f"cannot be written: {problem.strerror}; choose another place") from None
     try:
         yield filling
         _swap(filling, target, force)
@@ -107,7 +107,7 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
 def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> None:
     """Make an empty folder at once, for what grows in it and must be readable after a kill.
 
-    LogError as for `new_folder`; with `force` the old folder is gone from here on.
+    InputError as for `new_folder`; with `force` the old folder is gone from here on.
     """
     check_target(target, force, ours)
     try:
@@ -115,19 +115,19 @@ def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.jso
             discard(target)
         target.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise LogError(target, f"cannot be written: {problem.strerror}; choose another place") from None
+        raise InputError(target, f"cannot be written: {problem.strerror}; choose another place") from None
 
 
 def check_target(target: Path, force: bool, ours: str = "manifest.json") -> None:
-    """Refuse a folder that `new_folder` and `begin_folder` would not fill. LogError says why."""
+    """Refuse a folder that `new_folder` and `begin_folder` would not fill. InputError says why."""
     if not target.name:  # ".", which "" means as well, and "/" cannot be put in place whole
-        raise LogError(target, "found no name for a new folder, expected one; name it")
+        raise InputError(target, "found no name for a new folder, expected one; name it")
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
         return
     if not force:
-        raise LogError(target, "exists already; write elsewhere, or replace it with --force")
+        raise InputError(target, "exists already; write elsewhere, or replace it with --force")
     if not (target / ours).is_file():
-        raise LogError(target, f"found no {ours} in it, so it was not made here; remove it yourself")
+        raise InputError(target, f"found no {ours} in it, so it was not made here; remove it yourself")
 
 
 def _swap(filling: Path, target: Path, force: bool) -> None:
@@ -136,7 +136,7 @@ def _swap(filling: Path, target: Path, force: bool) -> None:
         try:
             filling.replace(target)  # onto nothing or an empty folder
         except OSError:
-            raise LogError(target, "was written by somebody else meanwhile; write elsewhere") from None
+            raise InputError(target, "was written by somebody else meanwhile; write elsewhere") from None
         return
     discard(target)
     filling.replace(target)

@@ -24,21 +24,21 @@ LEAST_SD = 0.06  # of the logarithm, where nearly all pictures are equally sharp
 
 
 @dataclass(frozen=True, slots=True)
-class Every:
+class Spacing:
     """How far apart entries are at least: nearer ones look other ways."""
 
     distance_m: float
     angle_rad: float
 
 
-def read_every(text: str) -> Every:
+def read_every(text: str) -> Spacing:
     """Read `0.4m,45deg`; ValueError for other words."""
     length, _, angle = text.partition(",")
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|cm|m)\s*", length)
     turned = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*deg\s*", angle)
     if not found or not turned:
         raise ValueError(f"--every is a length and an angle like 0.4m,45deg or 18in,45deg, found {text!r}")
-    every = Every(float(found[1]) * METERS[found[2]], float(np.radians(float(turned[1]))))
+    every = Spacing(float(found[1]) * METERS[found[2]], float(np.radians(float(turned[1]))))
     if not 0.01 <= every.distance_m <= 1000 or not 0.01 <= every.angle_rad <= np.pi:
         raise ValueError(f"--every goes from 1 cm to 1 km and from 0.6 to 180 deg, found {text!r}")
     return every
@@ -77,7 +77,7 @@ def _deviations(values: F64) -> F64:
     return np.asarray(above / max(1.4826 * float(np.median(np.abs(above))), LEAST_SD))
 
 
-def choose(poses: F64, sharpnesses: F64, every: Every) -> NDArray[np.intp]:
+def choose(poses: F64, sharpnesses: F64, every: Spacing) -> NDArray[np.intp]:
     """Choose among poses (n, 3), the sharpest first, none near a chosen one; gives numbers (k,), rising."""
     cells: dict[tuple[int, int], list[int]] = {}
     chosen: list[int] = []
@@ -91,7 +91,7 @@ def choose(poses: F64, sharpnesses: F64, every: Every) -> NDArray[np.intp]:
     return np.sort(np.array(chosen, np.intp))
 
 
-def _cell(pose: F64, every: Every) -> tuple[int, int]:
+def _cell(pose: F64, every: Spacing) -> tuple[int, int]:
     x, y = np.floor(pose[:2] / every.distance_m).astype(int).tolist()
     return x, y
 
@@ -102,7 +102,7 @@ def _around(cell: tuple[int, int]) -> Iterator[tuple[int, int]]:
             yield cell[0] + dx, cell[1] + dy
 
 
-def _same(a: F64, b: F64, every: Every) -> bool:
+def _same(a: F64, b: F64, every: Spacing) -> bool:
     """Tell whether two poses are nearer than asked, in place and in heading."""
     turned = abs((float(a[2] - b[2]) + np.pi) % (2 * np.pi) - np.pi)
     apart = float(np.hypot(a[0] - b[0], a[1] - b[1]))

@@ -19,7 +19,7 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.sensor.descriptors import CHANNELS, OUR_NAMES
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST, FieldError, items, mapping, read_json, show, text, up_to
 from ..io.files import new_folder
 from ..session_log.header import arena_from_json, arena_to_json
@@ -30,18 +30,18 @@ MOST_SPAN_M = 10_000.0  # from its middle to its border float32 still tells half
 
 
 def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
-    """Raise LogError, naming the file, when poses (L, 2 or 3) or map are over 10 km wide or deep together."""
+    """Raise InputError when poses (L, 2 or 3) and map are together over 10 km wide or deep."""
     xy = poses[:, :2]
     span_m = _span(xy)
     expected = f"expected at most {MOST_SPAN_M:g} m; are they in metres?"
     if span_m > MOST_SPAN_M:
         off = np.abs(xy - np.median(xy, axis=0)).max(axis=1).argmax()
         at = ", ".join(f"{v:.15g}" for v in xy[off])
-        raise LogError(file, f"found poses {span_m:g} m apart, the farthest off at ({at}), {expected}")
+        raise InputError(file, f"found poses {span_m:g} m apart, the farthest off at ({at}), {expected}")
     if arena is not None:
         span_m = _span(np.concatenate([xy, _corners(arena)]))
         if span_m > MOST_SPAN_M:
-            raise LogError(file, f"found a map that with the poses spans {span_m:g} m, {expected}")
+            raise InputError(file, f"found a map that with the poses spans {span_m:g} m, {expected}")
 
 
 def _span(points: F64) -> float:
@@ -68,7 +68,7 @@ def save_library(
 ) -> None:
     """Write a library and copies of its pictures; the folder appears whole or not at all.
 
-    LogError when the folder exists already and `force` is not given, or is not a library's.
+    InputError when the folder exists already and `force` is not given, or is not a library's.
     """
     with new_folder(folder, force=force) as filling:
         _write_json(filling / "map.json", arena_to_json(library.arena))
@@ -87,7 +87,7 @@ def save_library(
 def load_library(folder: Path) -> Library:
     """Read a library folder.
 
-    LogError, one line, when it is none, damaged, of other channel parameters, or spans too much ground.
+    InputError, one line, when it is none, damaged, of other channel parameters, or spans too much ground.
     """
     try:
         manifest = read_manifest(folder)
@@ -109,23 +109,25 @@ def load_library(folder: Path) -> Library:
         zipfile.BadZipFile,
         pl.exceptions.PolarsError,
     ) as problem:
-        raise LogError(folder, f"is a damaged library ({problem}); build it again from its survey") from None
+        raise InputError(
+            folder, f"is a damaged library ({problem}); build it again from its survey"
+        ) from None
     check_span(folder, library.poses, library.arena)
     return library
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read a library's manifest. LogError when the folder is no library of a known version."""
+    """Read a library's manifest. InputError when the folder is no library of a known version."""
     file = folder / MANIFEST
     if not file.is_file():
-        raise LogError(
+        raise InputError(
             folder, f"found no {MANIFEST} in it, expected a library folder; build one from a survey"
         )
     manifest = mapping(read_json(file.read_bytes()), MANIFEST)
     if manifest.get("format") != FORMAT:
-        raise LogError(file, f"found format {show(manifest.get('format'))}, expected {FORMAT!r}")
+        raise InputError(file, f"found format {show(manifest.get('format'))}, expected {FORMAT!r}")
     if manifest.get("version") != VERSION:
-        raise LogError(
+        raise InputError(
             file, f"found version {show(manifest.get('version'))}, expected {VERSION}; build it again"
         )
     return manifest
@@ -158,7 +160,7 @@ def _write_entries(library: Library, folder: Path) -> None:
             try:
                 shutil.copyfile(picture, folder / kept)
             except OSError as problem:
-                raise LogError(picture, f"cannot be copied into the library: {problem.strerror}") from None
+                raise InputError(picture, f"cannot be copied into the library: {problem.strerror}") from None
         names.append(kept)
     columns = {key: library.poses[:, k] for k, key in enumerate(("x_m", "y_m", "heading_rad"))}
     entries = pl.DataFrame({**columns, "picture": pl.Series(names, dtype=pl.String)})
@@ -219,7 +221,7 @@ def _read_channels(folder: Path, manifest: Mapping[str, Any], entries: int) -> d
             if name not in OUR_NAMES:
                 continue  # somebody else's changed: only a run that asks for it needs another library
             advice = "build it again from its survey"
-            raise LogError(
+            raise InputError(
                 folder, f"was measured with other parameters of channel {name!r} than today's; {advice}"
             )
         index[name] = _read_channel(folder / text(described.get("file"), f"channels.{name}.file"), entries)

@@ -15,9 +15,9 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.sensor.descriptors import CHANNELS, OUR_NAMES, Channel, describe
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import cache_root, discard
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
 from .files import VERSION, check_span, hash_file, load_library, manifest_warnings, save_library
@@ -46,7 +46,7 @@ def build_library(
 
     The noise floor is the mean of the covered-lens pictures (zeros, with a warning, when there are none),
     the relevance the maximum of each bin over the library (thesis 3.3). Without a map in the survey all is
-    free. Pictures are held one at a time. LogError for a broken survey, one without any picture, or
+    free. Pictures are held one at a time. InputError for a broken survey, one without any picture, or
     poses too far apart (see `check_span`). A third-party channel that fails is left out, with a warning.
     """
     log = log or SessionLog(survey, keep_going=keep_going)
@@ -57,7 +57,7 @@ def build_library(
         if progress:
             progress(done, total)
     if not rows.poses:
-        raise LogError(survey, "found no picture with a pose, expected at least one; is this the survey?")
+        raise InputError(survey, "found no picture with a pose, expected at least one; is this the survey?")
     check_span(survey, np.array(rows.poses), log.info.arena)
     arena = log.info.arena or open_arena(np.array(rows.poses))
     library = rows.library(log.info.name, arena, log.info.display_units)
@@ -161,7 +161,7 @@ def open_library(
     """Read a library folder, or build a survey log's library unless the cache has it.
 
     The cache knows a library by the content of log and pictures and by the channels' parameters; what is
-    damaged there is built again. LogError for anything that is neither library nor survey.
+    damaged there is built again. InputError for anything that is neither library nor survey.
     """
     if path.is_dir():
         return load_library(path)
@@ -184,7 +184,7 @@ def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_goi
     _, kind = read_header(survey)
     digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode())
     digest.update(hash_file(survey).encode())
-    for record in read_records(survey, kind, Findings(keep_going=True)):
+    for record in read_records(survey, kind, ReadingNotes(keep_going=True)):
         if isinstance(record, PictureRecord) and record.path is not None:
             file = survey.parent / record.path
             digest.update((hash_file(file) if file.is_file() else "missing").encode())
@@ -196,7 +196,7 @@ def _from_cache(kept: Path, warn: Warn | None) -> Library | None:
         library = load_library(kept)
         for text in manifest_warnings(kept):
             (warn or silent)(text)
-    except (LogError, ValueError):  # not there, or damaged: it is only a cache
+    except (InputError, ValueError):  # not there, or damaged: it is only a cache
         return None
     return library
 
@@ -212,7 +212,7 @@ def _into_cache(built: Library, kept: Path, warnings: list[str]) -> Library:
             discard(kept)  # it is damaged, or lacks a channel
         save_library(built, kept, warnings=warnings)
         not_kept = "it was removed meanwhile"
-    except (LogError, OSError) as problem:
+    except (InputError, OSError) as problem:
         not_kept = str(problem)
     library = _from_cache(kept, None)  # ours, or that of another process that was quicker still
     if library is None:

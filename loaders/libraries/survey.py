@@ -12,15 +12,15 @@ import numpy as np
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..errors import LogError
-from ..formats.registry import NATIVE, OpenOptions, chosen, open_session
+from ..errors import InputError
+from ..formats.registry import NATIVE, ReadingOptions, chosen, open_session
 from ..io.pictures import encode_jpeg
 from ..recorded_session import RecordedSession
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import read_header
-from .choose import Every, blurred, choose, sharpness
+from .choose import Spacing, blurred, choose, sharpness
 
-EVERY = Every(0.4, float(np.radians(45)))  # what a drive is thinned to unless asked otherwise
+EVERY = Spacing(0.4, float(np.radians(45)))  # what a drive is thinned to unless asked otherwise
 
 Progress = Callable[[int, int], None]
 
@@ -44,7 +44,7 @@ class Survey(Protocol):
         ...
 
     @property
-    def problems(self) -> tuple[LogError, ...]:
+    def problems(self) -> tuple[InputError, ...]:
         """The first of it."""
         ...
 
@@ -63,7 +63,7 @@ class Survey(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Chosen:
+class SurveySelection:
     """What was taken of a drive's pictures."""
 
     pictures: int
@@ -79,12 +79,12 @@ class Chosen:
 
 def open_survey(
     path: Path,
-    options: OpenOptions,
-    every: Every | None = None,
+    options: ReadingOptions,
+    every: Spacing | None = None,
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Survey:
-    """Open a survey log, or choose the entries of a drive. LogError where no picture has a pose.
+    """Open a survey log, or choose the entries of a drive. InputError where no picture has a pose.
 
     A survey log is taken whole unless `every` is given. Pictures that are no files are written to the
     folder `keep`, where there is one.
@@ -92,9 +92,11 @@ def open_survey(
     native = chosen(path, options).name == NATIVE
     if native and read_header(path)[1] == "survey":
         survey = SessionLog(path, keep_going=options.keep_going, camera=options.camera)
-        return survey if every is None else Picked(survey, survey.survey_pictures, every, None, progress)
+        return (
+            survey if every is None else SelectedSurvey(survey, survey.survey_pictures, every, None, progress)
+        )
     drive = open_session(path, options)
-    return Picked(drive, lambda: _with_poses(drive), every or EVERY, keep, progress)
+    return SelectedSurvey(drive, lambda: _with_poses(drive), every or EVERY, keep, progress)
 
 
 def _with_poses(drive: SessionLog | RecordedSession) -> Iterator[SurveyPicture]:
@@ -111,14 +113,14 @@ def _file_of(drive: SessionLog | RecordedSession, moment: Moment) -> Path | None
     return None
 
 
-class Picked:
+class SelectedSurvey:
     """The chosen pictures of a drive or survey. All are looked at once, when this is made."""
 
     def __init__(
         self,
         source: SessionLog | RecordedSession,
         pictures: Callable[[], Iterator[SurveyPicture]],
-        every: Every,
+        every: Spacing,
         keep: Path | None,
         progress: Progress | None,
     ) -> None:
@@ -141,7 +143,7 @@ class Picked:
         return self._source.problem_count
 
     @property
-    def problems(self) -> tuple[LogError, ...]:
+    def problems(self) -> tuple[InputError, ...]:
         """The first of it."""
         return self._source.problems
 
@@ -160,7 +162,7 @@ class Picked:
             if taken:
                 yield self._kept(picture, number)
 
-    def _choose(self, every: Every, progress: Progress | None) -> tuple[Bool, Chosen]:
+    def _choose(self, every: Spacing, progress: Progress | None) -> tuple[Bool, SurveySelection]:
         poses: list[F64] = []
         sharp: list[F64] = []
         covered: list[bool] = []
@@ -176,15 +178,15 @@ class Picked:
         known = np.flatnonzero(np.isfinite(rows).all(axis=1))
         if not len(known):
             if taken.all():
-                raise LogError(self.path, "found no picture to take, expected pictures with poses")
+                raise InputError(self.path, "found no picture to take, expected pictures with poses")
             found = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
-            raise LogError(self.path, f"{found}; see --truth-topic, --table and --truth-offset")
+            raise InputError(self.path, f"{found}; see --truth-topic, --table and --truth-offset")
         unsharp = blurred(values[known])
         left = known[~unsharp]
         entries = left[choose(rows[left], values[left].min(axis=1), every)]
         taken[entries] = True
         pictures = int((~np.array(covered, bool)).sum())
-        return taken, Chosen(pictures, pictures - len(known), int(unsharp.sum()), len(entries))
+        return taken, SurveySelection(pictures, pictures - len(known), int(unsharp.sum()), len(entries))
 
     def _kept(self, picture: SurveyPicture, number: int) -> SurveyPicture:
         """Write a picture that is no file of its own, so that the library can keep it."""

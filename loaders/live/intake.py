@@ -15,11 +15,11 @@ from maurice_mcl.session import SessionInfo
 
 from ..errors import SourceError
 from ..io.fields import MOST_T_S, FieldError, up_to
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..io.pictures import PictureError
 from ..session_log.header import header_from_json
 from ..session_log.reader import picture_bytes
-from ..session_log.records import Event, Line, PictureRecord, Record, parse_object, record_of
+from ..session_log.records import EventRecord, LogLine, PictureRecord, Record, parse_object, record_of
 from .listening import Connected, Disconnected, Listening, Malformed
 from .source import LiveSource
 
@@ -89,12 +89,12 @@ class Intake:
     """One pass through a source. Broken lines are counted and left out; SourceError where nothing is left."""
 
     def __init__(
-        self, source: LiveSource, listening: Listening, findings: Findings, say: Callable[[str], None]
+        self, source: LiveSource, listening: Listening, notes: ReadingNotes, say: Callable[[str], None]
     ) -> None:
         """Say in a line what people want to know at once through `say`."""
         self.info: SessionInfo | None = None  # from the first header on
         self.counts = Counts()
-        self._source, self._listening, self._findings, self._say = source, listening, findings, say
+        self._source, self._listening, self._notes, self._say = source, listening, notes, say
         self._clock = LiveClock()
         self._header_next = True
         self._broken_running = 0
@@ -107,7 +107,7 @@ class Intake:
         for arrival in self._listening:
             if arrival is None:
                 yield None
-            elif isinstance(arrival, Line):
+            elif isinstance(arrival, LogLine):
                 yield from self._take(arrival)
             elif isinstance(arrival, Malformed):
                 self._count(SourceError(self._source.name, arrival.why))
@@ -126,7 +126,7 @@ class Intake:
         """Tell whether the source is away now."""
         return self._away_since_s is not None
 
-    def _take(self, line: Line) -> Iterator[Received | None]:
+    def _take(self, line: LogLine) -> Iterator[Received | None]:
         if not line.data.strip():
             return
         try:
@@ -149,7 +149,7 @@ class Intake:
         self.counts.pictures += isinstance(record, PictureRecord)
         yield heard
 
-    def _greet(self, line: Line) -> None:
+    def _greet(self, line: LogLine) -> None:
         """Take in a header; the first one stays, and a later one means that the source has begun anew."""
         info, kind = header_from_json(parse_object(line), self._folder / "live")
         if kind != "session":
@@ -160,7 +160,7 @@ class Intake:
         if self.info is None:
             self.info = info
         elif (info.name, info.robot, info.cameras) != (self.info.name, self.info.robot, self.info.cameras):
-            self._findings.warning(
+            self._notes.warning(
                 f"{self._source.name}: came back with another header ({info.name}); the first one stays"
             )
 
@@ -181,9 +181,9 @@ class Intake:
             self.counts.gaps += 1
             text = f"{GAP}: the source was away for {away_s:.1f} s"
             self._say(f"{self._source.name}: back after {away_s:.1f} s")
-            yield Received(Event(0, t_s, text), _line({"t": t_s, "event": text}))
+            yield Received(EventRecord(0, t_s, text), _line({"t": t_s, "event": text}))
 
-    def _as_recorded(self, record: Record, line: Line, t_s: float) -> Received:
+    def _as_recorded(self, record: Record, line: LogLine, t_s: float) -> Received:
         """Give a record that stands for itself: with its session's time, its picture inside. FieldError."""
         by_path = isinstance(record, PictureRecord) and record.path is not None
         if not by_path and not self._clock.shift_s:
@@ -207,10 +207,10 @@ class Intake:
     def _folder(self) -> Path:
         return self._source.folder or Path.cwd()
 
-    def _broken(self, line: Line, problem: FieldError) -> None:
+    def _broken(self, line: LogLine, problem: FieldError) -> None:
         """Count a line that makes no sense; end the connection where nothing else is to be expected."""
         if not line.ended and not line.too_long:
-            self._findings.warning(f"{self._source.name}: the last line was cut off and was left out")
+            self._notes.warning(f"{self._source.name}: the last line was cut off and was left out")
             return
         error = SourceError(self._source.name, str(problem), line.number)
         if self._header_next and self.info is None:
@@ -222,10 +222,10 @@ class Intake:
     def _count(self, error: SourceError) -> None:
         self.counts.broken += 1
         self._broken_running += 1
-        self._findings.problem(error)
+        self._notes.problem(error)
 
 
-def _is_header(line: Line) -> bool:
+def _is_header(line: LogLine) -> bool:
     """Tell a header in the middle: a writer that has begun anew in the same file."""
     if b'"format"' not in line.data[:200] or not line.data.lstrip().startswith(b"{"):
         return False

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from threading import Event
 from typing import TypeAlias
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import FieldError
-from ..session_log.records import Line
+from ..session_log.records import LogLine
 from .source import ByteStream, LiveSource
 
 # Bytes as they come, cut into lines: a peer that sends an endless line costs no more than a long one.
@@ -33,7 +33,7 @@ class LineCutter:
         """Tell whether the line that is coming in is too long already."""
         return self._too_long
 
-    def feed(self, data: bytes) -> list[Line]:
+    def feed(self, data: bytes) -> list[LogLine]:
         """Take in some bytes; give the lines that end within them."""
         lines, begin = [], 0
         while (end := data.find(b"\n", begin)) >= 0:
@@ -43,7 +43,7 @@ class LineCutter:
         self._hold(data[begin:])
         return lines
 
-    def rest(self) -> Line | None:
+    def rest(self) -> LogLine | None:
         """Give the line that has no end, when no more will come; None where the last one had its end."""
         return self._take(ended=False) if self._held else None
 
@@ -51,9 +51,9 @@ class LineCutter:
         self._too_long = self._too_long or len(self._held) + len(piece) > self._most
         self._held += piece[: self._most - len(self._held)]
 
-    def _take(self, *, ended: bool) -> Line:
+    def _take(self, *, ended: bool) -> LogLine:
         self._number += 1
-        line = Line(self._number, bytes(self._held).rstrip(b"\r"), ended, self._too_long)
+        line = LogLine(self._number, bytes(self._held).rstrip(b"\r"), ended, self._too_long)
         self._held, self._too_long = bytearray(), False
         return line
 
@@ -85,7 +85,7 @@ class Malformed:
     why: str
 
 
-Arrival: TypeAlias = Line | Malformed | Connected | Disconnected | None  # None: nothing came for a moment
+Arrival: TypeAlias = LogLine | Malformed | Connected | Disconnected | None  # None: nothing came for a moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ class Listening:
                     data = channel.read(POLL_S)
                 except FieldError as problem:
                     yield Malformed(str(problem))
-                except LogError as problem:  # it can never be read; unless it could before
+                except InputError as problem:  # it can never be read; unless it could before
                     if not self._ever:
                         raise
                     self.hang_up(problem.message)

@@ -19,14 +19,14 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from ..errors import LogError, SourceError
+from ..errors import InputError, SourceError
 from ..io.files import expect_absent
-from ..io.findings import Finder, Findings
+from ..io.notes import HasReadingNotes, ReadingNotes
 from ..io.pictures import PictureError, decode_picture
 from ..recording import moved, together
 from ..session_log.header import Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
-from ..session_log.records import Event, Odometry, PictureRecord, Record
+from ..session_log.records import EventRecord, OdometryRecord, PictureRecord, Record
 from ..session_log.truth import with_truth
 from ..transforms.gating import Gate
 from ..transforms.time_alignment import as_rows
@@ -118,12 +118,12 @@ class LiveRecorder:
     """Writes `session.log` into a folder, pictures inline; every line is handed to the system at once."""
 
     def __init__(self, folder: Path, *, force: bool = False) -> None:
-        """Claim the folder. LogError where it holds a session already, or cannot be written to."""
+        """Claim the folder. InputError where it holds a session already, or cannot be written to."""
         self.path = folder / NAME
         self._file: BinaryIO | None = None
         self._made = not folder.exists()
         if folder.exists() and not folder.is_dir():
-            raise LogError(folder, "found a file, expected a folder to record to; choose another name")
+            raise InputError(folder, "found a file, expected a folder to record to; choose another name")
         expect_absent(self.path, force=force)
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -131,7 +131,7 @@ class LiveRecorder:
             raise self._cannot(problem) from None
 
     def begin(self, info: SessionInfo) -> None:
-        """Write the header. LogError where that does not work."""
+        """Write the header. InputError where that does not work."""
         header = json.dumps(header_to_json(info, "session", self.path.parent), ensure_ascii=False)
         try:
             self._file = self.path.open("wb", buffering=0)
@@ -140,7 +140,7 @@ class LiveRecorder:
         self.add(header.encode() + b"\n")
 
     def add(self, line: bytes) -> None:
-        """Write a line with its end. LogError when the disk is full or gone."""
+        """Write a line with its end. InputError when the disk is full or gone."""
         try:
             rest = memoryview(line)
             while self._file is not None and rest:
@@ -156,8 +156,8 @@ class LiveRecorder:
             with suppress(OSError):
                 self.path.parent.rmdir()
 
-    def _cannot(self, problem: OSError) -> LogError:
-        return LogError(self.path, f"cannot be recorded to: {problem.strerror or problem}")
+    def _cannot(self, problem: OSError) -> InputError:
+        return InputError(self.path, f"cannot be recorded to: {problem.strerror or problem}")
 
 
 # A live source as a session: one thread listens and records, whoever asks for moments gets the latest.
@@ -165,7 +165,7 @@ class LiveRecorder:
 QUIET = 4  # looks in vain (a second) after which no truth is waited for
 LOOK_S = 0.2
 FAREWELL_S = 5.0
-NOTHING_COMES = Event(0, math.inf, "")  # put among the records when nothing has come for a while
+NOTHING_COMES = EventRecord(0, math.inf, "")  # put among the records when nothing has come for a while
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,11 +180,11 @@ class ListenOptions:
     library: Path | None = None  # named in the recorded header in place of the source's own survey
 
 
-class LiveSession(Finder):
+class LiveSession(HasReadingNotes):
     """A drive that is going on, as a `maurice_mcl.session.Session` that can be gone through once.
 
     Use it as a context manager: listening ends with it. With a recorder everything that makes sense is
-    written down, whether the filter keeps up or not. LogError when the source is none, or recording fails.
+    written down, whether the filter keeps up or not. InputError when the source is none, or recording fails.
     """
 
     kind: Kind = "session"
@@ -198,10 +198,10 @@ class LiveSession(Finder):
     ) -> None:
         self.source, self._listen = source, listen or ListenOptions()
         self.keep_up = not source.waits if self._listen.keep_up is None else self._listen.keep_up
-        self._findings = Findings(keep_going=True)
+        self._notes = ReadingNotes(keep_going=True)
         self._stop, self._greeted = Flag(), Flag()
         self._listening = Listening(source, self._stop, self._listen.patience)
-        self._intake = Intake(source, self._listening, self._findings, say)
+        self._intake = Intake(source, self._listening, self._notes, say)
         self._backlog = Backlog(keep_up=self.keep_up)
         self._recorder = recorder
         self._info: SessionInfo | None = None
@@ -234,7 +234,7 @@ class LiveSession(Finder):
 
     @property
     def info(self) -> SessionInfo:
-        """What the header says; waits for it. LogError when none comes."""
+        """What the header says; waits for it. InputError when none comes."""
         while not self._greeted.wait(LOOK_S):
             pass
         if self._info is None:
@@ -275,7 +275,7 @@ class LiveSession(Finder):
             try:
                 image = self._image(one.picture)
             except PictureError as problem:
-                self._findings.problem(SourceError(self.source.name, f"{self._name(one.picture)}: {problem}"))
+                self._notes.problem(SourceError(self.source.name, f"{self._name(one.picture)}: {problem}"))
                 earlier = one
                 continue
             step, earlier = step + 1, None
@@ -311,11 +311,11 @@ class LiveSession(Finder):
         way: F64 = np.zeros(3)  # where they lead together
         events: list[str] = []
         for record, truth in with_truth(self._records()):
-            if isinstance(record, Odometry):
+            if isinstance(record, OdometryRecord):
                 motions.append(record.motion)
                 way = together(way, record.motion)
                 motions = joined(motions) if len(motions) > 2 * MOST_MOTIONS else motions
-            elif isinstance(record, Event) and record is not NOTHING_COMES:
+            elif isinstance(record, EventRecord) and record is not NOTHING_COMES:
                 events = [*events[-MOST_EVENTS:], record.text]
             elif isinstance(record, PictureRecord) and not record.covered:
                 taken = taken or self._camera()
@@ -367,4 +367,4 @@ class LiveSession(Finder):
         if wanted is not None and known and wanted not in known:
             found = f"found cameras {', '.join(known)}, expected {wanted!r} among them"
             raise SourceError(self.source.name, found)
-        return CameraChoice(wanted or (known[0] if known else None), self._findings)
+        return CameraChoice(wanted or (known[0] if known else None), self._notes)

@@ -17,7 +17,7 @@ from typing import BinaryIO, Protocol
 from urllib.parse import urlsplit
 
 from ..errors import SourceError
-from ..formats.registry import OpenOptions
+from ..formats.registry import ReadingOptions
 from ..io.files import expect_regular
 
 STDIN = "-"
@@ -30,7 +30,7 @@ class LiveSource:
     """A source of session-log lines, and how it behaves."""
 
     name: str  # as people call it
-    connect: Callable[[], ByteStream]  # OSError where it cannot be reached now, LogError where it never can
+    connect: Callable[[], ByteStream]  # OSError where it cannot be reached now, InputError where it never can
     once: bool = False  # what ended does not come back
     peer: bool = False  # somebody else, whom we hang up on when he makes no sense
     folder: Path | None = None  # that pictures given by their path lie in; None: there are none
@@ -42,7 +42,7 @@ def is_live(text: Path | str) -> bool:
     return str(text) == STDIN or bool(_SCHEME.match(str(text)))
 
 
-def live_source(text: Path | str, options: OpenOptions | None = None) -> LiveSource:
+def live_source(text: Path | str, options: ReadingOptions | None = None) -> LiveSource:
     """Give the source that was typed; what is no address is a file. SourceError for a broken address."""
     typed = str(text)
     if typed == STDIN:
@@ -59,7 +59,7 @@ def live_source(text: Path | str, options: OpenOptions | None = None) -> LiveSou
         return LiveSource(name, partial(SocketStream, host, port), peer=True, waits=False)
     from .websocket import connect_websocket
 
-    asked = partial(connect_websocket, name, options or OpenOptions())
+    asked = partial(connect_websocket, name, options or ReadingOptions())
     return LiveSource(name, asked, peer=True, waits=False)
 
 
@@ -136,7 +136,7 @@ class FileStream:
     """A file that somebody else is writing. It ends when it is replaced, cut or gone, not at its end."""
 
     def __init__(self, path: Path) -> None:
-        """Open it. OSError where it is not there, LogError where it is no regular file."""
+        """Open it. OSError where it is not there, InputError where it is no regular file."""
         expect_regular(path, "a log that grows")
         self._path = path
         self._file: BinaryIO = path.open("rb")

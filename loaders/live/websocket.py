@@ -16,7 +16,7 @@ from ..bags.ros_types import INSTALL
 from ..bags.source import Message, Topic
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
 from ..errors import SourceError
-from ..formats.registry import OpenOptions
+from ..formats.registry import ReadingOptions
 from ..io.fields import FieldError
 from ..session_log.header import FORMAT, VERSION
 from .bridges import SUBPROTOCOLS, Foxglove, Rosbridge
@@ -53,7 +53,7 @@ class Bridge(Protocol):
         ...
 
 
-def connect_websocket(name: str, options: OpenOptions) -> WebsocketStream:
+def connect_websocket(name: str, options: ReadingOptions) -> WebsocketStream:
     """Connect to a bridge. OSError where it cannot be reached, SourceError without the packages for it."""
     if any(importlib.util.find_spec(package) is None for package in ("websockets", "rosbags")):
         raise SourceError(name, f"listening to a bridge needs an extra; {INSTALL}")
@@ -89,7 +89,7 @@ class WebsocketStream:
     """One connection to a bridge; a `live_channels.Channel`."""
 
     def __init__(
-        self, name: str, connection: ClientConnection, close: Callable[[], None], options: OpenOptions
+        self, name: str, connection: ClientConnection, close: Callable[[], None], options: ReadingOptions
     ) -> None:
         self._name, self._connection, self._close, self._options = name, connection, close, options
         self._bridge: Bridge = Foxglove() if connection.subprotocol in SUBPROTOCOLS else Rosbridge()

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import read_json, show
 from ..io.files import write_whole
 
@@ -42,13 +42,16 @@ def bookmarks_file(folder: Path) -> Path:
 
 
 def read_bookmarks(folder: Path) -> Bookmarks:
-    """Read a run's bookmarks; none where there is no file. LogError where the file cannot be read at all."""
-    kept, broken = list[Bookmark](), list[LogError]()
+    """Read a run's bookmarks; none where there is no file.
+
+    InputError where the file cannot be read at all.
+    """
+    kept, broken = list[Bookmark](), list[InputError]()
     for number, line in enumerate(_lines(folder), start=1):
         try:
             bookmark = _parsed(line)
         except ValueError as found:
-            broken.append(LogError(bookmarks_file(folder), str(found), number))
+            broken.append(InputError(bookmarks_file(folder), str(found), number))
         else:
             if bookmark is not None:
                 kept.append(bookmark)
@@ -58,7 +61,7 @@ def read_bookmarks(folder: Path) -> Bookmarks:
 
 
 def add_bookmark(folder: Path, bookmark: Bookmark) -> None:
-    """Add one at the end of the file. LogError where it cannot be written."""
+    """Add one at the end of the file. InputError where it cannot be written."""
     line = json.dumps({"step": bookmark.step, "note": bookmark.note}, ensure_ascii=False) + "\n"
     file = bookmarks_file(folder)
     try:
@@ -68,7 +71,7 @@ def add_bookmark(folder: Path, bookmark: Bookmark) -> None:
             torn = out.read(1) not in (b"", b"\n")  # a line that was cut off must not swallow this one
             out.write(b"\n" * torn + line.encode())
     except OSError as problem:
-        raise LogError(file, f"cannot be written: {problem.strerror}; is the run's folder yours?") from None
+        raise InputError(file, f"cannot be written: {problem.strerror}; is the run's folder yours?") from None
 
 
 def remove_bookmarks(folder: Path, unwanted: Iterable[Bookmark]) -> int:
@@ -85,7 +88,7 @@ def _lines(folder: Path) -> list[bytes]:
     try:
         return file.read_bytes().splitlines(keepends=True) if file.exists() else []
     except OSError as problem:
-        raise LogError(file, f"cannot be read: {problem.strerror}") from None
+        raise InputError(file, f"cannot be read: {problem.strerror}") from None
 
 
 def _parsed(line: bytes) -> Bookmark | None:

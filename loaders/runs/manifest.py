@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from maurice_mcl.library import Library
 
-from ..errors import LogError
-from ..formats.registry import NATIVE, OpenOptions
+from ..errors import InputError
+from ..formats.registry import NATIVE, ReadingOptions
 from ..io.fields import FieldError, flag, items, mapping, numbers, read_json, show, text
 from ..libraries.files import MANIFEST
 from .sources import Source, reading_from_json, reading_to_json, whole
@@ -56,7 +56,7 @@ class RunManifest:
     versions: Mapping[str, str]
     state: str = "writing"
     steps: int | None = None  # written when it ended; None while writing
-    reading: OpenOptions = field(default_factory=OpenOptions)  # all but its `table` and `keep_going`
+    reading: ReadingOptions = field(default_factory=ReadingOptions)  # all but its `table` and `keep_going`
     table: Source | None = None  # what --table named
 
 
@@ -108,30 +108,30 @@ def put(file: Path, data: bytes) -> None:
 
 
 def read_manifest(folder: Path) -> RunManifest:
-    """Read the manifest of one run. LogError for anything else, in one line."""
+    """Read the manifest of one run. InputError for anything else, in one line."""
     found = read_object(folder, FORMAT)
     try:
         return _manifest(found)
     except (FieldError, TypeError) as problem:
-        raise LogError(folder / MANIFEST, f"{problem}; is it damaged?") from None
+        raise InputError(folder / MANIFEST, f"{problem}; is it damaged?") from None
 
 
 def read_object(folder: Path, *formats: str) -> dict[str, Any]:
-    """Read a manifest of one of some formats and of this version. LogError otherwise."""
+    """Read a manifest of one of some formats and of this version. InputError otherwise."""
     file = folder / MANIFEST
     if not file.is_file():
-        raise LogError(
+        raise InputError(
             folder, f"found no {MANIFEST} in it, expected a saved run's folder; make one with --run"
         )
     try:
         found = mapping(read_json(file.read_bytes()), "manifest")
     except ValueError as problem:
-        raise LogError(file, f"is no manifest ({problem}); is it damaged?") from None
+        raise InputError(file, f"is no manifest ({problem}); is it damaged?") from None
     if found.get("format") not in formats:
-        raise LogError(file, f"found format {show(found.get('format'))}, expected {formats[0]!r}")
+        raise InputError(file, f"found format {show(found.get('format'))}, expected {formats[0]!r}")
     if found.get("version") not in VERSIONS:
         known = f"expected {VERSION} at most; replay the session again with --run"
-        raise LogError(file, f"found version {show(found.get('version'))} of the format, {known}")
+        raise InputError(file, f"found version {show(found.get('version'))} of the format, {known}")
     return found
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..formats.cmucam import ENDINGS as DUMPS
-from ..formats.registry import OpenOptions
+from ..formats.registry import ReadingOptions
 from ..formats.video import ENDINGS as VIDEOS
 from ..io.fields import FieldError, flag, mapping, number, show, text
 from ..io.files import PICTURES
@@ -69,15 +69,15 @@ def source_hash(path: Path, others: Sequence[Path] = ()) -> str:
     return digest.hexdigest()
 
 
-def reading_to_json(options: OpenOptions) -> dict[str, Any]:
+def reading_to_json(options: ReadingOptions) -> dict[str, Any]:
     """Give the options of reading, all but those that a manifest has under names of their own."""
     kept = {one.name: getattr(options, one.name) for one in fields(options) if one.name not in ELSEWHERE}
     return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
 
 
-def reading_from_json(value: Any) -> OpenOptions:
+def reading_from_json(value: Any) -> ReadingOptions:
     """Read what `reading_to_json` gave; an option that is not there is as usual. FieldError for others."""
-    found, usual = mapping(value, "reading"), OpenOptions()
+    found, usual = mapping(value, "reading"), ReadingOptions()
     known = {one.name for one in fields(usual)} - set(ELSEWHERE)
     for name in found:
         if name not in known:

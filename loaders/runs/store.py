@@ -16,7 +16,7 @@ from maurice_mcl.config.schema import Configuration, configure
 from maurice_mcl.map import Arena
 
 from ..config_files import read_config
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import FieldError, items, read_json
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
@@ -35,17 +35,17 @@ class SavedRun:
     configuration: Configuration
 
     def arena(self) -> Arena:
-        """Read the map. LogError when it is damaged."""
+        """Read the map. InputError when it is damaged."""
         file = self.folder / MAP
         try:
             return arena_from_json(read_json(file.read_bytes()))
         except (OSError, ValueError) as problem:
-            raise LogError(file, f"is no map ({problem}); is the run damaged?") from None
+            raise InputError(file, f"is no map ({problem}); is the run damaged?") from None
 
     def steps(self) -> Iterator[StepRows]:
         """Read update after update from the first, a part at a time.
 
-        LogError where a part is missing or damaged.
+        InputError where a part is missing or damaged.
         """
         number = 0
         for file in sorted((self.folder / "steps").glob("*.parquet")):
@@ -53,11 +53,11 @@ class SavedRun:
                 number += 1
                 if rows.step["step"] != number:
                     found = f"found step {rows.step['step']}, expected step {number}"
-                    raise LogError(file, f"{found}; is a part missing?")
+                    raise InputError(file, f"{found}; is a part missing?")
                 yield rows
         if self.manifest.steps is not None and number != self.manifest.steps:
             found = f"found {number} steps, expected the {self.manifest.steps} of its manifest"
-            raise LogError(self.folder, f"{found}; is a part missing?")
+            raise InputError(self.folder, f"{found}; is a part missing?")
 
 
 def is_saved(path: Path) -> bool:
@@ -66,16 +66,16 @@ def is_saved(path: Path) -> bool:
 
 
 def open_runs(path: Path) -> list[SavedRun]:
-    """Open a saved run, or all runs of a comparison, in order. LogError, one line, for what is neither."""
+    """Open a saved run, or all runs of a comparison, in order. InputError, one line, for what is neither."""
     found = read_object(path, FORMAT, COMPARISON)
     if found["format"] == FORMAT:
         return [_open_run(path)]
     try:
         labels = [str(label) for label in items(found.get("runs"), "runs")]
     except FieldError as problem:
-        raise LogError(path / MANIFEST, f"{problem}; is it damaged?") from None
+        raise InputError(path / MANIFEST, f"{problem}; is it damaged?") from None
     if not labels or any(not label or "/" in label or label == ".." for label in labels):
-        raise LogError(path / MANIFEST, "found no list of runs, expected their folders; is it damaged?")
+        raise InputError(path / MANIFEST, "found no list of runs, expected their folders; is it damaged?")
     return [_open_run(path / label) for label in labels]
 
 
@@ -84,11 +84,11 @@ def _open_run(folder: Path) -> SavedRun:
     file = folder / CONFIGURATION
     if not file.is_file() or hash_file(file) != manifest.configuration_sha256:
         found = "was changed after it was written" if file.is_file() else "is missing"
-        raise LogError(file, f"{found}; replay the session again with --run")
+        raise InputError(file, f"{found}; replay the session again with --run")
     try:
         return SavedRun(folder, manifest, configure([read_config(file)]))
     except ValueError as problem:  # a channel that is not installed here, a key of another version
-        raise LogError(file, f"{problem}; was it made by another version?") from None
+        raise InputError(file, f"{problem}; was it made by another version?") from None
 
 
 def _part(folder: Path, name: str, manifest: RunManifest) -> Iterator[StepRows]:
@@ -112,9 +112,9 @@ def _check_clouds(file: Path, rows: StepRows) -> None:
     expected, found = rows.step["particles"], rows.particles.height
     if found != expected or not found:
         step = rows.step["step"]
-        raise LogError(file, f"found {found} particles at step {step}, expected {expected}; is it damaged?")
+        raise InputError(file, f"found {found} particles at step {step}, expected {expected}; is it damaged?")
     if rows.renewed.height and int(rows.renewed["parent"].max()) >= found:  # type: ignore[arg-type]  # a number
-        raise LogError(file.parent.parent / "renewed" / file.name, "found a parent that is no particle")
+        raise InputError(file.parent.parent / "renewed" / file.name, "found a parent that is no particle")
 
 
 def _by_step(cloud: pl.DataFrame) -> dict[int, pl.DataFrame]:
@@ -123,23 +123,23 @@ def _by_step(cloud: pl.DataFrame) -> dict[int, pl.DataFrame]:
 
 
 def _table(file: Path, schema: Mapping[str, Any], optional: set[str] | None = None) -> pl.DataFrame:
-    """Read one Parquet file with all these columns. LogError when it is cut, or not what it should be."""
+    """Read one Parquet file with all these columns. InputError when it is cut, or not what it should be."""
     try:
         held = io.BytesIO(file.read_bytes())
         found = pl.read_parquet_schema(held)
         wrong = [name for name, kind in schema.items() if found.get(name) != kind]
         if wrong:
-            raise LogError(file, f"found no column {wrong[0]} as expected; was it made by another version?")
+            raise InputError(file, f"found no column {wrong[0]} as expected; was it made by another version?")
         held.seek(0)
         table = pl.read_parquet(held, columns=list(schema))
     except FileNotFoundError:
-        raise LogError(file, "is missing; is the run whole?") from None
+        raise InputError(file, "is missing; is the run whole?") from None
     except (OSError, pl.exceptions.PolarsError) as problem:
         first = str(problem).strip().splitlines()[:1]
-        raise LogError(file, f"is a damaged Parquet file ({''.join(first)}); restore it") from None
+        raise InputError(file, f"is a damaged Parquet file ({''.join(first)}); restore it") from None
     empty = [name for name in schema if name not in (optional or ()) and table[name].null_count()]
     if empty:
-        raise LogError(file, f"found no value of {empty[0]} in some rows; is it damaged?")
+        raise InputError(file, f"found no value of {empty[0]} in some rows; is it damaged?")
     return table
 
 
@@ -147,7 +147,7 @@ def _table(file: Path, schema: Mapping[str, Any], optional: set[str] | None = No
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class RunDifference:
     """The first field in which an update is not the same."""
 
     step: int
@@ -159,7 +159,7 @@ class Difference:
         return f"step {self.step}, {self.field}: stored {self.stored}, now {self.now}"
 
 
-def first_difference(stored: StepRows, now: StepRows) -> Difference | None:
+def first_difference(stored: StepRows, now: StepRows) -> RunDifference | None:
     """Give the first field that differs, clouds first, as everything else follows from them; None when none.
 
     What a step took is no part of what must repeat.
@@ -167,21 +167,21 @@ def first_difference(stored: StepRows, now: StepRows) -> Difference | None:
     step = stored.step["step"]
     clouds = {"particles": (stored.particles, now.particles), "renewed": (stored.renewed, now.renewed)}
     if stored.step["picture_sha256"] != now.step["picture_sha256"]:
-        return Difference(step, "picture", str(stored.step["picture"]), "another picture")
+        return RunDifference(step, "picture", str(stored.step["picture"]), "another picture")
     found = _of_cloud(step, "particles", *clouds["particles"]) or _of_row(step, stored, now)
     return found or _of_cloud(step, "renewed", *clouds["renewed"])
 
 
-def _of_row(step: int, stored: StepRows, now: StepRows) -> Difference | None:
+def _of_row(step: int, stored: StepRows, now: StepRows) -> RunDifference | None:
     for name, value in stored.step.items():
         if name != TOOK and not same(value, now.step.get(name)):
-            return Difference(step, name, repr(value), repr(now.step.get(name)))
+            return RunDifference(step, name, repr(value), repr(now.step.get(name)))
     return None
 
 
-def _of_cloud(step: int, table: str, stored: pl.DataFrame, now: pl.DataFrame) -> Difference | None:
+def _of_cloud(step: int, table: str, stored: pl.DataFrame, now: pl.DataFrame) -> RunDifference | None:
     if stored.height != now.height:
-        return Difference(step, table, f"{stored.height} rows", f"{now.height} rows")
+        return RunDifference(step, table, f"{stored.height} rows", f"{now.height} rows")
     for name in stored.columns:
         a, b = stored[name].to_numpy(), now[name].to_numpy()
         if a.tobytes() == b.tobytes():
@@ -189,7 +189,9 @@ def _of_cloud(step: int, table: str, stored: pl.DataFrame, now: pl.DataFrame) ->
         width = a.dtype.itemsize
         bits = [np.frombuffer(v.tobytes(), np.uint8).reshape(-1, width) for v in (a, b)]
         row = int((bits[0] != bits[1]).any(axis=1).argmax())
-        return Difference(step, f"{table}.{name} of particle {row}", repr(a[row].item()), repr(b[row].item()))
+        return RunDifference(
+            step, f"{table}.{name} of particle {row}", repr(a[row].item()), repr(b[row].item())
+        )
     return None
 
 

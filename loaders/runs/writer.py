@@ -17,7 +17,7 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.files import begin_folder, check_target
 from ..libraries.files import MANIFEST
 from ..session_log.header import arena_to_json
@@ -44,7 +44,7 @@ PART_PARTICLES = 200_000  # a part is also full with so many rows of a cloud
 class RunWriter:
     """Writes one run into a new folder; memory holds at most one part.
 
-    LogError when the folder exists, unless `force` is given and a saved run is in it.
+    InputError when the folder exists, unless `force` is given and a saved run is in it.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ def _parquet(frame: pl.DataFrame) -> bytes:
 
 
 def begin_comparison(folder: Path, labels: Sequence[str], *, force: bool = False) -> None:
-    """Begin a folder with a folder for each run below it. LogError as for `RunWriter`."""
+    """Begin a folder with a folder for each run below it. InputError as for `RunWriter`."""
     check_run_target(folder, force=force)
     begin_folder(folder, force=force)
     put(folder / MANIFEST, to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)}))
@@ -112,5 +112,5 @@ def check_run_target(folder: Path, *, force: bool) -> None:
     if (folder / MANIFEST).is_file():
         try:
             read_object(folder, FORMAT, COMPARISON)
-        except LogError as problem:
-            raise LogError(folder, f"holds no saved run ({problem}); remove it yourself") from None
+        except InputError as problem:
+            raise InputError(folder, f"holds no saved run ({problem}); remove it yourself") from None

@@ -13,11 +13,11 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from ..errors import LogError
-from ..io.findings import Finder, Findings
+from ..errors import InputError
+from ..io.notes import HasReadingNotes, ReadingNotes
 from ..io.pictures import PictureError, decode_picture
 from .header import Kind
-from .records import Event, Odometry, PictureRecord, Truth, read_header, read_records
+from .records import EventRecord, OdometryRecord, PictureRecord, TruthRecord, read_header, read_records
 from .truth import with_truth
 
 MAX_PICTURE_BYTES = 256 * 2**20
@@ -33,10 +33,10 @@ class SurveyPicture:
     covered: bool  # taken with the lens cap on
 
 
-class SessionLog(Finder):
+class SessionLog(HasReadingNotes):
     """A log on disk; a `maurice_mcl.session.Session`. The header is read at once, records as asked.
 
-    Raises LogError for what is not a log, and while iterating for a broken line; with `keep_going` such
+    Raises InputError for what is not a log, and while iterating for a broken line; with `keep_going` such
     lines are skipped and counted instead. `camera` chooses whose pictures are read: by default the
     header's first camera, or the first one seen. Pictures that name no camera are always read.
     """
@@ -46,7 +46,7 @@ class SessionLog(Finder):
         self._keep_going = keep_going
         self._info, self.kind = read_header(self.path)
         self._camera = self._choose(camera)
-        self._findings = Findings(keep_going)
+        self._notes = ReadingNotes(keep_going)
 
     @property
     def info(self) -> SessionInfo:
@@ -56,45 +56,45 @@ class SessionLog(Finder):
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a picture at a time; covered pictures make no moment.
 
-        What was measured before a picture that is skipped belongs to the next one. LogError at the first
+        What was measured before a picture that is skipped belongs to the next one. InputError at the first
         broken line unless keeping going, and at once when this is a survey.
         """
         self._expect("session", "build a library from it, and replay a session")
         return self._moments()
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Read the pictures of a survey from its beginning. LogError as for `moments`."""
+        """Read the pictures of a survey from its beginning. InputError as for `moments`."""
         self._expect("survey", "only a survey's pictures have poses")
         return self._survey_pictures()
 
     def count_pictures(self) -> int:
         """Count the picture records without opening any picture."""
-        return sum(1 for _ in self._pictures(Findings(self._keep_going)))
+        return sum(1 for _ in self._pictures(ReadingNotes(self._keep_going)))
 
     def overview(self) -> tuple[int, bool]:
         """Count the pictures that make a moment, and tell whether any truth is there; opens no picture."""
-        findings = Findings(self._keep_going)
-        taken = CameraChoice(self._camera, findings)
+        notes = ReadingNotes(self._keep_going)
+        taken = CameraChoice(self._camera, notes)
         pictures, truth = 0, False
-        for record in read_records(self.path, self.kind, findings):
+        for record in read_records(self.path, self.kind, notes):
             pictures += isinstance(record, PictureRecord) and taken(record) and not record.covered
-            truth = truth or isinstance(record, Truth)
+            truth = truth or isinstance(record, TruthRecord)
         return pictures, truth
 
     def _moments(self) -> Iterator[Moment]:
-        findings = self._findings = Findings(self._keep_going)
+        notes = self._notes = ReadingNotes(self._keep_going)
         motions: list[F64] = []
         events: list[str] = []
         step, begin_s = 0, None
-        taken = CameraChoice(self._camera, findings)
-        for record, truth in with_truth(read_records(self.path, self.kind, findings)):
+        taken = CameraChoice(self._camera, notes)
+        for record, truth in with_truth(read_records(self.path, self.kind, notes)):
             begin_s = record.t_s if begin_s is None else begin_s
-            if isinstance(record, Odometry):
+            if isinstance(record, OdometryRecord):
                 motions.append(record.motion)
-            elif isinstance(record, Event):
+            elif isinstance(record, EventRecord):
                 events.append(record.text)
             elif isinstance(record, PictureRecord) and taken(record) and not record.covered:
-                image = self._image(record, findings)
+                image = self._image(record, notes)
                 if image is None:
                     continue
                 step += 1
@@ -105,46 +105,46 @@ class SessionLog(Finder):
                 motions, events = [], []
 
     def _survey_pictures(self) -> Iterator[SurveyPicture]:
-        findings = self._findings = Findings(self._keep_going)
-        for record in self._pictures(findings):
-            image = self._image(record, findings)
+        notes = self._notes = ReadingNotes(self._keep_going)
+        for record in self._pictures(notes):
+            image = self._image(record, notes)
             if image is not None:
                 path = None if record.path is None else self.path.parent / record.path
                 yield SurveyPicture(path, image, record.pose, record.covered)
 
-    def _pictures(self, findings: Findings) -> Iterator[PictureRecord]:
-        taken = CameraChoice(self._camera, findings)
-        for record in read_records(self.path, self.kind, findings):
+    def _pictures(self, notes: ReadingNotes) -> Iterator[PictureRecord]:
+        taken = CameraChoice(self._camera, notes)
+        for record in read_records(self.path, self.kind, notes):
             if isinstance(record, PictureRecord) and taken(record):
                 yield record
 
-    def _image(self, record: PictureRecord, findings: Findings) -> U8 | None:
+    def _image(self, record: PictureRecord, notes: ReadingNotes) -> U8 | None:
         """Read a picture; a problem gives None."""
         try:
             return decode_picture(picture_bytes(record, self.path))
         except PictureError as problem:
-            findings.problem(
-                LogError(self.path, f"{record.path or 'inline picture'}: {problem}", record.line)
-            )
+            notes.problem(InputError(self.path, f"{record.path or 'inline picture'}: {problem}", record.line))
             return None
 
     def _choose(self, camera: str | None) -> str | None:
         known = [c.name for c in self._info.cameras]
         if camera is not None and known and camera not in known:
-            raise LogError(self.path, f"found cameras {', '.join(known)}, expected {camera!r} among them", 1)
+            raise InputError(
+                self.path, f"found cameras {', '.join(known)}, expected {camera!r} among them", 1
+            )
         return camera or (known[0] if known else None)
 
     def _expect(self, kind: Kind, advice: str) -> None:
         if self.kind != kind:
-            raise LogError(self.path, f"found a {self.kind} log, expected a {kind} log; {advice}", 1)
+            raise InputError(self.path, f"found a {self.kind} log, expected a {kind} log; {advice}", 1)
 
 
 class CameraChoice:
     """Says whose pictures are read: the named camera's, or that of the first one seen."""
 
-    def __init__(self, name: str | None, findings: Findings) -> None:
+    def __init__(self, name: str | None, notes: ReadingNotes) -> None:
         self._name = name
-        self._findings = findings
+        self._notes = notes
 
     def __call__(self, record: PictureRecord) -> bool:
         """Take a picture, or leave it out with a warning; a picture that names no camera is taken."""
@@ -153,7 +153,7 @@ class CameraChoice:
         self._name = self._name or record.camera
         if record.camera != self._name:
             left_out = f"pictures of camera {record.camera!r} are left out, {self._name!r} is used"
-            self._findings.warning(left_out)
+            self._notes.warning(left_out)
         return record.camera == self._name
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST_T_S, FieldError, flag, mapping, number, numbers, show, text
 from ..io.files import expect_regular
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from .header import Kind, header_from_json
 
 # A log's lines as JSON objects: streamed, bounded, strict about numbers.
@@ -26,7 +26,7 @@ MAX_LINE_BYTES = 64 * 2**20  # room for a large picture inline; more is no log
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LogLine:
     """One line as it stands in the file."""
 
     number: int  # from 1
@@ -35,13 +35,13 @@ class Line:
     too_long: bool
 
 
-def read_lines(path: Path) -> Iterator[Line]:
+def read_lines(path: Path) -> Iterator[LogLine]:
     """Read a file line by line, never holding more than one.
 
-    LogError when it cannot be opened or is no regular file, which might never end.
+    InputError when it cannot be opened or is no regular file, which might never end.
     """
     if path.is_dir():
-        raise LogError(path, _folder_advice(path))
+        raise InputError(path, _folder_advice(path))
     expect_regular(path, "a log")
     try:
         with path.open("rb") as file:
@@ -50,12 +50,12 @@ def read_lines(path: Path) -> Iterator[Line]:
                 number += 1
                 yield _line(file, number, data)
     except FileNotFoundError:
-        raise LogError(path, "found no such file, expected a log; check the path") from None
+        raise InputError(path, "found no such file, expected a log; check the path") from None
     except OSError as problem:
-        raise LogError(path, f"cannot be read: {problem.strerror}") from None
+        raise InputError(path, f"cannot be read: {problem.strerror}") from None
 
 
-def parse_object(line: Line) -> dict[str, Any]:
+def parse_object(line: LogLine) -> dict[str, Any]:
     """Give the JSON object of a line. Raises FieldError for anything else, NaN and Infinity included."""
     if line.too_long:
         raise FieldError(f"found a line of more than {MAX_LINE_BYTES // 2**20} MiB, expected shorter ones")
@@ -74,7 +74,7 @@ def parse_object(line: Line) -> dict[str, Any]:
     return mapping(value, "a line")
 
 
-def _text(line: Line) -> str:
+def _text(line: LogLine) -> str:
     data = line.data.removeprefix(b"\xef\xbb\xbf") if line.number == 1 else line.data
     try:
         text = data.decode("utf-8")
@@ -87,12 +87,12 @@ def _text(line: Line) -> str:
     return text
 
 
-def _line(file: BinaryIO, number: int, data: bytes) -> Line:
+def _line(file: BinaryIO, number: int, data: bytes) -> LogLine:
     too_long = len(data) > MAX_LINE_BYTES
     rest = data
     while too_long and rest and not rest.endswith(b"\n"):
         rest = file.readline(MAX_LINE_BYTES)
-    return Line(number, data.rstrip(b"\r\n"), rest.endswith(b"\n"), too_long)
+    return LogLine(number, data.rstrip(b"\r\n"), rest.endswith(b"\n"), too_long)
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -116,7 +116,7 @@ RECORD_KEYS = ("odometry", "image", "truth", "event")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Odometry:
+class OdometryRecord:
     """A movement since the last odometry record, as the robot measured it."""
 
     line: int
@@ -139,7 +139,7 @@ class PictureRecord:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Truth:
+class TruthRecord:
     """Where the robot really was."""
 
     line: int
@@ -148,7 +148,7 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class EventRecord:
     """What happened, in free text."""
 
     line: int
@@ -156,22 +156,22 @@ class Event:
     text: str
 
 
-Record = Odometry | PictureRecord | Truth | Event
+Record = OdometryRecord | PictureRecord | TruthRecord | EventRecord
 
 
 def read_header(path: Path) -> tuple[SessionInfo, Kind]:
-    """Read a log's first line. LogError when it is not the header of a log."""
+    """Read a log's first line. InputError when it is not the header of a log."""
     line = next(read_lines(path), None)
     if line is None:
-        raise LogError(path, "found an empty file, expected a log; was it ever written?")
+        raise InputError(path, "found an empty file, expected a log; was it ever written?")
     try:
         return header_from_json(parse_object(line), path)
     except FieldError as problem:
-        raise LogError(path, str(problem), 1) from None
+        raise InputError(path, str(problem), 1) from None
 
 
-def read_records(path: Path, kind: Kind, findings: Findings, per_s: int = 1) -> Iterator[Record]:
-    """Read the checked records of a log in order, times never falling; broken lines go to `findings`.
+def read_records(path: Path, kind: Kind, notes: ReadingNotes, per_s: int = 1) -> Iterator[Record]:
+    """Read the checked records of a log in order, times never falling; broken lines go to `notes`.
 
     `per_s` is how many units of the log's times make a second.
     """
@@ -187,17 +187,17 @@ def read_records(path: Path, kind: Kind, findings: Findings, per_s: int = 1) -> 
                 )
         except FieldError as problem:
             if not line.ended and not _parses(line):
-                findings.warning(
+                notes.warning(
                     f"{path}:{line.number}: the last line is unfinished and was left out; still writing?"
                 )
             else:
-                findings.problem(LogError(path, str(problem), line.number))
+                notes.problem(InputError(path, str(problem), line.number))
             continue
         last_t_s = record.t_s
         yield record
 
 
-def _parses(line: Line) -> bool:
+def _parses(line: LogLine) -> bool:
     try:
         parse_object(line)
     except FieldError:
@@ -205,7 +205,7 @@ def _parses(line: Line) -> bool:
     return True
 
 
-def record_of(line: Line, kind: Kind, per_s: int = 1) -> Record:
+def record_of(line: LogLine, kind: Kind, per_s: int = 1) -> Record:
     """Read the record that a line is. FieldError for anything else."""
     found = parse_object(line)
     t_s = number(found.get("t"), "t", MOST_T_S * per_s) / per_s
@@ -216,11 +216,11 @@ def record_of(line: Line, kind: Kind, per_s: int = 1) -> Record:
         )
     value = found[keys[0]]
     if keys[0] == "odometry":
-        return Odometry(line.number, t_s, _vector(value, 3, "odometry"), _encoders(found))
+        return OdometryRecord(line.number, t_s, _vector(value, 3, "odometry"), _encoders(found))
     if keys[0] == "truth":
-        return Truth(line.number, t_s, _vector(value, 3, "truth"))
+        return TruthRecord(line.number, t_s, _vector(value, 3, "truth"))
     if keys[0] == "event":
-        return Event(line.number, t_s, text(value, "event"))
+        return EventRecord(line.number, t_s, text(value, "event"))
     return _picture(line.number, t_s, found, kind)
 
 

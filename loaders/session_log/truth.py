@@ -9,7 +9,7 @@ import numpy as np
 
 from maurice_mcl.arrays import F64
 
-from .records import Event, PictureRecord, Record, Truth
+from .records import EventRecord, PictureRecord, Record, TruthRecord
 
 MAX_GAP_S = 1.0  # truth records further apart say nothing about the time between them
 MAX_WAITING = 10_000  # records held back while the next truth is awaited, whatever the clock does
@@ -23,10 +23,10 @@ def with_truth(records: Iterable[Record]) -> Iterator[Answered]:
     A truth record at the same time counts as it stands; otherwise the pose is interpolated between two
     truth records at most 1 s apart, the heading the short way round, and never across a kidnapping.
     """
-    before: Truth | None = None
+    before: TruthRecord | None = None
     waiting: deque[Record] = deque()  # begins with a picture, when there is anything in it
     for record in records:
-        if isinstance(record, Truth):
+        if isinstance(record, TruthRecord):
             yield from _answer(waiting, before, record)
             before = record
         elif waiting and (_in_vain(waiting, before, record) or is_kidnapping(record)):
@@ -42,7 +42,7 @@ def with_truth(records: Iterable[Record]) -> Iterator[Answered]:
     yield from _answer(waiting, before, None)
 
 
-def truth_between(before: Truth | None, after: Truth, t_s: float) -> F64 | None:
+def truth_between(before: TruthRecord | None, after: TruthRecord, t_s: float) -> F64 | None:
     """Give the pose (3,) at a time between two truth records, or None when they are over 1 s apart."""
     if after.t_s == t_s:
         return after.pose
@@ -57,10 +57,12 @@ def truth_between(before: Truth | None, after: Truth, t_s: float) -> F64 | None:
 
 def is_kidnapping(record: Record) -> bool:
     """Say whether a record tells that the robot was carried away."""
-    return isinstance(record, Event) and record.text.startswith("kidnapped")
+    return isinstance(record, EventRecord) and record.text.startswith("kidnapped")
 
 
-def _answer(waiting: deque[Record], before: Truth | None, after: Truth | None) -> Iterator[Answered]:
+def _answer(
+    waiting: deque[Record], before: TruthRecord | None, after: TruthRecord | None
+) -> Iterator[Answered]:
     """Empty the queue, giving its pictures their truth."""
     while waiting:
         record = waiting.popleft()
@@ -68,7 +70,7 @@ def _answer(waiting: deque[Record], before: Truth | None, after: Truth | None) -
         yield record, truth_between(before, after, record.t_s) if known and after is not None else None
 
 
-def _in_vain(waiting: deque[Record], before: Truth | None, record: Record) -> bool:
+def _in_vain(waiting: deque[Record], before: TruthRecord | None, record: Record) -> bool:
     """Say whether no truth from this record on can tell anything about the pictures that wait."""
     first_s = waiting[0].t_s
     until_s = first_s if before is None else max(first_s, before.t_s + MAX_GAP_S + 1e-9)

@@ -14,7 +14,7 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
+from ..errors import InputError
 from ..io.fields import MOST, MOST_T_S, up_to
 from ..io.pictures import encode_jpeg
 from .header import KINDS, Kind, header_to_json
@@ -26,7 +26,7 @@ class SessionWriter:
     """Writes one log; every line is flushed whole. Use it as a context manager.
 
     Pictures go to `pictures/` beside the log, named after the log and a number, never after a pose.
-    LogError when the log or a picture exists already and `force` is not given; ValueError for values that
+    InputError when the log or a picture exists already and `force` is not given; ValueError for values that
     no log may hold (NaN, numbers too large, a time before the last one, a survey's picture without its pose).
     """
 
@@ -138,15 +138,15 @@ class SessionWriter:
 
 
 def _create(file: Path, found: str, force: bool) -> BinaryIO:
-    """Open a file for writing, its folder made; LogError when it exists and is not to be overwritten."""
+    """Open a file for writing, its folder made; InputError when it exists and is not to be overwritten."""
     with _clear_errors(file):
         if file.parent.exists() and not file.parent.is_dir():
-            raise LogError(file.parent, "found a file, expected a folder; write elsewhere")
+            raise InputError(file.parent, "found a file, expected a folder; write elsewhere")
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
             return file.open("wb" if force else "xb")
         except FileExistsError:
-            raise LogError(file, f"{found}; write elsewhere, or overwrite it with --force") from None
+            raise InputError(file, f"{found}; write elsewhere, or overwrite it with --force") from None
 
 
 @contextmanager
@@ -155,7 +155,7 @@ def _clear_errors(file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
-        raise LogError(file, f"cannot be written: {problem.strerror}") from None
+        raise InputError(file, f"cannot be written: {problem.strerror}") from None
 
 
 def _line(value: dict[str, Any]) -> bytes:

@@ -20,7 +20,7 @@ UNIX_S = (6.3e8, MOST_T_S)  # 1990 to 2096: what a time since 1970 looks like
 SLOWEST_S = 5.0  # a longer time from sample to sample means that the unit is a smaller one
 
 
-class Span:
+class TimeSpan:
     """First and last time of something, and how often it came."""
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class Span:
         self.last_s = t_s if self.count == 0 else max(self.last_s, t_s)
         self.count += 1
 
-    def overlaps(self, other: Span, slack_s: float = 0.0) -> bool:
+    def overlaps(self, other: TimeSpan, slack_s: float = 0.0) -> bool:
         """Tell whether two spans have a time in common, or nearly so."""
         return self.first_s <= other.last_s + slack_s and other.first_s <= self.last_s + slack_s
 
@@ -85,7 +85,7 @@ def clock_s(text: str) -> float:
     return moment.timestamp() + (float(f"0.{rest[:digits]}") if dot and digits else 0.0)
 
 
-def apart(name: str, span: Span, other_name: str, other: Span) -> str:
+def apart(name: str, span: TimeSpan, other_name: str, other: TimeSpan) -> str:
     """Say where two clocks stand, and what would bring the second's beginning to the first's."""
     spans = f"{name} go from {span.first_s:.3f} to {span.last_s:.3f} s"
     others = f"{other_name} from {other.first_s:.3f} to {other.last_s:.3f} s"
@@ -106,14 +106,14 @@ NEAR_S = 3.0  # offsets so near are the same one
 
 
 @dataclass(frozen=True, slots=True)
-class Offset:
+class ClockOffset:
     """What has to be added to one clock's times."""
 
     offset_s: float
     correlation: float  # of the movements then, up to 1
 
 
-def offset_between(t_s: F64, poses: F64, other_t_s: F64, other: F64) -> Offset | None:
+def offset_between(t_s: F64, poses: F64, other_t_s: F64, other: F64) -> ClockOffset | None:
     """Find what the other clock's times need, so that its poses (m, 3) move when the poses (n, 3) do.
 
     None where either hardly moves, or where no offset is clearly the best. Frames may differ: only speed and
@@ -131,7 +131,7 @@ def offset_between(t_s: F64, poses: F64, other_t_s: F64, other: F64) -> Offset |
     others = alike[np.abs(lags - lags[best]) * PERIOD_S > NEAR_S]
     if alike[best] < ALIKE or (len(others) and others.max() > CLEARLY * alike[best]):
         return None
-    return Offset(float(t_s[0] - other_t_s[0] + lags[best] * PERIOD_S), float(alike[best]))
+    return ClockOffset(float(t_s[0] - other_t_s[0] + lags[best] * PERIOD_S), float(alike[best]))
 
 
 def _moves(poses: F64) -> bool:

@@ -13,8 +13,8 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
-from ..io.findings import Findings
+from ..errors import InputError
+from ..io.notes import ReadingNotes
 from ..recording import (
     Motion,
     Note,
@@ -22,8 +22,8 @@ from ..recording import (
     Picture,
     Record,
     Recording,
+    RecordingWrapper,
     TruthPose,
-    Wrapped,
     motion_between,
     moved,
     short_way,
@@ -76,7 +76,7 @@ NEAR_M = 1.0  # a first pose so near zero is the way since the drive began
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Corrected(Wrapped):
+class Corrected(RecordingWrapper):
     """A recording as it should have been written. What each correction does: docs/formats.md."""
 
     correction: Correction
@@ -92,13 +92,13 @@ class Corrected(Wrapped):
         start = None if info.start is None else info.start + np.array([0.0, 0.0, yaw_rad])
         return replace(info, cameras=cameras, start=start)
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give the records put right, in time order.
 
         The recording is read once for every clock, so that no more is held than without offsets.
         """
         clocks = [
-            self._on_clock(kinds, offset_s, Findings(keep_going=True) if number else findings)
+            self._on_clock(kinds, offset_s, ReadingNotes(keep_going=True) if number else notes)
             for number, (offset_s, kinds) in enumerate(_clocks(self.correction))
         ]
         wheels = _Wheels(self.correction, self.path)
@@ -113,9 +113,9 @@ class Corrected(Wrapped):
                 yield record
 
     def _on_clock(
-        self, kinds: tuple[type[Record], ...], offset_s: float, findings: Findings
+        self, kinds: tuple[type[Record], ...], offset_s: float, notes: ReadingNotes
     ) -> Iterator[Record]:
-        for record in self.measured.records(findings):
+        for record in self.measured.records(notes):
             if isinstance(record, kinds):
                 yield record if self._one_clock else replace(record, t_s=round(record.t_s + offset_s, 6))
 
@@ -139,7 +139,7 @@ def corrected(recording: Recording, correction: Correction) -> Recording:
         return recording
     if correction.odometry_are not in (None, *MOTIONS_ARE):
         expected = f"expected one of {', '.join(MOTIONS_ARE)}"
-        raise LogError(recording.path, f"found --odometry-are {correction.odometry_are}, {expected}")
+        raise InputError(recording.path, f"found --odometry-are {correction.odometry_are}, {expected}")
     return Corrected(recording, correction)
 
 
@@ -186,7 +186,7 @@ class _Wheels:
         """Give the odometry's pose (3,) of what was written (3,)."""
         if self._are == "steps":
             found = "found odometry that is poses, and --odometry-are steps is for motions"
-            raise LogError(self._path, f"{found}; leave it out")
+            raise InputError(self._path, f"{found}; leave it out")
         pose: F64 = values * self._units + [0.0, 0.0, self._ahead_rad]
         if self._gain == 1:
             return pose

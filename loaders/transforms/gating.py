@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from maurice_mcl.arrays import F64
 
-from ..io.findings import Findings
-from ..recording import Picture, Record, Wrapped
+from ..io.notes import ReadingNotes
+from ..recording import Picture, Record, RecordingWrapper
 
 # Which pictures make an update: those after enough movement (AMCL's update_min_d and update_min_a).
 
@@ -35,15 +35,15 @@ class Gate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FewerPictures(Wrapped):
+class FewerPictures(RecordingWrapper):
     """A recording of which one picture of every `stride` is there, the first among them."""
 
     stride: int
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give the recording's records but the pictures between."""
         pictures = 0
-        for record in self.measured.records(findings):
+        for record in self.measured.records(notes):
             if isinstance(record, Picture):
                 pictures += 1
                 if (pictures - 1) % self.stride:

@@ -13,16 +13,16 @@ from maurice_mcl.geometry import wrap
 from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.session import SessionInfo
 
-from ..errors import LogError
-from ..io.findings import Findings
+from ..errors import InputError
+from ..io.notes import ReadingNotes
 from ..recording import (
     Motion,
     Note,
     OdometryPose,
     Record,
     Recording,
+    RecordingWrapper,
     TruthPose,
-    Wrapped,
     checked,
     motion_between,
     moved,
@@ -74,7 +74,7 @@ MOVEMENT_M, MOVEMENT_RAD = 0.5, math.pi / 4  # errors stay the same over so much
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MadeOdometry(Wrapped):
+class MadeOdometry(RecordingWrapper):
     """A recording with an odometry pose beside every true pose, in a frame of the odometry's own."""
 
     seed: int
@@ -97,11 +97,11 @@ class MadeOdometry(Wrapped):
             f"{math.degrees(MOVEMENT_RAD):g} degrees), seed {self.seed}"
         )
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give the recording's records; odometry comes before the true pose of the same time."""
-        findings.warning(self.said)
+        notes.warning(self.said)
         wheels = _Wheels(self.noise, self.seed)
-        for record in checked(self.measured, findings):
+        for record in checked(self.measured, notes):
             if isinstance(record, TruthPose):
                 yield OdometryPose(record.t_s, wheels.go_to(record.pose))
             elif isinstance(record, Note) and record.text.startswith("kidnapped"):
@@ -110,17 +110,17 @@ class MadeOdometry(Wrapped):
 
 
 def odometry_from_truth(recording: Recording, seed: int) -> MadeOdometry:
-    """Add odometry to a recording. LogError where it has odometry of its own, or no truth."""
-    findings, truths = Findings(keep_going=True), 0
-    for record in checked(recording, findings):
+    """Add odometry to a recording. InputError where it has odometry of its own, or no truth."""
+    notes, truths = ReadingNotes(keep_going=True), 0
+    for record in checked(recording, notes):
         if isinstance(record, OdometryPose | Motion):
             found = "found odometry that was measured, so none is made from the truth"
-            raise LogError(recording.path, f"{found}; leave --odometry-from-truth out")
+            raise InputError(recording.path, f"{found}; leave --odometry-from-truth out")
         truths += isinstance(record, TruthPose)
     if not truths:
-        said = [text for text in findings.warnings if "truth" in text]
+        said = [text for text in notes.warnings if "truth" in text]
         why = f" ({said[0]})" if said else ""
-        raise LogError(recording.path, f"found no truth{why}, and --odometry-from-truth needs true poses")
+        raise InputError(recording.path, f"found no truth{why}, and --odometry-from-truth needs true poses")
     return MadeOdometry(recording, seed)
 
 

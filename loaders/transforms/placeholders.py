@@ -10,35 +10,35 @@ import numpy as np
 
 from maurice_mcl.arrays import F64, U8
 
-from ..io.findings import Findings
+from ..io.notes import ReadingNotes
 from ..recording import (
     Motion,
     Note,
     OdometryPose,
     Picture,
     Record,
+    RecordingWrapper,
     TruthPose,
-    Wrapped,
     motion_between,
     together,
 )
 from .gating import Gate
 
-STAND_IN = "no picture"
+PLACEHOLDER = "no picture"
 GATE = Gate(0.25, math.radians(15))  # a moment after so much movement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StandIns(Wrapped):
+class Placeholders(RecordingWrapper):
     """A recording without pictures that has a gray one at its beginning and whenever the robot has moved."""
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Give the recording's records, and gray pictures by whichever tells of movement first."""
         moved = _Moved()
-        for record in self.measured.records(findings):
+        for record in self.measured.records(notes):
             yield record
             if moved.enough(record):
-                yield Picture(record.t_s, _gray, STAND_IN)
+                yield Picture(record.t_s, _gray, PLACEHOLDER)
 
 
 class _Moved:

@@ -10,7 +10,7 @@ from maurice_mcl.arrays import F64
 
 
 @dataclass(slots=True)
-class ThinnedPath:
+class SimplifiedPath:
     """A path of at most `most` poses and the last one: of a longer one every second, fourth, ... pose."""
 
     most: int

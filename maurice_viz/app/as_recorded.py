@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maurice_loaders.bags.localizer import Overview, RecordedLocalizer, RecordedUpdate
-from maurice_loaders.errors import LogError
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import PictureError
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.estimate import CLUSTER_M, CONFIDENCE_M, heaviest_cluster, share_within, weighted_mean
@@ -47,14 +47,14 @@ class AsRecorded:
     localizer: RecordedLocalizer
     overview: Overview
     label: str
-    findings: Findings
+    notes: ReadingNotes
     unweighted: int = 0  # clouds so far whose weights were of no use, and count as equal
     _begin_s: float | None = field(init=False, default=None)
 
     def updates(self) -> Iterator[Mapping[str, tuple[Moment, StepRecord]]]:
         """Give one moment and record a cloud, in order."""
         origin = map_of(self.localizer, self.overview).origin
-        for number, update in enumerate(self.localizer.updates(self.findings), start=1):
+        for number, update in enumerate(self.localizer.updates(self.notes), start=1):
             self._begin_s = update.t_s if self._begin_s is None else self._begin_s
             image = self._image(update)
             name = update.picture or "no picture"
@@ -69,7 +69,7 @@ class AsRecorded:
         try:
             return update.read()
         except PictureError as problem:
-            self.findings.problem(LogError(self.localizer.path, f"{update.picture}: {problem}"))
+            self.notes.problem(InputError(self.localizer.path, f"{update.picture}: {problem}"))
             return NO_PICTURE
 
     def _belief(self, update: RecordedUpdate, origin: F64) -> Belief:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import typer
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.runs.manifest import library_hash
 from maurice_loaders.runs.store import SavedRun, open_runs
@@ -121,7 +121,7 @@ def compare_sessions(
     output: OutputOptions,
     *,
     keep_going: bool,
-    opening: OpenOptions | None = None,
+    opening: ReadingOptions | None = None,
 ) -> None:
     """Replay sessions of one library with one filter, side by side by the number of the update."""
     with one_line_errors():
@@ -163,15 +163,15 @@ def _labels(paths: Sequence[Path]) -> list[str]:
 
 def _check_comparison(opened: Opened, folder: Path) -> None:
     if len(opened.runs) < 2:
-        raise LogError(folder, "is a single saved run; name the one to compare it with as well")
+        raise InputError(folder, "is a single saved run; name the one to compare it with as well")
 
 
 def _single(folder: Path) -> SavedRun:
-    """Open a saved run, nothing that it was made from. LogError for a comparison's folder."""
+    """Open a saved run, nothing that it was made from. InputError for a comparison's folder."""
     runs = open_runs(folder)
     if len(runs) > 1:
         below = ", ".join(str(run.folder) for run in runs)
-        raise LogError(folder, f"holds {len(runs)} runs; name the ones to compare: {below}")
+        raise InputError(folder, f"holds {len(runs)} runs; name the ones to compare: {below}")
     return runs[0]
 
 
@@ -201,11 +201,11 @@ def _check_alike(runs: Sequence[SavedRun]) -> None:
     first, *others = runs
     for run in others:
         if not _same_map(first.arena(), run.arena()):
-            raise LogError(
+            raise InputError(
                 run.folder, f"is a run on another map than {first.folder}; compare runs on one map"
             )
         if run.manifest.library.sha256 != first.manifest.library.sha256:
-            raise LogError(
+            raise InputError(
                 run.folder, f"was made with another library than {first.folder}; compare runs of one"
             )
 
@@ -219,7 +219,7 @@ def _same_map(one: Arena, other: Arena) -> bool:
 
 
 def _one_library(sessions: Sequence[AnySession], asked: Path | None, *, keep_going: bool) -> Library:
-    """Open the library that all sessions belong to. LogError where there are several."""
+    """Open the library that all sessions belong to. InputError where there are several."""
     found: dict[Path, Library] = {}
     for session in sessions:
         path = (asked or session.info.survey or session.path).resolve()
@@ -230,7 +230,7 @@ def _one_library(sessions: Sequence[AnySession], asked: Path | None, *, keep_goi
             this, list(this.index)
         ):
             advice = "compare sessions of one library, or name one with --library"
-            raise LogError(session.path, f"belongs to another library than {sessions[0].path}; {advice}")
+            raise InputError(session.path, f"belongs to another library than {sessions[0].path}; {advice}")
     return next(iter(found.values()))
 
 

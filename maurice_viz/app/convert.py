@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.export.drive import convert_to_mcap
 from maurice_loaders.export.session import Converted, PictureKind, convert_to_log, records_to_log
-from maurice_loaders.formats.registry import OpenOptions
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recording import Picture, Recording
 
 from ..errors import OptionError
@@ -28,7 +28,7 @@ def convert(
     *,
     pictures: PictureKind = "png",
     t_offset_s: float = 0.0,
-    options: OpenOptions | None = None,
+    options: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> tuple[Path, Converted]:
@@ -39,14 +39,14 @@ def convert(
     without pictures all odometry, truth and events are written. "png" pictures are lossless, "jpeg" ones are
     of quality 95. `t_offset_s` (seconds) is added to every time, which count on the clock of `source`.
 
-    Raises LogError for a source that cannot be read or a target that exists (unless `force`), and OptionError
+    Raises InputError for a source that cannot be read or a target that exists (unless `force`), and OptionError
     for another ending, picture format or a time offset that is not finite.
 
         >>> file, count = mv.convert("drive.bag", "drive")
         >>> file.name
         'session.log'
     """
-    source, target, options = Path(source), Path(target), options or OpenOptions()
+    source, target, options = Path(source), Path(target), options or ReadingOptions()
     if target.suffix not in (LOG, MCAP, ""):
         raise OptionError(f"OUT is a folder, or ends in {LOG} or {MCAP}; found {target.name!r}")
     if pictures not in PICTURES:
@@ -55,7 +55,7 @@ def convert(
         raise OptionError(f"a time offset is a number of seconds, found {t_offset_s}")
     target = target if target.suffix else target / "session.log"
     session = open_session(source, keep_going=options.keep_going, opening=options, listener=listener)
-    findings = Findings(options.keep_going)
+    notes = ReadingNotes(options.keep_going)
     recorded = as_recorded_session(session, options)
     if target.suffix == MCAP:
         steps = convert_to_mcap(
@@ -68,16 +68,16 @@ def convert(
     if has_pictures:
         steps = convert_to_log(session, target, kind=pictures, t_offset_s=begin_s + t_offset_s, force=force)
     else:
-        steps = records_to_log(recorded.recording, target, findings, t_offset_s=t_offset_s, force=force)
+        steps = records_to_log(recorded.recording, target, notes, t_offset_s=t_offset_s, force=force)
     done = _count(steps, target, listener)
-    _report(session.path, session if done.pictures else findings, listener)
+    _report(session.path, session if done.pictures else notes, listener)
     return target, done
 
 
 def _begin(recording: Recording) -> tuple[float, bool]:
     """Return the time of the first record, which a session counts from, and whether there is any picture."""
     first_s: float | None = None
-    for record in recording.records(Findings(keep_going=True)):
+    for record in recording.records(ReadingNotes(keep_going=True)):
         first_s = record.t_s if first_s is None else first_s
         if isinstance(record, Picture):
             return first_s, True
@@ -90,14 +90,14 @@ def _count(steps: Iterator[Converted], target: Path, listener: Listener) -> Conv
         for done in steps:
             listener.progress(done.pictures, done.pictures, "convert")
     except ValueError as problem:  # a time that no log may hold, moved too far by the offset
-        raise LogError(target, str(problem)) from None
+        raise InputError(target, str(problem)) from None
     return done
 
 
-def _report(path: Path, read: Findings | AnySession, listener: Listener) -> None:
+def _report(path: Path, read: ReadingNotes | AnySession, listener: Listener) -> None:
     """Pass on what was found wrong while reading."""
     for warning in read.warnings:
         listener.warning(warning)
-    count = read.count if isinstance(read, Findings) else read.problem_count
+    count = read.count if isinstance(read, ReadingNotes) else read.problem_count
     if count:
         listener.warning(f"{path}: skipped {count} broken records, the first: {read.problems[0]}")

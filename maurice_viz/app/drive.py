@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.transforms.gating import FewerPictures
-from maurice_loaders.transforms.placeholders import StandIns
+from maurice_loaders.transforms.placeholders import Placeholders
 from maurice_mcl.session import Moment
 
 from ..cli.console import Advance, note, progress
@@ -44,12 +44,12 @@ def advice_for(path: Path, drive: DriveView) -> str:
 
 
 def replay_alone(whole: RecordedSession, output: OutputOptions) -> None:
-    """Draw a drive by itself. LogError where there is nothing to draw."""
+    """Draw a drive by itself. InputError where there is nothing to draw."""
     from ..layouts.drive import blueprint
     from ..panels.drive import DriveView, draw_drive
 
     session, ways = _looked_over(whole)
-    drive = DriveView(session.info, ways, not isinstance(session.recording, StandIns))
+    drive = DriveView(session.info, ways, not isinstance(session.recording, Placeholders))
     advice = advice_for(session.path, drive)
     drive = replace(drive, advice=f"**{MISSING}.** {advice}")
     drawn = _drawn_of(session, ways.moments)
@@ -72,17 +72,17 @@ def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]
     """Go through a drive once without its pictures; one without any gets gray ones."""
     ways = _ways(session)
     if not ways.moments:
-        session = RecordedSession(StandIns(session.recording), session.pairing)
+        session = RecordedSession(Placeholders(session.recording), session.pairing)
         ways = _ways(session)
     if not ways.moments:
         nothing = "found neither pictures nor odometry nor true poses, so there is nothing to show"
-        raise LogError(session.path, nothing)
+        raise InputError(session.path, nothing)
     return session, ways
 
 
 def _ways(session: RecordedSession) -> DrivePaths:
-    findings = Findings(session.pairing.keep_going)
-    return drive_paths(session.glances(findings), session.info)
+    notes = ReadingNotes(session.pairing.keep_going)
+    return drive_paths(session.glances(notes), session.info)
 
 
 def _drawn_of(session: RecordedSession, moments: int) -> RecordedSession:

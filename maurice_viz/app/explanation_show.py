@@ -9,7 +9,7 @@ from pathlib import Path
 
 import rerun.blueprint as rrb
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import expect_absent, write_whole
 
 from ..cli.console import note
@@ -27,9 +27,9 @@ SIZE = (1600, 1000)
 
 
 def check_picture(picture: Path, *, force: bool) -> None:
-    """Raise LogError before any work where a picture cannot be written or cannot be drawn here."""
+    """Raise InputError before any work where a picture cannot be written or cannot be drawn here."""
     if picture.suffix != ".png":
-        raise LogError(picture, f"a picture's name ends in .png; use {picture.name}.png")
+        raise InputError(picture, f"a picture's name ends in .png; use {picture.name}.png")
     expect_absent(picture, force=force)
     expect_driver(picture)
 
@@ -37,7 +37,7 @@ def check_picture(picture: Path, *, force: bool) -> None:
 def show(update: ExplainedUpdate, label: str, output: OutputOptions, picture: Path | None) -> None:
     """Draw the panel where it was asked for; a picture alone opens no viewer and leaves no recording.
 
-    SinkError and LogError when something cannot be written, or no picture can be drawn.
+    SinkError and InputError when something cannot be written, or no picture can be drawn.
     """
     library, step = update.library, update.step
     paths, name = RunPaths(label), f"{library.name}, {label}: step {step.step}"

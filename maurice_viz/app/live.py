@@ -11,7 +11,7 @@ from pathlib import Path
 import typer
 
 from maurice_loaders.errors import SourceError
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
@@ -55,7 +55,7 @@ def follow_source(
     options: RunOptions,
     output: OutputOptions,
     live: LiveOptions,
-    opening: OpenOptions,
+    opening: ReadingOptions,
 ) -> None:
     """Localize on a live source until it ends or one is stopped; errors end in one line and status 1."""
     if output.run is not None:

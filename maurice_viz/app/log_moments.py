@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recorded_session import Glance, RecordedSession
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Frame, Moment
@@ -27,7 +27,7 @@ def moments_of(log: SessionLog) -> Iterator[Moment]:
 def glances_of(log: SessionLog) -> Iterator[Glance]:
     """Give what is known of the same moments without their pictures."""
     if log.kind == "session":
-        yield from RecordedSession(open_recording(log.path)).glances(Findings(keep_going=True))
+        yield from RecordedSession(open_recording(log.path)).glances(ReadingNotes(keep_going=True))
         return
     for moment in moments_of(log):
         yield Glance(moment.frame.motions, moment.truth, ())

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import polars as pl
 import typer
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 
 from ..style import scale_for
@@ -51,7 +51,7 @@ def show(
     """Show a saved run, a recording (.rrd) or a session log in a widget; return it at the end of a cell.
 
     `layout` names the tab to begin with, for all but a recording, which has its own. The last four are for a
-    session log: it is replayed, and its table printed. ImportError without the extra `notebook`; LogError
+    session log: it is replayed, and its table printed. ImportError without the extra `notebook`; InputError
     for bad files.
     """
     expect_widget()
@@ -72,7 +72,7 @@ def show(
 def results(run: Place) -> pl.DataFrame:
     """Give the figures of a saved run, or of all runs of a comparison: a row a run, as `--json` has them.
 
-    Metres, radians and seconds; null where a figure does not apply. LogError for what is no saved run.
+    Metres, radians and seconds; null where a figure does not apply. InputError for what is no saved run.
     """
     from ..text.summary import to_json
 
@@ -83,7 +83,7 @@ def results(run: Place) -> pl.DataFrame:
 def traces(run: Place) -> pl.DataFrame:
     """Give what the charts show, a row a step and run: errors, spread, confidence, evidence, poses.
 
-    Metres, radians and seconds, poses in the map's frame; null where something is not known. LogError for
+    Metres, radians and seconds, poses in the map's frame; null where something is not known. InputError for
     what is no saved run.
     """
     return pl.concat([_traces(one) for one in open_runs(Path(run))])
@@ -100,7 +100,7 @@ def _widget(recording: Path, width: Side, height: Side) -> Viewer:
     from rerun.notebook import Viewer
 
     if not recording.is_file():
-        raise LogError(recording, "found no such recording; replay a session with --save to make one")
+        raise InputError(recording, "found no such recording; replay a session with --save to make one")
     # our colors are made for a dark ground, whatever the notebook's is
     viewer = Viewer(width=width, height=height, use_global_recording=False, theme="dark")
     # the file as it is: it begins with its layout. Through a recording stream, whose first message names
@@ -127,7 +127,7 @@ def _replay(
     try:
         replay_runs(session, None, [RunSpec(preset, feature)], options, output, keep_going=False)
     except typer.Exit:
-        raise LogError(session, "could not be replayed; the line above says why") from None
+        raise InputError(session, "could not be replayed; the line above says why") from None
 
 
 def _collected(run: SavedRun) -> Collected:

@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from maurice_loaders.config_files import configuration_of, read_motion, to_toml
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import NATIVE, OpenOptions, chosen, open_recording
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import NATIVE, ReadingOptions, chosen, open_recording
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.recorded_session import RecordedSession, first_truth
@@ -60,7 +60,7 @@ def start_pose(
 ) -> F64 | None:
     """Read `--start`: a pose (3,) in the map's frame, or None for anywhere.
 
-    LogError when tracking or the truth is asked for and there is no such pose; a usage error for other words.
+    InputError when tracking or the truth is asked for and there is no such pose; a usage error for other words.
     """
     if text is None:
         return info.start
@@ -69,12 +69,12 @@ def start_pose(
     if text == "tracking":
         if info.start is None:
             found = 'found no "start" pose in a header'
-            raise LogError(log, f"{found}; give --start truth, X,Y,HEADING or global")
+            raise InputError(log, f"{found}; give --start truth, X,Y,HEADING or global")
         return info.start
     if text == "truth":
         pose = first_truth()
         if pose is None:
-            raise LogError(log, "found no truth to start from; give --start X,Y,HEADING or global")
+            raise InputError(log, "found no truth to start from; give --start X,Y,HEADING or global")
         return pose
     return typed_pose(
         text, units_named(info.display_units), "--start is tracking, truth, global or X,Y,HEADING"
@@ -128,15 +128,15 @@ def open_session(
     path: Path,
     *,
     keep_going: bool,
-    opening: OpenOptions | None = None,
+    opening: ReadingOptions | None = None,
     listener: Listener = TO_CONSOLE,
 ) -> AnySession:
     """Open a session of any format; a word that is no file gets the nearest command's name."""
     if not path.exists():
         near = difflib.get_close_matches(str(path), COMMANDS, n=1)
         advice = f"did you mean the command {near[0]}?" if near else "maurice-replay --help lists commands"
-        raise LogError(path, f"there is no session or command of that name; {advice}")
-    options = replace(opening or OpenOptions(), keep_going=keep_going)
+        raise InputError(path, f"there is no session or command of that name; {advice}")
+    options = replace(opening or ReadingOptions(), keep_going=keep_going)
     one = chosen(path, options)
     session = open_any(path, replace(options, format=one.name))
     if one.name != NATIVE:
@@ -145,11 +145,11 @@ def open_session(
         listener.remark(session.recording.said)
     if session.kind != "session":
         advice = "build a library from it, or replay the session that belongs to it"
-        raise LogError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
+        raise InputError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
     return session
 
 
-def as_recorded_session(session: AnySession, opening: OpenOptions) -> RecordedSession:
+def as_recorded_session(session: AnySession, opening: ReadingOptions) -> RecordedSession:
     """Give the same session as one whose records can be had as well."""
     if isinstance(session, RecordedSession):
         return session
@@ -163,11 +163,11 @@ def open_library_for(
     path = library or session.info.survey
     if path is None:
         where = "" if isinstance(session, RecordedSession) else ' (no "survey" in the header)'
-        raise LogError(
+        raise InputError(
             session.path, f"found no library that goes with it{where}; say which with --library. {NONE_YET}"
         )
     if not path.exists():
-        raise LogError(path, "found no such library or survey; say which with --library")
+        raise InputError(path, "found no such library or survey; say which with --library")
     return open_library(
         path, keep_going=keep_going, progress=progress_of(listener, "library"), warn=listener.warning
     )
@@ -212,7 +212,7 @@ def make_runs(
     reference = nearest_reference(library.poses, library.arena)
     if not reference.grid.free.any():
         found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
-        raise LogError(session.path, f"{found}; mend the map in the survey's header")
+        raise InputError(session.path, f"{found}; mend the map in the survey's header")
     start = start_pose(options.start, session.info, session.path, lambda: _first_truth(session))
     if start is not None:
         _check_start(session, library, reference, start)
@@ -224,8 +224,8 @@ def make_runs(
         ]
     except ValueError as problem:  # bad motion parameters, in the file given or in the header
         if options.motion is not None:
-            raise LogError(options.motion, str(problem)) from None
-        raise LogError(session.path, str(problem), 1) from None
+            raise InputError(options.motion, str(problem)) from None
+        raise InputError(session.path, str(problem), 1) from None
     labels = unique_labels([one.label(options.config) for one in wanted])
     parts = zip(labels, localizers, configurations, strict=True)
     return [FilterRun(label, made, start, to_toml(one)) for label, made, one in parts]
@@ -244,7 +244,7 @@ def _check_start(session: Drive, library: Library, reference: NearestReference, 
     x_min, y_min, x_max, y_max = library.arena.bounds
     if not (x_min <= start[0] <= x_max and y_min <= start[1] <= y_max):
         bounds = f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"
-        raise LogError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
+        raise InputError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
     local = np.array([[*(start[:2] - library.origin), start[2]]], np.float32)
     if reference.entries(local, library.origin)[0] < 0:
         note(f"{at} is not in the map's free space: until particles reach it, all their weights are zero")
@@ -254,7 +254,7 @@ def _check_channels(session: Drive, library: Library, configuration: Configurati
     for channel in configuration.parameters.sensor.weights:
         if channel not in library.index:
             found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
-            raise LogError(session.path, f"{found}, and {channel} is wanted; build the library again")
+            raise InputError(session.path, f"{found}, and {channel} is wanted; build the library again")
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:

@@ -9,9 +9,9 @@ import typer
 
 from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import RecordedLocalizer
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, chosen
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, chosen
+from maurice_loaders.io.notes import ReadingNotes
 
 from ..cli.console import note
 from ..cli.errors import one_line_errors
@@ -23,7 +23,7 @@ from .output import Scene
 from .run import Playback, play
 
 
-def replay_as_recorded(path: Path, options: OpenOptions, output: OutputOptions) -> None:
+def replay_as_recorded(path: Path, options: ReadingOptions, output: OutputOptions) -> None:
     """Show the clouds of a bag; what is wrong with it ends in one line and status 1."""
     if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
         names = " and ".join(RECORDED_LAYOUT_NAMES)
@@ -32,17 +32,19 @@ def replay_as_recorded(path: Path, options: OpenOptions, output: OutputOptions) 
         play(playback_of(open_as_recorded(path, options)), output)
 
 
-def open_as_recorded(path: Path, options: OpenOptions) -> AsRecorded:
-    """Open a bag's localizer. LogError for what is no bag, and for one without particles."""
+def open_as_recorded(path: Path, options: ReadingOptions) -> AsRecorded:
+    """Open a bag's localizer. InputError for what is no bag, and for one without particles."""
     name = chosen(path, options).name
     if name not in BAGS:
-        raise LogError(path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded")
+        raise InputError(
+            path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded"
+        )
     own = replace(options.correction, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
     if own.typed:
-        raise LogError(path, f"--as-recorded shows a bag as it is, expected no {own.typed[0]}")
+        raise InputError(path, f"--as-recorded shows a bag as it is, expected no {own.typed[0]}")
     localizer = RecordedLocalizer(path, BAGS[name], options)
     label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
-    return AsRecorded(localizer, localizer.overview(), label, Findings(options.keep_going))
+    return AsRecorded(localizer, localizer.overview(), label, ReadingNotes(options.keep_going))
 
 
 def playback_of(recorded: AsRecorded) -> Playback:
@@ -65,7 +67,7 @@ def _remark(recorded: AsRecorded) -> None:
         note(text)
     if recorded.unweighted:
         note(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")
-    for warning in recorded.findings.warnings:
+    for warning in recorded.notes.warnings:
         note(warning)
-    if recorded.findings.count:
-        note(f"skipped {recorded.findings.count} broken messages, the first: {recorded.findings.problems[0]}")
+    if recorded.notes.count:
+        note(f"skipped {recorded.notes.count} broken messages, the first: {recorded.notes.problems[0]}")

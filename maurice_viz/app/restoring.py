@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.runs.rows import StepRows, moment_of, picture_hash, record_of, weighted_of
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.arrays import U8
@@ -38,7 +38,7 @@ class Pictures:
         try:
             image = next(moment.frame.image for moment in self._moments)
             problem = "is not the one that the run saw"
-        except (LogError, StopIteration) as stop:
+        except (InputError, StopIteration) as stop:
             image, problem = NO_PICTURE, f"is not there ({stop})"
         if picture_hash(image) == rows.step["picture_sha256"]:
             return image

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.runs.writer import RunWriter, check_run_target
 from maurice_mcl.analysis.run_comparison import Step
 
@@ -62,7 +62,7 @@ def replay_runs(
     output: OutputOptions,
     *,
     keep_going: bool,
-    opening: OpenOptions | None = None,
+    opening: ReadingOptions | None = None,
     shown_alone: bool = False,
 ) -> None:
     """Replay a session once for each run wanted; what is wrong with a file ends in one line and status 1.
@@ -76,13 +76,13 @@ def replay_runs(
         if shown_alone and library is None and session.info.survey is None:
             from .drive import replay_alone
 
-            reading = replace(opening or OpenOptions(), keep_going=keep_going)
+            reading = replace(opening or ReadingOptions(), keep_going=keep_going)
             replay_alone(as_recorded_session(session, reading), output)
             return
         references = open_library_for(session, library, keep_going=keep_going)
         runs = make_runs(session, references, wanted, options)
         pictures, has_truth = session.overview()
-        survey, how = library or session.info.survey or path, opening or OpenOptions()
+        survey, how = library or session.info.survey or path, opening or ReadingOptions()
         inputs = Inputs(session, survey, pictures, has_truth, keep_going, how)
         playback = Playback(
             shared(run_together(runs, session)),

@@ -11,7 +11,7 @@ from typing import TypeAlias
 from rich.table import Table
 from rich.text import Text
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.runs.bookmarks import Bookmark, Bookmarks, read_bookmarks
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.analysis.events import KINDS, EventDetector, RunEvent
@@ -47,7 +47,7 @@ class FoundEvents:
 def find_events(folder: Path) -> FoundEvents:
     """Find the events of a saved run or of a comparison, with the bookmarks beside them.
 
-    LogError when it is none, or is damaged.
+    InputError when it is none, or is damaged.
     """
     runs = open_runs(folder)
     notes = find_notes(folder, runs)
@@ -122,10 +122,10 @@ def wanted(run: RunEvents, kinds: Sequence[str], *, routine: bool = False) -> tu
 
 
 def check_step(runs: Sequence[SavedRun], folder: Path, step: int) -> None:
-    """Refuse a step that no run has. LogError."""
+    """Refuse a step that no run has. InputError."""
     last = max(run.manifest.steps or run.manifest.pictures for run in runs)
     if not 1 <= step <= last:
-        raise LogError(folder, f"found step {step}, expected one from 1 to {last}")
+        raise InputError(folder, f"found step {step}, expected one from 1 to {last}")
 
 
 def to_json(events: Mapping[str, Sequence[RunEvent]]) -> dict[str, object]:

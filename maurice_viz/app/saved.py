@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.runs.manifest import library_hash
@@ -39,17 +39,19 @@ from .run_events import find_notes
 def unchanged(
     source: Source, folder: Path, what: str, beside: Callable[[Path], Sequence[Path]] = nothing_beside
 ) -> Path:
-    """Find what a run was made from. LogError when it is gone, or it or a file `beside` it was changed."""
+    """Find what a run was made from. InputError when it is gone, or it or a file `beside` it was changed."""
     path = source.find(folder)
     if path is None:
-        raise LogError(Path(source.path), f"the {what} that the run was made from is gone; put it back")
+        raise InputError(Path(source.path), f"the {what} that the run was made from is gone; put it back")
     if source_hash(path, beside(path)) != source.sha256:
-        raise LogError(path, f"the {what} was changed after the run was made; restore it, or replay it anew")
+        raise InputError(
+            path, f"the {what} was changed after the run was made; restore it, or replay it anew"
+        )
     return path
 
 
 def session_of(run: SavedRun) -> AnySession:
-    """Open the session of a run as it was read then. LogError when it is gone or was changed."""
+    """Open the session of a run as it was read then. InputError when it is gone or was changed."""
     reading = run.manifest.reading
     path = unchanged(
         run.manifest.session, run.folder, "session", lambda path: chosen(path, reading).beside(path)
@@ -60,24 +62,24 @@ def session_of(run: SavedRun) -> AnySession:
 
 
 def library_of(run: SavedRun, listener: Listener = TO_CONSOLE) -> Library:
-    """Open the library of a run. LogError when it is gone, was changed, or is measured otherwise today."""
+    """Open the library of a run. InputError when it is gone, was changed, or is measured otherwise today."""
     path = unchanged(run.manifest.library, run.folder, "library")
     advance = progress_of(listener, "library")
     library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
     missing = [name for name in run.manifest.channels if name not in library.index]
     if missing or library_hash(library, run.manifest.channels) != run.manifest.library_content:
         what = f"has no channel {missing[0]}" if missing else "holds other measurements or poses"
-        raise LogError(path, f"the library {what} than when the run was made; restore its pictures")
+        raise InputError(path, f"the library {what} than when the run was made; restore its pictures")
     return library
 
 
 def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Localizer:
-    """Put the filter of a run together again. LogError when its parameters are refused today."""
+    """Put the filter of a run together again. InputError when its parameters are refused today."""
     parameters = run.configuration.parameters
     try:
         return make_localizer(library, session, parameters, seed=run.manifest.seed)
     except (ValueError, KeyError) as problem:
-        raise LogError(run.folder, f"its filter cannot be put together here: {problem}") from None
+        raise InputError(run.folder, f"its filter cannot be put together here: {problem}") from None
 
 
 Part = TypeVar("Part")
@@ -99,7 +101,7 @@ class Opened:
 
 
 def open_saved(folder: Path, listener: Listener = TO_CONSOLE) -> Opened:
-    """Open a saved run's folder, or a comparison's; remarks name what is gone. Raises LogError."""
+    """Open a saved run's folder, or a comparison's; remarks name what is gone. Raises InputError."""
     runs = open_runs(folder)
     _check_one_session(runs)
     found = _find(runs[0], listener)
@@ -146,7 +148,9 @@ class _Found:
 def _check_one_session(runs: list[SavedRun]) -> None:
     for run in runs[1:]:
         if run.manifest.session.sha256 != runs[0].manifest.session.sha256:
-            raise LogError(run.folder, f"is a run of another session than {runs[0].folder}; replay it alone")
+            raise InputError(
+                run.folder, f"is a run of another session than {runs[0].folder}; replay it alone"
+            )
 
 
 def _find(run: SavedRun, listener: Listener) -> _Found:
@@ -165,7 +169,7 @@ def _find(run: SavedRun, listener: Listener) -> _Found:
 def _tried(opening: Callable[[], Part], problems: list[str]) -> Part | None:
     try:
         return opening()
-    except LogError as problem:
+    except InputError as problem:
         problems.append(str(problem).split(";")[0])
         return None
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from maurice_loaders.formats.registry import OpenOptions, chosen
+from maurice_loaders.formats.registry import ReadingOptions, chosen
 from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_now
 from maurice_loaders.runs.sources import source_of
 from maurice_loaders.runs.writer import RunWriter, begin_comparison
@@ -28,7 +28,7 @@ class Inputs:
     pictures: int
     has_truth: bool
     keep_going: bool
-    opening: OpenOptions  # how the session was read
+    opening: ReadingOptions  # how the session was read
 
 
 @contextmanager
@@ -37,7 +37,7 @@ def saving(
 ) -> Iterator[Mapping[str, RunWriter]]:
     """Open a writer a run, and at the end have each say how it ended; no writers without `--run`.
 
-    Raises LogError when the folder is taken, SinkError when it can be written to no longer.
+    Raises InputError when the folder is taken, SinkError when it can be written to no longer.
     """
     if output.run is None:
         yield {}

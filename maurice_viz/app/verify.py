@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.runs.manifest import versions_now
 from maurice_loaders.runs.rows import StepRows, rows_of
-from maurice_loaders.runs.store import Difference, SavedRun, first_difference, open_runs
+from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference, open_runs
 from maurice_mcl.filter.localizer import run as run_filter
 
 from .listener import SILENT, Listener
@@ -25,7 +25,7 @@ class Verdict:
     label: str
     steps: int  # equal ones, from the first
     pictures: int  # of the session; a run that was stopped early has fewer steps
-    difference: Difference | None  # the first one; None: the runs are identical
+    difference: RunDifference | None  # the first one; None: the runs are identical
     changed: tuple[str, ...]  # packages whose version differs from then
 
     @property
@@ -57,7 +57,7 @@ class Verdict:
 def verify(run: str | Path, *, listener: Listener = SILENT) -> list[Verdict]:
     """Filter a saved run, or each run of a comparison, again from its manifest and compare step by step.
 
-    Only one step is held in memory. Raises LogError when a session or library is gone or was changed, or when
+    Only one step is held in memory. Raises InputError when a session or library is gone or was changed, or when
     the saved run is damaged or has no step.
 
         >>> [verdict] = mv.verify("my-run")
@@ -82,13 +82,13 @@ def _verified(run: SavedRun, listener: Listener) -> Verdict:
         steps += 1
         listener.progress(steps, manifest.pictures, f"verify {manifest.label}")
     if not steps:
-        raise LogError(run.folder, "holds no step, so there is nothing to verify; replay its session again")
+        raise InputError(run.folder, "holds no step, so there is nothing to verify; replay its session again")
     return Verdict(manifest.label, steps, manifest.pictures, None, changed)
 
 
-def ended(stored: StepRows) -> Difference:
+def ended(stored: StepRows) -> RunDifference:
     """Return the difference of a step that the session no longer has."""
-    return Difference(stored.step["step"], "picture", str(stored.step["picture"]), "no more pictures")
+    return RunDifference(stored.step["step"], "picture", str(stored.step["picture"]), "no more pictures")
 
 
 def changed_versions(run: SavedRun) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import typer
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 from ..errors import OptionError
 
@@ -23,7 +23,7 @@ def one_line_errors() -> Iterator[None]:
         yield
     except OptionError as problem:
         raise typer.BadParameter(str(problem)) from None
-    except LogError as problem:
+    except InputError as problem:
         _fail(str(problem))
     except OSError as problem:
         where = f"{problem.filename}: " if problem.filename else ""

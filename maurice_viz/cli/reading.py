@@ -12,14 +12,14 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.recorded_session import MAX_DT_S
 from maurice_loaders.transforms.clocks import PER_SECOND
 from maurice_loaders.transforms.corrected import MOTIONS_ARE, option_name, option_value
 
 from .gathering import Command, in_place_of
 
-READING = "opening"  # the parameter of a command that takes them all, an OpenOptions
+READING = "opening"  # the parameter of a command that takes them all, an ReadingOptions
 
 
 def _checked_unit(value: str | None) -> str | None:
@@ -127,9 +127,9 @@ OPTIONS = (
 )
 
 
-def open_options(*, keep_going: bool = False, **given: Any) -> OpenOptions:
+def open_options(*, keep_going: bool = False, **given: Any) -> ReadingOptions:
     """Put the options together from what was typed, by parameter name."""
-    return OpenOptions(
+    return ReadingOptions(
         format=given["format"],
         camera=given["camera"],
         image_topic=given["image_topic"],
@@ -158,9 +158,9 @@ def open_options(*, keep_going: bool = False, **given: Any) -> OpenOptions:
     )
 
 
-def typed(opening: OpenOptions) -> list[str]:
+def typed(opening: ReadingOptions) -> list[str]:
     """Give options of reading as they are typed, all but those that are as usual; `keep_going` is no such."""
-    words, usual = [], OpenOptions()
+    words, usual = [], ReadingOptions()
     for name in (one.name for one in fields(usual) if one.name != "keep_going"):
         value = getattr(opening, name)
         if value == getattr(usual, name):

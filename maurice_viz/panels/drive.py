@@ -11,8 +11,8 @@ import numpy as np
 import rerun as rr
 
 from maurice_loaders.recording import motion_between, moved, together
-from maurice_loaders.transforms.placeholders import STAND_IN
-from maurice_loaders.transforms.simplified_path import ThinnedPath
+from maurice_loaders.transforms.placeholders import PLACEHOLDER
+from maurice_loaders.transforms.simplified_path import SimplifiedPath
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
@@ -84,7 +84,7 @@ class DrivePaths:
 
 def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
     """Go through a drive once. The way by odometry is laid so that it meets the truth where that begins."""
-    own, measured, true = np.zeros(3), ThinnedPath(MOST), ThinnedPath(MOST)
+    own, measured, true = np.zeros(3), SimplifiedPath(MOST), SimplifiedPath(MOST)
     begins, count, events, moves = info.start, 0, 0, False
     for one in known:
         count, events, moves = count + 1, events + len(one.events), moves or len(one.motions) > 0
@@ -100,7 +100,7 @@ def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
     return DrivePaths(count, events, True, begins, _laid(_points(measured), begins), _points(true))
 
 
-def _points(path: ThinnedPath) -> F64:
+def _points(path: SimplifiedPath) -> F64:
     return path.poses()[:, :2]
 
 
@@ -221,7 +221,7 @@ class _Pen:
 
     def draw(self, moment: Moment) -> None:
         """Log one moment."""
-        if moment.frame.picture != STAND_IN:
+        if moment.frame.picture != PLACEHOLDER:
             draw_pictures.draw_camera(self.rec, moment.frame.image)
             self._draw_vectors(moment)
             self._trace("brightness", float(moment.frame.image.mean()))

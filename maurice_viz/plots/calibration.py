@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import expect_absent
 from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.motion import Calibration, Trials
@@ -65,12 +65,12 @@ class Shown:
 
 
 def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
-    """Write figures 4 to 11 into a folder, which may exist. LogError when one of them is there already."""
+    """Write figures 4 to 11 into a folder, which may exist. InputError when one of them is there already."""
     files = [folder / f"{name}.png" for name in FIGURES]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise LogError(folder, f"cannot be made: {problem.strerror}; choose another place") from None
+        raise InputError(folder, f"cannot be made: {problem.strerror}; choose another place") from None
     for file in files:
         expect_absent(file, force=force)
     for file, draw in zip(files, FIGURES.values(), strict=True):
@@ -240,7 +240,7 @@ def _scaled(spread: Spread, factor: float) -> Spread:
 
 
 def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
-    """Write both figures side by side into one PNG. LogError when it exists and `force` is not given."""
+    """Write both figures side by side into one PNG. InputError when it exists and `force` is not given."""
     from matplotlib.figure import Figure
 
     made = Figure(figsize=(11.0, 4.6), layout="constrained")

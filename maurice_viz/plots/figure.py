@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.statistics import Spread
@@ -28,11 +28,11 @@ EXTRA = "pip install 'maurice-replay[plots]'"
 
 
 def expect_matplotlib(target: Path) -> None:
-    """Raise LogError with the command that installs it where matplotlib is missing."""
+    """Raise InputError with the command that installs it where matplotlib is missing."""
     try:
         import matplotlib  # noqa: F401 - only to see whether it is there
     except ImportError:
-        raise LogError(target, f"cannot be drawn: matplotlib is not installed; {EXTRA}") from None
+        raise InputError(target, f"cannot be drawn: matplotlib is not installed; {EXTRA}") from None
 
 
 def figure(title: str, x: str, y: str, size: tuple[float, float] = (8.0, 4.6)) -> tuple[Figure, Axes]:
@@ -61,7 +61,7 @@ def legend(made: Figure) -> None:
 
 
 def save(made: Figure, file: Path, *, force: bool) -> None:
-    """Write a figure as PNG. LogError when the file exists and `force` is not given."""
+    """Write a figure as PNG. InputError when the file exists and `force` is not given."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     expect_absent(file, force=force)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def html_report(opened: Opened, folder: Path) -> str:
     """Make the page about a saved run, or about all runs of a comparison.
 
-    LogError where the run holds no step. The same run gives the same page, byte for byte.
+    InputError where the run holds no step. The same run gives the same page, byte for byte.
     """
     library = opened.scene.library
     scale = scale_for(opened.scene.info.display_units, library.arena)
@@ -34,7 +34,7 @@ def html_report(opened: Opened, folder: Path) -> str:
     with progress("read") as advance:
         collected = collect(opened.updates(), known, scale, library.arena.size_m, advance, total)
     if not collected.steps:
-        raise LogError(folder, "holds no step, so there is nothing to report; replay its session anew")
+        raise InputError(folder, "holds no step, so there is nothing to report; replay its session anew")
     happened = happenings(collected)
     scenes = choose(collected, happened)
     photographer = Photographer(library.arena, scale, opened.session is not None)

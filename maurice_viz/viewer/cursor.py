@@ -8,7 +8,7 @@ from typing import Any
 
 from rerun.experimental import ViewerClient
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 from .open_viewers import open_viewers
 from .spawn import address, is_listening
@@ -19,23 +19,25 @@ ANY = ""  # the recording that is in front, whichever that is
 def move_viewer(folder: Path, session: str, port: int | None, timeline: str, value: int) -> None:
     """Move the viewer on a port, or the one opened last that shows this session, to a place of a timeline.
 
-    LogError in one line where none is open, or what it shows has no such place.
+    InputError in one line where none is open, or what it shows has no such place.
     """
     recording = ANY
     if port is None:
         port, recording = _ours(folder, session)
     elif not is_listening(port):
-        raise LogError(folder, f"found no viewer on port {port}; open one with: rerun --port {port} FILE.rrd")
+        raise InputError(
+            folder, f"found no viewer on port {port}; open one with: rerun --port {port} FILE.rrd"
+        )
     try:
         client = ViewerClient.connect(address(port))
         shown = _recording(client.get_state(), recording)
         if shown is None or timeline not in [known.name for known in shown.timelines]:
             found = f"the viewer on port {port} shows no recording with the timeline {timeline!r}"
-            raise LogError(folder, f"{found}; {_how_to_open(folder)}")
+            raise InputError(folder, f"{found}; {_how_to_open(folder)}")
         client.set_location(shown.location)
         client.set_time(timeline, sequence=value, play_state="paused", recording=shown.store_id)
     except (ConnectionError, OSError, RuntimeError, ValueError) as problem:
-        raise LogError(folder, f"the viewer on port {port} does not answer ({problem})") from None
+        raise InputError(folder, f"the viewer on port {port} does not answer ({problem})") from None
 
 
 def _ours(folder: Path, session: str) -> tuple[int, str]:
@@ -46,7 +48,7 @@ def _ours(folder: Path, session: str) -> tuple[int, str]:
             return viewer.port, viewer.recording
     shown = ", ".join(repr(viewer.name) for viewer in viewers)
     found = f"the open viewers show {shown}, not {session!r}" if viewers else "no viewer is open"
-    raise LogError(folder, f"{found}; {_how_to_open(folder)}")
+    raise InputError(folder, f"{found}; {_how_to_open(folder)}")
 
 
 def _how_to_open(folder: Path) -> str:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from PIL import GifImagePlugin, Image
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import expect_absent
 from maurice_mcl.arrays import U8
 
@@ -39,7 +39,7 @@ class Film(Protocol):
 def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
     """Open a movie for writing; it appears under its name when the block ends well, else not at all.
 
-    LogError when the file exists and `force` is not given, or when it cannot be written.
+    InputError when the file exists and `force` is not given, or when it cannot be written.
     """
     expect_absent(path, force=force)
     part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
@@ -57,7 +57,7 @@ def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
                 video.end()
         part.replace(path)
     except OSError as problem:
-        raise LogError(path, f"cannot be written: {problem.strerror}; choose another place") from None
+        raise InputError(path, f"cannot be written: {problem.strerror}; choose another place") from None
     finally:
         part.unlink(missing_ok=True)
 
@@ -85,7 +85,7 @@ class Video:
             size = (even.shape[1], even.shape[0])
             self._writer = cv2.VideoWriter(str(self._file), cv2.VideoWriter.fourcc(*VP9), self._fps, size)
             if not self._writer.isOpened():
-                raise LogError(self._file, "this OpenCV writes no VP9; make a .gif")
+                raise InputError(self._file, "this OpenCV writes no VP9; make a .gif")
         self._writer.write(cv2.cvtColor(even, cv2.COLOR_RGB2BGR))
 
     def end(self) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 
 import platformdirs
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.fields import read_json
 from maurice_loaders.io.files import write_whole
 
@@ -75,7 +75,7 @@ def _file(port: int) -> Path:
 
 def _write(viewer: OpenViewer) -> None:
     file = _file(viewer.port)
-    with suppress(OSError, LogError):  # no reason to fail a replay
+    with suppress(OSError, InputError):  # no reason to fail a replay
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(asdict(viewer), ensure_ascii=False).encode(), force=True)
 

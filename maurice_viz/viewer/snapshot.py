@@ -16,7 +16,7 @@ from typing import Any
 
 from rerun.experimental import ViewerClient
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 from ..entities import PHASE, STEP
 from .spawn import address, free_port, start_viewer
@@ -56,29 +56,29 @@ class Viewer:
         return last
 
     def span(self, timeline: str) -> tuple[int, int]:
-        """Give the first and the last place of a timeline. LogError where the recording has none such."""
+        """Give the first and the last place of a timeline. InputError where the recording has none such."""
         for known in self._recording.timelines:
             if known.name == timeline:
                 return int(known.start), int(known.end)
-        raise LogError(self._file, f"found no timeline {timeline!r}; was it made by maurice-replay?")
+        raise InputError(self._file, f"found no timeline {timeline!r}; was it made by maurice-replay?")
 
     def show_layout(self, name: str) -> None:
-        """Bring the tab of a layout to the front. LogError with the names there are for any other."""
+        """Bring the tab of a layout to the front. InputError with the names there are for any other."""
         try:
             self._arrange(with_layout(self._client.get_blueprint().blueprint, name))
         except LayoutError as problem:
-            raise LogError(self._file, str(problem)) from None
+            raise InputError(self._file, str(problem)) from None
 
     def show_only(self, name: str) -> None:
         """Let one view fill the window, by its title or the beginning of it.
 
-        LogError with the titles there are where none or several begin so.
+        InputError with the titles there are where none or several begin so.
         """
         views = {str(view.name): str(view.view_id) for view in self._client.get_state().views}
         try:
             self._arrange(maximized(self._client.get_blueprint().blueprint, views, name))
         except LayoutError as problem:
-            raise LogError(self._file, str(problem)) from None
+            raise InputError(self._file, str(problem)) from None
 
     def _arrange(self, blueprint: dict[str, Any]) -> None:
         self._client.set_blueprint(blueprint, store_id=self._recording.store_id)
@@ -91,10 +91,10 @@ def software_driver() -> Path | None:
 
 
 def expect_driver(target: Path) -> Path:
-    """Find the software driver. LogError that names the package where there is none."""
+    """Find the software driver. InputError that names the package where there is none."""
     driver = software_driver()
     if driver is None:
-        raise LogError(target, f"found no software Vulkan driver to draw with; {ADVICE}")
+        raise InputError(target, f"found no software Vulkan driver to draw with; {ADVICE}")
     return driver
 
 
@@ -104,7 +104,7 @@ def headless_viewer(
 ) -> Iterator[Viewer]:
     """Open a recording in a headless viewer, and close the viewer at the end.
 
-    LogError when there is no driver, when the viewer dies, or when nothing is loaded in time.
+    InputError when there is no driver, when the viewer dies, or when nothing is loaded in time.
     """
     driver = expect_driver(recording)
     with tempfile.TemporaryDirectory(prefix="maurice-viewer-", ignore_cleanup_errors=True) as home:
@@ -113,7 +113,7 @@ def headless_viewer(
         try:
             yield _connect(recording, process, address(port), patience_s)
         except ConnectionError as problem:  # it died, or it does not answer
-            raise LogError(recording, f"the viewer failed: {str(problem).splitlines()[0]}") from problem
+            raise InputError(recording, f"the viewer failed: {str(problem).splitlines()[0]}") from problem
         finally:
             process.terminate()
             try:
@@ -139,7 +139,7 @@ def _connect(recording: Path, process: subprocess.Popen[bytes], url: str, patien
     client, deadline = None, time.monotonic() + patience_s
     while time.monotonic() < deadline:
         if process.poll() is not None:
-            raise LogError(recording, f"the viewer ended with status {process.returncode}")
+            raise InputError(recording, f"the viewer ended with status {process.returncode}")
         try:
             client = client or ViewerClient.connect(url)
             state = client.get_state()
@@ -149,4 +149,4 @@ def _connect(recording: Path, process: subprocess.Popen[bytes], url: str, patien
             if state.recordings and not state.loading and state.recordings[0].timelines:
                 return Viewer(client, state.recordings[0], recording)
         time.sleep(LOOK_EVERY_S)
-    raise LogError(recording, f"the viewer loaded no recording within {patience_s:.0f} s")
+    raise InputError(recording, f"the viewer loaded no recording within {patience_s:.0f} s")

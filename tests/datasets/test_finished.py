@@ -8,7 +8,7 @@ import pytest
 
 from maurice_datasets.folders import cached, copy_whole, fingerprint, is_whole, seal
 from maurice_datasets.worlds.world import Box, World
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 
 def test_a_sealed_folder_is_whole_until_anything_changes(tmp_path: Path) -> None:
@@ -33,7 +33,7 @@ def test_a_full_disk_is_one_short_line(tmp_path: Path, monkeypatch: pytest.Monke
         raise OSError(28, "No space left on device", str(source))
 
     monkeypatch.setattr("shutil.copyfile", full)
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(InputError) as caught:
         copy_whole(tmp_path / "from", tmp_path / "full")
     said = f"{tmp_path / 'full' / 'pictures' / 'a'}: cannot be written: No space left on device"
     assert str(caught.value) == f"{said}; choose another place"

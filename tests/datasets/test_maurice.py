@@ -11,7 +11,7 @@ from maurice_datasets.maurice import DemoPaths, demo_paths, write_demo
 from maurice_datasets.robot.segments import crossings
 from maurice_datasets.survey import Surveyor
 from maurice_datasets.worlds.world import World, floor_at
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.geometry import INCH_M
 
@@ -97,7 +97,7 @@ def test_floors_are_named_where_they_change(world: World) -> None:
 
 def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("dear")
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         write_demo(tmp_path, updates=1, surveyor=QUICK)
     assert [f.name for f in tmp_path.iterdir()] == ["letter.txt"]
 

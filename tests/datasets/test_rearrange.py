@@ -5,7 +5,7 @@ import pytest
 
 from maurice_datasets.worlds.rearrange import door_middles, move_things
 from maurice_datasets.worlds.world import World, inside, touching
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.geometry import INCH_M
 
 
@@ -55,7 +55,7 @@ def test_the_seed_decides(world: World) -> None:
 
 
 def test_more_than_there_are_is_refused(world: World) -> None:
-    with pytest.raises(LogError, match="8 pieces of furniture, fewer than the 9 to move"):
+    with pytest.raises(InputError, match="8 pieces of furniture, fewer than the 9 to move"):
         move_things(world, 9, 0)
 
 

@@ -19,7 +19,7 @@ from maurice_datasets.survey import Surveyor
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World, clearance
 from maurice_loaders.calibration.trials import trials_from_session
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
 
 QUICK = Surveyor(headings=1, covered=1)
@@ -175,7 +175,7 @@ def test_a_path_that_fits_nowhere_is_refused(tmp_path: Path) -> None:
         rows = np.stack([np.linspace(0, 90, 400), np.zeros(400), np.zeros(400)], axis=1)
         np.savetxt(tmp_path / name, rows[:, columns])
     np.savetxt(tmp_path / "odom_quaternion.txt", np.tile([0.0, 1.0], (400, 1)))
-    with pytest.raises(LogError, match="fits nowhere"):
+    with pytest.raises(InputError, match="fits nowhere"):
         write_simulation(tmp_path / "out", replace(SHORT, updates=400, recording=tmp_path))
     assert not (tmp_path / "out").exists()
 
@@ -184,13 +184,13 @@ def test_a_recording_without_movement_or_truth_is_refused(tmp_path: Path) -> Non
     log = tmp_path / "session.log"
     header = '{"format": "maurice-session-log", "version": 1, "kind": "session"}\n'
     log.write_text(header + '{"t": 0, "odometry": [1, 0, 0]}\n')
-    with pytest.raises(LogError, match="start pose"):
+    with pytest.raises(InputError, match="start pose"):
         read_recording(log, 9)
     log.write_text(header + '{"t": 0, "truth": [1, 0, 0]}\n')
-    with pytest.raises(LogError, match="no movement"):
+    with pytest.raises(InputError, match="no movement"):
         read_recording(log, 9)
     log.write_text(header + '{"t": 0, "truth": [1, 0, 0]}\n{"t": 9, "image": "a.png"}\n')
-    with pytest.raises(LogError, match="without truth"):
+    with pytest.raises(InputError, match="without truth"):
         read_recording(log, 9)
 
 

@@ -12,7 +12,7 @@ import pytest
 from maurice_datasets.worlds.surfaces.paints import read_image
 from maurice_datasets.worlds.world import World, clearance, floor_at, inside
 from maurice_datasets.worlds.world_file import load_world, shipped_worlds
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"
 SMALL = """
@@ -58,7 +58,7 @@ def write(folder: Path, text: str = SMALL) -> Path:
 
 
 def refusal(file: Path) -> str:
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(InputError) as caught:
         load_world(file, 0)
     assert "\n" not in str(caught.value)
     return str(caught.value)
@@ -165,9 +165,9 @@ def test_furniture_in_furniture_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_unknown_name_lists_those_there_are(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="there are office, two-rooms"):
+    with pytest.raises(InputError, match="there are office, two-rooms"):
         load_world("three-rooms", 0)
-    with pytest.raises(LogError, match="there are nominal, dim, hard"):
+    with pytest.raises(InputError, match="there are nominal, dim, hard"):
         load_world("two-rooms", 0, "easy")
 
 

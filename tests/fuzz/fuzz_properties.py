@@ -18,9 +18,9 @@ from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.bags.topics import PoseTopic
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.fields import FieldError
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live.bridges import ASK, HEAD, Foxglove, Rosbridge
 from maurice_loaders.live.intake import Intake, Received
@@ -109,11 +109,11 @@ def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]
             raise ConnectionRefusedError(111, "Connection refused")
         return script
 
-    source, findings = LiveSource("peer", connect, peer=True), Findings(keep_going=True)
+    source, notes = LiveSource("peer", connect, peer=True), ReadingNotes(keep_going=True)
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr(live_listening, "FIRST_WAIT_S", 0.0)
         recorder = LiveRecorder(Path(folder))
-        intake = Intake(source, Listening(source, stop, Patience(60)), findings, lambda text: None)
+        intake = Intake(source, Listening(source, stop, Patience(60)), notes, lambda text: None)
         heard, begun, refused = [], False, ""
         try:
             for one in intake:
@@ -123,7 +123,7 @@ def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]
                 if isinstance(one, Received):
                     recorder.add(one.line)
                     heard.append(one.record.t_s)
-        except LogError as problem:
+        except InputError as problem:
             refused = str(problem)
         finally:
             recorder.close()
@@ -134,7 +134,7 @@ def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]
             log = recorder.path
             assert read_header(log)[1] == "session"
             assert [
-                record.t_s for record in read_records(log, "session", Findings(keep_going=False))
+                record.t_s for record in read_records(log, "session", ReadingNotes(keep_going=False))
             ] == heard
 
 

@@ -16,10 +16,10 @@ from fuzz_mutations import mutated
 from fuzz_properties import SHARES as PROPERTIES
 from fuzz_seeds import DUMPS, JPEG, LOGS, ON_DISK, STREAMS
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
-from maurice_loaders.formats.registry import OpenOptions
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import PictureError, decode_picture
 from maurice_loaders.live.intake import Intake, Received
 from maurice_loaders.live.listening import Listening, Patience
@@ -88,7 +88,7 @@ def read_dump(data: bytes, folder: Path) -> None:
 
 
 def _all_pictures(path: Path) -> None:
-    for record in open_dump(path, OpenOptions()).records(Findings(keep_going=True)):
+    for record in open_dump(path, ReadingOptions()).records(ReadingNotes(keep_going=True)):
         if isinstance(record, Picture):
             try:
                 record.read()
@@ -101,7 +101,7 @@ def _refused(read: Callable[[], None]) -> None:
     said = ""
     try:
         read()
-    except LogError as problem:
+    except InputError as problem:
         said = str(problem)
     assert "\n" not in said
 
@@ -151,7 +151,7 @@ def read_rosbridge(talk: Conversation, folder: Path) -> None:
 
 def _converse(subprotocol: str | None, talk: Conversation) -> None:
     connection: Any = ScriptedConnection(subprotocol, talk)
-    _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, OpenOptions()))
+    _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, ReadingOptions()))
     assert connection.sent < 10_000 * len(talk)
 
 
@@ -159,7 +159,7 @@ def _listen(connect: Callable[[], Any]) -> None:
     stop = threading.Event()
     source = LiveSource("peer", connect, peer=True, once=True)
     intake = Intake(
-        source, Listening(source, stop, Patience(60)), Findings(keep_going=True), lambda text: None
+        source, Listening(source, stop, Patience(60)), ReadingNotes(keep_going=True), lambda text: None
     )
     _refused(lambda: _check(iter(intake)))
 

@@ -17,7 +17,7 @@ from fuzz_targets import SHARES, TARGETS, Target, prepare
 from fuzz_watch import TookTooLong, in_memory, in_time
 
 from maurice_loaders.formats.cmucam import decode_frame, frames
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.live.bridges import ASK
 from maurice_loaders.live.listening import LineCutter
 from maurice_loaders.live.websocket import WebsocketStream
@@ -69,7 +69,7 @@ def test_dumps_are_right_before_they_are_changed() -> None:
 def test_bridges_are_right_before_they_are_changed(talk: Any) -> None:
     protocol = "foxglove.websocket.v1" if talk in FOXGLOVE else None
     connection: Any = ScriptedConnection(protocol, talk)
-    channel = WebsocketStream("ws://robot:1", connection, connection.close, OpenOptions())
+    channel = WebsocketStream("ws://robot:1", connection, connection.close, ReadingOptions())
     data = b"".join(channel.read(0.0) or b"" for _ in range(len(talk)))
     header, *lines = LineCutter().feed(data)
     assert json.loads(header.data)["kind"] == "session"

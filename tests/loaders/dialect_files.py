@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_loaders.formats.registry import OpenOptions, open_recording
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.formats.registry import ReadingOptions, open_recording
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recording import Picture, Record
 
 BEGIN_S = 1305031102.1753
@@ -20,12 +20,12 @@ QUARTER = math.sqrt(0.5)
 COUNTS = {"Picture": 3, "TruthPose": 3}
 
 
-def read(path: Path, options: OpenOptions | None = None) -> tuple[list[Record], tuple[str, ...]]:
-    findings = Findings(keep_going=False)
-    return list(open_recording(path, options).records(findings)), findings.warnings
+def read(path: Path, options: ReadingOptions | None = None) -> tuple[list[Record], tuple[str, ...]]:
+    notes = ReadingNotes(keep_going=False)
+    return list(open_recording(path, options).records(notes)), notes.warnings
 
 
-def counts(path: Path, options: OpenOptions | None = None) -> dict[str, int]:
+def counts(path: Path, options: ReadingOptions | None = None) -> dict[str, int]:
     """Count the records, and decode every picture."""
     found, _ = read(path, options)
     assert all(one.read().shape == (4, 6, 3) for one in found if isinstance(one, Picture))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.runs.bookmarks import (
     Bookmark,
     add_bookmark,
@@ -109,7 +109,7 @@ def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, notes: list
 def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     try:
-        with pytest.raises(LogError, match="cannot be written"):
+        with pytest.raises(InputError, match="cannot be written"):
             add_bookmark(tmp_path, ODD)
     finally:
         tmp_path.chmod(0o700)
@@ -117,7 +117,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> 
 
 def test_a_folder_in_its_place_is_said_in_one_line(tmp_path: Path) -> None:
     bookmarks_file(tmp_path).mkdir()
-    with pytest.raises(LogError, match="cannot be written"):
+    with pytest.raises(InputError, match="cannot be written"):
         add_bookmark(tmp_path, ODD)
-    with pytest.raises(LogError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot be read"):
         read_bookmarks(tmp_path)

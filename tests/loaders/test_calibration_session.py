@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.calibration.trials import floor_between, mishaps, trials_from_session
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
@@ -104,12 +104,12 @@ def test_floors_of_ways() -> None:
 
 def test_no_truth_one_truth_and_a_survey_are_refused(tmp_path: Path) -> None:
     path = written(tmp_path, (1.0, "odometry", (0, 0, 1.4)))
-    with pytest.raises(LogError, match="found no truth"):
+    with pytest.raises(InputError, match="found no truth"):
         trials_from_session(path)
     path.unlink()
-    with pytest.raises(LogError, match="found one truth"):
+    with pytest.raises(InputError, match="found one truth"):
         trials_from_session(written(tmp_path, (0.0, "truth", (1, 1, 0)), (1.0, "odometry", (0, 0, 1.4))))
     with SessionWriter(tmp_path / "survey.log", SessionInfo("s"), "survey"):
         pass
-    with pytest.raises(LogError, match="found a survey log"):
+    with pytest.raises(InputError, match="found a survey log"):
         trials_from_session(tmp_path / "survey.log")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.calibration.trials import read_trials, write_trials
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.calibration.motion import Straights, Trials, Turns
 
 GOOD = """kind,measured,actual,heading_error_deg,floor
@@ -53,15 +53,15 @@ def test_three_columns_are_enough(tmp_path: Path) -> None:
     ],
 )
 def test_bad_tables_name_the_row_and_the_column(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(LogError, match=said.replace("?", r"\?")):
+    with pytest.raises(InputError, match=said.replace("?", r"\?")):
         read_trials(written(tmp_path, text))
 
 
 def test_missing_and_binary_files(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_trials(tmp_path / "none.csv")
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(LogError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot be read"):
         read_trials(tmp_path / "b.csv")
     with pytest.raises(ValueError, match="expected one of m, cm, mm, in"):
         read_trials(tmp_path / "b.csv", "feet")
@@ -77,9 +77,9 @@ def test_what_is_written_reads_back_and_is_not_overwritten(tmp_path: Path) -> No
     assert again.straights.actual_m == pytest.approx(straights.actual_m)
     assert again.straights.drift_rad == pytest.approx(straights.drift_rad, abs=1e-5, nan_ok=True)
     assert again.straights.floors == straights.floors
-    with pytest.raises(LogError, match="--force"):
+    with pytest.raises(InputError, match="--force"):
         write_trials(file, trials)
     write_trials(file, trials, force=True)
     assert [f.name for f in tmp_path.iterdir()] == ["out.csv"]
-    with pytest.raises(LogError, match="found a folder"):
+    with pytest.raises(InputError, match="found a folder"):
         write_trials(tmp_path, trials, force=True)

@@ -11,7 +11,7 @@ import pytest
 
 from maurice_loaders.formats.odometry_folder import read_aligned
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recording import moved
 from maurice_loaders.transforms.clocks import offset_between
 from maurice_mcl.arrays import F64
@@ -76,14 +76,12 @@ def test_the_offset_that_is_said_brings_truth_back(tmp_path: Path) -> None:
 
     write("odometry.txt", t_s + 1e9, poses)
     write("groundtruth.txt", t_s[200:500], poses[200:500])
-    findings = Findings(keep_going=False)
-    list(open_recording(tmp_path).records(findings))
-    (said,) = findings.warnings
+    notes = ReadingNotes(keep_going=False)
+    list(open_recording(tmp_path).records(notes))
+    (said,) = notes.warnings
     assert "movement is most like the odometry's" in said
     assert float(said.rsplit("--truth-offset ", 1)[1]) == pytest.approx(1e9, abs=0.15)
     write("groundtruth.txt", t_s[200:500], poses[200:500] * 0)
-    findings = Findings(keep_going=False)
-    list(open_recording(tmp_path).records(findings))
-    assert (
-        "movement does not tell how far; if both begin together, use --truth-offset" in findings.warnings[0]
-    )
+    notes = ReadingNotes(keep_going=False)
+    list(open_recording(tmp_path).records(notes))
+    assert "movement does not tell how far; if both begin together, use --truth-offset" in notes.warnings[0]

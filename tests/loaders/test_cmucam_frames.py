@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.formats.cmucam import decode_frame, frames
-from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import PictureError
 from maurice_loaders.recording import Picture
 from maurice_mcl.arrays import U8
@@ -52,7 +52,9 @@ def test_frames_between_other_bytes_are_found(name: str, tmp_path: Path) -> None
     file = tmp_path / "d.dump"
     file.write_bytes(b"CMUcam2 v1.00 c6\r:ACK\r" + b":ACK\r".join(made) + b":")
     found = [
-        r.read() for r in open_recording(file).records(Findings(keep_going=False)) if isinstance(r, Picture)
+        r.read()
+        for r in open_recording(file).records(ReadingNotes(keep_going=False))
+        if isinstance(r, Picture)
     ]
     assert len(found) == 3
     for k, picture in enumerate(found):
@@ -75,7 +77,7 @@ def test_a_cut_frame_is_one_problem_and_the_next_is_found(tmp_path: Path) -> Non
     whole = b"\1" + DIALECTS["size and a marker a line"](rgb()) + b"\3"
     file = tmp_path / "d.dump"
     file.write_bytes(whole + b":" + whole[:40] + b"ACK\r" + whole + whole[:-1])
-    session = open_session(file, OpenOptions(keep_going=True))
+    session = open_session(file, ReadingOptions(keep_going=True))
     assert len(list(session.moments())) == 2
     assert session.problem_count == 2
     with pytest.raises(PictureError, match="without its end"):
@@ -90,7 +92,9 @@ def test_a_dump_is_read_piece_by_piece(tmp_path: Path) -> None:
     file = tmp_path / "d.dump"
     file.write_bytes(b":ACK\r".join(made))
     found = [
-        r.read() for r in open_recording(file).records(Findings(keep_going=False)) if isinstance(r, Picture)
+        r.read()
+        for r in open_recording(file).records(ReadingNotes(keep_going=False))
+        if isinstance(r, Picture)
     ]
     assert len(found) == 9
     np.testing.assert_array_equal(found[8], np.repeat(rgb(8, 88, 143), 2, axis=1))

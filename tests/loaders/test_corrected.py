@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from format_samples import sample
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import (
     Motion,
@@ -47,7 +47,7 @@ class Given:
     def __init__(self, records: Sequence[Record]) -> None:
         self.all = records
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         return iter(self.all)
 
 
@@ -64,7 +64,7 @@ def poses_of(steps: F64, begin: Sequence[float] = (0, 0, 0)) -> F64:
 
 
 def values(recording: Corrected | Given) -> F64:
-    found = recording.records(Findings(keep_going=False))
+    found = recording.records(ReadingNotes(keep_going=False))
     return np.array([one.motion if isinstance(one, Motion) else one.pose for one in found])  # type: ignore[union-attr]
 
 
@@ -166,7 +166,7 @@ def test_times_are_moved_and_stay_in_order_with_poses_before_pictures() -> None:
     records.insert(3, Note(t_s[0], "hello"))
     moved_back = Corrected(Given(records), Correction(picture_offset_s=-1000.0))
     for _ in range(2):  # as often as one likes
-        found = list(moved_back.records(Findings(keep_going=False)))
+        found = list(moved_back.records(ReadingNotes(keep_going=False)))
         assert len(found) == 37
         assert [type(one).__name__ for one in found[4:7]] == ["Motion", "TruthPose", "Picture"]
         assert [one.t_s for one in found] == sorted(one.t_s for one in found)
@@ -178,13 +178,13 @@ def test_offsets_hold_no_more_than_a_record_of_each_clock() -> None:
         path, info = Path("endless"), SessionInfo("endless")
         reached = 0
 
-        def records(self, findings: Findings) -> Iterator[Record]:
+        def records(self, notes: ReadingNotes) -> Iterator[Record]:
             for number in count():
                 self.reached = max(self.reached, number)
                 yield Motion(float(number), np.zeros(3)) if number % 2 else picture(float(number))
 
     endless = Endless()
-    found = Corrected(endless, Correction(odometry_offset_s=500.0)).records(Findings(keep_going=False))
+    found = Corrected(endless, Correction(odometry_offset_s=500.0)).records(ReadingNotes(keep_going=False))
     assert [one.t_s for one in islice(found, 400)] == [2.0 * k for k in range(400)][:250] + [
         t for k in range(250, 326) for t in (2.0 * k, 2.0 * k + 1)
     ][:150]
@@ -194,11 +194,11 @@ def test_offsets_hold_no_more_than_a_record_of_each_clock() -> None:
 def test_nothing_to_do_leaves_the_recording_itself() -> None:
     given = Given([])
     assert corrected(given, Correction()) is given
-    with pytest.raises(LogError, match="expected one of poses, steps"):
+    with pytest.raises(InputError, match="expected one of poses, steps"):
         corrected(given, Correction(odometry_are="motions"))
     steps = Corrected(Given([OdometryPose(0.0, np.zeros(3))]), Correction(odometry_are="steps"))
-    with pytest.raises(LogError, match="--odometry-are steps is for motions; leave it out"):
-        list(steps.records(Findings(keep_going=False)))
+    with pytest.raises(InputError, match="--odometry-are steps is for motions; leave it out"):
+        list(steps.records(ReadingNotes(keep_going=False)))
 
 
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
@@ -206,9 +206,9 @@ def test_a_session_log_in_other_units_of_time(unit: str, write_log: WriteLog, pi
     per_s = {"ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
     begin = 1_700_000_000
     lines = [{"t": (begin + k) * per_s, "image": pixel} for k in range(3)]
-    session = open_session(write_log(*lines), OpenOptions(time_unit=unit))
+    session = open_session(write_log(*lines), ReadingOptions(time_unit=unit))
     assert [moment.frame.time_s for moment in session.moments()] == [0, 1, 2]
-    with pytest.raises(LogError, match="4e9 in size"):
+    with pytest.raises(InputError, match="4e9 in size"):
         list(open_session(write_log(*lines)).moments())
 
 
@@ -218,8 +218,8 @@ def test_every_format_is_moved_in_time_once(name: str, tmp_path: Path) -> None:
         pytest.importorskip("rosbags")
     path = sample(name, tmp_path / "made")
 
-    def times(kind: tuple[type[Record], ...], options: OpenOptions) -> list[float]:
-        found = open_recording(path, options).records(Findings(keep_going=True))
+    def times(kind: tuple[type[Record], ...], options: ReadingOptions) -> list[float]:
+        found = open_recording(path, options).records(ReadingNotes(keep_going=True))
         return sorted(one.t_s for one in found if isinstance(one, kind))
 
     for kind, option in (
@@ -227,14 +227,14 @@ def test_every_format_is_moved_in_time_once(name: str, tmp_path: Path) -> None:
         ((TruthPose,), "truth_offset_s"),
         ((Picture,), "picture_offset_s"),
     ):
-        before = times(kind, OpenOptions())
-        after = times(kind, replace(OpenOptions(), **{option: 0.05}))  # type: ignore[arg-type]
+        before = times(kind, ReadingOptions())
+        after = times(kind, replace(ReadingOptions(), **{option: 0.05}))  # type: ignore[arg-type]
         assert after == pytest.approx([t + 0.05 for t in before], abs=1e-5)
 
 
 def test_a_session_log_is_put_right_as_a_session(write_log: WriteLog, pixel: dict[str, str]) -> None:
     log = write_log({"t": 0, "odometry": [100, 0, -90]}, {"t": 1, "image": pixel})
-    options = OpenOptions(odometry_scale=0.01, turn_scale=-math.pi / 180)
+    options = ReadingOptions(odometry_scale=0.01, turn_scale=-math.pi / 180)
     assert isinstance(open_session(log), SessionLog)
     session = open_session(log, options)
     assert isinstance(session, RecordedSession)
@@ -244,8 +244,8 @@ def test_a_session_log_is_put_right_as_a_session(write_log: WriteLog, pixel: dic
 
 
 def test_options_of_reading_hold_every_correction_and_a_manifest_holds_them() -> None:
-    assert {one.name for one in fields(Correction)} <= {one.name for one in fields(OpenOptions)}
-    options = OpenOptions(odometry_are="steps", turn_scale=-1.0, camera_yaw_rad=0.5, picture_offset_s=-3.0)
+    assert {one.name for one in fields(Correction)} <= {one.name for one in fields(ReadingOptions)}
+    options = ReadingOptions(odometry_are="steps", turn_scale=-1.0, camera_yaw_rad=0.5, picture_offset_s=-3.0)
     assert not options.as_it_is
     assert reading_from_json(json.loads(json.dumps(reading_to_json(options)))) == options
 
@@ -255,5 +255,7 @@ def test_a_picture_is_not_decoded_when_it_is_moved() -> None:
         raise AssertionError("decoded")
 
     records = [Picture(0.0, read_it, "one")]
-    (found,) = Corrected(Given(records), Correction(picture_offset_s=2.0)).records(Findings(keep_going=False))
+    (found,) = Corrected(Given(records), Correction(picture_offset_s=2.0)).records(
+        ReadingNotes(keep_going=False)
+    )
     assert found.t_s == 2.0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.calibration.covered_pictures import covered_pictures
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo
 
@@ -37,24 +37,24 @@ def test_all_pictures_of_a_folder_without_a_log_are_read_by_name(tmp_path: Path)
 
 
 def test_what_holds_no_covered_picture_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="found neither pictures nor a log"):
+    with pytest.raises(InputError, match="found neither pictures nor a log"):
         levels(tmp_path)
-    with pytest.raises(LogError, match="expected some taken with the lens cap on"):
+    with pytest.raises(InputError, match="expected some taken with the lens cap on"):
         levels(survey(tmp_path / "s" / "survey.log", covered=0))
-    with pytest.raises(LogError, match="no such file"):
+    with pytest.raises(InputError, match="no such file"):
         levels(tmp_path / "none")
 
 
 def test_a_broken_picture_is_named(tmp_path: Path) -> None:
     (tmp_path / "cut.png").write_bytes(b"\x89PNG\r\n\x1a\n")
-    with pytest.raises(LogError, match=r"cut\.png: found a cut PNG"):
+    with pytest.raises(InputError, match=r"cut\.png: found a cut PNG"):
         levels(tmp_path)
 
 
 def test_of_several_logs_survey_log_is_taken_or_one_must_be_named(tmp_path: Path) -> None:
     survey(tmp_path / "s" / "one.log")
     survey(tmp_path / "s" / "two.log", covered=1)
-    with pytest.raises(LogError, match="found 2 logs"):
+    with pytest.raises(InputError, match="found 2 logs"):
         levels(tmp_path / "s")
     (tmp_path / "s" / "two.log").rename(tmp_path / "s" / "survey.log")
     assert levels(tmp_path / "s") == [20]

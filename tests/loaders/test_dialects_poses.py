@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, image, poses, read, write
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.recording import Picture, TruthPose
 from maurice_loaders.transforms.clocks import clock_s
@@ -247,7 +247,7 @@ def test_a_raw_drive_of_kitti_has_dates(tmp_path: Path) -> None:
 
 def test_the_root_of_kitti_names_a_sequence(tmp_path: Path) -> None:
     image(tmp_path / "sequences" / "00" / "image_2" / "000000.png")
-    with pytest.raises(LogError, match=r"did you mean .*sequences.00\?"):
+    with pytest.raises(InputError, match=r"did you mean .*sequences.00\?"):
         read(tmp_path)
 
 

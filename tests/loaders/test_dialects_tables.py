@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from dialect_files import COUNTS, QUARTER, counts, image, read, write
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, guess, open_recording, open_session
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, guess, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recording import OdometryPose, Picture, TruthPose
 
 # CARMEN
@@ -65,7 +65,7 @@ def test_carmen_truth_beside_odometry(tmp_path: Path) -> None:
 
 
 def test_text_that_only_shouts_is_no_carmen_log(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="expected one of these formats"):
+    with pytest.raises(InputError, match="expected one of these formats"):
         read(write(tmp_path / "a.log", "HELLO WORLD\nODOM"[:11]))
 
 
@@ -133,11 +133,11 @@ ODD_ROLES = {"time": "zeit:s", "image": "bild", "x": "ost", "y": "nord", "headin
 def test_odd_names_make_a_table_of_a_file_and_of_a_folder(tmp_path: Path) -> None:
     folder = table(tmp_path, ODD)
     for path in (folder, folder / "drive.csv"):
-        assert counts(path, OpenOptions(columns=ODD_ROLES)) == {"TruthPose": 2, "Picture": 2}
+        assert counts(path, ReadingOptions(columns=ODD_ROLES)) == {"TruthPose": 2, "Picture": 2}
     for one in tmp_path.glob("*.png"):
         one.unlink()
     for path in (folder, folder / "drive.csv"):
-        with pytest.raises(LogError, match=r"drive\.csv is a table, .* columns are with --columns"):
+        with pytest.raises(InputError, match=r"drive\.csv is a table, .* columns are with --columns"):
             guess(path)
 
 
@@ -156,16 +156,16 @@ def test_rows_go_with_the_frames_of_the_one_video_in_a_folder(tmp_path: Path) ->
 def test_rows_that_are_none_are_problems(bad: str, tmp_path: Path) -> None:
     first, *others = rows().splitlines()
     folder = table(tmp_path, "\n".join([NAMES, first, bad, *others]))
-    with pytest.raises(LogError, match=r"drive\.csv:3: "):
+    with pytest.raises(InputError, match=r"drive\.csv:3: "):
         read(folder)
-    findings = Findings(keep_going=True)
-    assert len(list(open_recording(folder).records(findings))) == 6
-    assert findings.count == 1
+    notes = ReadingNotes(keep_going=True)
+    assert len(list(open_recording(folder).records(notes))) == 6
+    assert notes.count == 1
 
 
 def test_a_picture_whose_name_no_file_can_have_is_left_out(tmp_path: Path) -> None:
     folder = table(tmp_path, f"{NAMES}\n{rows()}2,{'9' * 300},0,0,90\n")
-    session = open_session(folder, OpenOptions(keep_going=True))
+    session = open_session(folder, ReadingOptions(keep_going=True))
     assert len(list(session.moments())) == 3
     assert session.problem_count == 1
 
@@ -173,14 +173,14 @@ def test_a_picture_whose_name_no_file_can_have_is_left_out(tmp_path: Path) -> No
 def test_a_table_without_names_by_the_numbers_of_its_columns(tmp_path: Path) -> None:
     folder = table(tmp_path, rows())
     columns = {"time": "1:s", "image": "2", "x": "3:m", "y": "4:m", "heading": "5:deg"}
-    assert counts(folder, OpenOptions(columns=columns)) == COUNTS
+    assert counts(folder, ReadingOptions(columns=columns)) == COUNTS
     found, said = read(folder)  # the pictures alone, and a word of it
     assert len(found) == 3
     assert any("drive.csv beside them is not used" in text for text in said)
     with pytest.raises(
-        LogError, match=r"no names of columns, and 5 columns; they are called 1, 2, 3 .*--columns"
+        InputError, match=r"no names of columns, and 5 columns; they are called 1, 2, 3 .*--columns"
     ):
-        read(folder / "drive.csv", OpenOptions(format="table"))
+        read(folder / "drive.csv", ReadingOptions(format="table"))
 
 
 def test_odometry_by_quaternions(tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_odometry_by_quaternions(tmp_path: Path) -> None:
         [k, 0, pytest.approx(math.pi / 2)] for k in range(3)
     ]
     bad = made.replace(str(QUARTER), "0")
-    with pytest.raises(LogError, match=r"drive\.csv:2: found a quaternion of length 0"):
+    with pytest.raises(InputError, match=r"drive\.csv:2: found a quaternion of length 0"):
         read(table(tmp_path, f"{names}\n{bad}"))
 
 
@@ -199,8 +199,8 @@ def test_odometry_by_quaternions(tmp_path: Path) -> None:
 def test_a_table_in_another_encoding_is_named(encoding: str, tmp_path: Path) -> None:
     folder = table(tmp_path, f"{NAMES}\n{rows()}".replace("0.png", "ä.png").encode(encoding))
     assert any("is not used" in text for text in read(folder)[1])
-    with pytest.raises(LogError, match=r"not UTF-8|binary data"):
-        read(folder / "drive.csv", OpenOptions(format="table"))
+    with pytest.raises(InputError, match=r"not UTF-8|binary data"):
+        read(folder / "drive.csv", ReadingOptions(format="table"))
 
 
 # videos
@@ -211,7 +211,7 @@ def test_pictures_one_after_the_other_are_a_video(tmp_path: Path) -> None:
     found, said = read(write(tmp_path / "camera.mjpeg", jpeg * 4))
     assert len(found) == 4
     assert "without times" in said[0]
-    with pytest.raises(LogError, match="expected one of these formats"):
+    with pytest.raises(InputError, match="expected one of these formats"):
         read(write(tmp_path / "one.jpg", jpeg))
 
 

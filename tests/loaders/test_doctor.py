@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from maurice_datasets.maurice import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.odometry_folder import read_aligned
-from maurice_loaders.formats.registry import OpenOptions, open_session
+from maurice_loaders.formats.registry import ReadingOptions, open_session
 from maurice_loaders.inspection.doctor import Diagnosis, diagnose
 from maurice_loaders.libraries.store import build_library
 from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, RecordedTruth
@@ -51,13 +51,13 @@ def test_a_healthy_drive_has_nothing_wrong(drive: tuple[Path, Library], tmp_path
     for truth in (True, False):
         copy = broken(log, tmp_path / f"{truth}.log", None, truth=truth)
         for references in (library, None):
-            assert codes(diagnose(copy, OpenOptions(), references)) == []
+            assert codes(diagnose(copy, ReadingOptions(), references)) == []
 
 
 @pytest.mark.parametrize("name", BREAKS)
 def test_what_is_wrong_is_named_with_truth(name: str, drive: tuple[Path, Library], tmp_path: Path) -> None:
     code, how = BREAKS[name]
-    found = diagnose(broken(drive[0], tmp_path / "b.log", how), OpenOptions(), None)
+    found = diagnose(broken(drive[0], tmp_path / "b.log", how), ReadingOptions(), None)
     assert codes(found)[0] == code
     assert all(one.evidence and one.mend and one.options for one in found.complaints)
 
@@ -68,7 +68,7 @@ def test_reading_it_with_what_mends_it_leaves_nothing_wrong(
 ) -> None:
     clocks = {"pictures late": late("image", 9.0), "truth clock": late("truth", 500.25)}
     log = broken(drive[0], tmp_path / "b.log", clocks.get(name) or BREAKS[name][1])
-    found = diagnose(log, OpenOptions(), drive[1])
+    found = diagnose(log, ReadingOptions(), drive[1])
     assert codes(diagnose(log, found.mended, drive[1])) == []
     healthy, mended = list(open_session(drive[0]).moments()), list(open_session(log, found.mended).moments())
     assert len(mended) == len(healthy) == 24
@@ -84,7 +84,7 @@ def test_a_camera_aside_is_mended_by_the_headings_it_has(drive: tuple[Path, Libr
     poses = library.poses - [0, 0, np.radians(45)]
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     turned = replace(library, poses=poses)
-    found = diagnose(log, OpenOptions(), turned)
+    found = diagnose(log, ReadingOptions(), turned)
     assert np.degrees(found.mended.camera_yaw_rad) == pytest.approx(-45, abs=15)
     assert codes(diagnose(log, found.mended, turned)) == []
 
@@ -95,7 +95,7 @@ def test_what_is_wrong_is_named_by_the_pictures(
 ) -> None:
     code, how = BREAKS[name]
     log = broken(drive[0], tmp_path / "b.log", how, truth=False)
-    assert codes(diagnose(log, OpenOptions(), drive[1])) == [code]
+    assert codes(diagnose(log, ReadingOptions(), drive[1])) == [code]
 
 
 def test_degrees_are_taken_back_before_pictures_tell_which_way_round(
@@ -103,7 +103,7 @@ def test_degrees_are_taken_back_before_pictures_tell_which_way_round(
 ) -> None:
     code, how = BREAKS["clockwise degrees"]
     log = broken(drive[0], tmp_path / "b.log", how, truth=False)
-    assert codes(diagnose(log, OpenOptions(), drive[1])) == [code]
+    assert codes(diagnose(log, ReadingOptions(), drive[1])) == [code]
 
 
 @pytest.mark.parametrize("degrees", [40, -60, 75])
@@ -113,7 +113,7 @@ def test_a_frame_that_is_turned_is_told_by_itself(
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turned = odometry(lambda f, s, t: (f * cos - s * sin, f * sin + s * cos, t))
     log = broken(drive[0], tmp_path / "b.log", turned, truth=False)
-    (complaint,) = diagnose(log, OpenOptions(), None).complaints
+    (complaint,) = diagnose(log, ReadingOptions(), None).complaints
     assert complaint.code == ("frame-swapped" if degrees == 75 else "frame-turned")
     assert complaint.numbers["offset_deg"] == pytest.approx(-degrees, abs=5)
 
@@ -121,7 +121,7 @@ def test_a_frame_that_is_turned_is_told_by_itself(
 def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> None:
     def numbers(name: str) -> dict[str, float]:
         log = broken(drive[0], tmp_path / f"{name}.log", BREAKS[name][1])
-        return dict(diagnose(log, OpenOptions(), None).complaints[0].numbers)
+        return dict(diagnose(log, ReadingOptions(), None).complaints[0].numbers)
 
     assert numbers("millimetres")["scale"] == pytest.approx(0.001, rel=0.15)
     assert numbers("swapped")["offset_deg"] == pytest.approx(-90, abs=5)
@@ -131,7 +131,7 @@ def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> N
 
 def test_late_pictures_are_found_by_truth_and_library(drive: tuple[Path, Library], tmp_path: Path) -> None:
     log = broken(drive[0], tmp_path / "b.log", late("image", 9.0))
-    found = diagnose(log, OpenOptions(), drive[1])
+    found = diagnose(log, ReadingOptions(), drive[1])
     assert codes(found) == ["picture-delay"]
     delay = next(one for one in found.complaints if one.code == "picture-delay")
     assert delay.numbers["delay_s"] == pytest.approx(9.0, abs=3.5)  # the robot stands while it looks
@@ -139,7 +139,7 @@ def test_late_pictures_are_found_by_truth_and_library(drive: tuple[Path, Library
 
 def test_late_pictures_are_found_without_truth(drive: tuple[Path, Library], tmp_path: Path) -> None:
     log = broken(drive[0], tmp_path / "b.log", late("image", 9.0), truth=False)
-    assert codes(diagnose(log, OpenOptions(), drive[1])) == ["picture-delay"]
+    assert codes(diagnose(log, ReadingOptions(), drive[1])) == ["picture-delay"]
 
 
 @pytest.mark.parametrize("degrees", [45, -90])
@@ -149,42 +149,44 @@ def test_a_camera_that_looks_aside_is_found(degrees: int, drive: tuple[Path, Lib
     poses = library.poses - [0, 0, np.radians(degrees)]
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     turned = replace(library, poses=poses)
-    found = diagnose(log, OpenOptions(), turned)
+    found = diagnose(log, ReadingOptions(), turned)
     assert codes(found) == ["camera-yaw"]
     assert found.complaints[0].numbers["yaw_deg"] == pytest.approx(-degrees, abs=15)
 
 
 def test_times_that_fall_are_told(write_log: WriteLog) -> None:
     records = [{"t": t, "odometry": [0.1, 0, 0]} for t in (1, 2, 1.5, 3)]
-    assert codes(diagnose(write_log(*records), OpenOptions(), None)) == ["times-fall"]
+    assert codes(diagnose(write_log(*records), ReadingOptions(), None)) == ["times-fall"]
 
 
 def test_numbers_that_no_log_may_hold_are_told(write_log: WriteLog) -> None:
     records = [{"t": 0, "odometry": [1e12, 0, 0]}, {"t": 1, "odometry": [0.1, 0, 0]}]
-    assert codes(diagnose(write_log(*records), OpenOptions(), None)) == ["too-large"]
+    assert codes(diagnose(write_log(*records), ReadingOptions(), None)) == ["too-large"]
 
 
 def test_broken_lines_are_counted_and_the_rest_is_looked_at(write_log: WriteLog) -> None:
-    found = diagnose(write_log({"t": 0, "odometry": [0.1, 0, 0]}, "{broken", '{"t": 1}'), OpenOptions(), None)
+    found = diagnose(
+        write_log({"t": 0, "odometry": [0.1, 0, 0]}, "{broken", '{"t": 1}'), ReadingOptions(), None
+    )
     assert codes(found) == ["broken"]
     assert found.odometry == 1
 
 
 def test_what_is_no_session_is_refused(survey: Path, tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="survey"):
-        diagnose(survey, OpenOptions(), None)
-    with pytest.raises(LogError, match="no such file"):
-        diagnose(tmp_path / "gone.log", OpenOptions(), None)
+    with pytest.raises(InputError, match="survey"):
+        diagnose(survey, ReadingOptions(), None)
+    with pytest.raises(InputError, match="no such file"):
+        diagnose(tmp_path / "gone.log", ReadingOptions(), None)
 
 
 @pytest.mark.parametrize(("known", "lacking"), [("truth", "odometry"), ("odometry", "truth")])
 def test_what_is_lacking_for_a_comparison_is_named(known: str, lacking: str, write_log: WriteLog) -> None:
-    found = diagnose(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), OpenOptions(), None)
+    found = diagnose(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), ReadingOptions(), None)
     assert f"{lacking}: there is none" in found.not_asked
 
 
 def test_nothing_to_go_by_is_no_complaint(write_log: WriteLog) -> None:
-    found = diagnose(write_log(), OpenOptions(), None)
+    found = diagnose(write_log(), ReadingOptions(), None)
     assert (found.odometry, found.truth, found.pictures, codes(found)) == (0, 0, 0, [])
 
 
@@ -202,7 +204,7 @@ def test_no_numbers_bring_it_down(
     lines: list[tuple[float, str, list[float]]], ordered: bool, write_log: WriteLog
 ) -> None:
     rows = sorted(lines) if ordered else lines
-    found = diagnose(write_log(*({"t": t, key: v} for t, key, v in rows)), OpenOptions(), None)
+    found = diagnose(write_log(*({"t": t, key: v} for t, key, v in rows)), ReadingOptions(), None)
     assert found.odometry + found.truth <= len(lines)
 
 

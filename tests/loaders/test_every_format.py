@@ -15,9 +15,9 @@ import pytest
 from format_samples import SAMPLES, SMALL, sample
 from typer.testing import CliRunner
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, formats, guess, open_recording, open_session
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, formats, guess, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
 from maurice_viz.cli.app import app
 
@@ -25,7 +25,7 @@ every = pytest.mark.parametrize("name", SAMPLES)
 
 
 def records(path: Path) -> list[Record]:
-    return list(open_recording(path).records(Findings(keep_going=False)))
+    return list(open_recording(path).records(ReadingNotes(keep_going=False)))
 
 
 def content(record: Record) -> object:
@@ -38,7 +38,7 @@ def content(record: Record) -> object:
     return type(record), record.t_s, values.tolist()
 
 
-def use(path: Path, options: OpenOptions | None = None) -> int:
+def use(path: Path, options: ReadingOptions | None = None) -> int:
     """Do all that a replay does with a session, and count its updates."""
     session = open_session(path, options)
     session.overview()
@@ -53,7 +53,7 @@ def test_every_format_has_a_sample() -> None:
 def test_is_recognized_by_content_and_by_name_when_told(name: str, tmp_path: Path) -> None:
     path = sample(name, tmp_path / "made")
     assert guess(path).name == name
-    assert open_recording(path, OpenOptions(format=name)).path == path
+    assert open_recording(path, ReadingOptions(format=name)).path == path
     if path.is_file() and name not in ("rosbag2", "mcap"):  # a wrong ending does not matter
         other = path.with_name("drive.xyz")
         shutil.copy(path, other)
@@ -63,9 +63,9 @@ def test_is_recognized_by_content_and_by_name_when_told(name: str, tmp_path: Pat
 @every
 def test_can_be_read_again_from_its_beginning(name: str, tmp_path: Path) -> None:
     recording = open_recording(sample(name, tmp_path / "made"))
-    first = recording.records(Findings(keep_going=False))
+    first = recording.records(ReadingNotes(keep_going=False))
     next(first)  # a reading that was begun and left does no harm
-    readings = [[content(r) for r in recording.records(Findings(keep_going=False))] for _ in range(2)]
+    readings = [[content(r) for r in recording.records(ReadingNotes(keep_going=False))] for _ in range(2)]
     assert readings[0] == readings[1]
     assert readings[0]
 
@@ -115,7 +115,7 @@ def test_memory_does_not_grow_with_the_recording(name: str, tmp_path: Path) -> N
     peaks = []
     for updates in (one.long // 5, one.long):
         recording = open_recording(sample(name, tmp_path / str(updates), updates))
-        for _ in recording.records(Findings(keep_going=False)):
+        for _ in recording.records(ReadingNotes(keep_going=False)):
             pass  # what is imported and kept on first use is not the recording's
         peaks.append(min(peak_of_reading(recording, updates) for _ in range(2)))
     assert peaks[1] < peaks[0] + one.growth
@@ -125,7 +125,7 @@ def peak_of_reading(recording: Recording, updates: int) -> int:
     """Give the most memory held; other threads of this process can only add to it, so read more than once."""
     gc.collect()
     tracemalloc.start()
-    count = sum(1 for _ in recording.records(Findings(keep_going=False)))
+    count = sum(1 for _ in recording.records(ReadingNotes(keep_going=False)))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert count >= updates
@@ -151,8 +151,8 @@ def test_damage_is_one_line(name: str, tmp_path: Path) -> None:
         for trial in range(12):
             file.write_bytes(damaged(data, chance, trial))
             for keep_going in (False, True):
-                with suppress(LogError):  # which is one line; anything else fails
-                    use(path, OpenOptions(keep_going=keep_going, format=name if trial % 2 else None))
+                with suppress(InputError):  # which is one line; anything else fails
+                    use(path, ReadingOptions(keep_going=keep_going, format=name if trial % 2 else None))
         file.write_bytes(data)
 
 
@@ -164,8 +164,8 @@ def test_an_empty_file_is_refused(name: str, tmp_path: Path) -> None:
         path.mkdir()
     else:
         path.write_bytes(b"")
-    for options in (OpenOptions(), OpenOptions(format=name)):
-        with pytest.raises(LogError):
+    for options in (ReadingOptions(), ReadingOptions(format=name)):
+        with pytest.raises(InputError):
             use(path, options)
 
 
@@ -174,8 +174,8 @@ def test_a_folder_or_a_file_of_another_kind_is_refused(name: str, tmp_path: Path
     (tmp_path / "folder").mkdir()
     (tmp_path / "noise").write_bytes(random.Random(1).randbytes(3000))
     for path in (tmp_path / "folder", tmp_path / "noise", tmp_path / "nowhere"):
-        with pytest.raises(LogError):
-            use(path, OpenOptions(format=name))
+        with pytest.raises(InputError):
+            use(path, ReadingOptions(format=name))
 
 
 @every

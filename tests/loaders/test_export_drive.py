@@ -14,12 +14,12 @@ pytest.importorskip("rosbags")
 
 from rosbags.highlevel import AnyReader
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.export.drive import convert_to_mcap
 from maurice_loaders.export.session import Converted, convert_to_log
-from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
-from maurice_loaders.io.findings import Findings
-from maurice_loaders.recorded_session import Pairing, RecordedSession
+from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.recorded_session import RecordedSession, TimeAlignment
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_loaders.session_log.header import header_to_json
 from maurice_loaders.session_log.reader import SessionLog
@@ -49,7 +49,7 @@ class Made:
     info: SessionInfo = INFO
     path: Path = Path("made")
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         return iter(self.held)
 
 
@@ -128,9 +128,9 @@ def test_a_drive_of_motions_is_read_back_to_the_last_bit(tmp_path: Path, made: M
 def test_a_drive_of_poses_is_read_back(tmp_path: Path, made: Made) -> None:
     if not any(isinstance(record, OdometryPose) for record in made.held):
         return
-    session, file = RecordedSession(made, Pairing(max_dt_s=1e6)), tmp_path / "a.mcap"
+    session, file = RecordedSession(made, TimeAlignment(max_dt_s=1e6)), tmp_path / "a.mcap"
     finished(session, file, force=True)
-    assert_same(session, open_session(file, OpenOptions(max_dt_s=1e6)), rounding_of(made), odometry=1e-6)
+    assert_same(session, open_session(file, ReadingOptions(max_dt_s=1e6)), rounding_of(made), odometry=1e-6)
 
 
 def test_a_log_comes_back_from_mcap_as_it_was(small_session: Path, tmp_path: Path) -> None:
@@ -160,8 +160,8 @@ def test_the_robot_stands_at_the_start_and_then_at_the_truth(tmp_path: Path) -> 
     truth = np.array([2.0, 1.0, -0.5])
     held = (OdometryPose(0.0, np.array([9.0, 9.0, 1.0])), TruthPose(1.0, truth))
     finished(RecordedSession(Made(held)), tmp_path / "a.mcap")
-    believed = OpenOptions(odometry_topic="/tf:map.base_link", truth_topic="none")
-    poses = [r.pose for r in open_recording(tmp_path / "a.mcap", believed).records(Findings(False))]
+    believed = ReadingOptions(odometry_topic="/tf:map.base_link", truth_topic="none")
+    poses = [r.pose for r in open_recording(tmp_path / "a.mcap", believed).records(ReadingNotes(False))]
     assert poses[0] == pytest.approx(INFO.start)
     assert poses[-1] == pytest.approx(truth)
 
@@ -170,7 +170,7 @@ def test_only_pictures_that_make_an_update_are_written(tmp_path: Path) -> None:
     held: list[Record] = []
     for k in range(6):
         held += [Motion(k, np.array([0.1, 0, 0])), Picture(k, partial(painted, k), f"{k}")]
-    session = RecordedSession(Made(tuple(held)), Pairing(min_distance_m=0.25))
+    session = RecordedSession(Made(tuple(held)), TimeAlignment(min_distance_m=0.25))
     done = finished(session, tmp_path / "a.mcap")
     assert (done.pictures, done.motions) == (2, 6)
     assert_same(session, open_session(tmp_path / "a.mcap"))
@@ -178,7 +178,7 @@ def test_only_pictures_that_make_an_update_are_written(tmp_path: Path) -> None:
 
 def test_motions_give_way_to_an_odometry_that_is_asked_for(small_session: Path, tmp_path: Path) -> None:
     finished(RecordedSession(open_recording(small_session)), tmp_path / "a.mcap")
-    asked = OpenOptions(odometry_topic="/odom")
+    asked = ReadingOptions(odometry_topic="/odom")
     drive: list[Moment] = list(open_session(tmp_path / "a.mcap", asked).moments())
     for one, other in zip(SessionLog(small_session).moments(), drive, strict=True):
         assert other.frame.motions == pytest.approx(one.frame.motions, abs=1e-9)
@@ -187,10 +187,10 @@ def test_motions_give_way_to_an_odometry_that_is_asked_for(small_session: Path, 
 def test_nothing_to_write_and_a_damaged_session_leave_nothing(small_session: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    with pytest.raises(LogError, match="nothing to write"):
+    with pytest.raises(InputError, match="nothing to write"):
         finished(RecordedSession(Made(())), out / "a.mcap")
     with small_session.open("a") as log:
         log.write("{broken}\n")
-    with pytest.raises(LogError, match="broken JSON"):
+    with pytest.raises(InputError, match="broken JSON"):
         finished(RecordedSession(open_recording(small_session)), out / "a.mcap")
     assert not list(out.iterdir())

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.export.evo import error_statistics, evo_sink
 from maurice_loaders.export.tables import (
     PATHS,
@@ -114,7 +114,7 @@ def test_a_path_that_nothing_is_known_of_has_no_file(tmp_path: Path) -> None:
 def test_nothing_is_left_after_a_failure_and_an_old_file_stays(tmp_path: Path) -> None:
     old = tmp_path / "a.csv"
     old.write_text("mine")
-    with pytest.raises(LogError, match="--force"), csv_sink(old, CHANNELS):
+    with pytest.raises(InputError, match="--force"), csv_sink(old, CHANNELS):
         pytest.fail("was opened")
     with pytest.raises(TypeError), csv_sink(old, CHANNELS, force=True) as sink:
         sink.add(step_at(1, events=None, session_events=None), None)
@@ -123,7 +123,7 @@ def test_nothing_is_left_after_a_failure_and_an_old_file_stays(tmp_path: Path) -
 
 
 def test_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot be written"), csv_sink(tmp_path / "no" / "a.csv", CHANNELS):
+    with pytest.raises(InputError, match="cannot be written"), csv_sink(tmp_path / "no" / "a.csv", CHANNELS):
         pytest.fail("was opened")
 
 
@@ -178,7 +178,7 @@ def test_evo_reads_the_paths_and_finds_our_errors(tmp_path: Path) -> None:
 
 
 def test_without_truth_there_are_no_results_for_evo(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no truth"), evo_sink(tmp_path / "a.zip", "blended") as sink:
+    with pytest.raises(InputError, match="no truth"), evo_sink(tmp_path / "a.zip", "blended") as sink:
         sink.add(step_at(1, truth=False), None)
     assert not list(tmp_path.iterdir())
 

@@ -13,13 +13,13 @@ from maurice_loaders.bags.localizer import RecordedLocalizer
 from maurice_loaders.bags.mcap import open_mcap
 from maurice_loaders.bags.messages import matrix_of
 from maurice_loaders.bags.session_topics import HEADER, MOTIONS
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.export import mcap as export_mcap
 from maurice_loaders.export.mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file
 from maurice_loaders.export.run import mcap_sink, scene_of
 from maurice_loaders.export.tables import export_steps
-from maurice_loaders.formats.registry import OpenOptions, open_recording
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.formats.registry import ReadingOptions, open_recording
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import decode_picture
 from maurice_loaders.runs.store import open_runs
 from maurice_loaders.session_log.reader import SessionLog
@@ -98,8 +98,8 @@ def test_poses_and_stamps_are_the_runs(exported) -> None:
 
 def test_shown_as_recorded_the_robot_moves_as_it_did(exported, tmp_path: Path) -> None:
     played, _ = exported
-    recorded = RecordedLocalizer(tmp_path / "run.mcap", open_mcap, OpenOptions())
-    updates = list(recorded.updates(Findings(keep_going=False)))
+    recorded = RecordedLocalizer(tmp_path / "run.mcap", open_mcap, ReadingOptions())
+    updates = list(recorded.updates(ReadingNotes(keep_going=False)))
     for update, (moment, _) in zip(updates, played, strict=True):
         np.testing.assert_array_equal(update.motions, moment.frame.motions)
 
@@ -109,7 +109,7 @@ def test_a_header_without_sense_is_one_line(tmp_path: Path) -> None:
         with mcap_file(tmp_path / "a.mcap", force=True) as mcap:
             mcap.write(HEADER, 0.0, mcap.at(0.0).text(text))
             mcap.write(export_mcap.TRUTH, 0.0, mcap.at(0.0).pose("map", np.zeros(3)))
-        with pytest.raises(LogError, match=r"/session/header: .* is it damaged"):
+        with pytest.raises(InputError, match=r"/session/header: .* is it damaged"):
             open_recording(tmp_path / "a.mcap")
 
 
@@ -221,14 +221,14 @@ def test_without_the_extra_one_line_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(export_mcap, "find_spec", lambda name: None)
-    with pytest.raises(LogError) as caught, mcap_file(tmp_path / "a.mcap"):
+    with pytest.raises(InputError) as caught, mcap_file(tmp_path / "a.mcap"):
         pytest.fail("was opened")
     assert "pip install 'maurice-replay[ros]'" in str(caught.value)
 
 
 @pytest.mark.parametrize("t_s", [-0.5, 2.0**31, float("nan")])
 def test_a_time_that_no_stamp_holds_is_refused_and_leaves_nothing(tmp_path: Path, t_s: float) -> None:
-    with pytest.raises(LogError, match="--t-offset"), mcap_file(tmp_path / "a.mcap") as mcap:
+    with pytest.raises(InputError, match="--t-offset"), mcap_file(tmp_path / "a.mcap") as mcap:
         mcap.write(ODOMETRY, t_s, b"")
     assert not list(tmp_path.iterdir())
 
@@ -236,6 +236,6 @@ def test_a_time_that_no_stamp_holds_is_refused_and_leaves_nothing(tmp_path: Path
 def test_another_ending_and_an_existing_file_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"mine")
     for name, said in (("a.bag", ".mcap"), ("a.mcap", "--force")):
-        with pytest.raises(LogError, match=said), mcap_file(tmp_path / name):
+        with pytest.raises(InputError, match=said), mcap_file(tmp_path / name):
             pytest.fail("was opened")
     assert (tmp_path / "a.mcap").read_bytes() == b"mine"

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.export.session import Converted, convert_to_log
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Frame, Moment, Session, SessionInfo
@@ -109,7 +109,7 @@ def test_a_broken_session_leaves_nothing_and_keeps_what_was_there(
     with small_session.open("a") as log:
         log.write("{broken}\n")
     listed = sorted(tmp_path.rglob("*"))
-    with pytest.raises(LogError, match="broken JSON"):
+    with pytest.raises(InputError, match="broken JSON"):
         finished(convert_to_log(SessionLog(small_session), tmp_path / "b.log", force=True))
     assert (tmp_path / "b.log").read_bytes() == before
     assert sorted(tmp_path.rglob("*")) == listed
@@ -120,11 +120,11 @@ def test_a_folder_for_nothing_is_not_left(small_session: Path, tmp_path: Path) -
         path for path in sorted(small_session.parent.rglob("*")) if path.suffix in (".jpg", ".png")
     )
     picture.write_bytes(b"broken")
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         list(convert_to_log(SessionLog(small_session), tmp_path / "made" / "a.log"))
     assert not (tmp_path / "made").exists()
     (tmp_path / "there").mkdir()
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         list(convert_to_log(SessionLog(small_session), tmp_path / "there" / "a.log"))
     assert list((tmp_path / "there").iterdir()) == []
 
@@ -133,12 +133,12 @@ def test_somebody_elses_folder_of_pictures_is_not_removed(small_session: Path, t
     (tmp_path / "b-pictures").mkdir()
     (tmp_path / "b-pictures" / "holiday.jpg").write_bytes(b"")
     for force, said in ((False, "--force"), (True, "remove it yourself")):
-        with pytest.raises(LogError, match=said):
+        with pytest.raises(InputError, match=said):
             finished(convert_to_log(SessionLog(small_session), tmp_path / "b.log", force=force))
     assert not (tmp_path / "b.log").exists()
 
 
 def test_a_session_without_pictures_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no picture"):
+    with pytest.raises(InputError, match="no picture"):
         finished(convert_to_log(Made(()), tmp_path / "a.log"))
     assert not list(tmp_path.iterdir())

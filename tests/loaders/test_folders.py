@@ -5,7 +5,7 @@ from pathlib import Path
 import platformdirs
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import cache_root, discard, new_folder
 
 
@@ -42,7 +42,7 @@ def test_a_failure_leaves_the_old_one(tmp_path: Path) -> None:
 
 def test_replaces_only_when_asked(tmp_path: Path) -> None:
     fill(tmp_path / "a", "old")
-    with pytest.raises(LogError, match=r"exists already; .*--force"):
+    with pytest.raises(InputError, match=r"exists already; .*--force"):
         fill(tmp_path / "a")
     fill(tmp_path / "a", force=True)
     assert (tmp_path / "a/manifest.json").read_text() == "new"
@@ -52,7 +52,7 @@ def test_replaces_only_when_asked(tmp_path: Path) -> None:
 @pytest.mark.parametrize("target", ["", ".", "/"])
 def test_a_new_folder_has_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(LogError, match="found no name for a new folder"):
+    with pytest.raises(InputError, match="found no name for a new folder"):
         fill(Path(target))
     assert list(tmp_path.iterdir()) == []
 
@@ -68,7 +68,7 @@ def test_never_replaces_what_was_not_made_here(tmp_path: Path, as_file: bool) ->
     precious = tmp_path / "a" if as_file else tmp_path / "a" / "thesis.txt"
     precious.parent.mkdir(exist_ok=True)
     precious.write_text("years of work")
-    with pytest.raises(LogError, match=r"found no manifest\.json in it"):
+    with pytest.raises(InputError, match=r"found no manifest\.json in it"):
         fill(tmp_path / "a", force=True)
     assert precious.read_text() == "years of work"
 
@@ -79,7 +79,7 @@ def test_two_at_once_leave_one_whole_folder(tmp_path: Path) -> None:
             (slow / "manifest.json").write_text("slow")
             fill(tmp_path / "a", "quick")
 
-    with pytest.raises(LogError, match="somebody else meanwhile"):
+    with pytest.raises(InputError, match="somebody else meanwhile"):
         be_overtaken()
     assert (tmp_path / "a/manifest.json").read_text() == "quick"
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
@@ -87,7 +87,7 @@ def test_two_at_once_leave_one_whole_folder(tmp_path: Path) -> None:
 
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(LogError, match="cannot be written"):
+    with pytest.raises(InputError, match="cannot be written"):
         fill(tmp_path / "file" / "a")
 
 

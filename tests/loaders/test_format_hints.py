@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 
 LOG = '{"format": "maurice-session-log", "version": 1, "kind": "session", "name": "a"}\n'
 
 
 def refused(path: Path) -> str:
-    with pytest.raises(LogError) as told:
+    with pytest.raises(InputError) as told:
         open_session(path)
     assert "\n" not in str(told.value)
     return str(told.value)

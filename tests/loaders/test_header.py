@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.header import header_from_json, header_to_json
 from maurice_loaders.session_log.records import read_header
 from maurice_mcl.map import Arena, Region
@@ -130,6 +130,6 @@ def test_a_wrong_header_is_an_error_at_line_1(write_log: WriteLog, name: str) ->
     path = write_log()
     header = json.loads(path.read_text().splitlines()[0]) | changes
     path.write_text(json.dumps(header) + "\n")
-    with pytest.raises(LogError, match=message) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_header(path)
     assert str(caught.value).startswith(f"{path}:1: found ")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.inspection.overview import inspect_session
 
 from .conftest import WriteLog
@@ -94,12 +94,12 @@ def test_a_survey(survey: Path) -> None:
 
 
 def test_what_is_no_log_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="found no such file"):
+    with pytest.raises(InputError, match="found no such file"):
         inspect_session(tmp_path / "no.log")
 
 
 def test_what_never_ends_is_no_log(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero")):
-        with pytest.raises(LogError, match="found no regular file"):
+        with pytest.raises(InputError, match="found no regular file"):
             inspect_session(path)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.store import build_library, open_library
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.sensor.descriptors import CHANNELS
@@ -75,7 +75,7 @@ def test_only_the_channels_asked_for(survey: Path) -> None:
 
 def test_broken_lines_stop_it_or_are_told(survey: Path) -> None:
     survey.write_text(survey.read_text() + '{"t": 99, "image": "gone.jpg", "pose": [0, 0, 0]}\n')
-    with pytest.raises(LogError, match=r"survey\.log:9: gone\.jpg"):
+    with pytest.raises(InputError, match=r"survey\.log:9: gone\.jpg"):
         build_library(survey)
     warnings: list[str] = []
     assert build_library(survey, keep_going=True, warn=warnings.append).size == 5
@@ -90,7 +90,7 @@ def test_a_wild_pose_is_named_and_no_map_is_rastered(write_log: WriteLog, pixel:
     session = write_log(name="session.log", survey="survey.log")
     at = re.escape(f"({far[0]:.15g}, {far[1]:.15g})") if isinstance(far, list) else ""
     for build in (build_library, open_library):
-        with pytest.raises(LogError, match=f"found poses .* m apart, the farthest off at {at}") as caught:
+        with pytest.raises(InputError, match=f"found poses .* m apart, the farthest off at {at}") as caught:
             build(SessionLog(session).info.survey or session)
         assert caught.value.file == survey
 
@@ -119,14 +119,14 @@ def test_a_map_too_large_names_the_survey(write_log: WriteLog, pixel: object, ch
     plan = {"bounds_m": [0, 0, 1, 1]} | change
     path = write_log({"t": 0, "image": pixel, "pose": [0, 0, 0]}, kind="survey", map=plan)
     with pytest.raises(
-        LogError, match=r"found a map that with the poses spans .*; are they in metres"
+        InputError, match=r"found a map that with the poses spans .*; are they in metres"
     ) as caught:
         build_library(path)
     assert caught.value.file == path
 
 
 def test_nothing_to_build_from(write_log: WriteLog, pixel: object) -> None:
-    with pytest.raises(LogError, match="found no picture with a pose, expected at least one"):
+    with pytest.raises(InputError, match="found no picture with a pose, expected at least one"):
         build_library(write_log({"t": 0, "image": pixel, "covered": True}, kind="survey"))
-    with pytest.raises(LogError, match="found a session log, expected a survey log"):
+    with pytest.raises(InputError, match="found a session log, expected a survey log"):
         build_library(write_log({"t": 0, "image": pixel}))

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions
-from maurice_loaders.libraries.choose import Every, blurred, choose, read_every, sharpness
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.libraries.choose import Spacing, blurred, choose, read_every, sharpness
 from maurice_loaders.libraries.files import load_library, save_library
 from maurice_loaders.libraries.store import build_library
-from maurice_loaders.libraries.survey import Picked, open_survey
+from maurice_loaders.libraries.survey import SelectedSurvey, open_survey
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-EVERY = Every(0.4, float(np.radians(45)))
+EVERY = Spacing(0.4, float(np.radians(45)))
 
 
 def apart(a: F64, b: F64) -> bool:
@@ -118,8 +118,8 @@ def write_drive(folder: Path, *, truth: bool = True) -> Path:
 
 def test_a_drive_becomes_a_library(tmp_path: Path) -> None:
     log = write_drive(tmp_path)
-    survey = open_survey(log, OpenOptions(), EVERY)
-    assert isinstance(survey, Picked)
+    survey = open_survey(log, ReadingOptions(), EVERY)
+    assert isinstance(survey, SelectedSurvey)
     chosen = survey.chosen
     assert (chosen.pictures, chosen.without_pose, chosen.blurred) == (40, 0, 5)
     warnings: list[str] = []
@@ -139,14 +139,14 @@ def test_a_drive_becomes_a_library(tmp_path: Path) -> None:
 
 
 def test_a_drive_without_poses_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="found 40 pictures and no pose of any"):
-        open_survey(write_drive(tmp_path, truth=False), OpenOptions())
+    with pytest.raises(InputError, match="found 40 pictures and no pose of any"):
+        open_survey(write_drive(tmp_path, truth=False), ReadingOptions())
 
 
 def test_a_survey_is_taken_whole_unless_asked(survey: Path) -> None:
-    assert isinstance(open_survey(survey, OpenOptions()), SessionLog)
-    thinned = open_survey(survey, OpenOptions(), Every(0.9, 1.0))
-    assert isinstance(thinned, Picked)
+    assert isinstance(open_survey(survey, ReadingOptions()), SessionLog)
+    thinned = open_survey(survey, ReadingOptions(), Spacing(0.9, 1.0))
+    assert isinstance(thinned, SelectedSurvey)
     assert 2 <= thinned.chosen.taken <= 3
     assert sum(picture.covered for picture in thinned.survey_pictures()) == 2
 
@@ -160,7 +160,7 @@ def test_pictures_inside_a_log_are_kept(tmp_path: Path) -> None:
     inline.write_text(_inlined(text, tmp_path))
     keep = tmp_path / "keep"
     keep.mkdir()
-    survey = open_survey(inline, OpenOptions(), EVERY, keep)
+    survey = open_survey(inline, ReadingOptions(), EVERY, keep)
     library = build_library(inline, ["color"], log=survey)
     save_library(library, tmp_path / "library")
     again = load_library(tmp_path / "library")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import load_library, save_library
 from maurice_loaders.libraries.store import build_library
 from maurice_mcl.library import Library
@@ -66,7 +66,7 @@ def test_entries_without_pictures(survey: Path, tmp_path: Path) -> None:
 def test_a_picture_that_is_gone_before_saving(survey: Path, tmp_path: Path) -> None:
     library = build_library(survey)
     shutil.rmtree(survey.parent / "pictures")
-    with pytest.raises(LogError, match="cannot be copied into the library"):
+    with pytest.raises(InputError, match="cannot be copied into the library"):
         save_library(library, tmp_path / "l")
     assert not (tmp_path / "l").exists()
 
@@ -132,7 +132,7 @@ DAMAGE = {
 @pytest.mark.parametrize("name", DAMAGE)
 def test_damage_is_one_clear_error(folder: Path, name: str) -> None:
     DAMAGE[name](folder)
-    with pytest.raises(LogError, match=r"is a damaged library \(.*\); build it again") as caught:
+    with pytest.raises(InputError, match=r"is a damaged library \(.*\); build it again") as caught:
         load_library(folder)
     assert "\n" not in str(caught.value)
 
@@ -146,7 +146,7 @@ def test_damage_is_one_clear_error(folder: Path, name: str) -> None:
 )
 def test_other_formats(folder: Path, key: str, value: object, message: str) -> None:
     rewrite(key, value)(folder)
-    with pytest.raises(LogError, match=message):
+    with pytest.raises(InputError, match=message):
         load_library(folder)
 
 
@@ -162,7 +162,7 @@ def test_poses_too_far_off(survey: Path, tmp_path: Path, x_m: float, message: st
     poses = built.poses.copy()
     poses[3, 0] = x_m
     save_library(replace(built, poses=poses), tmp_path / "far")
-    with pytest.raises(LogError, match=message) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         load_library(tmp_path / "far")
     assert caught.value.file == tmp_path / "far"
 
@@ -170,7 +170,7 @@ def test_poses_too_far_off(survey: Path, tmp_path: Path, x_m: float, message: st
 def test_a_map_too_large(survey: Path, tmp_path: Path) -> None:
     built = build_library(survey)
     save_library(replace(built, arena=replace(built.arena, bounds=(0, 0, 1e7, 1))), tmp_path / "far")
-    with pytest.raises(LogError, match=r"far: found a map that with the poses spans 1e\+07 m"):
+    with pytest.raises(InputError, match=r"far: found a map that with the poses spans 1e\+07 m"):
         load_library(tmp_path / "far")
 
 
@@ -178,10 +178,10 @@ def test_other_channel_parameters_are_refused(folder: Path) -> None:
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["channels"]["color"]["parameters"]["bins"] = 7
     (folder / "manifest.json").write_text(json.dumps(manifest))
-    with pytest.raises(LogError, match="other parameters of channel 'color' than today's; build it again"):
+    with pytest.raises(InputError, match="other parameters of channel 'color' than today's; build it again"):
         load_library(folder)
 
 
 def test_no_library(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"found no manifest\.json in it, expected a library folder"):
+    with pytest.raises(InputError, match=r"found no manifest\.json in it, expected a library folder"):
         load_library(tmp_path)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.libraries import store as library_store
 from maurice_loaders.libraries.store import build_library, library_key, open_library, save_library
 from maurice_mcl.library import Library
@@ -100,11 +100,11 @@ def test_a_damaged_cache_is_built_again(
 
 def test_a_broken_survey_leaves_nothing_in_the_cache(survey: Path, tmp_path: Path) -> None:
     survey.write_text(survey.read_text() + "broken\n")
-    with pytest.raises(LogError, match=r"survey\.log:9"):
+    with pytest.raises(InputError, match=r"survey\.log:9"):
         open_library(survey)
     assert not (tmp_path / "cache").exists()
     assert open_library(survey, keep_going=True).size == 5
-    with pytest.raises(LogError, match=r"survey\.log:9"):
+    with pytest.raises(InputError, match=r"survey\.log:9"):
         open_library(survey)
 
 
@@ -142,5 +142,5 @@ def test_two_processes_at_once(survey: Path, tmp_path: Path) -> None:
 
 
 def test_a_session_is_no_library(write_log: Any) -> None:
-    with pytest.raises(LogError, match="found a session log, expected a survey log"):
+    with pytest.raises(InputError, match="found a session log, expected a survey log"):
         open_library(write_log())

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.session_log import records as log_lines
 from maurice_loaders.session_log.records import Record, read_header, read_records
 
@@ -17,7 +17,7 @@ from .conftest import WriteLog
 
 def read(path: Path, *, keep_going: bool = False) -> list[Record]:
     _, kind = read_header(path)
-    return list(read_records(path, kind, Findings(keep_going)))
+    return list(read_records(path, kind, ReadingNotes(keep_going)))
 
 
 GOOD = {"t": 5, "event": "fine"}
@@ -77,7 +77,7 @@ BROKEN: dict[str, tuple[Any, str]] = {
 def test_a_broken_line_is_named_by_file_and_line(write_log: WriteLog, name: str) -> None:
     line, message = BROKEN[name]
     path = write_log(GOOD, line, {"t": 7, "event": "after"})
-    with pytest.raises(LogError, match=message) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read(path)
     assert str(caught.value).startswith(f"{path}:3: found ")
     assert "\n" not in str(caught.value)
@@ -92,13 +92,13 @@ def test_keeping_going_skips_that_line_alone(write_log: WriteLog, name: str) -> 
 
 def test_a_survey_wants_poses(write_log: WriteLog) -> None:
     path = write_log({"t": 0, "image": "a.jpg"}, kind="survey")
-    with pytest.raises(LogError, match="log:2: found a picture without its pose"):
+    with pytest.raises(InputError, match="log:2: found a picture without its pose"):
         read(path)
 
 
 def test_a_survey_wants_poses_within_the_bound(write_log: WriteLog) -> None:
     path = write_log({"t": 0, "image": "a.jpg", "pose": [0, 1e300, 0]}, kind="survey")
-    with pytest.raises(LogError, match=r"log:2: found pose 1e\+300, expected a number up to 1e9 in size"):
+    with pytest.raises(InputError, match=r"log:2: found pose 1e\+300, expected a number up to 1e9 in size"):
         read(path)
 
 
@@ -114,14 +114,14 @@ def test_a_covered_picture_needs_none(write_log: WriteLog) -> None:
 def test_bytes_that_are_not_utf8(write_log: WriteLog) -> None:
     path = write_log(GOOD)
     path.write_bytes(path.read_bytes() + b'{"t": 6, "event": "\xff"}\n')
-    with pytest.raises(LogError, match="log:3: found bytes that are not UTF-8 at column 20"):
+    with pytest.raises(InputError, match="log:3: found bytes that are not UTF-8 at column 20"):
         read(path)
 
 
 def test_a_line_that_is_too_long(write_log: WriteLog, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(log_lines, "MAX_LINE_BYTES", 200)
     path = write_log(GOOD, {"t": 6, "event": "x" * 1000}, {"t": 7, "event": "after"})
-    with pytest.raises(LogError, match="log:3: found a line of more than"):
+    with pytest.raises(InputError, match="log:3: found a line of more than"):
         read(path)
     assert [record.t_s for record in read(path, keep_going=True)] == [5, 7]
 
@@ -136,7 +136,7 @@ def test_the_limit_is_exact(tmp_path: Path, length: int, monkeypatch: pytest.Mon
 
 class TestNoLogAtAll:
     def expect(self, path: Path, message: str) -> None:
-        with pytest.raises(LogError, match=message) as caught:
+        with pytest.raises(InputError, match=message) as caught:
             read_header(path)
         assert "\n" not in str(caught.value)
 

@@ -12,10 +12,10 @@ import pytest
 from format_samples import sample
 from typer.testing import CliRunner
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
-from maurice_loaders.io.findings import Findings
-from maurice_loaders.recorded_session import Pairing, RecordedSession, before, first_truth
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.recorded_session import RecordedSession, TimeAlignment, before, first_truth
 from maurice_loaders.recording import (
     Motion,
     Note,
@@ -31,7 +31,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 from maurice_viz.cli.app import app
 
-MADE = OpenOptions(odometry_from_truth=True)
+MADE = ReadingOptions(odometry_from_truth=True)
 QUIET = OdometryNoise(0, 0, 0)
 
 
@@ -44,7 +44,7 @@ class Given:
     def __init__(self, *records: Record) -> None:
         self.all = records
 
-    def records(self, findings: Findings) -> list[Record]:  # type: ignore[override]  # a list goes around as well
+    def records(self, notes: ReadingNotes) -> list[Record]:  # type: ignore[override]  # a list goes around as well
         return list(self.all)
 
 
@@ -53,7 +53,7 @@ def truths(poses: F64, dt_s: float = 0.1) -> Given:
 
 
 def odometry(recording: Recording) -> F64:
-    found = recording.records(Findings(keep_going=False))
+    found = recording.records(ReadingNotes(keep_going=False))
     return np.array([one.pose for one in found if isinstance(one, OdometryPose)])
 
 
@@ -104,11 +104,11 @@ def test_wheels_do_not_see_that_the_robot_is_carried() -> None:
 
 
 def test_it_is_refused_without_truth_and_beside_odometry() -> None:
-    with pytest.raises(LogError, match="found no truth, and --odometry-from-truth needs true poses"):
+    with pytest.raises(InputError, match="found no truth, and --odometry-from-truth needs true poses"):
         odometry_from_truth(Given(Note(0, "on")), 0)
     pose = np.zeros(3)
     for measured in (OdometryPose(0, pose), Motion(1, pose)):
-        with pytest.raises(LogError, match="leave --odometry-from-truth out"):
+        with pytest.raises(InputError, match="leave --odometry-from-truth out"):
             odometry_from_truth(Given(TruthPose(0, pose), measured), 0)
 
 
@@ -200,6 +200,6 @@ def test_starting_where_there_is_no_truth_is_refused(tmp_path: Path, small_sessi
 
 def test_gating_counts_made_odometry(tmp_path: Path) -> None:
     session = RecordedSession(
-        open_recording(sample("kitti", tmp_path / "made"), MADE), Pairing(min_distance_m=0.08)
+        open_recording(sample("kitti", tmp_path / "made"), MADE), TimeAlignment(min_distance_m=0.08)
     )
     assert session.overview()[0] == 2

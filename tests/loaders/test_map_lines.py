@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.importing.pose_table import arena_from_lines
 
 POSES = np.array([[1.0, 2.0, 0.0], [4.0, 3.0, 0.0]])
@@ -36,21 +36,21 @@ def test_walls_far_outside_are_left_out_and_passing_ones_are_not(tmp_path: Path)
 
 @pytest.mark.parametrize("line", ["1 2 3", "1 2 3 4 5", "1 2 3 wall", "1 2 3 nan"])
 def test_a_bad_line_is_named(tmp_path: Path, line: str) -> None:
-    with pytest.raises(LogError, match=r"map\.txt:2: found '.*', expected four numbers x1 y1 x2 y2"):
+    with pytest.raises(InputError, match=r"map\.txt:2: found '.*', expected four numbers x1 y1 x2 y2"):
         arena_from_lines(lines(tmp_path, f"1 2 3 4\n{line}\n"), "m", POSES)
 
 
 def test_a_wall_too_far_is_named(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"map\.txt:2: found '.*', expected each a number up to 1e9 in size"):
+    with pytest.raises(InputError, match=r"map\.txt:2: found '.*', expected each a number up to 1e9 in size"):
         arena_from_lines(lines(tmp_path, "1 2 3 4\n1 2 1e300 4\n"), "m", POSES)
-    with pytest.raises(LogError, match=r"map\.txt: found a map that .* spans 20000 m, expected at most"):
+    with pytest.raises(InputError, match=r"map\.txt: found a map that .* spans 20000 m, expected at most"):
         arena_from_lines(lines(tmp_path, "-10000 2 10000 2\n"), "m", POSES)
 
 
 def test_no_map(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot be read as a map"):
+    with pytest.raises(InputError, match="cannot be read as a map"):
         arena_from_lines(tmp_path / "no.txt", "m", POSES)
-    with pytest.raises(LogError, match="found no regular file, expected a map"):
+    with pytest.raises(InputError, match="found no regular file, expected a map"):
         arena_from_lines(Path("/dev/zero"), "m", POSES)
     with pytest.raises(ValueError, match="found map unit 'ft'"):
         arena_from_lines(lines(tmp_path, ""), "ft", POSES)

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from maurice_loaders.config_files import motion_to_toml, read_motion
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 
 MOTION = {
     "model": "maurice",
@@ -37,10 +37,10 @@ def test_what_is_written_reads_back(tmp_path: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path, text: str, said: str) -> None:
     file = tmp_path / "m.toml"
     file.write_text(text)
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(InputError, match=said):
         read_motion(file)
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_motion(tmp_path / "none.toml")

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.odometry_folder import (
     AlignedDrive,
     Cutting,
@@ -96,12 +96,12 @@ def test_the_three_files_are_read_with_headings_that_do_not_wrap(tmp_path: Path)
     ],
 )
 def test_bad_files_are_named(tmp_path: Path, changed: dict[str, str], said: str) -> None:
-    with pytest.raises(LogError, match=said):
+    with pytest.raises(InputError, match=said):
         read_aligned(write(tmp_path, **changed))
 
 
 def test_a_folder_without_the_files_says_which_are_missing(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"found no gt\.txt, odom_pose\.txt, odom_quaternion\.txt"):
+    with pytest.raises(InputError, match=r"found no gt\.txt, odom_pose\.txt, odom_quaternion\.txt"):
         trials_from_folder(tmp_path)
 
 

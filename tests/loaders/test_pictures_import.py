@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.importing.pictures import ImportOptions, import_pictures
 from maurice_loaders.inspection.overview import inspect_session
 from maurice_loaders.io.pictures import encode_jpeg
@@ -119,7 +119,7 @@ def test_a_map_of_walls(source: Path, tmp_path: Path) -> None:
 class TestErrors:
     def expect(self, source: Path, message: str, options: ImportOptions = OPTIONS) -> None:
         out = source.parent / "out"
-        with pytest.raises(LogError, match=message) as caught:
+        with pytest.raises(InputError, match=message) as caught:
             import_pictures(source, source / "poses.csv", out, options)
         assert "\n" not in str(caught.value)
         assert not out.exists()
@@ -136,12 +136,12 @@ class TestErrors:
 
     @pytest.mark.parametrize("folder", ["", "nothere", Path("nothere")])
     def test_a_folder_that_does_not_exist(self, source: Path, folder: Path | str) -> None:
-        with pytest.raises(LogError, match=f"found no such folder '{folder}', expected the one"):
+        with pytest.raises(InputError, match=f"found no such folder '{folder}', expected the one"):
             import_pictures(folder, source / "poses.csv", source.parent / "out", OPTIONS)
         assert not (source.parent / "out").exists()
 
     def test_a_file_for_a_folder(self, source: Path) -> None:
-        with pytest.raises(LogError, match=r"poses\.csv: found a file, expected the folder"):
+        with pytest.raises(InputError, match=r"poses\.csv: found a file, expected the folder"):
             import_pictures(source / "poses.csv", source / "poses.csv", source.parent / "out", OPTIONS)
 
     def test_poses_in_millimetres(self, source: Path) -> None:
@@ -156,7 +156,7 @@ class TestErrors:
         (tmp_path / "out").mkdir()
         (tmp_path / "out/mine").touch()
         for force in (False, True):
-            with pytest.raises(LogError, match="out: "):
+            with pytest.raises(InputError, match="out: "):
                 import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS, force=force)
         assert (tmp_path / "out/mine").exists()
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.importing.pose_table import Columns, PoseRow, pose_runs, read_pose_table
 
 HEAD = "image,x_m,y_m,heading_deg"
@@ -47,7 +47,7 @@ def test_the_unit_of_headings(tmp_path: Path, column: str, unit: str | None, exp
 
 def test_a_heading_of_unknown_unit_is_not_guessed(tmp_path: Path) -> None:
     path = table(tmp_path, "a.jpg,0,0,90", head="image,x_m,y_m,yaw")
-    with pytest.raises(LogError, match=r"found heading column 'yaw' without a unit .* deg or rad"):
+    with pytest.raises(InputError, match=r"found heading column 'yaw' without a unit .* deg or rad"):
         read_pose_table(path, Columns(heading="yaw"))
 
 
@@ -61,7 +61,7 @@ def test_other_columns_other_order_quotes_and_a_byte_order_mark(tmp_path: Path) 
 
 def test_missing_columns_are_named_with_those_found(tmp_path: Path) -> None:
     path = table(tmp_path, head="file,x_m,y_m,theta")
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(InputError) as caught:
         read_pose_table(path, Columns())
     message = "found columns file, x_m, y_m, theta, expected also image, heading_deg; choose the columns"
     assert str(caught.value) == f"{path}:1: {message}"
@@ -82,27 +82,27 @@ def test_missing_columns_are_named_with_those_found(tmp_path: Path) -> None:
 )
 def test_a_bad_row_is_named(tmp_path: Path, line: str, message: str) -> None:
     path = table(tmp_path, "ok.jpg,1,2,3", line)
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(InputError) as caught:
         read_pose_table(path, Columns())
     assert str(caught.value) == f"{path}:3: {message}"
 
 
 def test_no_table_at_all(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="found no such file"):
+    with pytest.raises(InputError, match="found no such file"):
         read_pose_table(tmp_path / "no.csv", Columns())
-    with pytest.raises(LogError, match="found no rows"):
+    with pytest.raises(InputError, match="found no rows"):
         read_pose_table(table(tmp_path), Columns())
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(LogError, match="cannot be read as a CSV table"):
+    with pytest.raises(InputError, match="cannot be read as a CSV table"):
         read_pose_table(tmp_path / "b.csv", Columns())
-    with pytest.raises(LogError, match="cannot be read as a CSV table"):
+    with pytest.raises(InputError, match="cannot be read as a CSV table"):
         read_pose_table(tmp_path, Columns())
 
 
 def test_a_table_that_never_ends(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero")):
-        with pytest.raises(LogError, match="found no regular file, expected a table of poses"):
+        with pytest.raises(InputError, match="found no regular file, expected a table of poses"):
             read_pose_table(path, Columns())
 
 
@@ -111,14 +111,14 @@ def test_a_table_that_never_ends(tmp_path: Path) -> None:
 def test_other_separators_are_named(tmp_path: Path, separator: str, name: str, quote: str) -> None:
     head = separator.join(f"{quote}{column}{quote}" for column in HEAD.split(","))
     path = table(tmp_path, separator.join(["a.jpg", "1,5", "2", "3"]), head=head)
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(InputError) as caught:
         read_pose_table(path, Columns())
     advice = "save the table with commas between columns"
     assert str(caught.value) == f"{path}:1: found columns separated by {name}, expected commas; {advice}"
 
 
 def test_a_semicolon_within_a_name_is_no_separator(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"found columns file;name, x_m, .*, expected also image; choose"):
+    with pytest.raises(InputError, match=r"found columns file;name, x_m, .*, expected also image; choose"):
         read_pose_table(table(tmp_path, head="file;name,x_m,y_m,heading_deg"), Columns())
 
 

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import PictureError
-from maurice_loaders.recorded_session import Pairing, RecordedSession
+from maurice_loaders.recorded_session import RecordedSession, TimeAlignment
 from maurice_loaders.recording import (
     Motion,
     Note,
@@ -44,7 +44,7 @@ class Given:
     path: Path = Path("given")
     info: SessionInfo = INFO
 
-    def records(self, findings: Findings) -> Iterator[Record]:
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
         yield from self.all
 
 
@@ -71,8 +71,8 @@ def forward(length_m: float, t_s: float, turn: float = 0.0) -> Motion:
     return Motion(t_s, np.array([length_m, 0.0, turn]))
 
 
-def play(*records: Record, pairing: Pairing | None = None) -> tuple[list[Moment], RecordedSession]:
-    session = RecordedSession(Given(records), pairing)
+def play(*records: Record, alignment: TimeAlignment | None = None) -> tuple[list[Moment], RecordedSession]:
+    session = RecordedSession(Given(records), alignment)
     moments = list(session.moments())
     assert session.overview()[0] >= len(moments)
     return moments, session
@@ -113,7 +113,7 @@ def test_a_picture_without_odometry_is_left_out_and_its_way_is_not_lost() -> Non
 def test_clocks_that_never_meet_are_an_error_that_says_how_far_apart_they_are() -> None:
     session = RecordedSession(Given([odometry(0, 0), odometry(1, 1), picture(1000), picture(1001)]))
     for reading in (lambda: list(session.moments()), session.overview):
-        with pytest.raises(LogError, match=r"1000\.000 s apart.*--odometry-offset"):
+        with pytest.raises(InputError, match=r"1000\.000 s apart.*--odometry-offset"):
             reading()
 
 
@@ -138,9 +138,9 @@ def test_the_way_to_a_broken_picture_belongs_to_the_next() -> None:
         odometry(2, 5),
         picture(2),
     ]
-    with pytest.raises(LogError, match="at 1: found a cut picture"):
+    with pytest.raises(InputError, match="at 1: found a cut picture"):
         list(RecordedSession(Given(records)).moments())
-    found, session = play(*records, pairing=Pairing(keep_going=True))
+    found, session = play(*records, alignment=TimeAlignment(keep_going=True))
     np.testing.assert_allclose(found[1].frame.motions, [[1, 0, 0], [5, 0, 0]])
     assert session.problem_count == 1
     assert [m.frame.step for m in found] == [1, 2]
@@ -161,15 +161,15 @@ def test_truth_is_not_joined_across_a_kidnapping() -> None:
 
 def test_times_that_fall_and_numbers_that_are_none_are_problems() -> None:
     for bad in (picture(-1), truth(5, float("nan")), forward(1e12, 5), picture(float("inf"))):
-        with pytest.raises(LogError, match="at t"):
+        with pytest.raises(InputError, match="at t"):
             list(RecordedSession(Given([picture(0), bad])).moments())
-        found, session = play(picture(0), bad, picture(6), pairing=Pairing(keep_going=True))
+        found, session = play(picture(0), bad, picture(6), alignment=TimeAlignment(keep_going=True))
         assert len(found) == 2
         assert session.problem_count >= 1
 
 
 def play_gated(distance_m: float, angle_rad: float, *records: Record) -> list[str]:
-    found, _ = play(*records, pairing=Pairing(min_distance_m=distance_m, min_angle_rad=angle_rad))
+    found, _ = play(*records, alignment=TimeAlignment(min_distance_m=distance_m, min_angle_rad=angle_rad))
     return [m.frame.picture for m in found]
 
 
@@ -200,7 +200,7 @@ def test_a_used_picture_has_all_motions_since_the_last_used_one() -> None:
         picture(1),
         forward(0.3, 2),
         picture(2),
-        pairing=Pairing(min_distance_m=0.5),
+        alignment=TimeAlignment(min_distance_m=0.5),
     )
     assert found[1].frame.motions[:, 0].tolist() == [0.3, 0.3]
 
@@ -245,7 +245,7 @@ def test_a_native_log_is_the_same_by_both_ways(steps: list[tuple[float, tuple[st
                 else:
                     log.image(t_s, np.full((4, 4, 3), value, np.uint8))
                 written += 1
-        assert len(list(open_recording(path).records(Findings(keep_going=False)))) == written
+        assert len(list(open_recording(path).records(ReadingNotes(keep_going=False)))) == written
         one, other = SessionLog(path), RecordedSession(open_recording(path))
         assert one.overview() == other.overview()
         for a, b in zip(one.moments(), other.moments(), strict=True):
@@ -268,5 +268,5 @@ def test_a_native_log_with_gating_is_gated(tmp_path: Path) -> None:
             log.odometry(t_s, (0.3, 0, 0))
             log.image(t_s, GRAY)
     assert isinstance(open_session(tmp_path / "drive.log"), SessionLog)
-    gated = open_session(tmp_path / "drive.log", OpenOptions(min_distance_m=0.5))
+    gated = open_session(tmp_path / "drive.log", ReadingOptions(min_distance_m=0.5))
     assert gated.overview()[0] == 3

@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.runs.manifest import library_hash, put, read_manifest, write_manifest
 from maurice_loaders.runs.rows import (
     BEST,
@@ -175,7 +175,7 @@ def test_a_folder_is_replaced_only_with_force_and_only_when_it_is_a_run(
 ) -> None:
     folder, _ = save_run()
     manifest = read_manifest(folder)
-    with pytest.raises(LogError, match="--force"):
+    with pytest.raises(InputError, match="--force"):
         RunWriter(folder, manifest, "", run_library.arena)
     assert read_manifest(folder) == manifest
     RunWriter(folder, manifest, "", run_library.arena, force=True)
@@ -184,7 +184,7 @@ def test_a_folder_is_replaced_only_with_force_and_only_when_it_is_a_run(
         other = tmp_path / name.split(".")[0]
         other.mkdir()
         (other / name).write_text(text)
-        with pytest.raises(LogError, match="remove it yourself"):
+        with pytest.raises(InputError, match="remove it yourself"):
             RunWriter(other, manifest, "", run_library.arena, force=True)
         assert (other / name).read_text() == text
 
@@ -202,7 +202,7 @@ def test_the_runs_of_a_comparison_are_opened_in_order(save_run: Save, tmp_path: 
         save_run()
     assert [run.folder.name for run in open_runs(both)] == ["zebra", "ant"]
     edit(both / "manifest.json", runs=["../run"])
-    with pytest.raises(LogError, match="list of runs"):
+    with pytest.raises(InputError, match="list of runs"):
         open_runs(both)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.runs.rows import rows_of
 from maurice_loaders.runs.store import SavedRun, first_difference, open_runs, same
 from maurice_mcl.records import StepRecord
@@ -119,6 +119,6 @@ def test_damage_is_one_line(save_run: Save, name: str) -> None:
     damage, said = DAMAGE[name]
     folder, _ = save_run()
     damage(folder)
-    with pytest.raises(LogError, match=said.replace("[", r"\[")) as caught:
+    with pytest.raises(InputError, match=said.replace("[", r"\[")) as caught:
         list(opened(folder).steps())
     assert "\n" not in str(caught.value)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
@@ -71,7 +71,7 @@ def test_reads_pictures_only_as_asked(write_log: WriteLog, tmp_path: Path, image
     (tmp_path / "1.jpg").write_bytes(encode_jpeg(image))
     reading = SessionLog(path).moments()
     assert [next(reading).frame.picture, next(reading).frame.picture] == ["0.jpg", "1.jpg"]
-    with pytest.raises(LogError, match=r"session\.log:4: 2\.jpg: found no such picture"):
+    with pytest.raises(InputError, match=r"session\.log:4: 2\.jpg: found no such picture"):
         next(reading)
 
 
@@ -143,7 +143,7 @@ def test_a_last_line_without_its_end_counts_when_it_is_whole(write_log: WriteLog
 def test_a_last_line_without_its_end_is_an_error_when_it_is_whole_but_wrong(write_log: WriteLog) -> None:
     path = write_log({"t": 0, "truth": [1, 2]})
     path.write_bytes(path.read_bytes().rstrip(b"\n"))
-    with pytest.raises(LogError, match=r"log:2: found truth .*, expected a list of 3 numbers"):
+    with pytest.raises(InputError, match=r"log:2: found truth .*, expected a list of 3 numbers"):
         moments(path)
 
 
@@ -197,7 +197,7 @@ class TestCameras:
         assert [m.frame.time_s for m in moments(write_log(*records))] == [0, 2, 3]
 
     def test_an_unknown_one_is_refused_with_the_known(self, write_log: WriteLog) -> None:
-        with pytest.raises(LogError, match="found cameras front, rear, expected 'top' among them"):
+        with pytest.raises(InputError, match="found cameras front, rear, expected 'top' among them"):
             SessionLog(write_log(**CAMERAS), camera="top")
 
 
@@ -211,11 +211,11 @@ class TestSurveys:
         assert log.count_pictures() == 7
 
     def test_is_no_session(self, survey: Path) -> None:
-        with pytest.raises(LogError, match="found a survey log, expected a session log"):
+        with pytest.raises(InputError, match="found a survey log, expected a session log"):
             SessionLog(survey).moments()
 
     def test_a_session_is_no_survey(self, write_log: WriteLog) -> None:
-        with pytest.raises(LogError, match="found a session log, expected a survey log"):
+        with pytest.raises(InputError, match="found a session log, expected a survey log"):
             SessionLog(write_log()).survey_pictures()
 
     def test_an_inline_picture_has_no_path(self, write_log: WriteLog, pixel: Pixel) -> None:
@@ -227,7 +227,7 @@ class TestSurveys:
 
 class TestBrokenPictures:
     def expect(self, path: Path, message: str) -> None:
-        with pytest.raises(LogError, match=message):
+        with pytest.raises(InputError, match=message):
             moments(path)
 
     def test_missing(self, write_log: WriteLog) -> None:

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import (
-    Event,
-    Odometry,
+    EventRecord,
+    OdometryRecord,
     PictureRecord,
-    Truth,
+    TruthRecord,
     read_header,
     read_records,
 )
@@ -51,13 +51,13 @@ def test_comes_back_exactly(tmp_path_factory: Any, steps: list[tuple[float, Any]
                 getattr(writer, kind)(t_s, value)
     assert read_header(path)[0].name == name
     found: list[tuple[float, Any]] = []
-    for record in read_records(path, "session", Findings(keep_going=False)):
+    for record in read_records(path, "session", ReadingNotes(keep_going=False)):
         match record:
-            case Odometry():
+            case OdometryRecord():
                 found.append((record.t_s, ("odometry", record.motion.tolist())))
-            case Truth():
+            case TruthRecord():
                 found.append((record.t_s, ("truth", record.pose.tolist())))
-            case Event():
+            case EventRecord():
                 found.append((record.t_s, ("event", record.text)))
             case PictureRecord():
                 found.append((record.t_s, ("image", record.covered)))
@@ -67,8 +67,8 @@ def test_comes_back_exactly(tmp_path_factory: Any, steps: list[tuple[float, Any]
 def test_encoders_are_kept(tmp_path: Path) -> None:
     with SessionWriter(tmp_path / "a.log", INFO) as writer:
         writer.odometry(0, np.array([1.0, 2.0, 3.0]), encoders_m=(0.1, 0.2, 0.3, 0.4))
-    (record,) = read_records(tmp_path / "a.log", "session", Findings(keep_going=False))
-    assert isinstance(record, Odometry)
+    (record,) = read_records(tmp_path / "a.log", "session", ReadingNotes(keep_going=False))
+    assert isinstance(record, OdometryRecord)
     assert record.encoders_m is not None
     assert record.encoders_m.tolist() == [0.1, 0.2, 0.3, 0.4]
 
@@ -104,11 +104,11 @@ def test_nothing_is_overwritten_unasked(tmp_path: Path, image: U8) -> None:
     with SessionWriter(path, INFO) as writer:
         writer.image(0, image)
     before = path.read_bytes()
-    with pytest.raises(LogError, match=r"a\.log: found a log already; .*--force"):
+    with pytest.raises(InputError, match=r"a\.log: found a log already; .*--force"):
         SessionWriter(path, INFO)
     assert path.read_bytes() == before
     path.unlink()
-    with SessionWriter(path, INFO) as writer, pytest.raises(LogError, match="found a picture already"):
+    with SessionWriter(path, INFO) as writer, pytest.raises(InputError, match="found a picture already"):
         writer.image(0, image)
     with SessionWriter(path, INFO, force=True) as writer:
         writer.image(0, image)
@@ -117,10 +117,10 @@ def test_nothing_is_overwritten_unasked(tmp_path: Path, image: U8) -> None:
 
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(LogError, match="found a file, expected a folder"):
+    with pytest.raises(InputError, match="found a file, expected a folder"):
         SessionWriter(tmp_path / "file" / "a.log", INFO)
     (tmp_path / "folder.log").mkdir()
-    with pytest.raises(LogError, match=r"folder\.log: cannot be written"):
+    with pytest.raises(InputError, match=r"folder\.log: cannot be written"):
         SessionWriter(tmp_path / "folder.log", INFO, force=True)
 
 

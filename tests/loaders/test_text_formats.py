@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, guess, open_recording, open_session
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, guess, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recording import Motion, OdometryPose, Picture, Record, TruthPose
 from maurice_mcl.arrays import F64
 
@@ -22,16 +22,16 @@ DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" 
 real = pytest.mark.skipif(not DATA.is_dir(), reason="no recorded data here (MAURICE_DATA)")
 
 
-def read(path: Path, options: OpenOptions | None = None) -> tuple[list[Record], tuple[str, ...]]:
-    findings = Findings(keep_going=False)
-    return list(open_recording(path, options).records(findings)), findings.warnings
+def read(path: Path, options: ReadingOptions | None = None) -> tuple[list[Record], tuple[str, ...]]:
+    notes = ReadingNotes(keep_going=False)
+    return list(open_recording(path, options).records(notes)), notes.warnings
 
 
-def truths(path: Path, options: OpenOptions | None = None) -> F64:
+def truths(path: Path, options: ReadingOptions | None = None) -> F64:
     return np.array([r.pose for r in read(path, options)[0] if isinstance(r, TruthPose)])
 
 
-def odometry(path: Path, options: OpenOptions | None = None) -> F64:
+def odometry(path: Path, options: ReadingOptions | None = None) -> F64:
     return np.array([r.pose for r in read(path, options)[0] if isinstance(r, OdometryPose)])
 
 
@@ -82,8 +82,8 @@ def test_poses_out_of_the_plane_are_told_of(tmp_path: Path) -> None:
 )
 def test_a_broken_row_is_named_by_its_line(line: str, told: str, tmp_path: Path) -> None:
     file = write(tmp_path / "t.txt", "# poses", "1.0 1 2 3 0 0 0 1", "1.5 1 2 3 0 0 0 1", line)
-    with pytest.raises(LogError, match=rf"t\.txt:4: .*{told}"):
-        read(file, OpenOptions(format="tum-trajectory"))
+    with pytest.raises(InputError, match=rf"t\.txt:4: .*{told}"):
+        read(file, ReadingOptions(format="tum-trajectory"))
 
 
 def test_kitti_lies_on_its_side(tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ def test_kitti_poses_end_early_and_it_is_said(tmp_path: Path) -> None:
     found, warnings = read(tmp_path / "sequences" / "03")
     assert Counter(type(r).__name__ for r in found) == {"Picture": 3, "TruthPose": 2}
     assert "2 poses for 3 times" in warnings[0]
-    assert len(truths(tmp_path / "sequences" / "03", OpenOptions(truth_offset_s=0.05))) == 2
+    assert len(truths(tmp_path / "sequences" / "03", ReadingOptions(truth_offset_s=0.05))) == 2
 
 
 def test_kitti_pictures_beyond_the_times_are_told(tmp_path: Path) -> None:
@@ -138,10 +138,10 @@ def test_another_camera_by_name(tmp_path: Path) -> None:
     found, warnings = read(tmp_path)
     assert [int(r.read()[0, 0, 0]) for r in found if isinstance(r, Picture)] == [10]
     assert "cam1 is not" in warnings[0]
-    found, _ = read(tmp_path, OpenOptions(camera="cam1"))
+    found, _ = read(tmp_path, ReadingOptions(camera="cam1"))
     assert [int(r.read()[0, 0, 0]) for r in found if isinstance(r, Picture)] == [200]
-    with pytest.raises(LogError, match="found cam0, cam1, expected 'cam9'"):
-        read(tmp_path, OpenOptions(camera="cam9"))
+    with pytest.raises(InputError, match="found cam0, cam1, expected 'cam9'"):
+        read(tmp_path, ReadingOptions(camera="cam9"))
 
 
 def test_a_raw_carmen_log_has_no_truth(tmp_path: Path) -> None:
@@ -183,13 +183,13 @@ def test_small_falls_of_a_carmen_log_are_raised_and_large_ones_refused(tmp_path:
     found, warnings = read(write(tmp_path / "a.log", *lines))
     assert [r.t_s for r in found] == [20, 21.5, 21.5, 22]
     assert "1 times fall" in warnings[0]
-    with pytest.raises(LogError, match=r"b\.log:5: found time 3 after 22"):
+    with pytest.raises(InputError, match=r"b\.log:5: found time 3 after 22"):
         read(write(tmp_path / "b.log", *lines, "ODOM 3 0 0 0 0 0 3 host 3"))
 
 
 @pytest.mark.parametrize("cut", ["ODOM 1 2", "FLASER 180 1 2 3", "FLASER x 1 2", "ODOM 1 2 x 0 0 0 1 h 1"])
 def test_cut_lines_of_a_carmen_log_are_named(cut: str, tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"a\.log:2: "):
+    with pytest.raises(InputError, match=r"a\.log:2: "):
         read(write(tmp_path / "a.log", "ODOM 0 0 0 0 0 0 1 host 1", cut))
 
 
@@ -199,7 +199,7 @@ def test_columns_by_name_by_option_and_in_other_units(tmp_path: Path) -> None:
         tmp_path / "d.csv", "stamp;jpg;px;py;yaw;forward_cm;turn_deg", "5;a.png;1000;-2000;90;30;180"
     )
     columns = {"time": "stamp:ms", "image": "jpg", "x": "px:mm", "y": "py:mm", "heading": "yaw:deg"}
-    found, _ = read(file, OpenOptions(columns=columns))
+    found, _ = read(file, ReadingOptions(columns=columns))
     motion, pose, taken = found
     assert isinstance(motion, Motion)
     assert isinstance(pose, TruthPose)
@@ -222,20 +222,20 @@ def test_columns_by_name_by_option_and_in_other_units(tmp_path: Path) -> None:
 def test_columns_that_cannot_be(columns: dict[str, str], told: str, tmp_path: Path) -> None:
     file = write(tmp_path / "d.csv", "a,b,c", "1,2,3")
     whole = {"x": "a", "y": "b", "heading": "c:deg"} | columns
-    with pytest.raises(LogError, match=told):
-        read(file, OpenOptions(format="table", columns=whole))
+    with pytest.raises(InputError, match=told):
+        read(file, ReadingOptions(format="table", columns=whole))
 
 
 def test_a_table_beside_pictures_goes_row_for_row(tmp_path: Path) -> None:
     for k in (2, 10, 1):
         image(tmp_path / "views" / f"v{k}.png", k)
     table = write(tmp_path / "p.csv", "x_m,y_m,heading_rad", "0,0,0", "1,0,0", "2,0,0")
-    found, warnings = read(tmp_path / "views", OpenOptions(table=table))
+    found, warnings = read(tmp_path / "views", ReadingOptions(table=table))
     assert [r.name for r in found if isinstance(r, Picture)] == ["v1.png", "v2.png", "v10.png"]
     assert "a row a second" in warnings[0]
     write(tmp_path / "p.csv", "x_m,y_m,heading_rad", *["0,0,0"] * 4)
-    with pytest.raises(LogError, match=r"p\.csv:5: found no picture 3, there are 3"):
-        read(tmp_path / "views", OpenOptions(table=table))
+    with pytest.raises(InputError, match=r"p\.csv:5: found no picture 3, there are 3"):
+        read(tmp_path / "views", ReadingOptions(table=table))
 
 
 def test_a_table_beside_a_video(tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ def test_a_table_beside_a_video(tmp_path: Path) -> None:
         video.write(np.full((32, 32, 3), value, np.uint8))
     video.release()
     table = write(tmp_path / "p.csv", "time,frame,x_m,y_m,heading_rad", "7,2,0,0,0", "8,0,1,0,0")
-    found = [r for r in read(tmp_path / "v.avi", OpenOptions(table=table))[0] if isinstance(r, Picture)]
+    found = [r for r in read(tmp_path / "v.avi", ReadingOptions(table=table))[0] if isinstance(r, Picture)]
     assert [r.t_s for r in found] == [7, 8]
     assert [round(float(r.read().mean()), -1) for r in found] == [160, 0]
 
@@ -259,10 +259,10 @@ def test_a_video_has_its_own_times(tmp_path: Path) -> None:
 
 def test_an_unknown_format_lists_those_there_are(tmp_path: Path) -> None:
     file = write(tmp_path / "letter.txt", "Dear reader")
-    with pytest.raises(LogError, match=r"begins with b'Dear reader.*session-log, .*--format"):
+    with pytest.raises(InputError, match=r"begins with b'Dear reader.*session-log, .*--format"):
         guess(file)
-    with pytest.raises(LogError, match="there is no format 'bag'"):
-        open_recording(file, OpenOptions(format="bag"))
+    with pytest.raises(InputError, match="there is no format 'bag'"):
+        open_recording(file, ReadingOptions(format="bag"))
 
 
 @real
@@ -284,7 +284,7 @@ def test_asl_counts_and_clocks_that_disagree() -> None:
     assert "clocks disagree" in warnings[0]
     offset = float(warnings[0].rsplit("--truth-offset ", 1)[1])
     assert offset == pytest.approx(1403636601.1135554 - 81.605, abs=1e-3)
-    found, _ = read(path, OpenOptions(truth_offset_s=offset))
+    found, _ = read(path, ReadingOptions(truth_offset_s=offset))
     assert sum(isinstance(r, TruthPose) for r in found) == 490
     assert open_session(path).overview() == (11, False)
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from maurice_loaders.transforms.clocks import Span, apart, detect_unit, seconds
+from maurice_loaders.transforms.clocks import TimeSpan, apart, detect_unit, seconds
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ def test_nanoseconds_keep_what_a_float_can_hold() -> None:
 
 
 def test_spans_that_meet_and_that_do_not() -> None:
-    one, other = Span(), Span()
+    one, other = TimeSpan(), TimeSpan()
     for t_s in (10.0, 12.0):
         one.add(t_s)
     for t_s in (12.5, 14.0):

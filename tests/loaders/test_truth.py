@@ -8,21 +8,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.session_log.records import Event, Odometry, PictureRecord, Record, Truth
+from maurice_loaders.session_log.records import (
+    EventRecord,
+    OdometryRecord,
+    PictureRecord,
+    Record,
+    TruthRecord,
+)
 from maurice_loaders.session_log.truth import MAX_WAITING, with_truth
 from maurice_mcl.arrays import F64
 
 
-def truth(t_s: float, *pose: float) -> Truth:
-    return Truth(0, t_s, np.array(pose or (t_s, 2 * t_s, 0), np.float64))
+def truth(t_s: float, *pose: float) -> TruthRecord:
+    return TruthRecord(0, t_s, np.array(pose or (t_s, 2 * t_s, 0), np.float64))
 
 
 def picture(t_s: float) -> PictureRecord:
     return PictureRecord(0, t_s, "a.png", None, None, False, None)
 
 
-def odometry(t_s: float) -> Odometry:
-    return Odometry(0, t_s, np.zeros(3), None)
+def odometry(t_s: float) -> OdometryRecord:
+    return OdometryRecord(0, t_s, np.zeros(3), None)
 
 
 def poses(*records: Record) -> list[F64 | None]:
@@ -70,13 +76,13 @@ def test_nothing_is_guessed_beyond_the_ends() -> None:
 
 
 def test_never_across_a_kidnapping() -> None:
-    carried = Event(0, 0.6, "kidnapped")
+    carried = EventRecord(0, 0.6, "kidnapped")
     assert poses(truth(0), picture(0.5), carried, picture(0.7), truth(0.9)) == [None, None]
 
 
 def test_truth_at_the_time_of_a_kidnapping_holds_for_what_follows() -> None:
     before, after = poses(
-        truth(1, 0, 0, 0), picture(1), Event(0, 1, "kidnapped"), truth(1, 5, 5, 0), picture(1)
+        truth(1, 0, 0, 0), picture(1), EventRecord(0, 1, "kidnapped"), truth(1, 5, 5, 0), picture(1)
     )
     assert before is not None
     assert after is not None
@@ -119,7 +125,7 @@ def test_equals_the_answer_with_the_whole_log_in_hand(steps: list[tuple[bool, in
     records = [truth(t) if known else picture(t) for (known, _), t in zip(steps, times, strict=True)]
     for record, pose in with_truth(records):
         if isinstance(record, PictureRecord):
-            known = [r.t_s for r in records if isinstance(r, Truth)]
+            known = [r.t_s for r in records if isinstance(r, TruthRecord)]
             before = max((t for t in known if t <= record.t_s), default=-np.inf)
             after = min((t for t in known if t >= record.t_s), default=np.inf)
             if after - before <= 1:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from maurice_loaders.config_files import configuration_of, read_config, to_toml, toml_value
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import RULES, Layer, configure, defaults
 from maurice_viz.cli.configure.config import config
@@ -180,5 +180,5 @@ def test_errors_of_every_layer_begin_with_their_origin(tmp_path):
         (None, {"MAURICE_FILTER_PARTICLE": "1"}, {}, "MAURICE_FILTER_PARTICLE"),
         (None, {}, {"particles": 0}, "command line"),
     ):
-        with pytest.raises(LogError, match=f"^{origin}: "):
+        with pytest.raises(InputError, match=f"^{origin}: "):
             configuration_of(preset, None, environment, typed)

@@ -12,7 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_viz.cli.app import app as whole
 from maurice_viz.cli.library.build import library
 from maurice_viz.cli.reading import reads_recordings, typed
@@ -94,16 +94,16 @@ def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> 
 
 
 def test_options_are_typed_as_they_are_read() -> None:
-    given = OpenOptions(
+    given = ReadingOptions(
         format="table", columns={"x": "px:mm"}, table=Path("a b.csv"), min_angle_rad=math.pi / 6,
         max_dt_s=0.5,
         odometry_from_truth=True, turn_scale=-1.0, camera_yaw_rad=-math.pi / 4, odometry_are="steps",
         time_unit="ns", truth_offset_s=-1_700_000_000.25,
     )  # fmt: skip
-    seen: list[OpenOptions] = []
+    seen: list[ReadingOptions] = []
 
     @reads_recordings
-    def command(*, opening: OpenOptions) -> None:
+    def command(*, opening: ReadingOptions) -> None:
         seen.append(opening)
 
     own = typer.Typer()
@@ -114,7 +114,7 @@ def test_options_are_typed_as_they_are_read() -> None:
         given, camera_yaw_rad=0.0, min_angle_rad=0.0
     )
     assert (read.camera_yaw_rad, read.min_angle_rad) == pytest.approx((-math.pi / 4, math.pi / 6))
-    assert typed(OpenOptions()) == []
+    assert typed(ReadingOptions()) == []
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ from rerun.chunk import RrdReader
 from typer.testing import CliRunner, Result
 
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recorded_session import Glance, RecordedSession
 from maurice_loaders.recording import moved
-from maurice_loaders.transforms.placeholders import STAND_IN, StandIns
+from maurice_loaders.transforms.placeholders import PLACEHOLDER, Placeholders
 from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_viz.app import drive as drive_alone
@@ -87,8 +87,8 @@ def test_who_asks_for_a_filter_or_figures_is_told_that_a_library_is_missing(
 
 def test_odometry_alone_has_moments_where_the_robot_moved(tmp_path: Path) -> None:
     path = carmen(tmp_path)
-    moments = list(RecordedSession(StandIns(open_recording(path))).moments())
-    assert {moment.frame.picture for moment in moments} == {STAND_IN}
+    moments = list(RecordedSession(Placeholders(open_recording(path))).moments())
+    assert {moment.frame.picture for moment in moments} == {PLACEHOLDER}
     gone = [float(moment.frame.motions[:, 0].sum()) for moment in moments[1:]]
     turned = [float(moment.frame.motions[:, 2].sum()) for moment in moments[1:]]
     assert all(0.25 <= way < 0.35 or turn >= 0.26 for way, turn in zip(gone, turned, strict=True))
@@ -104,7 +104,7 @@ def test_a_robot_that_stands_for_long_has_one_moment_and_costs_no_time(tmp_path:
     rows = [f"ODOM 0 0 {k % 2}e-6 0 0 0 {k}.0 robot {k}.0" for k in range(20_000)]  # as gyros tremble
     path = tmp_path / "still.log"
     path.write_text("\n".join(rows) + "\n")
-    assert RecordedSession(StandIns(open_recording(path))).overview()[0] == 1
+    assert RecordedSession(Placeholders(open_recording(path))).overview()[0] == 1
 
 
 def test_pictures_alone_are_drawn(tmp_path: Path) -> None:
@@ -184,7 +184,7 @@ def test_the_bare_map_holds_the_ways_with_some_room() -> None:
 
 def test_glances_are_moments_without_their_pictures(small_session: Path) -> None:
     session = RecordedSession(open_recording(small_session))
-    for glance, moment in zip(session.glances(Findings(False)), session.moments(), strict=True):
+    for glance, moment in zip(session.glances(ReadingNotes(False)), session.moments(), strict=True):
         np.testing.assert_array_equal(glance.motions, moment.frame.motions)
         assert glance.events == moment.events
         assert (glance.truth is None) == (moment.truth is None)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import U8
 from maurice_viz.drawing.raster import png
 from maurice_viz.viewer.movie import film, from_png
@@ -89,7 +89,7 @@ def test_a_movie_that_is_stopped_leaves_nothing(tmp_path: Path, suffix: str) -> 
 def test_an_earlier_movie_stays_without_force(tmp_path: Path) -> None:
     path = tmp_path / "m.gif"
     path.write_bytes(b"earlier")
-    with pytest.raises(LogError, match="--force"), film(path, 4.0):
+    with pytest.raises(InputError, match="--force"), film(path, 4.0):
         pass
     assert path.read_bytes() == b"earlier"
     with film(path, 4.0, force=True) as frames:
@@ -98,7 +98,7 @@ def test_an_earlier_movie_stays_without_force(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_is_a_line(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot be written"), film(tmp_path / "no" / "m.gif", 4.0):
+    with pytest.raises(InputError, match="cannot be written"), film(tmp_path / "no" / "m.gif", 4.0):
         pass
 
 

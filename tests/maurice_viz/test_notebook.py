@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
 import maurice_viz as mv
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_viz.cli.app import app
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "notebook.ipynb"
@@ -101,7 +101,7 @@ def test_what_is_not_known_is_null(maurice: Maurice, tmp_path: Path, small_sessi
 
 
 def test_what_is_no_run_is_a_log_error(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="expected a saved run"):
+    with pytest.raises(InputError, match="expected a saved run"):
         mv.results(tmp_path)
 
 
@@ -140,11 +140,11 @@ def test_a_saved_run_and_a_session_are_drawn_and_shown(
 
 
 def test_what_cannot_be_shown_is_a_log_error(tmp_path: Path, widget: None) -> None:
-    with pytest.raises(LogError, match="no such recording"):
+    with pytest.raises(InputError, match="no such recording"):
         mv.show(tmp_path / "no.rrd")
-    with pytest.raises(LogError, match="expected a saved run"):
+    with pytest.raises(InputError, match="expected a saved run"):
         mv.show(tmp_path)
-    with pytest.raises(LogError, match="could not be replayed"):
+    with pytest.raises(InputError, match="could not be replayed"):
         mv.show(tmp_path / "no.log")
 
 

@@ -14,8 +14,8 @@ import cv2
 import pytest
 from typer.testing import CliRunner
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.io.fields import FieldError
 from maurice_loaders.recording import moved
 from maurice_loaders.runs.manifest import read_manifest
@@ -149,15 +149,15 @@ def test_a_manifest_of_the_version_before_is_read(small_session: Path, tmp_path:
     file.write_text(
         json.dumps({k: v for k, v in found.items() if k not in ("reading", "table")} | {"version": 1})
     )
-    assert read_manifest(tmp_path / "kept").reading == OpenOptions(format="session-log")
+    assert read_manifest(tmp_path / "kept").reading == ReadingOptions(format="session-log")
     assert maurice("verify", tmp_path / "kept")[0] == 0
     file.write_text(json.dumps(found | {"version": 3}))
-    with pytest.raises(LogError, match="found version 3"):
+    with pytest.raises(InputError, match="found version 3"):
         read_manifest(tmp_path / "kept")
 
 
 def test_options_of_reading_are_kept_and_strange_ones_refused() -> None:
-    options = OpenOptions(
+    options = ReadingOptions(
         "table", "left", columns={"x": "px:mm"}, time_unit="ms", min_angle_rad=0.25, odometry_seed=7
     )
     assert reading_from_json(json.loads(json.dumps(reading_to_json(options)))) == options
@@ -190,12 +190,12 @@ def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path
 
 
 def test_a_session_read_with_another_table_is_another_drive() -> None:
-    def drive(table: str | None, reading: OpenOptions) -> str:
+    def drive(table: str | None, reading: ReadingOptions) -> str:
         source = None if table is None else SimpleNamespace(sha256=table)
         manifest = SimpleNamespace(session=SimpleNamespace(sha256="s"), reading=reading, table=source)
         return side_by_side._drive(SimpleNamespace(runs=[SimpleNamespace(manifest=manifest)]))  # type: ignore[arg-type]  # all that is looked at
 
-    usual = OpenOptions()
+    usual = ReadingOptions()
     assert drive("a", usual) == drive("a", usual)
-    others = (drive("b", usual), drive(None, usual), drive("a", OpenOptions("tum")))
+    others = (drive("b", usual), drive(None, usual), drive("a", ReadingOptions("tum")))
     assert len({drive("a", usual), *others}) == 4

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F32
 
 from . import offices, textures
@@ -65,14 +65,14 @@ TEXTURES: dict[str, Texture] = {
 
 @lru_cache(maxsize=32)
 def read_image(file: Path) -> F32:
-    """Read an image as linear reflectance (H, W, 3) in 0.02 to 0.95; LogError where it is none."""
+    """Read an image as linear reflectance (H, W, 3) in 0.02 to 0.95; InputError where it is none."""
     try:
         data = np.frombuffer(file.read_bytes(), np.uint8)
     except OSError as problem:
-        raise LogError(file, f"cannot be read: {problem.strerror}; mend the image's path") from None
+        raise InputError(file, f"cannot be read: {problem.strerror}; mend the image's path") from None
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if bgr is None:
-        raise LogError(file, "is no image that can be read; save it as PNG or JPEG")
+        raise InputError(file, "is no image that can be read; save it as PNG or JPEG")
     shrink = min(1.0, MOST_PX / max(bgr.shape))  # a photograph has more than any face can show
     if shrink < 1:
         bgr = cv2.resize(bgr, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from maurice_loaders.config_files import configuration_of, read_config, to_toml
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.config.schema import Configuration, Setting
 from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters
 
@@ -69,8 +69,8 @@ def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
         return
     model = motion.get("model", "maurice")
     if not isinstance(model, str) or model not in MOTION_MODELS:
-        raise LogError(file, f"motion.model: found {model!r}, expected one of {', '.join(MOTION_MODELS)}")
+        raise InputError(file, f"motion.model: found {model!r}, expected one of {', '.join(MOTION_MODELS)}")
     try:
         MOTION_MODELS[model](motion)
     except ValueError as problem:
-        raise LogError(file, str(problem)) from None
+        raise InputError(file, str(problem)) from None

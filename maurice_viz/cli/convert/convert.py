@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 
 from ...app.convert import convert as convert_recording
 from ..console import listening, results
@@ -37,7 +37,7 @@ def convert(
     keep_going: KeepGoingOption = False,
     force: ForceOption = False,
     json_output: JsonOption = False,
-    opening: OpenOptions,
+    opening: ReadingOptions,
 ) -> None:
     """Write a session as a native log (.log, its pictures beside it) or as MCAP with ROS 2 messages (.mcap).
 

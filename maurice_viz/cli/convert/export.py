@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.export.evo import EvoSink, evo_sink
 from maurice_loaders.export.run import McapScene, mcap_sink, scene_of
 from maurice_loaders.export.tables import (
@@ -113,7 +113,9 @@ def export(
     with one_line_errors():
         run = chosen_run(folder, run_label)
         if only == "truth" and not run.manifest.has_truth:
-            raise LogError(run.folder, "knows no truth, and --only truth asks for nothing else; leave it out")
+            raise InputError(
+                run.folder, "knows no truth, and --only truth asks for nothing else; leave it out"
+            )
         exported = _export(run, targets, Wanted(only, t_offset, scored, force))
     if json_output:
         results.print_json(json.dumps({"runs": [exported]}))
@@ -134,12 +136,12 @@ def _check(targets: Targets, only: str | None, t_offset: float) -> None:
 
 
 def chosen_run(folder: Path, label: str | None) -> SavedRun:
-    """Open a saved run, or the one of that label of a comparison. LogError when it is not clear which."""
+    """Open a saved run, or the one of that label of a comparison. InputError when it is not clear which."""
     runs = {run.manifest.label: run for run in open_runs(folder)}
     if label is None and len(runs) > 1:
-        raise LogError(folder, f"holds the runs {', '.join(runs)}; choose one with --run-label")
+        raise InputError(folder, f"holds the runs {', '.join(runs)}; choose one with --run-label")
     if label is not None and label not in runs:
-        raise LogError(folder, f"holds no run {label!r}; it holds {', '.join(runs)}")
+        raise InputError(folder, f"holds no run {label!r}; it holds {', '.join(runs)}")
     return runs[label] if label is not None else next(iter(runs.values()))
 
 
@@ -159,7 +161,9 @@ def _export(run: SavedRun, targets: Targets, wanted: Wanted) -> dict[str, Any]:
                 steps += 1
             advance(number, manifest.pictures)
         if not steps:
-            raise LogError(run.folder, "holds no such update, so there is nothing to export; replay further")
+            raise InputError(
+                run.folder, "holds no such update, so there is nothing to export; replay further"
+            )
     _remark(run, sinks, targets)
     written = [str(file) for file in files if file.exists()]
     return {
@@ -213,7 +217,7 @@ def _session(run: SavedRun, targets: Targets) -> tuple[AnySession | None, float]
     try:
         session = session_of(run)
         return session, begin_of(session)
-    except LogError as problem:
+    except InputError as problem:
         missing = "pictures are left out and times" if targets.mcap else "times"
         note(f"{str(problem).split(';')[0]}: {missing} count from its first record")
         return None, 0.0

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from maurice_loaders.formats.registry import Format, OpenOptions, chosen
+from maurice_loaders.formats.registry import Format, ReadingOptions, chosen
 from maurice_loaders.formats.registry import formats as all_formats
 
 from ..console import results
@@ -28,7 +28,7 @@ def formats(
 ) -> None:
     """List the formats of recordings that can be read, or tell a file's."""
     with one_line_errors():
-        found = list(all_formats().values()) if path is None else [chosen(path, OpenOptions())]
+        found = list(all_formats().values()) if path is None else [chosen(path, ReadingOptions())]
     if json_output:
         results.print_json(json.dumps([_facts(one) for one in found]))
         return

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
 from maurice_loaders.recorded_session import MAX_DT_S
@@ -56,7 +56,7 @@ def record(
     json_output: JsonOption = False,
 ) -> None:
     """Record a live source into a session log, until it ends or you press Ctrl-C."""
-    topics = OpenOptions(
+    topics = ReadingOptions(
         image_topic=image_topic, odometry_topic=odometry_topic, truth_topic=truth_topic, max_dt_s=max_dt
     )
     stopped: KeyboardInterrupt | None = None

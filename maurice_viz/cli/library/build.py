@@ -11,8 +11,8 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_loaders.formats.registry import OpenOptions
-from maurice_loaders.libraries.choose import Every, read_every
+from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.libraries.choose import Spacing, read_every
 from maurice_loaders.libraries.store import build_library, open_library, save_library
 from maurice_loaders.libraries.survey import EVERY, open_survey
 from maurice_loaders.session_log.reader import SessionLog
@@ -70,7 +70,7 @@ def build(
     force: ForceOption = False,
     keep_going: KeepGoingOption = False,
     *,
-    opening: OpenOptions,
+    opening: ReadingOptions,
 ) -> None:
     """Measure every picture of a survey, or some of a drive, and write a library that stands alone."""
     spaced = _every(every)
@@ -94,7 +94,7 @@ def build(
         results.print(line, soft_wrap=True)
 
 
-def _every(text: str | None) -> Every | None:
+def _every(text: str | None) -> Spacing | None:
     try:
         return None if text is None else read_every(text)
     except ValueError as problem:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.library import Library
@@ -69,7 +69,7 @@ def _sensor(path: Path, library: Library, feature: str) -> SensorModel:
     missing = [name for name in weights if name not in library.index]
     if missing:
         found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
-        raise LogError(path, f"{found}, and {missing[0]} is wanted; build the library again")
+        raise InputError(path, f"{found}, and {missing[0]} is wanted; build the library again")
     return SensorModel(
         library, nearest_reference(library.poses, library.arena), SensorParameters(dict(weights))
     )

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.libraries.store import open_library
@@ -120,7 +120,7 @@ def _refuse_fitted(fit: Sequence[Path], test: Sequence[Path]) -> None:
         same = fitted.get(hash_file(path))
         if same is not None:
             which = "is fitted on" if path == same else f"is the same drive as {same}, which is fitted on"
-            raise LogError(path, f"{which}, and would flatter the result; score another drive")
+            raise InputError(path, f"{which}, and would flatter the result; score another drive")
 
 
 def _wanted(path: Path, library: Library, channels: str | None) -> tuple[str, ...]:
@@ -132,7 +132,7 @@ def _wanted(path: Path, library: Library, channels: str | None) -> tuple[str, ..
         if name not in CHANNELS:
             raise typer.BadParameter(f"no channel called {name!r}; there are {', '.join(CHANNELS)}")
         if name not in there:
-            raise LogError(path, f"holds {', '.join(there)}, and {name} is wanted; build the library again")
+            raise InputError(path, f"holds {', '.join(there)}, and {name} is wanted; build the library again")
     if not wanted:
         raise typer.BadParameter("--channels names no channel")
     return wanted
@@ -163,7 +163,7 @@ def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[Sample]:
     with progress("library") as advance:
         found = library_samples(tuning.measuring, tuning.measuring.most_pictures(), advance)
     if not found:
-        raise LogError(
+        raise InputError(
             tuning.path, "found no two references near each other that look one way; fit on a --session"
         )
     return found
@@ -182,5 +182,5 @@ def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
     if log.problem_count:
         note(f"{path}: skipped {log.problem_count} broken records, the first: {log.problems[0]}")
     if not found:
-        raise LogError(path, "found no picture with a true pose in the library's free space to tune with")
+        raise InputError(path, "found no picture with a true pose in the library's free space to tune with")
     return found

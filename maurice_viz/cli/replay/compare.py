@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 
 from ..common_options import CommonOptions, runs_a_filter
 from ..options import ConfigsOption, FeaturesOption, PresetsOption, ResamplersOption, RunOptions, SeedsOption
@@ -39,7 +39,7 @@ def compare(
     resampler: ResamplersOption = None,
     *,
     common: CommonOptions,
-    opening: OpenOptions,
+    opening: ReadingOptions,
 ) -> None:
     """Replay two to four runs side by side in one recording, and say how they differ.
 
@@ -60,7 +60,7 @@ def compare(
     library, run, keep_going = common.library, common.run, common.keep_going
     options = common.of_runs()
     output = common.of_output(paths[0].absolute().stem if len(paths) == 1 else SEVERAL)
-    saved, reading = [is_saved(path) for path in paths], opening != OpenOptions()
+    saved, reading = [is_saved(path) for path in paths], opening != ReadingOptions()
     if any(saved):
         _check_saved(saved, options != RunOptions() or any(given.values()) or library or run or reading)
         _check_count(len(paths), fewest=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.formats.registry import ReadingOptions
 
 from ...layouts.names import DETAILS
 from ..common_options import CommonOptions, runs_a_filter
@@ -38,7 +38,7 @@ def replay(
     detail: DetailOption = DETAILS[0],
     as_recorded: AsRecordedOption = False,
     live: LiveOptions,
-    opening: OpenOptions,
+    opening: ReadingOptions,
 ) -> None:
     """Replay a session of any format, a saved run or a live source, in the viewer or, without, to a file."""
     from maurice_loaders.runs.store import is_saved
@@ -69,7 +69,7 @@ def replay(
         follow_source(session, library, RunSpec(preset, feature), options, output, live, opening)
         return
     if is_saved(session):
-        reading = opening != OpenOptions()
+        reading = opening != ReadingOptions()
         if options != RunOptions() or preset or feature or library or run or reading:
             raise typer.BadParameter(
                 "a saved run is replayed as it was: only options of the output apply to it"

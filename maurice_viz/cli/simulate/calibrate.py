@@ -10,7 +10,7 @@ import typer
 
 from maurice_loaders.calibration.covered_pictures import covered_pictures
 from maurice_loaders.calibration.trials import METRES, mishaps, read_trials, trials_from_session, write_trials
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.odometry_folder import is_odometry_folder, trials_from_folder
 from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_loaders.session_log.records import read_header
@@ -169,7 +169,7 @@ def _odometry_folder(folder: Path) -> Path:
     """Give the folder back, or say which log in it was perhaps meant."""
     logs = sorted(folder.glob("*.log"))
     if logs and not is_odometry_folder(folder):
-        raise LogError(folder, f"found a folder without odometry tables; did you mean {logs[0]}?")
+        raise InputError(folder, f"found a folder without odometry tables; did you mean {logs[0]}?")
     return folder
 
 
@@ -177,4 +177,4 @@ def _fitted(source: Path, trials: Trials) -> Calibration:
     try:
         return fit_trials(trials)
     except ValueError as problem:
-        raise LogError(source, str(problem)) from None
+        raise InputError(source, str(problem)) from None

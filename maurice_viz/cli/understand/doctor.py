@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, open_recording
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, open_recording
 from maurice_loaders.inspection.doctor import diagnose, mended
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.library import Library
@@ -36,7 +36,7 @@ def doctor(
     strict: StrictOption = False,
     json_output: JsonOption = False,
     *,
-    opening: OpenOptions,
+    opening: ReadingOptions,
 ) -> None:
     """Find wrong signs, units, frames, clocks and cameras in a recording; say why, and what mends it."""
     with one_line_errors():
@@ -54,12 +54,12 @@ def doctor(
         raise typer.Exit(1)
 
 
-def _library(session: Path, library: Path | None, opening: OpenOptions) -> Library | None:
+def _library(session: Path, library: Path | None, opening: ReadingOptions) -> Library | None:
     """Open the library that was asked for; the one that the header names only where it is there."""
     path = library or open_recording(session, opening).info.survey
     if path is None or (library is None and not path.exists()):
         return None
     if not path.exists():
-        raise LogError(path, "found no such library or survey; say which with --library")
+        raise InputError(path, "found no such library or survey; say which with --library")
     with progress("library") as advance:
         return open_library(path, progress=advance, warn=note)

@@ -95,7 +95,7 @@ def _add(folder: Path, step: int, text: str) -> None:
 
 
 def _remove(folder: Path, which: str) -> None:
-    from maurice_loaders.errors import LogError
+    from maurice_loaders.errors import InputError
     from maurice_loaders.runs.bookmarks import bookmarks_file, read_bookmarks, remove_bookmarks
     from maurice_loaders.runs.store import open_runs
 
@@ -104,6 +104,6 @@ def _remove(folder: Path, which: str) -> None:
     unwanted = [one for one in kept.kept if which in (str(one.step), one.note)]
     if not unwanted:
         there = ", ".join(str(one.step) for one in kept.kept) or "none"
-        raise LogError(bookmarks_file(folder), f"found no bookmark {which!r}; there are at steps: {there}")
+        raise InputError(bookmarks_file(folder), f"found no bookmark {which!r}; there are at steps: {there}")
     gone = remove_bookmarks(folder, unwanted)
     note(f"{bookmarks_file(folder)}: {gone} bookmark{'s' * (gone != 1)} removed")

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_mcl.analysis.explanation import Asked, explain_step
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
@@ -91,7 +91,7 @@ def _explain(folder: Path, wanted: Wanted, output: OutputOptions, picture: Path 
     scale = scale_for(opened.scene.info.display_units, library.arena)
     moment, record = _update(opened, chosen, folder, wanted.step)
     if chosen.sensor is None or not len(record.sighting.comparison.quality):
-        raise LogError(folder, "cannot be explained without its session and library; put them back")
+        raise InputError(folder, "cannot be explained without its session and library; put them back")
     asked = _asked(wanted, record, library, scale.units)
     step = explain_step(record, chosen.sensor, moment.truth, asked, weigh=True)
     label = chosen.saved.manifest.label
@@ -105,9 +105,9 @@ def _explain(folder: Path, wanted: Wanted, output: OutputOptions, picture: Path 
 def _chosen(opened: Opened, folder: Path, label: str | None) -> Restored:
     labels = [one.saved.manifest.label for one in opened.restored]
     if label is None and len(labels) > 1:
-        raise LogError(folder, f"holds the runs {', '.join(labels)}; choose one with --run-label")
+        raise InputError(folder, f"holds the runs {', '.join(labels)}; choose one with --run-label")
     if label is not None and label not in labels:
-        raise LogError(folder, f"holds no run {label!r}; it holds {', '.join(labels)}")
+        raise InputError(folder, f"holds no run {label!r}; it holds {', '.join(labels)}")
     return opened.restored[labels.index(label) if label is not None else 0]
 
 
@@ -120,9 +120,9 @@ def _update(opened: Opened, chosen: Restored, folder: Path, number: int | None) 
         if moment.frame.step == number:
             return found
     if found is None:
-        raise LogError(folder, "holds no update")
+        raise InputError(folder, "holds no update")
     if number is not None:
-        raise LogError(folder, f"has no step {number}; it has 1 to {found[0].frame.step}")
+        raise InputError(folder, f"has no step {number}; it has 1 to {found[0].frame.step}")
     return found
 
 

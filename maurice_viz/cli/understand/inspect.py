@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from maurice_loaders.formats.registry import NATIVE, OpenOptions, chosen, open_recording
+from maurice_loaders.formats.registry import NATIVE, ReadingOptions, chosen, open_recording
 from maurice_loaders.inspection.overview import Inspection, inspect_recording, inspect_session
 from maurice_loaders.recorded_session import RecordedSession
 
@@ -19,7 +19,7 @@ from ..reading import reads_recordings
 
 
 @reads_recordings
-def inspect(session: SessionArgument, *, json_output: JsonOption = False, opening: OpenOptions) -> None:
+def inspect(session: SessionArgument, *, json_output: JsonOption = False, opening: ReadingOptions) -> None:
     """Say what a session, a survey log or a recording holds: counts, rates, spans, pictures, problems."""
     with one_line_errors():
         format_name, found = _inspected(session, replace(opening, keep_going=True))
@@ -33,13 +33,13 @@ def inspect(session: SessionArgument, *, json_output: JsonOption = False, openin
         results.print(f"... and {found.problem_count - len(found.problems)} more problems")
 
 
-def _inspected(path: Path, opening: OpenOptions) -> tuple[str, Inspection]:
+def _inspected(path: Path, opening: ReadingOptions) -> tuple[str, Inspection]:
     """Look a file over by its format, and name that."""
     one = chosen(path, opening)
     if one.name == NATIVE and opening.as_it_is:
         return one.name, inspect_session(path)
     recording = open_recording(path, replace(opening, format=one.name))
-    return one.name, inspect_recording(RecordedSession(recording, opening.pairing))
+    return one.name, inspect_recording(RecordedSession(recording, opening.alignment))
 
 
 def _table(found: Inspection, format_name: str) -> Table:

@@ -86,8 +86,8 @@ def _typed(folder: Path, step: int) -> _Place:
 
 
 def _place(folder: Path, to: str, nth: int, label: str | None) -> _Place:
-    """Find the event. LogError that says what there is where it is not there."""
-    from maurice_loaders.errors import LogError
+    """Find the event. InputError that says what there is where it is not there."""
+    from maurice_loaders.errors import InputError
 
     from ...app.run_events import find_events
 
@@ -96,7 +96,7 @@ def _place(folder: Path, to: str, nth: int, label: str | None) -> _Place:
         note(problem)
     labels = [run.label for run in found.runs]
     if label is not None and label not in labels:
-        raise LogError(folder, f"found no run {label!r}, expected one of {', '.join(labels)}")
+        raise InputError(folder, f"found no run {label!r}, expected one of {', '.join(labels)}")
     events = {event: None for run in found.runs if label in (None, run.label) for event in run.events}
     matching = sorted(
         (one for one in events if _is(one, to)),
@@ -105,9 +105,9 @@ def _place(folder: Path, to: str, nth: int, label: str | None) -> _Place:
     if len(matching) >= nth:
         return _Place(matching[nth - 1].step, f"{matching[nth - 1].kind}: {matching[nth - 1].text}")
     if matching:
-        raise LogError(folder, f"found {to!r} {len(matching)} times, so there is no --nth {nth}")
+        raise InputError(folder, f"found {to!r} {len(matching)} times, so there is no --nth {nth}")
     there = ", ".join(_there(list(events))) or "nothing"
-    raise LogError(folder, f"found no event or bookmark {to!r}; what happened in it: {there}")
+    raise InputError(folder, f"found no event or bookmark {to!r}; what happened in it: {there}")
 
 
 def _move(folder: Path, port: int | None, timeline: str, value: int) -> None:

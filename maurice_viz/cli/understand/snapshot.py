@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import expect_absent, write_whole
 
 from ...entities import PHASE, PHASES_PER_STEP, STEP, Phase, phase_number
@@ -78,13 +78,13 @@ class Places:
     phases: bool  # one picture a phase
 
     def on(self, viewer: Viewer, source: Path) -> tuple[str, range]:
-        """Give the timeline and its values. LogError for steps that the recording does not have."""
+        """Give the timeline and its values. InputError for steps that the recording does not have."""
         start, end = viewer.span(STEP)
         first = start if self.first is None else self.first
         last = end if self.last is None else self.last
         for step in (first, last):
             if not start <= step <= end:
-                raise LogError(source, f"found no step {step}, expected one from {start} to {end}")
+                raise InputError(source, f"found no step {step}, expected one from {start} to {end}")
         if not self.phases:
             return STEP, range(first, last + 1)
         return PHASE, range(PHASES_PER_STEP * first, PHASES_PER_STEP * (last + 1))
@@ -194,7 +194,7 @@ def _recording_of(source: Path) -> Iterator[Path]:
     """Give the recording itself, or one that a saved run is drawn into for the while."""
     if source.suffix == ".rrd":
         if not source.is_file():
-            raise LogError(source, "found no such recording; replay a session with --save to make one")
+            raise InputError(source, "found no such recording; replay a session with --save to make one")
         yield source
         return
     with tempfile.TemporaryDirectory(prefix="maurice-snapshot-") as folder:
@@ -204,7 +204,7 @@ def _recording_of(source: Path) -> Iterator[Path]:
 
 
 def draw_saved(folder: Path, recording: Path, layout: str | None = None) -> None:
-    """Draw a saved run, or those of a comparison, into a new recording. LogError for anything else."""
+    """Draw a saved run, or those of a comparison, into a new recording. InputError for anything else."""
     from ...app.output import recording as drawing
     from ...app.run import collector_of, step_through
     from ...app.saved import open_saved, playback_of

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, guess
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, guess
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_mcl.map import open_arena
 from maurice_viz.app.as_recorded import AFTER_RESAMPLING
 from maurice_viz.app.output import layout_of
@@ -30,8 +30,8 @@ ARENA = open_arena(np.array([[0.0, 0.0], [5.0, 4.0]]))
 
 
 def updates(path: Path) -> list[RecordedUpdate]:
-    localizer = RecordedLocalizer(path, BAGS[guess(path).name], OpenOptions())
-    return list(localizer.updates(Findings(keep_going=False)))
+    localizer = RecordedLocalizer(path, BAGS[guess(path).name], ReadingOptions())
+    return list(localizer.updates(ReadingNotes(keep_going=False)))
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_each_cloud_is_an_update_with_its_pose(amcl: Path) -> None:
 
 
 def test_weights_are_kept(nav2: Path) -> None:
-    recorded = open_as_recorded(nav2, OpenOptions())
+    recorded = open_as_recorded(nav2, ReadingOptions())
     records = [record for step in recorded.updates() for _, record in step.values()]
     want = [u.weights for u in updates(nav2)]
     for record, weights in zip(records, want, strict=True):
@@ -70,14 +70,14 @@ def test_weights_are_kept(nav2: Path) -> None:
 
 def test_the_first_update_says_what_weights_mean(nav2: Path) -> None:
     moments = [
-        moment for step in open_as_recorded(nav2, OpenOptions()).updates() for moment, _ in step.values()
+        moment for step in open_as_recorded(nav2, ReadingOptions()).updates() for moment, _ in step.values()
     ]
     assert AFTER_RESAMPLING in moments[0].events
     assert not any(moment.events for moment in moments[1:])
 
 
 def test_poses_in_the_maps_frame(amcl: Path) -> None:
-    records = [r for step in open_as_recorded(amcl, OpenOptions()).updates() for _, r in step.values()]
+    records = [r for step in open_as_recorded(amcl, ReadingOptions()).updates() for _, r in step.values()]
     for record, update in zip(records, updates(amcl), strict=True):
         np.testing.assert_allclose(record.weighted.world_poses, update.poses, atol=1e-5)
         assert update.pose is not None
@@ -89,7 +89,7 @@ def test_weights_that_make_no_sense_count_as_equal(weights: float, tmp_path: Pat
     ros = Ros(2)
     cloud = ros.particles(BEGIN_NS, np.zeros((3, 3)), np.full(3, weights))
     said = [Said("/particle_cloud", "nav2_msgs/ParticleCloud", BEGIN_NS, cloud)]
-    recorded = open_as_recorded(making.write_ros2(tmp_path / "bag", said), OpenOptions())
+    recorded = open_as_recorded(making.write_ros2(tmp_path / "bag", said), ReadingOptions())
     ((_, record),) = (one for step in recorded.updates() for one in step.values())
     np.testing.assert_allclose(record.weighted.weights, 1 / 3)
     assert recorded.unweighted == 1
@@ -115,19 +115,19 @@ def test_a_far_pose_is_not_the_clouds(tmp_path: Path) -> None:
 
 def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
-    with pytest.raises(LogError, match="found no cloud"):
-        open_as_recorded(path, OpenOptions())
+    with pytest.raises(InputError, match="found no cloud"):
+        open_as_recorded(path, ReadingOptions())
     log = tmp_path / "session.log"
     log.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session"}\n')
-    with pytest.raises(LogError, match="expected one of rosbag1, rosbag2, mcap"):
-        open_as_recorded(log, OpenOptions())
+    with pytest.raises(InputError, match="expected one of rosbag1, rosbag2, mcap"):
+        open_as_recorded(log, ReadingOptions())
 
 
 @pytest.mark.parametrize("detail", ["full", "events", "light"])
 def test_all_views_are_drawn(detail: str, nav2: Path, tmp_path: Path) -> None:
     file = tmp_path / "out.rrd"
     output = OutputOptions("out", file, True, False, False, True, detail=detail)
-    replay_as_recorded(nav2, OpenOptions(), output)
+    replay_as_recorded(nav2, ReadingOptions(), output)
     assert file.stat().st_size > 10_000
 
 
@@ -136,7 +136,7 @@ def test_no_view_is_of_what_a_bag_does_not_hold(pictures: bool, tmp_path: Path) 
     """References, histograms and likelihoods are our own filter's; a robot may have no camera."""
     said = [one for one in making.amcl_drive(Ros(2)) if pictures or "camera" not in one.topic]
     path = making.write_ros2(tmp_path / "bag", said)
-    playing = playing_of(open_as_recorded(path, OpenOptions()))
+    playing = playing_of(open_as_recorded(path, ReadingOptions()))
     titles = _titles(layout_of(playing.drawn, playing.scene).root_container)
     assert ("Camera (px)" in titles) == pictures
     assert {"Cloud from near", "What this step did"} <= titles
@@ -161,7 +161,7 @@ def _titles(part: rrb.Container | rrb.View) -> set[str]:
 
 def test_words_are_only_of_what_a_bag_holds(nav2: Path) -> None:
     scale = scale_for("m", ARENA)
-    for step in open_as_recorded(nav2, OpenOptions()).updates():
+    for step in open_as_recorded(nav2, ReadingOptions()).updates():
         for moment, record in step.values():
             said = [narrate.phase(moment, record, slot, scale) for slot in tuple(Phase)[:5]]
             said.append(narrate.summary(moment, record, scale))
@@ -181,7 +181,7 @@ def test_words_are_only_of_what_a_bag_holds(nav2: Path) -> None:
 def test_without_odometry_nothing_is_said_of_how_the_robot_moved(tmp_path: Path) -> None:
     said = [one for one in making.amcl_drive(Ros(2)) if one.topic != "/odom"]
     path = making.write_ros2(tmp_path / "bag", said)
-    for step in open_as_recorded(path, OpenOptions()).updates():
+    for step in open_as_recorded(path, ReadingOptions()).updates():
         for moment, record in step.values():
             assert "The robot" not in narrate.summary(moment, record, scale_for("m", ARENA))
 

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from bag_making import Ros, Said
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, open_session
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, open_session
 
 
 def _in_folder(folder: Path, name: str, **how: str) -> Path:
@@ -38,7 +38,7 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
 
 
 def _read(path: Path, *, keep_going: bool = False) -> int:
-    return len(list(open_session(path, OpenOptions(keep_going=keep_going)).moments()))
+    return len(list(open_session(path, ReadingOptions(keep_going=keep_going)).moments()))
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -54,7 +54,7 @@ def test_damage_is_one_line(name: str, tmp_path: Path) -> None:
             damaged[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
         path.write_bytes(damaged)
         for keep_going in (False, True):
-            with suppress(LogError):  # which is one line; anything else fails
+            with suppress(InputError):  # which is one line; anything else fails
                 _read(path, keep_going=keep_going)
 
 
@@ -64,7 +64,7 @@ def test_a_cut_file_is_refused(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     for share in (0.1, 0.5, 0.97):
         path.write_bytes(data[: int(share * len(data))])
-        with pytest.raises(LogError):
+        with pytest.raises(InputError):
             _read(path)
 
 
@@ -72,17 +72,17 @@ def test_a_cut_file_is_refused(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"hello", bytes(1000)])
 def test_other_files_with_our_names_are_refused(name: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         _read(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x.db3"])
 def test_folders_with_our_names_are_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / name).mkdir()
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         _read(tmp_path / name)
     (tmp_path / name / "metadata.yaml").write_text("nothing: here\n")
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         _read(tmp_path / name)
 
 
@@ -90,7 +90,7 @@ def test_folders_with_our_names_are_refused(name: str, tmp_path: Path) -> None:
 def test_a_file_that_is_cut_before_its_first_message_is_called_cut(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(WRITERS[name](tmp_path).read_bytes()[:4200])
-    with pytest.raises(LogError, match=r"ends at byte 4200.*it holds no topic"):
+    with pytest.raises(InputError, match=r"ends at byte 4200.*it holds no topic"):
         _read(path, keep_going=True)
 
 
@@ -100,7 +100,7 @@ def test_a_cut_file_is_read_as_far_as_it_goes(name: str, tmp_path: Path) -> None
     data = whole.read_bytes()
     path = tmp_path / name
     path.write_bytes(data[:-40])  # the footer or the index's end is gone, all messages are there
-    with pytest.raises(LogError, match="--keep-going reads it as far as it goes"):
+    with pytest.raises(InputError, match="--keep-going reads it as far as it goes"):
         _read(path)
     assert _read(path, keep_going=True) == _read(whole) == 3
 
@@ -111,7 +111,7 @@ def test_a_chunk_that_claims_too_much_is_not_unpacked(tmp_path: Path) -> None:
     data[at + 9 + 16 : at + 9 + 24] = (2**50).to_bytes(8, "little")
     path = tmp_path / "bomb.mcap"
     path.write_bytes(data)
-    with pytest.raises(LogError, match=r"chunk|bytes"):
+    with pytest.raises(InputError, match=r"chunk|bytes"):
         _read(path)
 
 
@@ -124,7 +124,7 @@ def test_a_bag_that_was_never_closed(tmp_path: Path) -> None:
     data[at : at + 8] = bytes(8)
     path = tmp_path / "killed.bag.active"
     path.write_bytes(data[:index_at])
-    with pytest.raises(LogError, match="rosbag reindex"):
+    with pytest.raises(InputError, match="rosbag reindex"):
         _read(path)
     assert _read(path, keep_going=True) == _read(whole) == 3
 
@@ -135,7 +135,7 @@ def test_chunks_may_overlap_in_time(tmp_path: Path) -> None:
     mixed = [one for start in range(3) for one in said[start::3]]
     pictures = [Said("/pad", "sensor_msgs/Image", one.log_ns, pad(one.log_ns)) for one in mixed[::4]]
     path = making.write_ros1(tmp_path / "mixed.bag", [*mixed, *pictures])
-    session = open_session(path, OpenOptions(image_topic="/camera/image/compressed"))
+    session = open_session(path, ReadingOptions(image_topic="/camera/image/compressed"))
     assert len(list(session.moments())) == 40
     assert not any("left out" in warning for warning in session.warnings)
 
@@ -150,7 +150,7 @@ def _database(folder: Path) -> Path:
 
 
 def _said(path: Path) -> tuple[int, tuple[str, ...]]:
-    session = open_session(path, OpenOptions(keep_going=True))
+    session = open_session(path, ReadingOptions(keep_going=True))
     return len(list(session.moments())), session.warnings
 
 
@@ -160,7 +160,7 @@ def test_a_cut_database_is_read_until_it_breaks(alone: bool, tmp_path: Path) -> 
     data = file.read_bytes()
     file.write_bytes(data[: len(data) // 2])
     path = file if alone else file.parent
-    with pytest.raises(LogError, match="--keep-going reads what can be read"):
+    with pytest.raises(InputError, match="--keep-going reads what can be read"):
         _read(path)
     count, said = _said(path)
     assert 30 <= count <= 60  # of 100, as half of the file is there
@@ -174,7 +174,7 @@ def test_a_broken_page_of_a_database_hides_only_its_own_rows(alone: bool, tmp_pa
     for page in (20, 21, 45):
         data[page * 4096 : (page + 1) * 4096] = bytes(4096)
     file.write_bytes(data)
-    session = open_session(file if alone else file.parent, OpenOptions(keep_going=True))
+    session = open_session(file if alone else file.parent, ReadingOptions(keep_going=True))
     assert 90 <= len(list(session.moments())) < 100
     assert session.problem_count == 2, session.problems
     assert "cannot be read" in str(session.problems[0])
@@ -213,9 +213,9 @@ def test_what_a_killed_writer_left_beside_its_database_is_not_passed_over(
     )
     subprocess.run([sys.executable, "-c", script, file, mode], check=False)
     path = file if alone else file.parent
-    with pytest.raises(LogError, match=r"belong into bag\.db3 are still in bag\.db3-.*`sqlite3 bag\.db3"):
+    with pytest.raises(InputError, match=r"belong into bag\.db3 are still in bag\.db3-.*`sqlite3 bag\.db3"):
         _read(path)
-    session = open_session(path, OpenOptions(keep_going=True))
+    session = open_session(path, ReadingOptions(keep_going=True))
     list(session.moments())
     assert any("are still in bag.db3-" in str(problem) for problem in session.problems)
     with closing(sqlite3.connect(file)) as base:
@@ -232,9 +232,9 @@ def test_a_row_that_holds_no_bytes_is_one_line(value: str, tmp_path: Path) -> No
         base.execute("ALTER TABLE loose RENAME TO messages")
         base.execute(f"UPDATE messages SET data = {value} WHERE id = 250")
         base.commit()
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         _read(file)
-    session = open_session(file, OpenOptions(keep_going=True))
+    session = open_session(file, ReadingOptions(keep_going=True))
     assert len(list(session.moments())) >= 99  # the row is left out, or one record of it
     assert session.problem_count == 1
 
@@ -242,14 +242,14 @@ def test_a_row_that_holds_no_bytes_is_one_line(value: str, tmp_path: Path) -> No
 def test_a_database_without_readable_topics_is_refused_all_the_same(tmp_path: Path) -> None:
     file = _database(tmp_path)
     file.write_bytes(file.read_bytes()[:4096])
-    with pytest.raises(LogError):
+    with pytest.raises(InputError):
         _read(file, keep_going=True)
 
 
 def test_a_cut_file_says_so(tmp_path: Path) -> None:
     path = WRITERS["plain.bag"](tmp_path)
     path.write_bytes(path.read_bytes()[:-40])
-    session = open_session(path, OpenOptions(keep_going=True))
+    session = open_session(path, ReadingOptions(keep_going=True))
     assert len(list(session.moments())) == 3
     assert any("read as far as it goes" in text for text in session.warnings)
 
@@ -290,7 +290,9 @@ def _large_and_damaged(folder: Path, name: str) -> Path:
 @pytest.mark.parametrize("offset_s", [0.0, 0.001])
 def test_a_damaged_chunk_is_left_out_and_counted_once(name: str, offset_s: float, tmp_path: Path) -> None:
     """With an offset the file is read in three passes, which all find it."""
-    going = OpenOptions(image_topic="/camera/image/compressed", odometry_offset_s=offset_s, keep_going=True)
+    going = ReadingOptions(
+        image_topic="/camera/image/compressed", odometry_offset_s=offset_s, keep_going=True
+    )
     session = open_session(_large_and_damaged(tmp_path, name), going)
     times = [moment.frame.time_s for moment in session.moments()]
     assert 20 <= len(times) < 40  # one chunk of several is gone
@@ -304,8 +306,8 @@ def test_a_damaged_chunk_is_left_out_and_counted_once(name: str, offset_s: float
 @pytest.mark.parametrize("name", PACKED)
 def test_a_damaged_chunk_is_refused_with_where_and_what_to_do(name: str, tmp_path: Path) -> None:
     path = _large_and_damaged(tmp_path, name)
-    with pytest.raises(LogError, match=r"the chunk at byte \d+ is damaged .*--keep-going leaves it out"):
-        list(open_session(path, OpenOptions(image_topic="/camera/image/compressed")).moments())
+    with pytest.raises(InputError, match=r"the chunk at byte \d+ is damaged .*--keep-going leaves it out"):
+        list(open_session(path, ReadingOptions(image_topic="/camera/image/compressed")).moments())
 
 
 def test_one_wrong_bit_is_seen_by_the_checksum(tmp_path: Path) -> None:
@@ -313,9 +315,9 @@ def test_one_wrong_bit_is_seen_by_the_checksum(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[data.index(b'"translation": {"x": 0.5')] ^= 1
     path.write_bytes(data)
-    with pytest.raises(LogError, match=r"the chunk at byte \d+ is damaged \(found .*checksum"):
+    with pytest.raises(InputError, match=r"the chunk at byte \d+ is damaged \(found .*checksum"):
         _read(path)
-    session = open_session(path, OpenOptions(keep_going=True))
+    session = open_session(path, ReadingOptions(keep_going=True))
     assert len(list(session.moments())) == 9  # of 12 in four chunks
     assert session.problem_count == 1
 
@@ -330,8 +332,8 @@ def test_a_damaged_index_is_done_without(name: str, tmp_path: Path) -> None:
         footer = int.from_bytes(data[-28:-20], "little")  # where the summary begins
         data[-28:-20] = (footer + 5).to_bytes(8, "little")
     file.write_bytes(data)
-    options = OpenOptions(image_topic="/camera/image/compressed")
-    with pytest.raises(LogError):
+    options = ReadingOptions(image_topic="/camera/image/compressed")
+    with pytest.raises(InputError):
         list(open_session(file, options).moments())
     session = open_session(file, replace(options, keep_going=True))
     assert len(list(session.moments())) == 40

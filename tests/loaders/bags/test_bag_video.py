@@ -26,8 +26,8 @@ from maurice_loaders.bags.video import (
     codec_of,
     is_key,
 )
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, open_recording, open_session
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
 from maurice_loaders.io.pictures import PictureError
 
 PICTURES = 24
@@ -308,7 +308,9 @@ def test_a_recording_that_began_in_the_middle_says_so(tmp_path: Path) -> None:
 def test_without_the_extra_it_is_said(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = bag(tmp_path, kind, packed("h264"))
     monkeypatch.setattr(bag_video.importlib.util, "find_spec", lambda name: None if name == "av" else name)
-    with pytest.raises(LogError, match=r"decoding it needs an extra; pip install 'maurice-replay\[video\]'"):
-        list(open_session(path, OpenOptions(image_topic="/cam/video")).moments())
+    with pytest.raises(
+        InputError, match=r"decoding it needs an extra; pip install 'maurice-replay\[video\]'"
+    ):
+        list(open_session(path, ReadingOptions(image_topic="/cam/video")).moments())
     if "Image" not in kind:
         assert "/cam/video is video; decoding it needs an extra" in open_recording(path).info.notes[0]

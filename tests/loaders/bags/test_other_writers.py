@@ -15,15 +15,15 @@ from bag_making import BEGIN_NS, Ros, Said
 
 from maurice_loaders.bags import mcap_container as mcap_file
 from maurice_loaders.bags.mcap import open_mcap
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, guess, open_recording
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, guess, open_recording
+from maurice_loaders.io.notes import ReadingNotes
 
 DRIVE = {"Picture": 5, "OdometryPose": 10, "TruthPose": 10}
 
 
-def counts(path: Path, options: OpenOptions | None = None) -> dict[str, int]:
-    records = open_recording(path, options).records(Findings(keep_going=False))
+def counts(path: Path, options: ReadingOptions | None = None) -> dict[str, int]:
+    records = open_recording(path, options).records(ReadingNotes(keep_going=False))
     return dict(Counter(type(record).__name__ for record in records))
 
 
@@ -49,7 +49,7 @@ def test_several_files_without_metadata_are_refused_with_the_command(tmp_path: P
     bag = written(tmp_path)
     (bag / "metadata.yaml").unlink()
     shutil.copy(bag / "drive.db3", bag / "more.db3")
-    with pytest.raises(LogError, match=r"found 2 files .* `ros2 bag reindex drive` makes it anew"):
+    with pytest.raises(InputError, match=r"found 2 files .* `ros2 bag reindex drive` makes it anew"):
         open_recording(bag)
 
 
@@ -58,7 +58,7 @@ def test_a_packed_file_alone_is_refused_with_the_command(storage: str, tmp_path:
     bag = written(tmp_path, storage=storage, compression="file")
     assert counts(bag) == DRIVE
     (packed,) = bag.glob("*.zstd")
-    with pytest.raises(LogError, match=rf"`zstd -d {packed.name}` does that"):
+    with pytest.raises(InputError, match=rf"`zstd -d {packed.name}` does that"):
         open_recording(packed)
 
 
@@ -66,7 +66,7 @@ def test_other_folders_are_no_bags(tmp_path: Path) -> None:
     bag = written(tmp_path)
     (bag / "metadata.yaml").unlink()
     (bag / "notes.txt").write_text("more than a bag\n")
-    with pytest.raises(LogError, match="expected one of these formats"):
+    with pytest.raises(InputError, match="expected one of these formats"):
         guess(bag)
 
 
@@ -118,17 +118,21 @@ def test_an_empty_bag_says_that_it_holds_nothing(tmp_path: Path) -> None:
         making.write_ros2(tmp_path / "b", []),
         making.write_ros2(tmp_path / "c", [], storage="mcap"),
     ):
-        with pytest.raises(LogError, match="it holds no topic at all"):
+        with pytest.raises(InputError, match="it holds no topic at all"):
             open_recording(path)
 
 
 @pytest.mark.parametrize(
     "options",
-    [OpenOptions(time_unit="ns"), OpenOptions(table=Path("poses.csv")), OpenOptions(columns={"x": "px"})],
+    [
+        ReadingOptions(time_unit="ns"),
+        ReadingOptions(table=Path("poses.csv")),
+        ReadingOptions(columns={"x": "px"}),
+    ],
 )
-def test_options_of_tables_are_refused(options: OpenOptions, tmp_path: Path) -> None:
+def test_options_of_tables_are_refused(options: ReadingOptions, tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
-    with pytest.raises(LogError, match=r"found --(time-unit|table|columns), expected none with a bag"):
+    with pytest.raises(InputError, match=r"found --(time-unit|table|columns), expected none with a bag"):
         open_recording(path, options)
 
 
@@ -249,6 +253,6 @@ def test_odometry_from_transforms_alone(tmp_path: Path) -> None:
         image = ros.compressed(t_ns, making.picture(number))
         said.append(Said("/camera/image/compressed", "sensor_msgs/CompressedImage", t_ns, image))
     path = making.write_ros2(tmp_path / "bag", said)
-    records = list(open_recording(path).records(Findings(keep_going=False)))
+    records = list(open_recording(path).records(ReadingNotes(keep_going=False)))
     poses = [record.pose for record in records if type(record).__name__ == "OdometryPose"]  # type: ignore[union-attr]  # as named
     np.testing.assert_allclose(np.array(poses)[:, 0], 0.1 * np.arange(6), atol=1e-9)

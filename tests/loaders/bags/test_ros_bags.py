@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from bag_making import BEGIN_NS, Ros, Said
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, guess, open_recording, open_session
-from maurice_loaders.io.findings import Findings
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, guess, open_recording, open_session
+from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recording import Picture
 
 Write = Callable[[Path], Path]
@@ -162,9 +162,9 @@ def test_topics_as_asked(tmp_path: Path) -> None:
     said = making.drive(ros)
     said += [Said("/other/image", one.type, one.log_ns, one.message) for one in said if "camera" in one.topic]
     path = making.write_ros1(tmp_path / "drive.bag", sorted(said, key=lambda one: one.log_ns))
-    asked = OpenOptions(image_topic="/other/image", odometry_topic="none", truth_topic="/ground_truth")
+    asked = ReadingOptions(image_topic="/other/image", odometry_topic="none", truth_topic="/ground_truth")
     recording = open_recording(path, asked)
-    records = list(recording.records(Findings(keep_going=False)))
+    records = list(recording.records(ReadingNotes(keep_going=False)))
     assert Counter(type(r).__name__ for r in records) == {"Picture": 5, "TruthPose": 10}
     assert all(r.name.startswith("/other/image") for r in records if isinstance(r, Picture))
     assert recording.info.notes == ()  # nothing was guessed
@@ -173,15 +173,15 @@ def test_topics_as_asked(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (OpenOptions(image_topic="/nowhere"), "found no topic /nowhere; it holds /camera"),
-        (OpenOptions(image_topic="/odom"), "carries nav_msgs/Odometry, expected"),
-        (OpenOptions(odometry_topic="/camera/image/compressed"), "carries sensor_msgs/CompressedImage"),
-        (OpenOptions(truth_topic="/odom:map.base"), "carries nav_msgs/Odometry, expected"),
+        (ReadingOptions(image_topic="/nowhere"), "found no topic /nowhere; it holds /camera"),
+        (ReadingOptions(image_topic="/odom"), "carries nav_msgs/Odometry, expected"),
+        (ReadingOptions(odometry_topic="/camera/image/compressed"), "carries sensor_msgs/CompressedImage"),
+        (ReadingOptions(truth_topic="/odom:map.base"), "carries nav_msgs/Odometry, expected"),
     ],
 )
-def test_wrong_topics_are_named(options: OpenOptions, told: str, tmp_path: Path) -> None:
+def test_wrong_topics_are_named(options: ReadingOptions, told: str, tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "drive.bag", making.drive(Ros(1)))
-    with pytest.raises(LogError, match=told):
+    with pytest.raises(InputError, match=told):
         open_recording(path, options)
 
 
@@ -198,8 +198,8 @@ def test_transforms_are_chained(tmp_path: Path) -> None:
     path = making.write_ros2(tmp_path / "drive", said)
     guessed = open_recording(path)
     assert "/tf:odom.base_footprint" in guessed.info.notes[0]
-    recording = open_recording(path, OpenOptions(odometry_topic="/tf:odom.base_link"))
-    poses = [r.pose for r in recording.records(Findings(keep_going=False))]  # type: ignore[union-attr]  # all are
+    recording = open_recording(path, ReadingOptions(odometry_topic="/tf:odom.base_link"))
+    poses = [r.pose for r in recording.records(ReadingNotes(keep_going=False))]  # type: ignore[union-attr]  # all are
     want = [(number, 0.5, -np.pi) for number in range(1, 4)]
     np.testing.assert_allclose(np.abs(poses), np.abs(want), atol=1e-9)
 
@@ -211,13 +211,13 @@ def test_a_ring_of_transforms_is_no_endless_loop(tmp_path: Path) -> None:
         for a, b in (("a", "b"), ("b", "a"))
     ]
     path = making.write_ros2(tmp_path / "drive", said)
-    recording = open_recording(path, OpenOptions(odometry_topic="/tf:odom.b"))
-    assert list(recording.records(Findings(keep_going=False))) == []
+    recording = open_recording(path, ReadingOptions(odometry_topic="/tf:odom.b"))
+    assert list(recording.records(ReadingNotes(keep_going=False))) == []
 
 
 def _times(path: Path) -> tuple[list[float], tuple[str, ...]]:
-    findings = Findings(keep_going=False)
-    return [r.t_s for r in open_recording(path).records(findings)], findings.warnings
+    notes = ReadingNotes(keep_going=False)
+    return [r.t_s for r in open_recording(path).records(notes)], notes.warnings
 
 
 def test_stamps_put_messages_in_order(tmp_path: Path) -> None:
@@ -258,8 +258,8 @@ def test_clocks_that_disagree_are_noticed(tmp_path: Path) -> None:
 
 def test_offsets_are_added(tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "drive.bag", making.drive(Ros(1)))
-    recording = open_recording(path, OpenOptions(odometry_offset_s=100.0))
-    records = list(recording.records(Findings(keep_going=False)))
+    recording = open_recording(path, ReadingOptions(odometry_offset_s=100.0))
+    records = list(recording.records(ReadingNotes(keep_going=False)))
     times = [r.t_s for r in records]
     assert times == sorted(times)
     assert times[-1] == pytest.approx(BEGIN_NS / 1e9 + 100.9)
@@ -278,16 +278,16 @@ def test_bags_without_poses_and_pictures_say_what_they_hold(tmp_path: Path) -> N
     ros = Ros(1)
     text = ros.new("std_msgs/String", data="hello")
     path = making.write_ros1(tmp_path / "drive.bag", [Said("/chatter", "std_msgs/String", BEGIN_NS, text)])
-    with pytest.raises(LogError, match=r"it holds /chatter \(std_msgs/String, 1\)"):
+    with pytest.raises(InputError, match=r"it holds /chatter \(std_msgs/String, 1\)"):
         open_recording(path)
 
 
 def test_messages_in_an_unknown_encoding_are_named(tmp_path: Path) -> None:
     path = making.write_json_mcap(tmp_path / "drive.mcap", making.foxglove_drive(), encoding="flatbuffer")
-    with pytest.raises(LogError, match="encoded as 'flatbuffer'"):
+    with pytest.raises(InputError, match="encoded as 'flatbuffer'"):
         open_recording(path)
-    with pytest.raises(LogError, match="/image cannot be read: its messages are encoded as 'flatbuffer'"):
-        open_recording(path, OpenOptions(image_topic="/image"))
+    with pytest.raises(InputError, match="/image cannot be read: its messages are encoded as 'flatbuffer'"):
+        open_recording(path, ReadingOptions(image_topic="/image"))
 
 
 def test_broken_messages_are_counted_when_keeping_going(tmp_path: Path) -> None:
@@ -296,9 +296,9 @@ def test_broken_messages_are_counted_when_keeping_going(tmp_path: Path) -> None:
     nowhere: dict[str, Any] = said[4].message | {"pose": said[4].message["pose"] | {"orientation": {}}}
     said[4] = Said(said[4].topic, said[4].type, said[4].log_ns, nowhere)
     path = making.write_json_mcap(tmp_path / "drive.mcap", said)
-    with pytest.raises(LogError, match=r"message 1 of /truth .*found no field"):
+    with pytest.raises(InputError, match=r"message 1 of /truth .*found no field"):
         list(open_session(path).moments())
-    session = open_session(path, OpenOptions(keep_going=True))
+    session = open_session(path, ReadingOptions(keep_going=True))
     assert len(list(session.moments())) == 4
     assert session.problem_count == 2
 
@@ -308,8 +308,8 @@ def test_an_unfilled_quaternion_is_no_heading(tmp_path: Path) -> None:
     message = ros.odometry(BEGIN_NS, (0, 0, 0))
     message.pose.pose.orientation.w = 0.0
     path = making.write_ros1(tmp_path / "drive.bag", [Said("/odom", "nav_msgs/Odometry", BEGIN_NS, message)])
-    with pytest.raises(LogError, match="quaternion of length 0"):
-        list(open_recording(path).records(Findings(keep_going=False)))
+    with pytest.raises(InputError, match="quaternion of length 0"):
+        list(open_recording(path).records(ReadingNotes(keep_going=False)))
 
 
 def test_the_camera_is_described_where_the_bag_knows_it(tmp_path: Path) -> None:
@@ -328,7 +328,7 @@ def test_without_the_extra_one_line_says_how_to_get_it(
     log = making.write_json_mcap(tmp_path / "drive.mcap", making.foxglove_drive())
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     for path in (bag, log):
-        with pytest.raises(LogError) as refused:
+        with pytest.raises(InputError) as refused:
             open_session(path)
         assert str(refused.value).endswith("pip install 'maurice-replay[ros]'")
 
@@ -359,8 +359,8 @@ def test_other_writers_files(file: str, counts: dict[str, int]) -> None:
     """The counts are those that the files' own indexes give for the topics that are read."""
     if not (DATA / file).exists():
         pytest.skip("the recorded data is not here (MAURICE_DATA)")
-    findings = Findings(keep_going=False)
-    records = list(open_recording(DATA / file).records(findings))
+    notes = ReadingNotes(keep_going=False)
+    records = list(open_recording(DATA / file).records(notes))
     assert Counter(type(record).__name__ for record in records) == counts
     for record in records:
         if isinstance(record, Picture):

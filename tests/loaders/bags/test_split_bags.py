@@ -12,8 +12,8 @@ import pytest
 from bag_making import Ros
 from ruamel.yaml import YAML
 
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions, open_session
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions, open_session
 from maurice_loaders.recorded_session import RecordedSession
 
 UPDATES = 90
@@ -66,7 +66,7 @@ def files_of(folder: Path) -> list[Path]:
 
 
 def going(bag: Path) -> tuple[list[float], RecordedSession]:
-    session = open_session(bag, OpenOptions(keep_going=True))
+    session = open_session(bag, ReadingOptions(keep_going=True))
     assert isinstance(session, RecordedSession)
     return [moment.frame.time_s for moment in session.moments()], session
 
@@ -89,7 +89,7 @@ def test_a_whole_one_is_read_in_order(bag: Path) -> None:
 def test_what_is_behind_damage_is_read(bag: Path, storage: str) -> None:
     whole = going(bag)[0]
     break_middle_of(files_of(bag)[1])
-    with pytest.raises(LogError, match="--keep-going"):
+    with pytest.raises(InputError, match="--keep-going"):
         list(open_session(bag).moments())
     times, session = going(bag)
     missing = {"sqlite3": 12, "mcap": UPDATES // PARTS}[storage]  # an MCAP part is one chunk here
@@ -110,7 +110,7 @@ def test_one_that_is_no_bag_is_named_and_the_others_are_read(bag: Path) -> None:
 def test_metadata_may_be_missing(bag: Path) -> None:
     whole = going(bag)[0]
     (bag / "metadata.yaml").unlink()
-    with pytest.raises(LogError, match=r"found 3 files .*ros2 bag reindex bag.*--keep-going does without"):
+    with pytest.raises(InputError, match=r"found 3 files .*ros2 bag reindex bag.*--keep-going does without"):
         open_session(bag)
     times, session = going(bag)
     assert times == whole
@@ -124,7 +124,7 @@ def test_a_part_that_is_gone_is_named(renamed: bool, bag: Path) -> None:
         gone.rename(bag / f"other{gone.suffix}")
     else:
         gone.unlink()
-    with pytest.raises(LogError, match="--keep-going"):
+    with pytest.raises(InputError, match="--keep-going"):
         open_session(bag)
     times, session = going(bag)
     assert len(times) == (UPDATES if renamed else 2 * UPDATES // PARTS)
@@ -136,7 +136,7 @@ def test_a_part_that_is_gone_is_named(renamed: bool, bag: Path) -> None:
 def test_metadata_that_makes_no_sense_is_done_without(text: str, bag: Path) -> None:
     whole = going(bag)[0]
     (bag / "metadata.yaml").write_text(text)
-    with pytest.raises(LogError, match="--keep-going"):
+    with pytest.raises(InputError, match="--keep-going"):
         open_session(bag)
     assert going(bag)[0] == whole
 
@@ -144,7 +144,7 @@ def test_metadata_that_makes_no_sense_is_done_without(text: str, bag: Path) -> N
 def test_none_that_is_a_bag_is_refused(bag: Path) -> None:
     for file in files_of(bag):
         file.write_bytes(b"overwritten")
-    with pytest.raises(LogError, match=r"bag_\d+"):
+    with pytest.raises(InputError, match=r"bag_\d+"):
         going(bag)
 
 

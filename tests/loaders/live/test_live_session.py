@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from live_peers import HEADER, line, log, peer, says, update
 
-from maurice_loaders.errors import LogError
+from maurice_loaders.errors import InputError
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live.listening import LineCutter, Patience
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
@@ -126,7 +126,7 @@ HOSTILE: dict[str, tuple[bytes, str]] = {
 def test_a_peer_that_is_no_robot_is_told_in_one_line_at_once(name: str, tmp_path: Path) -> None:
     said, expected = HOSTILE[name]
     begun = time.monotonic()
-    with peer(says(said)) as address, pytest.raises(LogError) as told:
+    with peer(says(said)) as address, pytest.raises(InputError) as told:
         gone_through(live_source(address), tmp_path, Patience(60.0))
     assert expected in str(told.value)
     assert str(told.value).startswith(f"{address}:1: ")
@@ -144,7 +144,7 @@ def test_an_endless_line_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
             connection.sendall(b"x" * 65536)
             sent[0] += 65536
 
-    with peer(endless) as address, pytest.raises(LogError, match="sends a line of more than"):
+    with peer(endless) as address, pytest.raises(InputError, match="sends a line of more than"):
         gone_through(live_source(address))
     assert sent[0] < 30_000_000
 
@@ -152,7 +152,7 @@ def test_an_endless_line_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_peer_that_says_nothing_is_hung_up_on_and_told() -> None:
     over = threading.Event()
     with peer(lambda c: over.wait(20) and None) as address:
-        with pytest.raises(LogError, match="says nothing that makes sense for"):
+        with pytest.raises(InputError, match="says nothing that makes sense for"):
             gone_through(live_source(address))
         over.set()
 
@@ -177,7 +177,7 @@ def test_a_peer_that_resets_the_connection_is_survived() -> None:
 def test_nobody_there_is_told_with_the_reason() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    with pytest.raises(LogError, match=f"^tcp://127.0.0.1:{port}: found no session log there .*refused"):
+    with pytest.raises(InputError, match=f"^tcp://127.0.0.1:{port}: found no session log there .*refused"):
         gone_through(live_source(f"tcp://127.0.0.1:{port}"))
 
 
@@ -325,16 +325,16 @@ def test_a_full_disk_is_told_in_one_line(tmp_path: Path) -> None:
     with (
         peer(says(log(range(5)))) as address,
         LiveSession(live_source(address), ListenOptions(keep_up=False, patience=SOON), recorder) as session,
-        pytest.raises(LogError, match="cannot be recorded to: No space left"),
+        pytest.raises(InputError, match="cannot be recorded to: No space left"),
     ):
         list(session.moments())
 
 
 def test_a_folder_that_holds_a_session_is_not_written_to(tmp_path: Path) -> None:
     (tmp_path / "session.log").write_text("mine")
-    with pytest.raises(LogError, match="--force"):
+    with pytest.raises(InputError, match="--force"):
         LiveRecorder(tmp_path)
-    with pytest.raises(LogError, match="expected a folder"):
+    with pytest.raises(InputError, match="expected a folder"):
         LiveRecorder(tmp_path / "session.log")
     assert (tmp_path / "session.log").read_text() == "mine"
 
@@ -349,7 +349,7 @@ def test_what_is_live() -> None:
     "text", ["tcp://a", "tcp://:1", "tcp://a:b", "tcp://a:70000", "tcp://a:1/x", "ws://a"]
 )
 def test_broken_addresses_are_told_in_one_line(text: str) -> None:
-    with pytest.raises(LogError, match=r"^(tcp|ws)://.*: found .*, expected ") as told:
+    with pytest.raises(InputError, match=r"^(tcp|ws)://.*: found .*, expected ") as told:
         live_source(text)
     assert "\n" not in str(told.value)
 

@@ -21,8 +21,8 @@ from live_peers import peer
 
 from maurice_loaders.bags.source import Message
 from maurice_loaders.bags.topics import PoseTopic
-from maurice_loaders.errors import LogError
-from maurice_loaders.formats.registry import OpenOptions
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.io.pictures import encode_jpeg
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live import websocket as live_websocket
@@ -115,15 +115,15 @@ def test_a_bridge_that_is_killed_and_comes_back_goes_on(tmp_path: Path) -> None:
 
 def test_a_topic_that_is_not_there_is_told_with_those_that_are() -> None:
     with robot("json") as (address, _):
-        source = live_source(address, OpenOptions(image_topic="/nowhere"))
-        with LiveSession(source, ListenOptions(patience=SOON)) as session, pytest.raises(LogError) as told:
+        source = live_source(address, ReadingOptions(image_topic="/nowhere"))
+        with LiveSession(source, ListenOptions(patience=SOON)) as session, pytest.raises(InputError) as told:
             list(session.moments())
     assert "found no topic /nowhere; it holds /camera/image" in str(told.value)
 
 
 def test_the_truth_may_be_transforms_of_the_same_topic() -> None:
     with robot("cdr-tf", count=6) as (address, _):
-        asked = OpenOptions(odometry_topic="/tf:odom.base_link", truth_topic="/tf:map.base_link")
+        asked = ReadingOptions(odometry_topic="/tf:odom.base_link", truth_topic="/tf:map.base_link")
         with LiveSession(live_source(address, asked), ListenOptions(keep_up=False, patience=SOON)) as session:
             moments = list(islice(session.moments(), 6))
     truths = [moment.truth for moment in moments if moment.truth is not None]
@@ -222,7 +222,7 @@ def test_a_rosbridge_of_ros_1_is_followed() -> None:
         connection.send("nonsense")
 
     with rosbridge(serve) as address:
-        source = live_source(address, OpenOptions(max_dt_s=0.3))
+        source = live_source(address, ReadingOptions(max_dt_s=0.3))
         with LiveSession(source, ListenOptions(keep_up=False, patience=SOON)) as session:
             moments = list(session.moments())
         assert [round(m.frame.time_s, 6) for m in moments] == [0, 1, 2, 3, 4, 5]
@@ -240,7 +240,7 @@ def test_what_is_no_websocket_is_told_in_one_line() -> None:
         source = live_source(address.replace("tcp", "ws"))
         with (
             LiveSession(source, ListenOptions(patience=Patience(0.0))) as session,
-            pytest.raises(LogError) as told,
+            pytest.raises(InputError) as told,
         ):
             list(session.moments())
     assert "no WebSocket" in str(told.value)
@@ -270,7 +270,7 @@ def test_a_hostile_server_is_told_in_one_line_and_nothing_is_printed(
         source = live_source(address.replace("tcp", "ws"))
         with (
             LiveSession(source, ListenOptions(patience=Patience(0.0))) as session,
-            pytest.raises(LogError) as told,
+            pytest.raises(InputError) as told,
         ):
             list(session.moments())
     assert "found no session log there" in str(told.value)
@@ -281,7 +281,7 @@ def test_a_hostile_server_is_told_in_one_line_and_nothing_is_printed(
 def test_without_the_extra_the_message_is_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_websocket.importlib.util, "find_spec", lambda name: None)
     session = LiveSession(live_source("ws://127.0.0.1:1"))
-    with session, pytest.raises(LogError, match=r"pip install 'maurice-replay\[ros\]'"):
+    with session, pytest.raises(InputError, match=r"pip install 'maurice-replay\[ros\]'"):
         list(session.moments())
 
 

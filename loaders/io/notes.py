@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ..errors import LogError
+from ..errors import InputError
 
 MOST_KEPT = 100
 
 
-class Findings:
+class ReadingNotes:
     """Collects problems and warnings of one reading; the first 100 of each are kept, problems are counted.
 
     Without `keep_going` the first problem is raised.
@@ -15,12 +15,12 @@ class Findings:
 
     def __init__(self, keep_going: bool) -> None:
         self._keep_going = keep_going
-        self._problems: list[LogError] = []
+        self._problems: list[InputError] = []
         self._warnings: dict[str, None] = {}  # in order, each once
         self.count = 0  # problems found, kept or not
         self._told: set[str] = set()  # of those that are found again and again
 
-    def problem(self, error: LogError) -> None:
+    def problem(self, error: InputError) -> None:
         """Count a broken line, or raise the error when not keeping going."""
         if not self._keep_going:
             raise error from None
@@ -28,7 +28,7 @@ class Findings:
         if len(self._problems) < MOST_KEPT:
             self._problems.append(error)
 
-    def damage(self, error: LogError) -> None:
+    def damage(self, error: InputError) -> None:
         """Count a part of the file that was left out: once, though several passes find it."""
         if str(error) not in self._told:
             self._told.add(str(error))
@@ -40,7 +40,7 @@ class Findings:
             self._warnings[text] = None
 
     @property
-    def problems(self) -> tuple[LogError, ...]:
+    def problems(self) -> tuple[InputError, ...]:
         """The first problems found."""
         return tuple(self._problems)
 
@@ -50,22 +50,22 @@ class Findings:
         return tuple(self._warnings)
 
 
-class Finder:
+class HasReadingNotes:
     """What a session shows of its findings; each says by itself when a reading begins them anew."""
 
-    _findings: Findings
+    _notes: ReadingNotes
 
     @property
     def problem_count(self) -> int:
         """How much the last reading left out (0 without `keep_going`: the first problem is raised)."""
-        return self._findings.count
+        return self._notes.count
 
     @property
-    def problems(self) -> tuple[LogError, ...]:
+    def problems(self) -> tuple[InputError, ...]:
         """The first 100 problems of the last reading."""
-        return self._findings.problems
+        return self._notes.problems
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the last reading found worth saying, for example an unfinished last line."""
-        return self._findings.warnings
+        return self._notes.warnings
