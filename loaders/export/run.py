@@ -167,7 +167,10 @@ def covariance_of(step: ExportStep) -> F64:
 
 @contextmanager
 def mcap_sink(file: Path, origin: F64, scene: McapScene, *, force: bool = False) -> Iterator[RunSink]:
-    """Open an MCAP file for a run whose clouds are relative to `origin` (2,). InputError as for `mcap_file`."""
+    """Open an MCAP file for a run whose clouds are relative to `origin` (2,).
+
+    InputError as for `mcap_file`.
+    """
     with mcap_file(file, force=force) as mcap:
         sink = RunSink(mcap, origin, scene)
         yield sink

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from threading import Condition, Thread
-from threading import Event as Flag
+from threading import Condition, Event, Thread
 from types import TracebackType
 from typing import BinaryIO, Self
 
@@ -70,7 +69,7 @@ class Backlog:
         self._changed = Condition()
         self._over = False
 
-    def put(self, one: Waiting, stop: Flag) -> None:
+    def put(self, one: Waiting, stop: Event) -> None:
         """Add a picture, unless told to stop while waiting for room."""
         with self._changed:
             while len(self._waiting) >= self._room and not self._keep_up and not stop.is_set():
@@ -199,7 +198,7 @@ class LiveSession(HasReadingNotes):
         self.source, self._listen = source, listen or ListenOptions()
         self.keep_up = not source.waits if self._listen.keep_up is None else self._listen.keep_up
         self._notes = ReadingNotes(keep_going=True)
-        self._stop, self._greeted = Flag(), Flag()
+        self._stop, self._greeted = Event(), Event()
         self._listening = Listening(source, self._stop, self._listen.patience)
         self._intake = Intake(source, self._listening, self._notes, say)
         self._backlog = Backlog(keep_up=self.keep_up)
