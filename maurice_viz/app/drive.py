@@ -72,7 +72,7 @@ def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]
     """Go through a drive once without its pictures; one without any gets gray ones."""
     ways = _ways(session)
     if not ways.moments:
-        session = RecordedSession(Placeholders(session.recording), session.pairing)
+        session = RecordedSession(Placeholders(session.recording), session.alignment)
         ways = _ways(session)
     if not ways.moments:
         nothing = "found neither pictures nor odometry nor true poses, so there is nothing to show"
@@ -81,17 +81,17 @@ def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]
 
 
 def _ways(session: RecordedSession) -> DrivePaths:
-    notes = ReadingNotes(session.pairing.keep_going)
+    notes = ReadingNotes(session.alignment.keep_going)
     return drive_paths(session.glances(notes), session.info)
 
 
 def _drawn_of(session: RecordedSession, moments: int) -> RecordedSession:
     """Leave out pictures of a long drive, unless it was said which ones make a moment."""
-    pairing, stride = session.pairing, -(-moments // MOST_DRAWN)
-    if stride <= 1 or pairing.min_distance_m or pairing.min_angle_rad:
+    alignment, stride = session.alignment, -(-moments // MOST_DRAWN)
+    if stride <= 1 or alignment.min_distance_m or alignment.min_angle_rad:
         return session
     note(f"drawing one of every {stride} of {moments} moments; --min-distance and --min-angle choose others")
-    return RecordedSession(FewerPictures(session.recording, stride), pairing)
+    return RecordedSession(FewerPictures(session.recording, stride), alignment)
 
 
 def _counted(session: RecordedSession, count: int, advance: Advance) -> Iterator[Moment]:
