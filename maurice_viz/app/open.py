@@ -60,7 +60,7 @@ def start_pose(
 ) -> F64 | None:
     """Read `--start`: a pose (3,) in the map's frame, or None for anywhere.
 
-    InputError when tracking or the truth is asked for and there is no such pose; a usage error for other words.
+    InputError when tracking or the truth is asked for and there is no such pose; usage error for other words.
     """
     if text is None:
         return info.start
@@ -153,7 +153,7 @@ def as_recorded_session(session: AnySession, opening: ReadingOptions) -> Recorde
     """Give the same session as one whose records can be had as well."""
     if isinstance(session, RecordedSession):
         return session
-    return RecordedSession(open_recording(session.path, opening), opening.pairing)
+    return RecordedSession(open_recording(session.path, opening), opening.alignment)
 
 
 def open_library_for(
