@@ -57,7 +57,7 @@ class Verdict:
 def verify(run: str | Path, *, listener: Listener = SILENT) -> list[Verdict]:
     """Filter a saved run, or each run of a comparison, again from its manifest and compare step by step.
 
-    Only one step is held in memory. Raises InputError when a session or library is gone or was changed, or when
+    Only one step is held in memory. Raises InputError when a session or library is gone or changed, or when
     the saved run is damaged or has no step.
 
         >>> [verdict] = mv.verify("my-run")
