@@ -13,8 +13,7 @@ class OptionError(InputError):
 
     def __init__(self, message: str) -> None:
         """Describe the argument in one line; there is no file to name."""
-        Exception.__init__(self, " ".join(message.splitlines()))
-        self.message = str(self)
+        super().__init__(None, message)
 
 
 class SinkError(InputError):

@@ -35,12 +35,12 @@ def convert(
     """Convert a recording and return the file written and how many records of each kind it holds.
 
     `target` is a file that ends in .log or .mcap, or a folder, which gets a `session.log`. The file holds
-    what a replay of `source` sees, so that replaying either gives the same run to the last bit; of a
-    recording without pictures all odometry, truth and events are written. "png" pictures are lossless, "jpeg" ones are
-    of quality 95. `t_offset_s` (seconds) is added to every time, which count on the clock of `source`.
+    what a replay of `source` sees, so that replaying either gives the same run to the last bit; a recording
+    without pictures is written whole: odometry, truth and events. "png" pictures are lossless, "jpeg" ones
+    are of quality 95. `t_offset_s` (seconds) is added to every time of the clock of `source`.
 
-    Raises InputError for a source that cannot be read or a target that exists (unless `force`); OptionError
-    for another ending, picture format or a time offset that is not finite.
+    Raises InputError for a source that cannot be read or a target that exists (unless `force`), and
+    OptionError for another ending, picture format or a time offset that is not finite.
 
         >>> file, count = mv.convert("drive.bag", "drive")
         >>> file.name

@@ -28,12 +28,12 @@ from ..cli.errors import one_line_errors
 from ..cli.options import OutputOptions
 from ..playback import ResultCollector, shared
 from ..scene import RunView
+from .events import find_notes
 from .listener import Listener, progress_of
 from .open import AnySession
 from .output import Scene
 from .restoring import Pictures, Restored, restored_together
 from .run import Playback, play, remark_zeros
-from .run_events import find_notes
 
 
 def unchanged(

@@ -15,9 +15,10 @@ from typer.testing import CliRunner
 
 from maurice_loaders.runs.bookmarks import bookmarks_file
 from maurice_mcl.analysis.events import RunEvent
+from maurice_viz.app.events import is_named, names_in
 from maurice_viz.cli import app as cli
 from maurice_viz.cli.understand.events import events
-from maurice_viz.cli.understand.jump import _is, _there, jump
+from maurice_viz.cli.understand.jump import jump
 from maurice_viz.viewer import open_viewers, sinks
 from maurice_viz.viewer import spawn as viewer
 from maurice_viz.viewer.snapshot import software_driver
@@ -348,8 +349,8 @@ def test_what_the_log_says_is_found_by_its_first_word() -> None:
         RunEvent(41, 332.5, "session", "bump into a wall"),
         RunEvent(50, 400.0, "lost", "since step 47"),
     )
-    assert _is(bump, "bump")
-    assert not _is(bump, "wall")
-    assert _is(bump, "session")
-    assert _is(lost, "lost")
-    assert _there([bump, lost]) == ["session", "lost", "bump"]
+    assert is_named(bump, "bump")
+    assert not is_named(bump, "wall")
+    assert is_named(bump, "session")
+    assert is_named(lost, "lost")
+    assert names_in([bump, lost]) == ["session", "lost", "bump"]

@@ -93,7 +93,7 @@ def test_the_truth_alone_of_a_run_without_any_is_one_line(small_session: Path, t
     words = ("--particles", "60", "--no-recording", "--run", tmp_path / "kept")
     assert run(app, "replay", small_session, *words).exit_code == 0
     options = ("--tum", tmp_path / "t.tum", "--only", "truth")
-    assert "knows no truth" in failure(run(APP, "export", tmp_path / "kept", *options))
+    assert "has no truth" in failure(run(APP, "export", tmp_path / "kept", *options))
 
 
 def test_mcap_without_the_session_has_no_pictures_and_says_so(saved: Path, small_session: Path) -> None:
