@@ -61,7 +61,7 @@ def show(
     with tempfile.TemporaryDirectory(prefix="maurice-notebook-") as folder:
         recording = Path(folder) / "shown.rrd"
         if path.is_dir() or is_saved(path):
-            from ..cli.understand.snapshot import draw_saved
+            from .snapshot import draw_saved
 
             draw_saved(path, recording, layout)
         else:
