@@ -13,7 +13,7 @@ from time import perf_counter
 import cv2
 import numpy as np
 
-from maurice_datasets.maurice import demo_paths
+from maurice_datasets.sessions import demo_paths
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.arrays import U8

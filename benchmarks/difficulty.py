@@ -19,9 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_datasets.maurice import GENERATOR, write_simulation
 from maurice_datasets.seeds import for_fitting
+from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
+from maurice_datasets.surveys import GENERATOR
 from maurice_datasets.tasks import TASKS, TIERS
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.io.files import cache_root

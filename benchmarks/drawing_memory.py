@@ -17,7 +17,7 @@ from pathlib import Path
 
 import cv2
 
-from maurice_datasets.maurice import demo_paths
+from maurice_datasets.sessions import demo_paths
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.config.build import make_localizer

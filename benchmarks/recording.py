@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from rerun.chunk import RrdReader
 
-from maurice_datasets.maurice import demo_paths
+from maurice_datasets.sessions import demo_paths
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.config.build import make_localizer

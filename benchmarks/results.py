@@ -23,11 +23,11 @@ import cv2
 import numpy as np
 from results_table import ARENAS, TIERS, Case, show
 
-from maurice_datasets.maurice import GENERATOR, survey_folder
 from maurice_datasets.render.conditions import LightChange
 from maurice_datasets.seeds import for_testing
-from maurice_datasets.simulated_session import simulated_session
+from maurice_datasets.sessions import simulated_session
 from maurice_datasets.simulation import SimulationPlan
+from maurice_datasets.surveys import GENERATOR, cached_survey
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world_file import load_world
 from maurice_loaders.io.files import cache_root
@@ -138,7 +138,7 @@ class MeasuredOnce:
 
 def library_of(plan: SimulationPlan) -> Library:
     world = load_world(plan.world, plan.arena_seed, plan.tier)
-    return open_library(survey_folder(plan, world, lambda done, total, what: None) / "survey.log")
+    return open_library(cached_survey(world, plan.arena_seed, lambda done, total, what: None) / "survey.log")
 
 
 def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str, Any]]]:

@@ -21,9 +21,10 @@ from maurice_loaders.session_log.header import header_to_json
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-from .maurice import one_thread, play, session_info
 from .robot.segments import Progress
+from .sessions import play, session_info
 from .simulation import SimulationPlan, stage
+from .surveys import one_thread
 
 # Lines to whoever listens, over TCP. Who connects late, reads slowly or goes away disturbs nobody else.
 

@@ -28,15 +28,27 @@ def test_an_installed_datasets_is_not_hidden(tmp_path: Path) -> None:
     assert python("import datasets; print(datasets.OWNER)", ROOT, stub) == "somebody else"
 
 
+def test_its_parts_are_not_hidden(tmp_path: Path) -> None:
+    stub = stub_datasets(tmp_path)
+    (stub / "datasets" / "features.py").write_text("KIND = 'theirs'\n")
+    code = "from datasets import OWNER; from datasets.features import KIND; print(OWNER, KIND)"
+    assert python(code, ROOT, stub) == "somebody else theirs"
+
+
+def test_without_it_the_folder_is_no_package_of_that_name(tmp_path: Path) -> None:
+    code = """
+try:
+    import datasets
+except ModuleNotFoundError as problem:
+    print(problem)
+"""
+    assert "maurice_datasets" in python(code, ROOT, tmp_path)
+
+
 def test_ours_works_beside_it(tmp_path: Path) -> None:
     stub = stub_datasets(tmp_path)
-    code = "import datasets, maurice_datasets.maurice as ours; print(datasets.OWNER, bool(ours.__doc__))"
+    code = "import datasets, maurice_datasets.sessions as ours; print(datasets.OWNER, bool(ours.__doc__))"
     assert python(code, tmp_path, stub) == "somebody else True"
-
-
-def test_datasets_has_no_init() -> None:
-    """With one, `import datasets` in a checkout would find our folder before the installed package."""
-    assert not (ROOT / "datasets" / "__init__.py").exists()
 
 
 def test_the_command_starts_without_importing_rerun(tmp_path: Path) -> None:

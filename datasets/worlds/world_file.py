@@ -33,8 +33,14 @@ def load_plan(name_or_path: str | Path) -> WorldPlan:
     return read_plan(path)
 
 
-def load_world(name_or_path: str | Path, seed: int, tier: str = "nominal") -> World:
-    """Draw the world of a seed in a tier; InputError where name, file or tier is wrong."""
+def load_world(name_or_path: str | Path, seed: int = 0, tier: str = "nominal") -> World:
+    """Return a simulated world: a shipped one by name, or one from a TOML file, as a seed draws it in a tier.
+
+    Lengths in meters, angles in radians. Raises InputError where name, file or tier is wrong.
+
+    >>> world = load_world("two-rooms", seed=0)
+    >>> world.arena.bounds
+    """
     return build_world(load_plan(name_or_path), seed, TIERS[check_tier(name_or_path, tier)])
 
 

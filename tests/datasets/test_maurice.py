@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from maurice_datasets import maurice
-from maurice_datasets.maurice import DemoPaths, demo_paths, write_demo
 from maurice_datasets.robot.segments import crossings
-from maurice_datasets.survey import Surveyor
+from maurice_datasets.sessions import SimulationPaths, demo_paths, write_demo
+from maurice_datasets.surveys import Surveyor
 from maurice_datasets.worlds.world import World, floor_at
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
@@ -20,23 +20,23 @@ UPDATES = 6
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoPaths:
+def demo(tmp_path_factory: pytest.TempPathFactory) -> SimulationPaths:
     return write_demo(tmp_path_factory.mktemp("demo") / "zero", updates=UPDATES, surveyor=QUICK)
 
 
-def contents(paths: DemoPaths) -> dict[str, bytes]:
+def contents(paths: SimulationPaths) -> dict[str, bytes]:
     folder = paths.session.parent
     return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(demo: DemoPaths, tmp_path: Path) -> None:
+def test_a_seed_decides_every_byte(demo: SimulationPaths, tmp_path: Path) -> None:
     again = write_demo(tmp_path / "again", updates=UPDATES, surveyor=QUICK)
     other = write_demo(tmp_path / "other", 1, updates=1, surveyor=QUICK)
     assert contents(again) == contents(demo)
     assert not (set(contents(other).values()) & set(contents(demo).values()))
 
 
-def test_the_session_reads_back_with_its_robot_map_start_and_survey(demo: DemoPaths) -> None:
+def test_the_session_reads_back_with_its_robot_map_start_and_survey(demo: SimulationPaths) -> None:
     log = SessionLog(demo.session)
     assert log.info.display_units == "in"
     assert log.info.survey == demo.survey
@@ -49,7 +49,7 @@ def test_the_session_reads_back_with_its_robot_map_start_and_survey(demo: DemoPa
     assert (camera.width_px, camera.height_px) == (176, 144)
 
 
-def test_each_update_is_a_turn_a_straight_and_a_picture_with_truth(demo: DemoPaths) -> None:
+def test_each_update_is_a_turn_a_straight_and_a_picture_with_truth(demo: SimulationPaths) -> None:
     moments = list(SessionLog(demo.session).moments())
     assert len(moments) == UPDATES
     for moment in moments:
@@ -65,7 +65,7 @@ def test_each_update_is_a_turn_a_straight_and_a_picture_with_truth(demo: DemoPat
     assert (times < 25).all()
 
 
-def test_the_log_says_on_which_floor_it_starts(demo: DemoPaths) -> None:
+def test_the_log_says_on_which_floor_it_starts(demo: SimulationPaths) -> None:
     log = SessionLog(demo.session)
     first = next(iter(log.moments()))
     assert log.info.arena is not None
@@ -74,7 +74,7 @@ def test_the_log_says_on_which_floor_it_starts(demo: DemoPaths) -> None:
     assert first.events[0] == f"floor {floor_at(log.info.arena, x, y)}"
 
 
-def test_the_survey_reads_back_with_nominal_poses_and_covered_pictures(demo: DemoPaths) -> None:
+def test_the_survey_reads_back_with_nominal_poses_and_covered_pictures(demo: SimulationPaths) -> None:
     pictures = list(SessionLog(demo.survey).survey_pictures())
     assert sum(p.covered for p in pictures) == 2
     poses = np.array([p.pose for p in pictures if p.pose is not None])
@@ -117,7 +117,7 @@ def test_the_cache_is_made_once_and_made_again_when_damaged(
 ) -> None:
     made: list[Path] = []
 
-    def quick(folder: Path, seed: int, **options: object) -> DemoPaths:
+    def quick(folder: Path, seed: int, **options: object) -> SimulationPaths:
         made.append(folder)
         return partial(write_demo, updates=2, surveyor=QUICK)(folder, seed)
 

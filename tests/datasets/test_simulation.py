@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from maurice_datasets import maurice, simulation
-from maurice_datasets.maurice import DemoPaths, write_simulation
 from maurice_datasets.render.conditions import parse_lights
 from maurice_datasets.robot.drive import KIDNAP_M
 from maurice_datasets.robot.recorded_path import read_recording
+from maurice_datasets.sessions import SimulationPaths, write_simulation
 from maurice_datasets.simulation import SimulationPlan
-from maurice_datasets.survey import Surveyor
+from maurice_datasets.surveys import Surveyor
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World, clearance
 from maurice_loaders.calibration.trials import trials_from_session
@@ -40,7 +40,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
 
 
-def records(paths: DemoPaths) -> list[dict[str, Any]]:
+def records(paths: SimulationPaths) -> list[dict[str, Any]]:
     return [json.loads(line) for line in paths.session.read_text(encoding="utf-8").splitlines()]
 
 

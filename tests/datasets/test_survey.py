@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maurice_datasets.render.camera_session import session_camera, survey_camera
-from maurice_datasets.survey import (
+from maurice_datasets.surveys import (
     Surveyor,
     placed_poses,
     reference_poses,

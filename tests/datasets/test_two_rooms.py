@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.survey import reference_poses
+from maurice_datasets.surveys import reference_poses
 from maurice_datasets.worlds.build import grid_nodes
 from maurice_datasets.worlds.world import World, clearance, floor_at, inside, touching
 from maurice_datasets.worlds.world_file import load_plan, load_world

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from maurice_datasets.maurice import write_simulation
+from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.errors import InputError

@@ -37,7 +37,7 @@ def demo(
     json_output: JsonOption = False,
 ) -> None:
     """Compare color and blended features on a drive through a simulated two-room arena."""
-    from maurice_datasets.maurice import demo_paths, write_demo
+    from maurice_datasets.sessions import demo_paths, write_demo
 
     from ...app.open import RunSpec
     from ...app.run import replay_runs

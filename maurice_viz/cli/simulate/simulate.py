@@ -169,7 +169,7 @@ def _run(
                 progress=advance,
             )
         elif output is not None:
-            from maurice_datasets.maurice import write_simulation
+            from maurice_datasets.sessions import write_simulation
 
             written = write_simulation(output, plan, force=force, progress=advance)
             _tell(written.session, written.survey, json_output)

@@ -80,7 +80,7 @@ def survey(
         spacing_m = None if spacing is None else read_length(spacing)
     except ValueError as problem:
         raise typer.BadParameter(str(problem)) from None
-    from maurice_datasets.survey_folder import surveyed_world, write_survey_folder
+    from maurice_datasets.surveys import surveyed_world, write_survey_folder
 
     made: dict[str, object] = {}
     with one_line_errors(), progress("arena") as advance:
@@ -104,9 +104,8 @@ def survey(
 def _write_sheet(
     path: Path, world: World, seed: int, half_resolution: bool, force: bool, advance: Advance
 ) -> None:
-    from maurice_datasets.maurice import one_thread
     from maurice_datasets.render.camera_session import survey_camera
-    from maurice_datasets.survey_folder import views
+    from maurice_datasets.surveys import one_thread, views
 
     from ...drawing.raster import jpeg, png
     from ...plots.sheets import draw_sheet

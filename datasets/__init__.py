@@ -1,0 +1,53 @@
+"""The simulated Maurice: worlds, a robot that drives through them, what its camera sees.
+
+The front page is three functions; the chapters are
+
+* `sessions`, `surveys`: sessions and surveys as files; `live`: a robot that speaks over a socket
+* `simulation`, `tasks`, `seeds`: what a session is made from
+* `worlds`: plans, furniture, surfaces; `render`: light, camera, people; `robot`: motion, behaviors, drives
+* `folders`: complete folders and their cache
+
+The folder is called `datasets` and installs as `maurice_datasets`: `datasets` is another project's package.
+Python finds this folder under that name only from the repository's root, and then it steps aside.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.machinery
+import importlib.util
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .sessions import simulate
+    from .surveys import survey
+    from .worlds.world_file import load_world
+
+__all__ = ["load_world", "simulate", "survey"]
+
+_HOME = {"load_world": ".worlds.world_file", "simulate": ".sessions", "survey": ".surveys"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a function of the front page when it is asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name], __name__), name)
+
+
+def _step_aside() -> None:
+    """Put the installed package `datasets` in this folder's place; ModuleNotFoundError if there is none."""
+    here = Path(__file__).parents[1]
+    elsewhere = [entry for entry in sys.path if Path(entry or ".").resolve() != here]
+    spec = importlib.machinery.PathFinder.find_spec("datasets", elsewhere)
+    if spec is None or spec.loader is None:
+        raise ModuleNotFoundError("No module named 'datasets' (this folder installs as maurice_datasets)")
+    theirs = importlib.util.module_from_spec(spec)
+    sys.modules["datasets"] = theirs
+    spec.loader.exec_module(theirs)
+
+
+if __name__ == "datasets":
+    _step_aside()

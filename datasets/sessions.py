@@ -1,0 +1,215 @@
+"""Simulated sessions: with their survey as files in a folder, or rendered as they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_loaders.io.files import new_folder
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.errors import InputError
+from maurice_mcl.session import Frame, Moment, SessionInfo
+
+from .folders import NOTE, cached, copy_whole, seal
+from .render.camera_session import survey_camera
+from .render.conditions import parse_lights
+from .robot.segments import Happened, Log, Moved, Progress, write_segments
+from .simulation import SimulationPlan, Stage, stage
+from .surveys import GENERATOR, SURVEY, Surveyor, cached_survey, camera_of, one_thread, write_survey
+from .tasks import TASKS, UPDATES
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationPaths:
+    """Where the two logs are."""
+
+    session: Path
+    survey: Path
+
+
+def simulation_plan(task: str = "tracking", *, lights: str = "", **settings: Any) -> SimulationPlan:
+    """Return a checked plan from plain values; see `simulate`. InputError for what no session can be."""
+    if task not in TASKS:
+        raise InputError(None, f"found task {task!r}, expected one of {', '.join(TASKS)}")
+    try:
+        return SimulationPlan(task=TASKS[task], lights=parse_lights(lights), **settings)
+    except (TypeError, ValueError) as problem:
+        raise InputError(None, str(problem)) from None
+
+
+def simulate(
+    task: str,
+    to: str | Path,
+    *,
+    world: str | Path = "two-rooms",
+    tier: str = "nominal",
+    seed: int = 0,
+    arena_seed: int = 0,
+    updates: int = UPDATES,
+    kidnap_at: int | None = None,
+    lights: str = "",
+    moved: int = 0,
+    gain: str = "fixed",
+    half_resolution: bool = False,
+    motion_from: str | Path | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> SimulationPaths:
+    """Let the simulated Maurice drive; write its session and survey into a new folder, whole or not at all.
+
+    `task` is tracking, global or kidnapped (thesis 1), `tier` nominal, dim or hard. `arena_seed` draws
+    textures, furniture, lights and the survey; `seed` the drive and its noise. `kidnap_at` is an update (default: half
+    way), `lights` as in docs/conditions.md, `moved` a number of pieces of furniture, `gain` fixed or auto.
+    `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
+
+    Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
+    holds something (`force` replaces an earlier simulation), and for a full disk.
+
+    >>> paths = simulate("tracking", to="drive", updates=2)  # doctest: +SKIP
+    >>> paths.session  # doctest: +SKIP
+    PosixPath('drive/session.log')
+    """
+    plan = simulation_plan(
+        task,
+        world=str(world),
+        tier=tier,
+        seed=seed,
+        arena_seed=arena_seed,
+        updates=updates,
+        kidnap_at=kidnap_at,
+        lights=lights,
+        moved=moved,
+        gain=gain,
+        half_resolution=half_resolution,
+        recording=None if motion_from is None else Path(motion_from),
+    )
+    return write_simulation(Path(to), plan, force=force, progress=progress)
+
+
+def session_info(set_up: Stage) -> SessionInfo:
+    """Give the header of a session: its map is the survey's, which does not know of things moved since."""
+    plan = set_up.plan
+    return SessionInfo(
+        name=f"{plan.task.title} in {Path(plan.world).stem}, arena seed {plan.arena_seed}, seed {plan.seed}",
+        display_units="in",
+        robot="Maurice (simulated)",
+        motion=set_up.course.motion,
+        cameras=(camera_of(set_up.camera.lens),),
+        start=set_up.course.start if plan.task.start_known else None,
+        survey=SURVEY,
+        arena=set_up.surveyed.arena,
+        notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *notes_of(set_up)),
+    )
+
+
+def notes_of(set_up: Stage) -> tuple[str, ...]:
+    """Say in the header what a reader of the session may want to know."""
+    moved = set_up.plan.moved
+    things = (f"pieces of furniture moved after the survey: {moved}",) if moved else ()
+    return (f"tier {set_up.plan.tier}", *set_up.camera.notes, *things, *set_up.course.notes)
+
+
+def play(set_up: Stage, log: Log, report: Progress) -> None:
+    """Let the robot drive, and write down what happens."""
+    course = set_up.course
+    write_segments(
+        log, course.start, course.segments(), set_up.camera, set_up.world.arena, course.total, report
+    )
+
+
+def write_simulation(
+    folder: Path,
+    plan: SimulationPlan,
+    *,
+    surveyor: Surveyor | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> SimulationPaths:
+    """Write a session and the survey it belongs to into a new folder, all of it or nothing.
+
+    InputError when the folder holds something (`force` replaces an earlier simulation), and for worlds and
+    recordings that cannot be used. Without a surveyor the survey comes from the cache.
+    """
+    report = progress or (lambda done, total, what: None)
+    with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
+        set_up = stage(plan)
+        if surveyor is None:
+            kept = cached_survey(
+                set_up.surveyed, plan.arena_seed, report, half_resolution=plan.half_resolution
+            )
+            copy_whole(kept, filling / SURVEY.parent)
+        else:
+            camera = survey_camera(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
+            write_survey(filling / SURVEY, set_up.surveyed, camera, surveyor, report)
+        with SessionWriter(filling / "session.log", session_info(set_up)) as log:
+            play(set_up, log, report)
+        seal(filling, key_of(plan))
+    return paths_in(folder)
+
+
+def write_demo(
+    folder: Path,
+    seed: int = 0,
+    *,
+    updates: int = UPDATES,
+    surveyor: Surveyor | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> SimulationPaths:
+    """Write survey and session of one seed into a new folder: position tracking where nothing changes."""
+    plan = demo_plan(seed, updates)
+    return write_simulation(folder, plan, surveyor=surveyor or Surveyor(), force=force, progress=progress)
+
+
+def demo_plan(seed: int, updates: int) -> SimulationPlan:
+    """Give the demo's plan: no slips, so that a first picture is not one of bad luck."""
+    return SimulationPlan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
+
+
+def key_of(plan: SimulationPlan) -> str:
+    """Name what is made from a plan so that another generator or plan never takes its place."""
+    return f"{plan.task.name}-{GENERATOR}-seed{plan.arena_seed}-{plan.seed}-{plan.updates}"
+
+
+def paths_in(folder: Path) -> SimulationPaths:
+    """Name the two logs of a folder."""
+    return SimulationPaths(folder / "session.log", folder / SURVEY)
+
+
+def demo_paths(seed: int = 0, progress: Progress | None = None) -> SimulationPaths:
+    """Give the demo from the user's cache (MAURICE_CACHE names another place), made when it is not there."""
+    key = key_of(demo_plan(seed, UPDATES))
+    return paths_in(cached("demos", key, lambda folder: write_demo(folder, seed, progress=progress)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedSession:
+    """The session of a plan: the same moments as its log would hold, but for JPEG and text rounding none."""
+
+    set_up: Stage
+    info: SessionInfo
+
+    def moments(self) -> Iterator[Moment]:
+        """Drive and look from the beginning, on every call."""
+        camera = self.set_up.camera
+        for number, segment in enumerate(self.set_up.course.segments(), start=1):
+            motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
+            told = tuple(entry.text for entry in segment.entries if isinstance(entry, Happened))
+            frame = Frame(
+                step=number,
+                time_s=segment.t_s,
+                motions=np.array(motions).reshape(-1, 3),
+                image=camera.take(number, segment.pose),
+                picture="",
+            )
+            yield Moment(frame, segment.pose, (*told, *camera.events(number)))
+
+
+def simulated_session(plan: SimulationPlan) -> SimulatedSession:
+    """Set a plan's session up. InputError for worlds and recordings that cannot be used."""
+    set_up = stage(plan)
+    return SimulatedSession(set_up, session_info(set_up))
