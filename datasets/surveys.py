@@ -166,7 +166,8 @@ def survey(
 
     `world` is a name or a TOML file (docs/worlds.md), `tier` nominal, dim or hard; `seed` draws everything
     that the file leaves to it. `spacing_m` between places and `headings` per place override the file. Raises
-    InputError for a world, tier or folder that cannot be used (`force` replaces an earlier survey), and for a full disk.
+    InputError for a world, tier or folder that cannot be used (`force` replaces an earlier survey),
+    and for a full disk.
 
     >>> log = survey("two-rooms", to="rooms")  # doctest: +SKIP
     >>> library = maurice_loaders.build_library(log)  # doctest: +SKIP

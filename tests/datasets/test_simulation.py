@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from maurice_datasets import maurice, simulation
+from maurice_datasets import simulation, surveys
 from maurice_datasets.render.conditions import parse_lights
 from maurice_datasets.robot.drive import KIDNAP_M
 from maurice_datasets.robot.recorded_path import read_recording
@@ -33,7 +33,7 @@ def one_world(world: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     """Every arena seed gives the same world, so that it is lit once; surveys are small and cached here."""
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(simulation, "load_world", lambda name, seed, tier: world)
-    monkeypatch.setattr(maurice, "surveyor_of", lambda _: QUICK)
+    monkeypatch.setattr(surveys, "surveyor_of", lambda _: QUICK)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

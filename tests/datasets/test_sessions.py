@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_datasets import maurice
+from maurice_datasets import sessions
 from maurice_datasets.robot.segments import crossings
 from maurice_datasets.sessions import SimulationPaths, demo_paths, write_demo
 from maurice_datasets.surveys import Surveyor
@@ -122,8 +122,8 @@ def test_the_cache_is_made_once_and_made_again_when_damaged(
         return partial(write_demo, updates=2, surveyor=QUICK)(folder, seed)
 
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
-    monkeypatch.setattr(maurice, "UPDATES", 2)
-    monkeypatch.setattr(maurice, "write_demo", quick)
+    monkeypatch.setattr(sessions, "UPDATES", 2)
+    monkeypatch.setattr(sessions, "write_demo", quick)
     first = demo_paths()
     before = contents(first)
     assert demo_paths() == first
