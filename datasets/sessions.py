@@ -63,7 +63,8 @@ def simulate(
 
     `task` is tracking, global or kidnapped (thesis 1), `tier` nominal, dim or hard. `arena_seed` draws
     textures, furniture, lights and the survey; `seed` the drive and its noise. `kidnap_at` is an
-    update (default: half way), `lights` as in docs/conditions.md, `moved` a number of pieces of furniture, `gain` fixed or auto.
+    update (default: half way), `lights` as in docs/conditions.md, `moved` a number of pieces of furniture,
+    `gain` fixed or auto.
     `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
 
     Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
