@@ -196,6 +196,7 @@ def _filtered(localizer, frames, n, seed):
     return np.bincount(record.sighting.entries[inside], record.weighted.weights[inside], 96)
 
 
+@pytest.mark.slow
 def test_the_filter_nears_the_grid_with_the_root_of_the_number_of_particles(exact, localizer, frames):
     apart = {
         n: np.mean([_apart(exact, _filtered(localizer, frames, n, seed)) for seed in range(runs)])

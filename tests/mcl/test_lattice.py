@@ -250,20 +250,24 @@ def outcomes(lattice):
     return {n: _many(lattice, lattice.localizer, n) for n in SIZES}
 
 
+@pytest.mark.slow
 def test_weights_are_carried_in_some_steps_and_not_in_others(outcomes):
     for outcome in outcomes.values():
         assert 1 <= outcome.resampled <= UPDATES / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", SIZES)
 def test_the_evidence_is_unbiased(outcomes, n):
     assert outcomes[n].evidence_off() < 4
 
 
+@pytest.mark.slow
 def test_eight_functions_are_unbiased_at_8000(outcomes):
     assert outcomes[8000].bias_off() < 4
 
 
+@pytest.mark.slow
 def test_errors_fall_with_the_root_of_the_number_of_particles(outcomes):
     errors = [outcomes[n].rmse() for n in SIZES]
     slope = np.polyfit(np.log(SIZES), np.log(errors), 1)[0]
@@ -279,6 +283,7 @@ def test_resampling_at_every_step_is_right_too(lattice, resampler):
     assert outcome.bias_off() < 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("resampler", sorted(set(RESAMPLERS) - {"systematic"}))
 def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice, resampler):
     outcome = _many(lattice, _renewing(lattice.localizer, resampler=RESAMPLERS[resampler]), 500)
@@ -290,6 +295,7 @@ def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice
 DUAL = DualParameters(share=0.2, teleport=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", [always, below_effective(0.75)], ids=["always", "effective"])
 def test_dual_draws_weighed_by_their_densities_are_exact(lattice, when):
     """Each state is one entry, so densities by entry are exact; where in its cell a draw lies is no matter.
