@@ -313,6 +313,7 @@ def _is_caught(lattice, faulty):
     return outcome.evidence_off() > 4 and outcome.bias_off() > 4
 
 
+@pytest.mark.slow
 def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
     sensor = lattice.localizer.sensor
     sharper = replace(sensor.parameters, sharpness=1.1 * sensor.parameters.sharpness)
@@ -320,6 +321,7 @@ def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
     assert _is_caught(lattice, faulty)
 
 
+@pytest.mark.slow
 def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
     def forgetful(predicted, log_likelihood, correction=None):
         even = replace(predicted, log_weights=uniform_log_weights(predicted.size))
@@ -329,11 +331,13 @@ def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
     assert _is_caught(lattice, lattice.localizer)
 
 
+@pytest.mark.slow
 def test_five_percent_injection_is_caught(lattice):
     faulty = replace(lattice.localizer, motion=LatticeMotion(lattice.poses, injected=0.05))
     assert _is_caught(lattice, faulty)
 
 
+@pytest.mark.slow
 def test_dual_draws_without_their_densities_are_caught(lattice, monkeypatch):
     def naive(predicted, log_likelihood, correction=None):
         return weigh(predicted, log_likelihood)
