@@ -29,6 +29,7 @@ def contents(paths: DemoPaths) -> dict[str, bytes]:
     return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(demo: DemoPaths, tmp_path: Path) -> None:
     again = write_demo(tmp_path / "again", updates=UPDATES, surveyor=QUICK)
     other = write_demo(tmp_path / "other", 1, updates=1, surveyor=QUICK)

@@ -179,6 +179,7 @@ def _apart(one, other):
     return 0.5 * np.abs(one - other).sum()
 
 
+@pytest.mark.slow
 def test_the_grid_is_a_fair_answer(exact, likelihoods):
     assert 20 < np.exp(-(exact * np.log(exact)).sum()) < 90
     assert (likelihoods.max(axis=1) / likelihoods.min(axis=1)).min() > 2
