@@ -2,12 +2,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check bench difficulty results fuzz soak docs clean
+.PHONY: demo test test-all check bench difficulty results fuzz soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
 
+# Without the tests that are marked slow: a few minutes.
 test: .venv/installed-dev
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow"
+
+test-all: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 check: .venv/installed-dev

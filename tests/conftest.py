@@ -1,15 +1,22 @@
 """A small session and survey on disk, quick to make, whose pictures are a formula of the pose."""
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
+
+# the same examples on every machine and day, however busy; `pytest --hypothesis-profile=default` draws others
+settings.register_profile("anywhere", derandomize=True, deadline=None)
+settings.load_profile("anywhere")
 
 COLUMNS, ROWS, HEADINGS, SPACING_M = 5, 4, 8, 0.5
 UPDATES = 14
@@ -19,6 +26,18 @@ UPDATES = 14
 def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep every test out of the user's cache; one cache serves the whole run of tests."""
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
+
+
+@pytest.fixture(autouse=True)
+def _signals_as_in_a_terminal() -> Iterator[None]:
+    """Let tests, and what they start, be stopped: in the background, or under nohup, Ctrl-C is ignored."""
+    heard = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+    ignored = [number for number in heard if signal.getsignal(number) is signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, heard[number])
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def small_arena() -> Arena:

@@ -1,5 +1,6 @@
 """The commands as a person runs them: what they print, what they write, how they fail."""
 
+import contextlib
 import json
 import os
 import signal
@@ -9,7 +10,11 @@ import time
 from pathlib import Path
 
 import pytest
+import typer
 from rerun.chunk import RrdReader
+from typer.testing import CliRunner
+
+from maurice_viz.cli.app import app
 
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 RUN_KEYS = {
@@ -23,14 +28,30 @@ def no_display() -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
-def maurice(*args: str | Path, cwd: Path, expect: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run the command in a folder, as in a terminal without a display."""
+def process(*args: str | Path, cwd: Path, expect: int = 0, **env: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder, as in a terminal without a display; this takes seconds to start."""
     done = subprocess.run(
-        [*COMMAND, *map(str, args)], cwd=cwd, env=no_display(), capture_output=True, text=True, check=False
+        [*COMMAND, *map(str, args)],
+        cwd=cwd,
+        env=no_display() | env,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == expect, (done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     return done
+
+
+def maurice(*args: str | Path, cwd: Path, expect: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run the command as `process` does, in this one."""
+    words = [str(arg) for arg in args]
+    with contextlib.chdir(cwd):
+        done = CliRunner(env={"DISPLAY": None, "WAYLAND_DISPLAY": None}).invoke(app, words)
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == expect, (done.stdout, done.stderr)
+    return subprocess.CompletedProcess(words, done.exit_code, done.stdout, done.stderr)
 
 
 def one_line(done: subprocess.CompletedProcess[str]) -> str:
@@ -40,12 +61,12 @@ def one_line(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def test_a_session_alone_writes_a_recording_and_a_table(small_session: Path, tmp_path: Path) -> None:
-    done = maurice(small_session, cwd=tmp_path)
+    done = process(small_session, cwd=tmp_path)
     assert "session.rrd written; open it with:" in done.stderr
     assert "position error, mean (m)" in done.stdout
     assert "blended" in done.stdout
     assert RrdReader(tmp_path / "session.rrd").recordings()[0].application_id == "maurice-replay"
-    again = maurice(small_session, cwd=tmp_path, expect=1)
+    again = process(small_session, cwd=tmp_path, expect=1)
     assert "--force" in one_line(again)
     maurice(small_session, "--force", cwd=tmp_path)
 
@@ -247,11 +268,7 @@ def test_a_survey_is_no_session(small_session: Path, tmp_path: Path) -> None:
 
 
 def test_a_dead_display_counts_as_none(small_session: Path, tmp_path: Path) -> None:
-    env = no_display() | {"DISPLAY": ":987"}
-    done = subprocess.run(
-        [*COMMAND, str(small_session)], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    done = process(small_session, cwd=tmp_path, DISPLAY=":987")
     assert "writing a file instead" in done.stderr
     assert (tmp_path / "session.rrd").exists()
 
@@ -260,6 +277,7 @@ def test_save_and_no_recording_exclude_each_other(small_session: Path, tmp_path:
     maurice(small_session, "--no-recording", "--save", "x.rrd", cwd=tmp_path, expect=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", ["Your first five minutes", "A robot of ours"])
 def test_the_commands_of_the_readme(section: str, tmp_path: Path) -> None:
     """Type its commands one after the other in one folder, as a newcomer does."""
@@ -268,16 +286,12 @@ def test_the_commands_of_the_readme(section: str, tmp_path: Path) -> None:
     typed = [line.split("#")[0].split() for line in block.splitlines() if line.startswith("maurice-replay ")]
     assert len(typed) >= 4
     for words in typed:
-        maurice(*words[1:], cwd=tmp_path)
+        process(*words[1:], cwd=tmp_path)
     assert (tmp_path / "session.rrd").exists()
 
 
 def test_every_command_and_option_is_documented() -> None:
     """docs/commands.md names every command and every option that --help shows."""
-    import typer
-
-    from maurice_viz.cli.app import app
-
     text = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
 
     def walk(command: object, name: str) -> None:

@@ -138,6 +138,7 @@ def assert_looks_as_stored(image: U8, layout: str) -> None:
     assert changed < CLEARLY_CHANGED, f"{changed:.1%} of {layout} are clearly different"
 
 
+@pytest.mark.slow
 @needs_renderer
 def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session: Path, tmp_path: Path) -> None:
     out = recorded(tmp_path / "one.rrd", str(small_session))
@@ -149,6 +150,7 @@ def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session: Pa
             assert_looks_as_stored(image, layout)
 
 
+@pytest.mark.slow
 @needs_renderer
 def test_steps_and_phases_are_different_pictures(small_session: Path, tmp_path: Path) -> None:
     out = recorded(tmp_path / "one.rrd", str(small_session))
@@ -163,6 +165,7 @@ def test_steps_and_phases_are_different_pictures(small_session: Path, tmp_path: 
     assert (last[belief] != resampled[belief]).any(), "the resampled cloud is another picture"
 
 
+@pytest.mark.slow
 @needs_renderer
 def test_a_comparison_is_filled_and_looks_as_it_did(small_session: Path, tmp_path: Path) -> None:
     out = recorded(tmp_path / "two.rrd", "compare", str(small_session))
@@ -172,6 +175,7 @@ def test_a_comparison_is_filled_and_looks_as_it_did(small_session: Path, tmp_pat
     assert_looks_as_stored(image, "compare")
 
 
+@pytest.mark.slow
 @needs_renderer
 def test_every_panel_of_four_runs_is_filled(small_session: Path, tmp_path: Path) -> None:
     seeds = [f"--seed={seed}" for seed in range(4)]

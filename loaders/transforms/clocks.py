@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
-from scipy.signal import correlate
 
 from maurice_mcl.arrays import F64
 
@@ -158,6 +157,8 @@ def _rates(t_s: F64, poses: F64) -> F64:
 
 def _correlations(ours: F64, theirs: F64) -> F64:
     """Give how alike two courses (k, 2), (m, 2) are for every shift of the second; 0 where few meet."""
+    from scipy.signal import correlate  # slow to import, and every command would wait for it
+
     both = sum(correlate(ours[:, c], theirs[:, c]) for c in (0, 1))
     ones = np.ones(len(ours)), np.ones(len(theirs))
     ours_power = correlate((ours**2).sum(axis=1), ones[1])

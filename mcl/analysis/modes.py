@@ -2,7 +2,8 @@
 
 Every particle carries the identity of the mode that it stood in last, and its copies inherit that. A mode is
 the one from which most of its weight descends. So a mode may drive about, thin out and come back; of two that
-join the heavier one goes on; of one that splits the heavier half does, and the other is new.
+join the heavier one goes on; of one that splits the heavier half does, and the other is new. Where both are
+equally heavy, the older identity goes on, and in the half that `modes` names first.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arrays import F64, I32, Bool
-from ..filter.estimate import CLUSTER_M, Modes, modes
+from ..filter.estimate import CLUSTER_M, TIE, Modes, first_heaviest, modes
 from ..records import Estimate, StepRecord
 
 NO_MODE = 0  # identity of particles that never stood in a mode; modes count from 1
@@ -57,11 +58,12 @@ class ModeTracker:
         width = self._born + 1
         cell = (places + 1) * width + carried
         bonds = np.bincount(cell, weights, (count + 1) * width).reshape(count + 1, width)[1:]
-        bonds = np.where(bonds < LEAST_DESCENT * bonds.sum(axis=1, keepdims=True), 0, bonds)
+        least = LEAST_DESCENT * (1 - TIE)
+        bonds = np.where(bonds < least * bonds.sum(axis=1, keepdims=True), 0, bonds)
         bonds[:, NO_MODE] = 0
         named = [NO_MODE] * count
         while bonds.size and bonds.max() > 0:
-            mode, identity = divmod(int(bonds.argmax()), width)
+            mode, identity = divmod(first_heaviest(bonds), width)
             named[mode] = identity
             bonds[mode], bonds[:, identity] = 0, 0
         for mode in range(count):
@@ -73,7 +75,8 @@ class ModeTracker:
 
 def _modes(record: StepRecord, injected: Bool | None) -> Modes:
     """Give the modes; where the estimate holds nearly all weight it is the only one, and is known already."""
-    return (record.estimate,) if record.estimate.mass > ALONE else modes(record.weighted, injected)
+    alone = record.estimate.mass > ALONE * (1 + TIE)
+    return (record.estimate,) if alone else modes(record.weighted, injected)
 
 
 def _places(record: StepRecord, found: Modes) -> I32:

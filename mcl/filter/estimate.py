@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from functools import cmp_to_key
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, Bool
 from ..geometry import INCH_M, circular_mean, wrap
@@ -20,6 +22,7 @@ CELL_M = CLUSTER_M / 4  # the mode is first sought on a raster of such cells ...
 MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than 60 m
 SETTLED_M = 0.001  # a mean that shifts by less has arrived
 MOST_SHIFTS = 30  # a cloud spread evenly has no mode to arrive at
+TIE = 1e-9  # shares of weight that differ by a smaller part of them are equal: processors round differently
 
 Modes: TypeAlias = tuple[Estimate, ...]
 Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
@@ -34,7 +37,8 @@ def weighted_mean(belief: Belief, injected: Bool | None = None) -> Estimate:
 def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
     """Stand for the heaviest cluster, by mean shift with a flat kernel of 24 in: the scored estimate.
 
-    `injected` (N,) marks freshly injected particles, which are left out.
+    `injected` (N,) marks freshly injected particles, which are left out. Of equally heavy clusters it is the
+    one at the lowest y, and of those the one at the lowest x, by cells of 6 in.
     """
     weights = _counted(belief, injected)
     x, y = _columns(belief)
@@ -49,7 +53,7 @@ def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
     """
     weights = _counted(belief, injected)
     held = np.zeros_like(weights)
-    best = int(weights.argmax())
+    best = first_heaviest(weights)
     held[best] = weights[best]
     return _stand_for(belief, weights, held)
 
@@ -58,8 +62,10 @@ def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least:
     """Give the clusters, heaviest first: the heaviest one, then the heaviest of what it left, and so on.
 
     Each holds what lies within 24 in of its mode and in no cluster before it, so that masses add up to no
-    more than one. At most so many, each of at least so large a share of the weight.
+    more than one. At most so many, each of at least so large a share of the weight. Equally heavy ones are
+    in the order in which they are found, by the rule of `heaviest_cluster`.
     """
+    least *= 1 - TIE
     weights = _counted(belief, injected)
     x, y = _columns(belief)
     left, found = weights, list[Estimate]()
@@ -70,7 +76,12 @@ def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least:
             break
         found.append(_stand_for(belief, weights, held))
         left = np.asarray(np.where(held > 0, 0, left))
-    return tuple(sorted(found, key=lambda estimate: -estimate.mass))
+    return tuple(sorted(found, key=cmp_to_key(_heavier_first)))
+
+
+def first_heaviest(weights: NDArray[Any]) -> int:
+    """Give the flat place of the largest of some weights (any shape), the first of equals within rounding."""
+    return int((weights >= weights.max() * (1 - TIE)).argmax())
 
 
 def covariance(belief: Belief, injected: Bool | None = None) -> F64:
@@ -92,6 +103,11 @@ def share_within(belief: Belief, pose: F64, radius_m: float, injected: Bool | No
     x, y = _columns(belief)
     center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
     return float(weights @ _near(x, y, center, radius_m))
+
+
+def _heavier_first(a: Estimate, b: Estimate) -> int:
+    """Compare for sorting; equals keep their order."""
+    return 0 if math.isclose(a.mass, b.mass, rel_tol=TIE) else 1 if a.mass < b.mass else -1
 
 
 def _counted(belief: Belief, injected: Bool | None) -> F64:
@@ -116,9 +132,10 @@ def _amid_most(x: F64, y: F64, weights: F64) -> Point:
     columns, rows = int(column.max()) + 1, int(row.max()) + 1
     raster = np.bincount(row * columns + column, weights, rows * columns).reshape(rows, columns)
     held = cv2.filter2D(raster, -1, _disc(CLUSTER_M / side), borderType=cv2.BORDER_CONSTANT)
-    fullest_row, fullest_column = divmod(int(held.argmax()), columns)
+    fullest_row, fullest_column = divmod(first_heaviest(held), columns)
     away = np.hypot(x - left - side * (fullest_column + 0.5), y - low - side * (fullest_row + 0.5))
-    nearest = int(np.where(weights > 0, away, np.inf).argmin())
+    away = np.where(weights > 0, away, np.inf)
+    nearest = int((away <= away.min() * (1 + TIE)).argmax())
     return float(x[nearest]), float(y[nearest])
 
 

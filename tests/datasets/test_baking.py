@@ -21,6 +21,7 @@ def view(world: World, bare: LitScene, weights: np.ndarray, pose: np.ndarray) ->
     return radiance(relit(bare, lighting_of(world).under(weights)), pose)
 
 
+@pytest.mark.slow
 def test_weights_of_one_give_the_picture_that_is_lit_for_good(
     world: World, scene: LitScene, bare: LitScene
 ) -> None:

@@ -38,6 +38,7 @@ def check_coverage(fits: list[Calibration]) -> None:
         assert share == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / len(fits))), name
 
 
+@pytest.mark.slow
 def test_the_thesis_s_trials_give_the_constants_back() -> None:
     fits = [calibrate(calibration_drive(seed)) for seed in range(SEEDS)]
     assert set(held(fits[0])) >= set(CONSTANTS)

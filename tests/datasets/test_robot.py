@@ -54,6 +54,7 @@ def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in: float) 
     assert all(m.measured[2] == 0 for m in moves)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("floor", "bias_deg", "sd_deg"), [("wood", 0.0, 1.0), ("carpet", 8.0, 3.0)])
 def test_heading_drifts_by_floor_in_proportion_to_distance(
     floor: str, bias_deg: float, sd_deg: float

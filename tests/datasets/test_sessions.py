@@ -29,6 +29,7 @@ def contents(paths: SimulationPaths) -> dict[str, bytes]:
     return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
 
 
+@pytest.mark.slow
 def test_a_seed_decides_every_byte(demo: SimulationPaths, tmp_path: Path) -> None:
     again = write_demo(tmp_path / "again", updates=UPDATES, surveyor=QUICK)
     other = write_demo(tmp_path / "other", 1, updates=1, surveyor=QUICK)
@@ -112,6 +113,7 @@ def test_a_demo_that_fails_half_way_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_the_cache_is_made_once_and_made_again_when_damaged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -220,6 +220,7 @@ def test_the_office_is_large_with_rooms_alike_and_can_be_driven_through(office: 
         assert floor_at(office.arena, float(x), float(y)) in ("carpet", "wood")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_worlds())
 def test_shipped_worlds_stand_for_many_seeds(name: str) -> None:
     for seed in range(20, 24):

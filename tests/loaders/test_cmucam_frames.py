@@ -100,7 +100,7 @@ def test_a_dump_is_read_piece_by_piece(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found[8], np.repeat(rgb(8, 88, 143), 2, axis=1))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(st.sampled_from([b"\1", b"\2", b"\3", SIZE, b"abcdef" * 4, b"\x10", b"ACK\r:"]), max_size=60))
 def test_any_bytes_end_well(parts: list[bytes]) -> None:
     data = b"".join(parts)

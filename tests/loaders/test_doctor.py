@@ -62,6 +62,7 @@ def test_what_is_wrong_is_named_with_truth(name: str, drive: tuple[Path, Library
     assert all(one.evidence and one.mend and one.options for one in found.complaints)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*BREAKS, "pictures late", "truth clock"])
 def test_reading_it_with_what_mends_it_leaves_nothing_wrong(
     name: str, drive: tuple[Path, Library], tmp_path: Path

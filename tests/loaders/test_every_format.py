@@ -109,6 +109,7 @@ def test_motion_and_truth_are_there_and_truth_is_none_when_absent(name: str, tmp
         assert moved == pytest.approx(0.05 * (SMALL - 1), rel=1.1)
 
 
+@pytest.mark.slow
 @every
 def test_memory_does_not_grow_with_the_recording(name: str, tmp_path: Path) -> None:
     one = SAMPLES[name]

@@ -67,7 +67,7 @@ def assert_same(ours: Session, theirs: Session) -> None:
 
 
 @given(drives())
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_log_replays_as_the_session_it_was_made_from(tmp_path: Path, drive: Made) -> None:
     file = tmp_path / "a.log"
     finished(convert_to_log(drive, file, force=True))

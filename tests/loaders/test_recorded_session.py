@@ -228,7 +228,7 @@ record = st.one_of(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.floats(0, 0.8), record), max_size=25))
 def test_a_native_log_is_the_same_by_both_ways(steps: list[tuple[float, tuple[str, object]]]) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -38,7 +38,7 @@ records = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(0, 3e8), records), max_size=12), texts)
 def test_comes_back_exactly(tmp_path_factory: Any, steps: list[tuple[float, Any]], name: str) -> None:
     path = tmp_path_factory.mktemp("log") / "a.log"

@@ -57,3 +57,23 @@ def test_a_signal_that_comes_in_a_callback_is_not_overheard(name: str, status: i
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (status, "maurice-replay: stopped\n")
     assert time.monotonic() - began < 50
+
+
+IGNORED = """
+import os, signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for a job in the background, and nohup
+import maurice_viz.cli, maurice_viz.entry
+from maurice_viz.commands.stopping import stops_between
+def app():
+    with stops_between() as stops, stops.wait():
+        os.kill(os.getpid(), signal.SIGINT)
+    print("went on")
+maurice_viz.cli.app = app
+maurice_viz.entry.main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are otherwise on Windows")
+def test_a_job_in_the_background_keeps_ignoring_ctrl_c() -> None:
+    done = subprocess.run([sys.executable, "-c", IGNORED], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "went on\n", "")

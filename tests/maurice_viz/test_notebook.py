@@ -148,6 +148,7 @@ def test_what_cannot_be_shown_is_a_log_error(tmp_path: Path, widget: None) -> No
         mv.show(tmp_path / "no.log")
 
 
+@pytest.mark.slow
 def test_the_notebook_of_the_documentation_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Execute its cells one after the other, all but the widget."""
     monkeypatch.setattr(mv, "show", lambda *args, **options: None, raising=False)

@@ -8,6 +8,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
 from maurice_mcl.sensor.features import SCALES
@@ -81,6 +83,7 @@ def test_a_broken_one_costs_one_line_and_nothing_else(small_session, tmp_path):
     assert "no feature called 'mychannel'" in " ".join(wanted.stderr.replace("│", " ").split())
 
 
+@pytest.mark.slow
 def test_one_that_fails_on_pictures_is_left_out_of_the_library(small_session, tmp_path):
     source = SOURCE.replace("gray = cv2.cvtColor", "return np.ones(3)\n        gray = cv2.cvtColor")
     path = _install(tmp_path / "site", source.replace('"version": 1', '"version": 3'))
@@ -95,6 +98,7 @@ def test_one_that_fails_on_pictures_is_left_out_of_the_library(small_session, tm
     assert _labels(mended) == ["mychannel"], "the cache is no reason to stay broken"
 
 
+@pytest.mark.slow
 def test_a_library_folder_outlives_the_channel_and_its_parameters(small_session, tmp_path):
     path, kept = _install(tmp_path / "site"), tmp_path / "kept"
     _maurice("library", "build", small_session.parent / "survey.log", "-o", kept, path=path)

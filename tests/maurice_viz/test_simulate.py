@@ -12,6 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from maurice_viz.cli import app
 
 PATIENCE_S = 60
 
@@ -37,11 +40,12 @@ def environment(folder: Path) -> dict[str, str]:
         (["tracking", "--serve", "127.0.0.1:1"], "expected tcp://HOST:PORT"),
     ],
 )
-def test_wrong_options_are_usage_errors(args: list[str], told: str, tmp_path: Path) -> None:
-    done = subprocess.run(
-        command(*args), capture_output=True, text=True, cwd=tmp_path, env=environment(tmp_path), check=False
-    )
-    assert done.returncode == 2
+def test_wrong_options_are_usage_errors(
+    args: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["simulate", *args], env={"TERM": "dumb", "COLUMNS": "200"})
+    assert done.exit_code == 2
     assert told in " ".join(done.stderr.split())
     assert list(tmp_path.iterdir()) == []
 

@@ -94,6 +94,7 @@ def test_pictures_of_a_saved_run(small_session: Path, maurice: Maurice, tmp_path
     assert sorted(file.name for file in tmp_path.glob("*.*")) == ["belief.png", "session.log", "survey.log"]
 
 
+@pytest.mark.slow
 @needs_renderer
 def test_pictures_and_a_movie_of_a_recording(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
     maurice(small_session, "--particles", "100", "--save", "a.rrd")

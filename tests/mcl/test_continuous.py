@@ -179,6 +179,7 @@ def _apart(one, other):
     return 0.5 * np.abs(one - other).sum()
 
 
+@pytest.mark.slow
 def test_the_grid_is_a_fair_answer(exact, likelihoods):
     assert 20 < np.exp(-(exact * np.log(exact)).sum()) < 90
     assert (likelihoods.max(axis=1) / likelihoods.min(axis=1)).min() > 2
@@ -196,6 +197,7 @@ def _filtered(localizer, frames, n, seed):
     return np.bincount(record.sighting.entries[inside], record.weighted.weights[inside], 96)
 
 
+@pytest.mark.slow
 def test_the_filter_nears_the_grid_with_the_root_of_the_number_of_particles(exact, localizer, frames):
     apart = {
         n: np.mean([_apart(exact, _filtered(localizer, frames, n, seed)) for seed in range(runs)])

@@ -120,3 +120,41 @@ def test_share_within_agrees_with_confidence():
     belief = _belief(_blobs(np.random.default_rng(8), *THREE, sd=0.3))
     found = heaviest_cluster(belief)
     assert share_within(belief, found.pose, CONFIDENCE_M) == pytest.approx(found.confidence, abs=1e-3)
+
+
+def _rounded_elsewhere(weights, seed):
+    """The same weights as another processor may sum them up: a few units in the last place away."""
+    return weights * (1 + np.random.default_rng(seed).uniform(-1e-14, 1e-14, len(weights)))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("turned", [False, True])
+def test_of_equally_heavy_clusters_the_lowest_comes_first_then_the_leftmost(turned, seed):
+    """Whatever the last digits of the weights say, and in whatever order the particles come."""
+    corners = [(0, 0), (4, 0), (0, 3), (4, 3)]
+    shape = np.array([[0.02, 0], [0, 0.02], [-0.02, 0], [0, -0.02]])
+    poses = np.vstack([np.column_stack([shape + corner, np.zeros(4)]) for corner in corners])
+    poses = poses[::-1] if turned else poses
+    belief = _belief(poses, _rounded_elsewhere(np.ones(16), seed))
+    assert [tuple(np.round(mode.pose[:2], 6) + 0.0) for mode in modes(belief)] == corners
+    assert heaviest_cluster(belief).pose[:2] == pytest.approx([0, 0], abs=1e-6)
+
+
+def test_a_weight_that_is_larger_by_more_than_rounding_decides():
+    belief = _belief([[0, 0, 0], [4, 0, 0]], [0.5, 0.5 + 1e-7])
+    assert heaviest_cluster(belief).pose[0] == pytest.approx(4)
+    assert [mode.pose[0] for mode in modes(belief)] == pytest.approx([4, 0])
+    assert best_particle(belief).pose[0] == pytest.approx(4)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_particles_that_weigh_alike_the_first_is_best(seed):
+    poses = np.arange(30).reshape(10, 3) / 10
+    belief = _belief(poses, _rounded_elsewhere(np.ones(10), seed))
+    assert best_particle(belief).pose[0] == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_hundredth_is_a_mode_however_it_was_rounded(seed):
+    poses = [[0, 0, 0]] * 99 + [[4, 0, 0]]
+    assert len(modes(_belief(poses, _rounded_elsewhere(np.ones(100), seed)))) == 2

@@ -93,7 +93,7 @@ def test_a_run_that_is_still_searching_is_first_localized_not_recovered() -> Non
     assert [kind for _, kind in kinds(searching)][-1] == "localized"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.sampled_from([0, 1, 2, 3]), min_size=1, max_size=24))
 def test_events_agree_with_the_table_of_figures(letters: list[int]) -> None:
     """Whatever happens: first localized and lost at the updates that the scores name; 3: no truth."""

@@ -247,20 +247,24 @@ def outcomes(lattice):
     return {n: _many(lattice, lattice.localizer, n) for n in SIZES}
 
 
+@pytest.mark.slow
 def test_weights_are_carried_in_some_steps_and_not_in_others(outcomes):
     for outcome in outcomes.values():
         assert 1 <= outcome.resampled <= UPDATES / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", SIZES)
 def test_the_evidence_is_unbiased(outcomes, n):
     assert outcomes[n].evidence_off() < 4
 
 
+@pytest.mark.slow
 def test_eight_functions_are_unbiased_at_8000(outcomes):
     assert outcomes[8000].bias_off() < 4
 
 
+@pytest.mark.slow
 def test_errors_fall_with_the_root_of_the_number_of_particles(outcomes):
     errors = [outcomes[n].rmse() for n in SIZES]
     slope = np.polyfit(np.log(SIZES), np.log(errors), 1)[0]
@@ -276,6 +280,7 @@ def test_resampling_at_every_step_is_right_too(lattice, resampler):
     assert outcome.bias_off() < 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("resampler", sorted(set(RESAMPLERS) - {"systematic"}))
 def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice, resampler):
     outcome = _many(lattice, _renewing(lattice.localizer, resampler=RESAMPLERS[resampler]), 500)
@@ -287,6 +292,7 @@ def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice
 DUAL = MixtureParameters(share=0.2, teleport=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", [always, below_effective(0.75)], ids=["always", "effective"])
 def test_dual_draws_weighed_by_their_densities_are_exact(lattice, when):
     """Each state is one entry, so densities by entry are exact; where in its cell a draw lies is no matter.
@@ -306,6 +312,7 @@ def _is_caught(lattice, faulty):
     return outcome.evidence_off() > 4 and outcome.bias_off() > 4
 
 
+@pytest.mark.slow
 def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
     sensor = lattice.localizer.sensor
     sharper = replace(sensor.parameters, sharpness=1.1 * sensor.parameters.sharpness)
@@ -313,6 +320,7 @@ def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
     assert _is_caught(lattice, faulty)
 
 
+@pytest.mark.slow
 def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
     def forgetful(predicted, log_likelihood, correction=None):
         even = replace(predicted, log_weights=uniform_log_weights(predicted.size))
@@ -322,11 +330,13 @@ def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
     assert _is_caught(lattice, lattice.localizer)
 
 
+@pytest.mark.slow
 def test_five_percent_injection_is_caught(lattice):
     faulty = replace(lattice.localizer, motion=LatticeMotion(lattice.poses, injected=0.05))
     assert _is_caught(lattice, faulty)
 
 
+@pytest.mark.slow
 def test_dual_draws_without_their_densities_are_caught(lattice, monkeypatch):
     def naive(predicted, log_likelihood, correction=None):
         return weigh(predicted, log_likelihood)

@@ -42,7 +42,26 @@ def test_resampling_hands_identities_to_the_copies() -> None:
     shuffled = [*at(1, 0, 0.25, 1), *at(6, 0, 0.5), *at(1, 0, 0.25, 3)]
     tracked = tracker.see(made(shuffled))
     place = {one.identity: round(float(one.estimate.pose[0])) for one in tracked}
-    assert place == {1: 1, 2: 6}
+    assert place == {1: 1, 2: 6}, "equally heavy: the one further left was named first"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_equal_modes_are_named_alike_however_weights_are_rounded(seed: int) -> None:
+    """Two join and part again in halves; sums of weights differ from processor to processor."""
+    rng, tracker = np.random.default_rng(seed), ModeTracker()
+
+    def see(*places: tuple[float, float]) -> dict[int, tuple[int, int]]:
+        tables = [at(*place, 1 / len(places), 8 // len(places)) for place in places]
+        rounded = [(x, y, share * rng.uniform(1 - 1e-14, 1 + 1e-14)) for t in tables for x, y, share in t]
+        return {
+            one.identity: (round(float(one.estimate.pose[0])), round(float(one.estimate.pose[1])))
+            for one in tracker.see(made(rounded))
+        }
+
+    assert see((5, 0), (0, 0)) == {1: (0, 0), 2: (5, 0)}
+    assert see((5, 0), (0, 0)) == {1: (0, 0), 2: (5, 0)}
+    assert see((2, 0)) == {1: (2, 0)}, "the older goes on"
+    assert see((0, 4), (0, 0)) == {1: (0, 0), 3: (0, 4)}, "in the half that is named first"
 
 
 def test_of_one_that_splits_the_heavier_half_goes_on() -> None:
