@@ -30,7 +30,7 @@ from maurice_loaders.libraries.store import open_library
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.arrays import F64, Bool
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import Layer, configure
@@ -82,7 +82,7 @@ def thesis_filter(channels: Sequence[str], sharpness: float) -> FilterParameters
 def tracked(
     session: SessionLog, library: Library, channels: Sequence[str], sharpness: float = 1.0
 ) -> tuple[float, bool]:
-    localizer = make_localizer(library, session, thesis_filter(channels, sharpness))
+    localizer = build_localizer(library, session, thesis_filter(channels, sharpness))
     scorer = Scorer()
     for moment, record in run(localizer, session, session.info.start):
         scorer.add(record.estimate, moment.truth, moment.frame.motions)
@@ -91,7 +91,7 @@ def tracked(
 
 
 def retrieval(session: SessionLog, library: Library) -> dict[str, float]:
-    localizer = make_localizer(library, session, thesis_filter(["color"], 1.0))
+    localizer = build_localizer(library, session, thesis_filter(["color"], 1.0))
     rooms = rooms_of(library.arena, library.poses[:, :2])
     rows = []
     for moment, record in run(localizer, session, session.info.start):

@@ -20,7 +20,7 @@ import cv2
 from maurice_datasets.sessions import demo_paths
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_viz.layouts.registry import runs_blueprint
@@ -44,7 +44,7 @@ def main() -> None:
     updates = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     paths = demo_paths()
     library, session = build_library(paths.survey), SessionLog(paths.session)
-    localizer = make_localizer(library, session, of_feature("blended", PARTICLES))
+    localizer = build_localizer(library, session, of_feature("blended", PARTICLES))
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
     shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)

@@ -14,11 +14,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import ReferenceParameters, of_feature
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import weigh
 from maurice_mcl.filter.motion import FloorDrift, MauriceMotion, MauriceParameters
+from maurice_mcl.filter.proposal import Proposal
 from maurice_mcl.filter.resampling import systematic
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
@@ -144,7 +145,9 @@ def filter_step() -> None:
     def ours() -> object:
         moved = motion.move(belief.poses, belief.origin, MOVEMENT, normals(rng, PARTICLES))
         predicted = Belief(moved, belief.log_weights, belief.origin)
-        weighted, _ = weigh(predicted, reference.at(comparison.log_likelihood, moved, belief.origin))
+        weighted, _ = weigh(
+            Proposal(predicted), reference.at(comparison.log_likelihood, moved, belief.origin)
+        )
         estimate = weighted_mean(weighted)
         parents = systematic(weighted.weights, PARTICLES, rng)
         return Belief(moved.take(parents, axis=0), uniform_log_weights(PARTICLES), belief.origin), estimate
@@ -177,7 +180,7 @@ def whole_step(feature: str, particles: int, between: bool) -> None:
     session = _NoSession(SessionInfo("benchmark", motion={"model": "maurice"}))
     selection = ReferenceParameters(interpolation=InterpolationParameters(between=between))
     parameters = replace(of_feature(feature, particles), selection=selection)
-    localizer = make_localizer(library, session, parameters, reference=reference)
+    localizer = build_localizer(library, session, parameters, reference=reference)
     state = localizer.initialize(None)
     rows = []
     for step in range(1, 201):

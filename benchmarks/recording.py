@@ -21,7 +21,7 @@ from rerun.chunk import RrdReader
 from maurice_datasets.sessions import demo_paths
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
@@ -38,7 +38,7 @@ STEPS = 100
 def measure(
     library: Library, session: SessionLog, feature: str, particles: int, detail: Detail, path: Path
 ) -> None:
-    localizer = make_localizer(library, session, of_feature(feature, particles))
+    localizer = build_localizer(library, session, of_feature(feature, particles))
     pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
     shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)

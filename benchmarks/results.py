@@ -34,7 +34,7 @@ from maurice_loaders.io.files import cache_root
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.analysis.metrics import Scorer, score_step
 from maurice_mcl.arrays import F32, U8
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import run
@@ -155,7 +155,7 @@ def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str,
             parameters = replace(parameters, motion=misjudged(session.info.motion))
         used = replace(library, poses=library.poses[order]) if case.name == "shuffled" else library
         shared = None if case.name == "shuffled" else nearest
-        localizer = make_localizer(used, session, parameters, reference=shared)
+        localizer = build_localizer(used, session, parameters, reference=shared)
         sensor = MeasuredOnce(localizer.sensor, measured)
         yield case, scored(replace(localizer, sensor=sensor), session, library, case)
 

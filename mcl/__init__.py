@@ -1,4 +1,84 @@
-"""Monte Carlo localization against a library of pictures: what was believed, and why.
+"""Monte Carlo localization against a library of reference pictures.
 
-This package knows numpy, OpenCV and scipy, never a viewer, and never prints.
+Five names run a filter, `make_localizer`, `run`, `score`, `PRESETS` and `InputError`; the others are the
+values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belief`, `FilterState`,
+`StepRecord`, `RunScore`). `tiny_library` and `tiny_session` are made in memory, for examples.
+
+The chapters, from the ground up:
+
+- vocabulary: `arrays`, `errors`, `randomness`, `geometry`, `map`, `library`, `session`, `records`
+- `sensor`: what is measured in a picture, and how likely it makes every place
+- `filter`: propose, measure, weight, estimate, resample, recover
+- `config`: parameters, their checks, presets, and a filter built from them
+- `analysis`: scores, events, modes, explanations, comparison of runs
+- `calibration`: motion constants, the camera's noise floor, and weights of channels, fitted to drives
+- `library_quality`: what a library covers, and how well it tells its own places apart
+- `diagnosis`: what is wrong with a recording, as codes and numbers
+
+This package knows numpy, OpenCV and scipy, never a viewer; it never prints.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .analysis.metrics import RunScore, score
+    from .config.build import make_localizer
+    from .config.presets import PRESETS
+    from .errors import InputError
+    from .examples import tiny_library, tiny_session
+    from .filter.localizer import Localizer, run
+    from .library import Library
+    from .records import Belief, FilterState, StepRecord
+    from .session import Frame, Moment, Session
+
+# Looked up when first used, so that a command which needs one chapter does not load them all.
+_HOME = {
+    "Belief": "records",
+    "FilterState": "records",
+    "Frame": "session",
+    "InputError": "errors",
+    "Library": "library",
+    "Localizer": "filter.localizer",
+    "Moment": "session",
+    "PRESETS": "config.presets",
+    "RunScore": "analysis.metrics",
+    "Session": "session",
+    "StepRecord": "records",
+    "make_localizer": "config.build",
+    "run": "filter.localizer",
+    "score": "analysis.metrics",
+    "tiny_library": "examples",
+    "tiny_session": "examples",
+}
+
+__all__ = [
+    "PRESETS",
+    "Belief",
+    "FilterState",
+    "Frame",
+    "InputError",
+    "Library",
+    "Localizer",
+    "Moment",
+    "RunScore",
+    "Session",
+    "StepRecord",
+    "make_localizer",
+    "run",
+    "score",
+    "tiny_library",
+    "tiny_session",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

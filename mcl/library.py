@@ -29,7 +29,15 @@ class ChannelIndex:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Library:
-    """L reference pictures with their surveyed poses, and the map they were taken in."""
+    """L reference pictures with their surveyed poses, and the map they were taken in.
+
+    `maurice_loaders.open_library` returns one for a library folder or a survey log.
+
+    >>> import maurice_mcl as mcl
+    >>> library = mcl.tiny_library()
+    >>> library.size, library.index["color"].references.shape
+    (96, (96, 84))
+    """
 
     name: str
     poses: F64  # (L, 3) as surveyed, in the map's frame

@@ -22,6 +22,11 @@ class Belief:
 
     Poses are float32 relative to `origin` (float32 steps are 3 cm at 500 km, so the origin is kept apart
     in float64). Weights are stored as logs and sum to one: `exp(log_weights).sum() == 1`.
+
+    >>> import numpy as np, maurice_mcl as mcl
+    >>> belief = mcl.Belief(np.zeros((2, 3), np.float32), np.log([0.25, 0.75]), np.array([5.0, 0.0]))
+    >>> belief.size, belief.weights.round(2).tolist(), belief.world_poses[0].tolist()
+    (2, [0.25, 0.75], [5.0, 0.0, 0.0])
     """
 
     poses: F32  # (N, 3) x_m, y_m relative to the origin, heading_rad in [-pi, pi)
@@ -147,7 +152,13 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepRecord:
-    """One update, whole: weights always stand beside the particles they belong to."""
+    """One whole update: every set of weights stands beside the particles it belongs to.
+
+    >>> import maurice_mcl as mcl
+    >>> _, record = next(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+    >>> record.weighted.size, record.events
+    (2000, ('resampled',))
+    """
 
     frame: Frame
     predicted: Belief  # after the motion model, with the weights carried over from the last step
@@ -168,7 +179,13 @@ class StepRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
-    """All that the next step needs: state and seed suffice to go on from here."""
+    """All that the next step needs: a run can go on from its state and its localizer's seed.
+
+    >>> import maurice_mcl as mcl
+    >>> state = mcl.make_localizer(mcl.tiny_library(), particles=50).initialize(None)
+    >>> state.step, state.belief.size
+    (0, 50)
+    """
 
     step: int  # of the last frame taken in; 0 before the first
     belief: Belief

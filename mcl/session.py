@@ -16,7 +16,12 @@ class Frame:
     """All that the filter may see of one update.
 
     `motions` are the robot's own measurements, uncorrected, in the order in which they were made; several
-    movements between two pictures stay apart because noise is added once a movement (thesis 3.2).
+    movements between two pictures are kept separate, because noise is added once per movement (thesis 3.2).
+
+    >>> import numpy as np, maurice_mcl as mcl
+    >>> frame = mcl.Frame(1, 0.5, np.array([[0.1, 0.0, 0.2]]), np.zeros((24, 32, 3), np.uint8), "")
+    >>> frame.motions.shape
+    (1, 3)
     """
 
     step: int  # 1 for the first picture
@@ -28,7 +33,13 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """A frame, and beside it what the filter must not see."""
+    """A frame, and beside it what the filter must not see.
+
+    >>> import maurice_mcl as mcl
+    >>> moment = next(mcl.tiny_session().moments())
+    >>> moment.truth.shape, moment.events
+    ((3,), ())
+    """
 
     frame: Frame
     truth: F64 | None = None  # (3,) x_m, y_m, heading_rad; None when unknown
@@ -65,7 +76,15 @@ class SessionInfo:
 
 
 class Session(Protocol):
-    """A recorded drive that can be read again from its beginning as often as one likes."""
+    """A recorded drive, which can be read from its beginning any number of times.
+
+    Any class with these two members will do; `maurice_loaders.open_session` returns one for a recording.
+
+    >>> import maurice_mcl as mcl
+    >>> session: mcl.Session = mcl.tiny_session()
+    >>> session.info.name, sum(1 for moment in session.moments())
+    ('tiny drive', 6)
+    """
 
     @property
     def info(self) -> SessionInfo:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, RecordedTruth, joined
 from maurice_mcl.diagnosis.pictures import ComparedPictures
@@ -243,7 +243,7 @@ def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
     if not wanted:
         raise InputError(path, f"the library {library.name!r} holds neither color nor edges; build it again")
     parameters = of_feature("blended" if len(wanted) > 1 else next(iter(wanted)))
-    return make_localizer(library, _Named(info), parameters)
+    return build_localizer(library, _Named(info), parameters)
 
 
 def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:

@@ -20,7 +20,7 @@ from maurice_loaders.recorded_session import RecordedSession, first_truth
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms.made_odometry import MadeOdometry
 from maurice_mcl.arrays import F64
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.schema import Configuration
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.features import FEATURES
@@ -219,7 +219,7 @@ def make_runs(
     seeds = [options.seed if one.seed is None else one.seed for one in wanted]
     try:
         localizers = [
-            make_localizer(library, session, one.parameters, reference=reference, seed=seed)
+            build_localizer(library, session, one.parameters, reference=reference, seed=seed)
             for one, seed in zip(configurations, seeds, strict=True)
         ]
     except ValueError as problem:  # bad motion parameters, in the file given or in the header

@@ -16,7 +16,7 @@ from maurice_loaders.runs.manifest import library_hash
 from maurice_loaders.runs.sources import Source, source_hash
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.transforms.made_odometry import NAMED
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
@@ -77,7 +77,7 @@ def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Locali
     """Put the filter of a run together again. InputError when its parameters are refused today."""
     parameters = run.configuration.parameters
     try:
-        return make_localizer(library, session, parameters, seed=run.manifest.seed)
+        return build_localizer(library, session, parameters, seed=run.manifest.seed)
     except (ValueError, KeyError) as problem:
         raise InputError(run.folder, f"its filter cannot be put together here: {problem}") from None
 

@@ -6,14 +6,17 @@ estimate (the heaviest cluster, after weighting and before resampling), never ag
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..arrays import F64, Bool
 from ..geometry import INCH_M, angle_between
-from ..records import Estimate
-from .success import Success
+from ..map import Arena
+from ..records import Estimate, StepRecord
+from ..session import Moment
+from .success import Success, SuccessJudge
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are left to settle
 LOST_M, LOST_RAD, LOST_FOR = 36 * INCH_M, float(np.deg2rad(45)), 4
@@ -58,7 +61,13 @@ def score_step(estimate: Estimate, truth: F64 | None) -> StepScore:
 
 @dataclass(frozen=True, slots=True)
 class RunScore:
-    """One run in numbers; None where the truth is not known or too short for the figure."""
+    """One run in numbers; None where the truth is not known or the run is too short for the figure.
+
+    >>> import maurice_mcl as mcl
+    >>> found = mcl.score(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+    >>> found.updates, found.lost
+    (6, False)
+    """
 
     updates: int
     distance_m: float  # driven: by the truth where it is known, else by odometry
@@ -161,3 +170,22 @@ def mostly_at_end(correct: list[bool | None]) -> bool | None:
 
 def _share(flags: list[bool | None]) -> float | None:
     return sum(flag is True for flag in flags) / len(flags) if flags else None
+
+
+def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None) -> RunScore:
+    """Score a run by what `run` yields: errors in meters and radians, when it was localized, whether lost.
+
+    Figures are None where the true pose is not known or the run is too short for them (docs/evaluation.md
+    has the definitions). With the arena, usually `library.arena`, success is also judged as the thesis does.
+
+    >>> import maurice_mcl as mcl
+    >>> library, session = mcl.tiny_library(), mcl.tiny_session()
+    >>> mcl.score(mcl.run(mcl.make_localizer(library), session)).lost
+    False
+    """
+    scorer, judge = Scorer(), None if arena is None else SuccessJudge(arena.size_m)
+    for moment, record in steps:
+        scorer.add(record.estimate, moment.truth, moment.frame.motions)
+        if judge is not None:
+            judge.add(record, moment.truth)
+    return replace(scorer.result(), success=() if judge is None else judge.result())

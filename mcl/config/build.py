@@ -1,17 +1,21 @@
-"""From parameters to a localizer: every name is looked up here and nowhere else."""
+"""From a configuration to a localizer: every name is looked up here and nowhere else."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
+from ..errors import InputError
 from ..filter.localizer import Localizer
 from ..filter.motion import motion_model
 from ..filter.proposal import regions
-from ..filter.recovery import RecoveryStrategy, none
+from ..filter.recovery import RecoveryStep, RecoveryStrategy, none
 from ..filter.recovery import always as always_some
-from ..filter.resampling import RESAMPLERS, ResamplePolicy, always, below_effective, every
-from ..filter.resampling_step import ResamplingStep
+from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
 from ..library import Library
+from ..sensor.features import weights_of
 from ..sensor.model import SensorModel
 from ..sensor.references import (
     NearestReference,
@@ -21,30 +25,91 @@ from ..sensor.references import (
 )
 from ..session import Session
 from .parameters import FilterParameters, RecoveryParameters, ResamplingParameters
+from .presets import PRESETS
+from .schema import Layer, configure
 
 
 def make_localizer(
     library: Library,
-    session: Session,
+    *,
+    preset: str | None = None,
+    feature: str | None = None,
+    particles: int | None = None,
+    seed: int = 0,
+    motion: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Localizer:
+    """Make a filter over a library, with the same defaults as the command line.
+
+    `preset` is a key of `PRESETS`; `feature` a key of `maurice_mcl.sensor.features.FEATURES` or a channel
+    ("blended" unless a preset says otherwise); `particles` defaults to 2000; the same `seed` repeats a run
+    bit for bit. `motion` holds motion parameters as under robot.motion in a session's header; with None, the
+    motion model is that of the session which `run` is given. `settings` maps any key of
+    docs/configuration.md to a value; it goes over the preset, and the other arguments go over it.
+    Environment variables are not read.
+
+    Raises InputError, in one line, for an unknown name, key or channel and for a value out of range.
+
+    >>> import maurice_mcl as mcl
+    >>> library = mcl.tiny_library()
+    >>> mcl.make_localizer(library, preset="robust", settings={"recovery.strategy": "augmented"}).particles
+    2000
+    """
+    if preset is not None and preset not in PRESETS:
+        raise InputError(None, f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
+    weights = None if feature is None else weights_of(feature)
+    given = {"sensor.weights": weights, "particles": particles, "motion": motion}
+    layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
+    layers += [Layer("settings", settings or {})]
+    layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
+    try:
+        parameters = configure(layers).parameters
+        localizer = build_localizer(library, None, parameters, seed=seed)
+    except ValueError as problem:
+        raise InputError(None, str(problem)) from None
+    missing = [channel for channel in parameters.sensor.weights if channel not in library.index]
+    if missing:
+        holds = ", ".join(library.index) or "no channel"
+        wanted = f"the library {library.name!r} holds {holds}, expected {missing[0]}"
+        raise InputError(None, f"{wanted}; build the library again, or choose another feature")
+    return localizer
+
+
+def build_localizer(
+    library: Library,
+    session: Session | None,
     parameters: FilterParameters | None = None,
     *,
     reference: NearestReference | None = None,
     seed: int = 0,
 ) -> Localizer:
-    """Put together the localizer for a session; the robot's own motion model is used unless one is given.
+    """Build the localizer that some parameters describe.
 
-    `reference`, the library's tables, can be shared among localizers: they take a while to build.
+    The motion model is the session's own unless the parameters hold one; without either, `run` takes the
+    one of the session it is given. `reference`, the library's tables, can be shared among localizers, as
+    they take a while to build.
 
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()
     nearest = reference or nearest_reference(library.poses, library.arena)
+    where = regions(nearest, library.size)
+    motion = session.info.motion if p.motion is None and session is not None else p.motion
+    unknown = p.motion is None and session is None
     return Localizer(
         library=library,
         reference=nearest,
-        motion=motion_model(session.info.motion if p.motion is None else p.motion, nearest.grid),
+        regions=where,
+        motion=None if unknown else motion_model(motion, nearest.grid),
         sensor=_sensor(library, nearest, p),
-        resampling=_resampling_step(library, nearest, p),
+        resampling=_resampling(p.resampling),
+        recovery=RecoveryStep(
+            strategy=_strategy(p.recovery),
+            reference=nearest,
+            regions=where,
+            draw_evenly={"evenly": True, "likelihood": False}[p.recovery.draw],
+        ),
+        mixture=p.recovery.mixture if p.recovery.strategy == "mixture" else None,
         outliers=p.motion_outliers,
         particles=p.particles,
         seed=seed,
@@ -53,8 +118,8 @@ def make_localizer(
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
     p.sensor.check_names()
-    sensors = {"nearest": _by_nearest, "interpolated": _by_interpolation}
-    return sensors[p.references.method](library, nearest, p)
+    lookups = {"nearest": _by_nearest, "interpolated": _by_interpolation}
+    return lookups[p.references.method](library, nearest, p)
 
 
 def _by_nearest(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
@@ -62,35 +127,22 @@ def _by_nearest(library: Library, nearest: NearestReference, p: FilterParameters
 
 
 def _by_interpolation(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
-    how = p.references.interpolation
-    if not how.virtual:
-        return SensorModel(
-            library, interpolated_reference(nearest, library.poses, library.arena, how), p.sensor
-        )
-    more = virtual_references(library.poses, library.arena)
-    references = np.concatenate([library.poses, more.poses])
-    index = more.extend({name: library.index[name] for name in p.sensor.weights})
-    return SensorModel(
-        library, interpolated_reference(nearest, references, library.arena, how), p.sensor, index
-    )
+    poses, index, how = library.poses, {}, p.references.interpolation
+    if how.virtual:
+        virtual = virtual_references(library.poses, library.arena)
+        poses = np.concatenate([library.poses, virtual.poses])
+        index = virtual.extend({name: library.index[name] for name in p.sensor.weights})
+    return SensorModel(library, interpolated_reference(nearest, poses, library.arena, how), p.sensor, index)
 
 
-def _resampling_step(library: Library, nearest: NearestReference, p: FilterParameters) -> ResamplingStep:
-    return ResamplingStep(
-        nearest=nearest,
-        where=regions(nearest, library.size),
-        resampler=RESAMPLERS[p.resampling.scheme],
-        when=_when(p.resampling),
-        strategy=_strategy(p.recovery),
-        draw_evenly={"evenly": True, "likelihood": False}[p.recovery.draw],
-        roughening=p.resampling.roughening,
-        kld=p.resampling.kld if p.resampling.adaptive else None,
-        mixture=p.recovery.mixture if p.recovery.strategy == "mixture" else None,
-    )
-
-
-def _when(p: ResamplingParameters) -> ResamplePolicy:
-    return {"always": always, "effective": below_effective(p.below), "every": every(p.every)}[p.when]
+def _resampling(p: ResamplingParameters) -> Resampling:
+    policies: dict[str, ResamplePolicy] = {
+        "always": always,
+        "effective": below_effective(p.below),
+        "every": every(p.every),
+    }
+    kld = p.kld if p.adaptive else None
+    return Resampling(RESAMPLERS[p.scheme], policies[p.when], p.roughening, kld)
 
 
 def _strategy(p: RecoveryParameters) -> RecoveryStrategy:

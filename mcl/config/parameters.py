@@ -12,7 +12,7 @@ from ..filter.motion import MotionOutliers
 from ..filter.proposal import MixtureParameters
 from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
 from ..filter.resampling import KldParameters
-from ..sensor.features import FEATURES
+from ..sensor.features import weights_of
 from ..sensor.model import SensorParameters
 from ..sensor.references import InterpolationParameters
 
@@ -56,7 +56,7 @@ class RecoveryParameters:
 class FilterParameters:
     """One filter."""
 
-    sensor: SensorParameters = field(default_factory=lambda: SensorParameters(FEATURES["blended"]))
+    sensor: SensorParameters = field(default_factory=lambda: SensorParameters(weights_of("blended")))
     references: ReferenceParameters = field(default_factory=ReferenceParameters)
     resampling: ResamplingParameters = field(default_factory=ResamplingParameters)
     recovery: RecoveryParameters = field(default_factory=RecoveryParameters)
@@ -66,6 +66,5 @@ class FilterParameters:
 
 
 def of_feature(feature: str, particles: int = 2000, sharpness: float = 1.0) -> FilterParameters:
-    """Give the default filter with one feature: a name of FEATURES, or of any channel."""
-    weights = FEATURES.get(feature, {feature: 1.0})
-    return FilterParameters(sensor=SensorParameters(weights, sharpness), particles=particles)
+    """Return the default filter with one feature: a key of FEATURES, or the name of a channel."""
+    return FilterParameters(sensor=SensorParameters(weights_of(feature), sharpness), particles=particles)

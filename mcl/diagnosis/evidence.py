@@ -101,14 +101,16 @@ def evidence(
 ) -> float:
     """Run a short localization and give the mean of log p(picture | those before), in nats."""
     localizer, total = replace(looks.localizer, particles=PARTICLES, seed=seed), 0.0
-    belief = localizer.initialize(start).belief
+    belief, model = localizer.initialize(start).belief, localizer.motion
+    if model is None:
+        raise ValueError("found no motion model, expected a localizer of the session")
     rng = stream(Domain.FILTER, seed, 0, Purpose.INJECT)
     fresh = uniform_belief(localizer.reference.grid, FRESH, belief.origin, rng).poses
     for number, motions in enumerate(motions_to(looks.t_s, drive, hypothesis)):
         poses, comparison = belief.poses, looks.comparisons[number]
         rng = stream(Domain.FILTER, seed, number, Purpose.MOTION)
         for motion in motions:
-            poses = localizer.motion.move(poses, belief.origin, motion, normals(rng, belief.size))
+            poses = model.move(poses, belief.origin, motion, normals(rng, belief.size))
         found = localizer.sensor.at(comparison, poses).log_likelihood
         likelihood = np.maximum(found, float(comparison.log_likelihood.min()) - OUTSIDE)
         log_weights, foreseen = normalize(belief.log_weights + likelihood)

@@ -1,31 +1,35 @@
-"""Monte Carlo localization: predict, measure, weight, resample, estimate. Thesis 3.1 and figure 1.
+"""Monte Carlo localization, one picture at a time: propose, measure, weight, estimate, resample, recover.
 
     Bel(x_t) = eta p(o_t | x_t) integral p(x_t | x_t-1, a_t-1) Bel(x_t-1) dx_t-1
 
-A localizer holds choices and no state; `step` takes a state and a frame and gives the next state and a
-record of everything that happened. Truth is no part of a frame, so it cannot get in.
+This is section 3.1 and figure 1 of the thesis. A localizer holds choices and no state: `step` takes a state
+and a frame and returns the next state and a record of the update. A frame does not hold the true pose, so
+the filter cannot see it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Literal
 
 import numpy as np
 
-from ..arrays import F32, F64
+from ..arrays import F32, F64, I32
+from ..errors import InputError
 from ..library import Library
 from ..randomness import Domain, Purpose, normals, stream
-from ..records import Belief, FilterState, StepRecord, effective_sample_size, normalize
+from ..records import Belief, Comparison, FilterState, StepRecord, effective_sample_size, normalize
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
 from .estimate import heaviest_cluster, log_mean_likelihood, weighted_mean
-from .motion import MotionModel, MotionOutliers, with_outliers
-from .proposal import belief_at, uniform_belief
-from .resampling_step import Resampled, ResamplingStep
+from .motion import MotionModel, MotionOutliers, motion_model, with_outliers
+from .proposal import MixtureParameters, Proposal, Regions, belief_at, mixture_proposal, uniform_belief
+from .recovery import Recovery, RecoveryStep
+from .resampling import Resampled, Resampling
 
 RESAMPLED = "resampled"
 RESEEDED = "reseeded"
@@ -36,114 +40,160 @@ NO_OUTLIERS = MotionOutliers()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Localizer:
-    """The choices of one run. The same choices, session and seed give the same records."""
+    """The choices of one filter. The same choices, session and seed give the same records, bit for bit.
+
+    Make one with `maurice_mcl.make_localizer`; run it over a session with `maurice_mcl.run`.
+
+    >>> import maurice_mcl as mcl
+    >>> localizer = mcl.make_localizer(mcl.tiny_library(), particles=100)
+    >>> localizer.initialize(None).belief.poses.shape
+    (100, 3)
+    """
 
     library: Library
     reference: NearestReference
-    motion: MotionModel
+    regions: Regions
+    motion: MotionModel | None  # None: that of the session which `run` is given
     sensor: SensorModel
-    resampling: ResamplingStep
+    resampling: Resampling
+    recovery: RecoveryStep
+    mixture: MixtureParameters | None = None  # None: all particles are proposed by the motion model
     outliers: MotionOutliers = NO_OUTLIERS
     particles: int = 2000
     seed: int = 0
 
+    def of_session(self, session: Session) -> Localizer:
+        """Return a localizer with the motion model of a session's header, if it has none of its own."""
+        if self.motion is not None:
+            return self
+        return replace(self, motion=motion_model(session.info.motion, self.reference.grid))
+
     def initialize(self, pose: F64 | None) -> FilterState:
-        """Begin at a known pose (3,) in the map's frame, or anywhere for None."""
+        """Return the state before the first frame: all at a pose (3,) in the map's frame, or anywhere."""
         if pose is not None:
             return FilterState(0, belief_at(pose, self.particles, self.library.origin))
-        rng = stream(Domain.FILTER, self.seed, 0, Purpose.INITIALIZATION)
+        rng = self._rng(0, Purpose.INITIALIZATION)
         return FilterState(0, uniform_belief(self.reference.grid, self.particles, self.library.origin, rng))
 
     def step(self, state: FilterState, frame: Frame) -> tuple[FilterState, StepRecord]:
-        """Take in one frame; the state that was given is left as it was."""
+        """Take in one frame; return the next state and a record. The given state is not changed.
+
+        Raises InputError for a localizer without a motion model: see `of_session`.
+        """
         took: dict[str, float] = {}
-        with _timed(took, "predict"):
-            predicted = self._predict(state.belief, frame)
         with _timed(took, "measure"):
             comparison = self.sensor.compare(self.sensor.measure(frame.image))
-            predicted, correction = self.resampling.mix_in(
-                predicted, comparison, self._rng(frame.step, Purpose.MIXTURE)
-            )
-            sighting = self.sensor.at(comparison, predicted.poses)
+        with _timed(took, "propose"):
+            proposal = self.propose(state.belief, frame, comparison)
         with _timed(took, "weight"):
-            weighted, log_evidence = weigh(predicted, sighting.log_likelihood, correction)
-            prior = _corrected(predicted, correction)
-            evidence = log_mean_likelihood(comparison.cost[None], prior, sighting.entries)
-            by_channel = log_mean_likelihood(comparison.channel_cost, prior, sighting.entries)
+            sighting = self.sensor.at(comparison, proposal.belief.poses)
+            weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
+            evidence, by_channel = calibrated_evidence(comparison, proposal, sighting.entries)
         with _timed(took, "estimate"):
-            fresh = state.injected if correction is None else None
-            estimate = heaviest_cluster(weighted, fresh)
-            mean = weighted_mean(weighted, fresh)
+            injected = state.injected if proposal.correction is None else None
+            estimate = heaviest_cluster(weighted, injected)
+            mean_estimate = weighted_mean(weighted, injected)
         with _timed(took, "resample"):
-            renewed = self.resampling.renew(
-                weighted,
-                comparison,
-                float(evidence[0]),
-                state.recovery,
-                frame.step,
-                lambda purpose: self._rng(frame.step, purpose),
-            )
+            recovery = self.recovery.strategy(evidence, state.recovery)
+            resampled = self.resample(weighted, recovery, frame.step)
+        with _timed(took, "recover"):
+            recovered = self.recover(resampled, recovery, comparison, frame.step)
         record = StepRecord(
             frame=frame,
-            predicted=predicted,
+            predicted=proposal.belief,
             sighting=sighting,
             weighted=weighted,
             estimate=estimate,
-            mean_estimate=mean,
+            mean_estimate=mean_estimate,
             effective_sample_size=effective_sample_size(weighted.log_weights),
             log_evidence=log_evidence,
-            calibrated_evidence=float(evidence[0]),
+            calibrated_evidence=evidence,
             channel_evidence=by_channel,
-            parents=renewed.parents,
-            injected=renewed.injected,
-            belief=renewed.belief,
-            events=_events(log_evidence, renewed),
+            parents=recovered.parents,
+            injected=recovered.injected,
+            belief=recovered.belief,
+            events=_events(log_evidence, recovery, recovered),
             took_s=took,
         )
-        return FilterState(frame.step, renewed.belief, renewed.injected, renewed.recovery), record
+        return FilterState(frame.step, recovered.belief, recovered.injected, recovery.state), record
+
+    def propose(self, belief: Belief, frame: Frame, comparison: Comparison) -> Proposal:
+        """Move the particles by the motion model; with a mixture, draw some where the picture says."""
+        predicted = self._predict(belief, frame)
+        if self.mixture is None:
+            return Proposal(predicted)
+        rng = self._rng(frame.step, Purpose.MIXTURE)
+        likely = comparison.log_likelihood
+        return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng)
+
+    def _predict(self, belief: Belief, frame: Frame) -> Belief:
+        if self.motion is None:
+            raise InputError(None, "found no motion model; use `run`, or `of_session` before the first step")
+        poses: F32 = belief.poses
+        # one generator per movement, so that a larger N keeps the draws of a smaller one in each of them
+        count = len(frame.motions)
+        usual = self._rng(frame.step, Purpose.MOTION).spawn(count)
+        chances = self._rng(frame.step, Purpose.OUTLIER).spawn(count)
+        for motion, own, chance in zip(frame.motions, usual, chances, strict=True):
+            noise = with_outliers(normals(own, belief.size), self.outliers, chance)
+            poses = self.motion.move(poses, belief.origin, motion, noise)
+        return Belief(poses, belief.log_weights, belief.origin)
+
+    def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
+        """Copy particles in proportion to their weights, leaving room for those that recovery draws.
+
+        Where neither the policy, the recovery nor an adaptive size asks for it, the belief stays as it is.
+        """
+        size = self.resampling.size(weighted)
+        fresh = round(recovery.share * size)
+        needed = fresh or recovery.expand or size != weighted.size
+        if not needed and not self.resampling.when(weighted, step):
+            return Resampled(weighted)
+        return self.resampling.copies(weighted, size, fresh, lambda purpose: self._rng(step, purpose))
+
+    def recover(
+        self, resampled: Resampled, recovery: Recovery, comparison: Comparison, step: int
+    ) -> Resampled:
+        """Spread the cloud, or draw fresh particles, as the recovery strategy decided."""
+        if recovery.expand:  # roughening took the first numbers of this address
+            resampled = self.recovery.expand(resampled, self._rng(step, Purpose.ROUGHEN).spawn(1)[0])
+        if not resampled.missing:
+            return resampled
+        return self.recovery.inject(resampled, comparison, self._rng(step, Purpose.INJECT))
 
     def _rng(self, step: int, purpose: int) -> np.random.Generator:
         return stream(Domain.FILTER, self.seed, step, purpose)
 
-    def _predict(self, belief: Belief, frame: Frame) -> Belief:
-        poses: F32 = belief.poses
-        # a generator a movement, so that a larger N keeps a smaller one's draws in all of them
-        count = len(frame.motions)
-        usual = self._rng(frame.step, Purpose.MOTION).spawn(count)
-        slips = self._rng(frame.step, Purpose.OUTLIER).spawn(count)
-        for motion, own, slip in zip(frame.motions, usual, slips, strict=True):
-            noise = with_outliers(normals(own, belief.size), self.outliers, slip)
-            poses = self.motion.move(poses, belief.origin, motion, noise)
-        return Belief(poses, belief.log_weights, belief.origin)
 
+def weigh(proposal: Proposal, log_likelihood: F32) -> tuple[Belief, float]:
+    """Multiply likelihoods (N,) into the weights; return the new belief and log p(o_t | past).
 
-def weigh(predicted: Belief, log_likelihood: F32, correction: F64 | None = None) -> tuple[Belief, float]:
-    """Multiply likelihoods (N,) into the weights; give the new belief and log p(o_t | past).
-
-    `correction` (N,) is the log of predicted over proposal density where particles were drawn otherwise.
-    When every weight would be zero (all particles with any weight are outside free space) the picture is
-    taken as uninformative: the prior weights stay, and the evidence is -inf, which the step reports as the
-    event "all weights zero".
+    If every weight would be zero (all particles with any weight are outside free space), the picture counts
+    as uninformative: the prior weights stay, and the evidence is -inf, which the step reports as the event
+    "all weights zero".
     """
-    posterior, log_evidence = normalize(_corrected(predicted, correction).log_weights + log_likelihood)
+    posterior, log_evidence = normalize(proposal.prior_log_weights + log_likelihood)
     if not np.isfinite(log_evidence):
-        return predicted, -np.inf
-    return Belief(predicted.poses, posterior, predicted.origin), log_evidence
+        return proposal.belief, -np.inf
+    return Belief(proposal.belief.poses, posterior, proposal.belief.origin), log_evidence
 
 
-def _corrected(predicted: Belief, correction: F64 | None) -> Belief:
-    """Weigh particles that were drawn otherwise as if they had been predicted; sums to one on average."""
-    if correction is None:
-        return predicted
-    return Belief(predicted.poses, predicted.log_weights + correction, predicted.origin)
+def calibrated_evidence(comparison: Comparison, proposal: Proposal, entries: I32) -> tuple[float, F64]:
+    """Return the log mean of exp(-cost) over the proposed particles: of all channels, of each one (C,).
+
+    It needs no truth. Recovery strategies and diagnosis use it, as it compares between pictures and runs.
+    """
+    prior = np.exp(proposal.prior_log_weights)
+    total = log_mean_likelihood(comparison.cost[None], prior, entries)
+    return float(total[0]), log_mean_likelihood(comparison.channel_cost, prior, entries)
 
 
-def _events(log_evidence: float, renewed: Resampled) -> tuple[str, ...]:
+def _events(log_evidence: float, recovery: Recovery, recovered: Resampled) -> tuple[str, ...]:
     happened = {
         ALL_ZERO: not np.isfinite(log_evidence),
-        RESAMPLED: renewed.parents is not None,
-        RESEEDED: renewed.injected is not None,
-        EXPANDED: renewed.expanded,
+        RESAMPLED: recovered.parents is not None,
+        RESEEDED: recovered.injected is not None,
+        EXPANDED: recovery.expand,
     }
     return tuple(event for event, true in happened.items() if true)
 
@@ -155,9 +205,23 @@ def _timed(took: dict[str, float], stage: str) -> Iterator[None]:
     took[stage] = perf_counter() - began
 
 
-def run(localizer: Localizer, session: Session, start: F64 | None) -> Iterator[tuple[Moment, StepRecord]]:
-    """Go through a session a step at a time. The filter gets frames; truth passes by beside it."""
-    state = localizer.initialize(start)
+def run(
+    localizer: Localizer, session: Session, start: F64 | Literal["header"] | None = "header"
+) -> Iterator[tuple[Moment, StepRecord]]:
+    """Run a filter over a session, one update at a time; the true poses pass by beside it, unseen.
+
+    `start` is the pose (3,) to begin at (x_m, y_m, heading_rad), or None to spread the particles over all
+    free space; by default it is the session header's, or None where the header has none. A localizer without
+    a motion model takes the one that the header describes. Yields each moment with the record of its update.
+    Raises ValueError for bad motion parameters in the header, and for a map without free space to start in.
+
+    >>> import maurice_mcl as mcl
+    >>> steps = list(mcl.run(mcl.make_localizer(mcl.tiny_library(), particles=100), mcl.tiny_session()))
+    >>> len(steps), steps[0][1].estimate.pose.shape
+    (6, (3,))
+    """
+    localizer = localizer.of_session(session)
+    state = localizer.initialize(session.info.start if isinstance(start, str) else start)
     for moment in session.moments():
         state, record = localizer.step(state, moment.frame)
         yield moment, record

@@ -140,6 +140,21 @@ class MixtureParameters:
     teleport: float = 0.01  # probability that the robot was carried anywhere since the last update
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """Particles before the picture is weighed in."""
+
+    belief: Belief
+    correction: F64 | None = None  # (N,) log of predicted over proposal density; None: drawn as predicted
+
+    @property
+    def prior_log_weights(self) -> F64:
+        """Log-weights (N,) as if all had been drawn by the motion model; they sum to one on average."""
+        if self.correction is None:
+            return self.belief.log_weights
+        return self.belief.log_weights + self.correction
+
+
 def mixture_proposal(
     predicted: Belief,
     log_likelihood: F32,
@@ -147,8 +162,8 @@ def mixture_proposal(
     where: Regions,
     parameters: MixtureParameters,
     rng: np.random.Generator,
-) -> tuple[Belief, F64]:
-    """Give N particles of which the last share are dual draws, and log p/mixture (N,) to weigh them by.
+) -> Proposal:
+    """Return N particles of which the last share are dual draws, and log p/mixture (N,) to weigh them by.
 
     The regular ones are resampled from `predicted`, so that all have the same weight before the picture.
     """
@@ -164,7 +179,8 @@ def mixture_proposal(
     with np.errstate(divide="ignore"):
         per_entry = np.log(ratio)
     correction = np.append(per_entry, 0.0)[nearest.entries(poses, predicted.origin)]
-    return Belief(poses, uniform_log_weights(len(poses)), predicted.origin), np.asarray(correction)
+    belief = Belief(poses, uniform_log_weights(len(poses)), predicted.origin)
+    return Proposal(belief, np.asarray(correction))
 
 
 def _predicted_shares(predicted: Belief, nearest: NearestReference, where: Regions, teleport: float) -> F64:

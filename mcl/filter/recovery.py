@@ -11,7 +11,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from ..records import NO_HISTORY, RecoveryState
+import numpy as np
+
+from ..geometry import wrap
+from ..randomness import normals
+from ..records import NO_HISTORY, Belief, Comparison, RecoveryState, uniform_log_weights
+from ..sensor.references import NearestReference, spacing
+from .proposal import Regions, likely_poses, uniform_poses
+from .resampling import Resampled
 
 RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in nats (<= 0 or -inf), state
 
@@ -115,3 +122,40 @@ class Expansion:
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """See `RecoveryStrategy`."""
         return Recovery(0.0, state, expand=evidence < self.evidence)
+
+
+# The step: fresh particles, or a spread cloud.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecoveryStep:
+    """When a lost filter is helped, and where fresh particles are drawn."""
+
+    strategy: RecoveryStrategy
+    reference: NearestReference
+    regions: Regions
+    draw_evenly: bool = False  # over all free space, instead of where the picture says
+
+    def inject(self, resampled: Resampled, comparison: Comparison, rng: np.random.Generator) -> Resampled:
+        """Append the missing particles, freshly drawn; all have the same weight then."""
+        copies, fresh, grid = resampled.belief, resampled.missing, self.reference.grid
+        if self.draw_evenly:
+            drawn = uniform_poses(grid, fresh, copies.origin, rng)
+        else:
+            drawn = likely_poses(comparison.log_likelihood, grid, self.regions, fresh, copies.origin, rng)
+        poses = np.concatenate([copies.poses, drawn])
+        injected = np.arange(len(poses)) >= copies.size
+        parents = None
+        if resampled.parents is not None:
+            parents = np.append(resampled.parents, np.full(fresh, -1, np.int32))
+        belief = Belief(poses, uniform_log_weights(len(poses)), copies.origin)
+        return Resampled(belief, parents, injected)
+
+    def expand(self, resampled: Resampled, rng: np.random.Generator) -> Resampled:
+        """Move every particle by about the library's spacing and an eighth of a turn."""
+        belief, reach = resampled.belief, spacing(self.reference.places)
+        sd = np.array([reach, reach, np.pi / 8], np.float32)
+        poses = belief.poses + normals(rng, belief.size) * sd
+        poses[:, 2] = wrap(poses[:, 2])
+        spread = Belief(np.asarray(poses, np.float32), belief.log_weights, belief.origin)
+        return replace(resampled, belief=spread)

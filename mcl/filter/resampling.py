@@ -16,9 +16,10 @@ from statistics import NormalDist
 
 import numpy as np
 
-from ..arrays import F32, F64, I32
+from ..arrays import F32, F64, I32, Bool
 from ..geometry import INCH_M, circular_mean, wrap
-from ..records import Belief, effective_sample_size
+from ..randomness import Purpose, normals
+from ..records import Belief, effective_sample_size, uniform_log_weights
 
 # Resampling: normalized weights (N,) and a generator to the parent of each of n new particles.
 
@@ -118,10 +119,11 @@ def every(count: int) -> ResamplePolicy:
 # Roughening: a little noise on copies, so that they differ (Gordon, Salmond and Smith 1993).
 
 
-def roughen(belief: Belief, share: float, normals: F32) -> Belief:
+def roughen(belief: Belief, share: float, noise: F32) -> Belief:
     """Add normal noise of sd share * E * N^(-1/3), E the extent of the cloud in each of x, y and heading.
 
-    Gordon, Salmond and Smith tune with share 0.2; `normals` is (N, 3). Not exact: it widens the belief.
+    Gordon, Salmond and Smith tune with share 0.2; `noise` holds standard normals (N, 3). The method is
+    not exact: it widens the belief.
     """
     if share <= 0 or belief.size == 0:
         return belief
@@ -129,7 +131,7 @@ def roughen(belief: Belief, share: float, normals: F32) -> Belief:
     middle = circular_mean(belief.poses[:, 2], belief.weights)[0]
     extent[2] = np.ptp(wrap(belief.poses[:, 2] - np.float32(middle)))
     sd = np.asarray(share * extent * belief.size ** (-1 / 3), np.float32)
-    poses = belief.poses + normals * sd
+    poses = belief.poses + noise * sd
     poses[:, 2] = wrap(poses[:, 2])
     return Belief(np.asarray(poses, np.float32), belief.log_weights, belief.origin)
 
@@ -171,3 +173,41 @@ def adapted_size(belief: Belief, parameters: KldParameters) -> int:
     """Give how many particles the next step should have, within the bounds."""
     wanted = kld_size(occupied_bins(belief, parameters), parameters.epsilon, parameters.delta)
     return min(max(wanted, parameters.least), parameters.most)
+
+
+# The step: from weighted particles to their copies.
+
+Generators = Callable[[int], np.random.Generator]  # by purpose
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resampled:
+    """A belief after resampling, and where its particles came from."""
+
+    belief: Belief
+    parents: I32 | None = None  # (N',) of each particle, -1: fresh; None: not resampled
+    injected: Bool | None = None  # (N',) which ones were drawn afresh; None: none
+    missing: int = 0  # particles that recovery has yet to draw
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resampling:
+    """When and how a belief is resampled, and to how many particles."""
+
+    scheme: Resampler
+    when: ResamplePolicy
+    roughening: float = 0.0  # 0: none
+    kld: KldParameters | None = None  # None: the number of particles stays
+
+    def size(self, weighted: Belief) -> int:
+        """Return how many particles the next step should have."""
+        return weighted.size if self.kld is None else adapted_size(weighted, self.kld)
+
+    def copies(self, weighted: Belief, size: int, fresh: int, rng: Generators) -> Resampled:
+        """Return copies of equal weight; `fresh` of the `size` particles are left to recovery."""
+        parents = self.scheme(weighted.weights, size - fresh, rng(Purpose.RESAMPLE))
+        poses = weighted.poses.take(parents, axis=0)
+        belief = Belief(poses, uniform_log_weights(len(parents)), weighted.origin)
+        if self.roughening > 0:
+            belief = roughen(belief, self.roughening, normals(rng(Purpose.ROUGHEN), belief.size))
+        return Resampled(belief, parents, missing=fresh)

@@ -56,3 +56,8 @@ FEATURES: Mapping[str, Mapping[str, float]] = {
     "blended": {"color": 0.63, "edges": 0.57},  # the thesis's two
     "best": {"chromaticity": 0.54, "blurred": 0.28, "edges": 0.22, "tiny": 0.21},  # of all sets tried
 }
+
+
+def weights_of(feature: str) -> dict[str, float]:
+    """Return channel -> weight of a feature: a key of `FEATURES`, or the name of any one channel."""
+    return dict(FEATURES.get(feature, {feature: 1.0}))

@@ -20,7 +20,7 @@ from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import U8
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
@@ -120,7 +120,7 @@ def save_run(small_session: Path, run_library: Library, tmp_path: Path) -> Save:
         chosen = {"particles": 50, "sensor.weights": {"color": 1.0, "edges": 1.0}} | settings
         configuration = configure([Layer("test", chosen)])
         log, folder, toml = SessionLog(small_session), tmp_path / "run", to_toml(configuration)
-        localizer = make_localizer(run_library, log, configuration.parameters, seed=5)
+        localizer = build_localizer(run_library, log, configuration.parameters, seed=5)
         played = numbered(list(run(localizer, log, None)) * times)
         writer = RunWriter(
             folder,

@@ -15,7 +15,7 @@ import viz_fakes as fakes
 import viz_recordings as recordings
 
 from maurice_mcl.arrays import F64, U8
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, RecoveryParameters
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
@@ -151,7 +151,7 @@ def draw(case: Case, folder: Path) -> Path:
         recovery=RecoveryParameters(strategy=case.reseeding),
         particles=case.particles,
     )
-    localizer = make_localizer(library, session, parameters)
+    localizer = build_localizer(library, session, parameters)
     shown = SceneInfo(library.arena, scale_for(case.units, library.arena), case.has_truth)
     blueprint = runs_blueprint([RunView(case.label, tuple(case.channels))], shown)
     sensor = localizer.sensor if case.explained else None

@@ -14,7 +14,7 @@ import viz_recordings as read
 from rerun.chunk import RrdReader
 
 from maurice_mcl.analysis.run_comparison import Step, StepComparison
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import INCH_M
 from maurice_viz import entities
@@ -38,7 +38,7 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
     scale = scale_for("in", library.arena)
     runs = []
     for number, label in enumerate(LABELS):
-        localizer = make_localizer(library, session, of_feature("color", 300), seed=number)
+        localizer = build_localizer(library, session, of_feature("color", 300), seed=number)
         runs.append(FilterRun(label, localizer, None))
     collector = ResultCollector(LABELS, library.arena.size_m, scale.say, others or set())
     seen = []

@@ -14,7 +14,7 @@ import viz_fakes as fakes
 import viz_recordings as recordings
 
 from maurice_mcl.analysis.explanation import Asked, explain_step
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
@@ -46,7 +46,7 @@ PATHS = RunPaths("Lauf ä")
 
 def play(library: Library, parameters: FilterParameters | None = None, *, has_truth: bool = True) -> Played:
     session = fakes.make_session(library, 3, has_truth)
-    localizer = make_localizer(library, session, parameters or of_feature("blended", 80))
+    localizer = build_localizer(library, session, parameters or of_feature("blended", 80))
     return localizer.sensor, list(run(localizer, session, None))
 
 

@@ -12,7 +12,7 @@ import viz_fakes as fakes
 
 from maurice_mcl.analysis.explanation import Asked, ChannelExplanation, StepExplanation, explain_step
 from maurice_mcl.arrays import F32
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
@@ -26,7 +26,7 @@ def explained(
     library: Library, *, asked: Asked | None = None, truth: bool = True, weigh: bool = True
 ) -> StepExplanation:
     session = fakes.make_session(library, 1)
-    localizer = make_localizer(library, session, of_feature("blended", 100))
+    localizer = build_localizer(library, session, of_feature("blended", 100))
     ((moment, record),) = run(localizer, session, None)
     return explain_step(record, localizer.sensor, moment.truth if truth else None, asked, weigh=weigh)
 

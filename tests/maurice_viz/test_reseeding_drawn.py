@@ -6,7 +6,7 @@ import numpy as np
 import viz_fakes as fakes
 import viz_recordings as recordings
 
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.records import StepRecord
@@ -31,7 +31,7 @@ def _records(session: fakes.FakeSession) -> list[tuple[object, StepRecord]]:
         "recovery.share": SHARE,
     }
     parameters = configure([Layer("test", always)]).parameters
-    return list(run(make_localizer(session.library, session, parameters), session, None))
+    return list(run(build_localizer(session.library, session, parameters), session, None))
 
 
 def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:

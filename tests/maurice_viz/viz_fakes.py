@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.geometry import INCH_M, compose
@@ -107,7 +107,7 @@ def make_session(library: Library, steps: int = 6, has_truth: bool = True, name:
 def play(
     session: FakeSession, feature: str = "blended", particles: int = 200, seed: int = 0
 ) -> list[tuple[Moment, StepRecord]]:
-    localizer = make_localizer(
+    localizer = build_localizer(
         session.library,
         session,
         of_feature(feature, particles),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import (
     FilterParameters,
     RecoveryParameters,
@@ -32,7 +32,7 @@ from maurice_mcl.sensor.model import SensorParameters
 )
 def test_unknown_names_are_refused(world, choice):
     with pytest.raises(KeyError):
-        make_localizer(world.library, world.drive, FilterParameters(**choice))
+        build_localizer(world.library, world.drive, FilterParameters(**choice))
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_unknown_names_of_the_sensor_are_refused_before_any_picture(world, choic
     sensor = SensorParameters(**{"weights": {"color": 1.0}} | choice)
     parameters = FilterParameters(sensor=sensor, references=ReferenceParameters(method))
     with pytest.raises(KeyError):
-        make_localizer(world.library, world.drive, parameters)
+        build_localizer(world.library, world.drive, parameters)
 
 
 RESEEDINGS = ["none", "always", "threshold", "sensor", "augmented", "expansion", "mixture"]
@@ -67,7 +67,7 @@ def test_every_strategy_runs_repeats_and_keeps_its_books(world, strategy, method
         motion_outliers=MotionOutliers(0.1),
         particles=200,
     )
-    localizer = make_localizer(world.library, world.drive, parameters, seed=3)
+    localizer = build_localizer(world.library, world.drive, parameters, seed=3)
     records, again = ([r for _, r in run(localizer, world.drive, world.start)] for _ in range(2))
     for record, other in zip(records, again, strict=True):
         assert record.belief.poses.tobytes() == other.belief.poses.tobytes()
@@ -92,7 +92,7 @@ def test_freshly_injected_particles_have_no_say_in_the_next_estimate(world):
         sensor=SensorParameters({"color": 1.0}, sharpness=0.0),
         particles=400,
     )
-    localizer = make_localizer(world.library, world.drive, parameters)
+    localizer = build_localizer(world.library, world.drive, parameters)
     state, _ = localizer.step(localizer.initialize(world.start), world.drive.all_moments[0].frame)
     assert state.injected.sum() == 160
     _, record = localizer.step(state, world.drive.all_moments[1].frame)
@@ -110,7 +110,7 @@ def test_adaptive_size_follows_the_cloud(world):
         sensor=SensorParameters({"color": 1.0}, sharpness=0.0),
         particles=1000,
     )
-    localizer = make_localizer(world.library, world.drive, parameters)
+    localizer = build_localizer(world.library, world.drive, parameters)
     sizes = {}
     for name, start in {"known": world.start, "anywhere": None}.items():
         sizes[name] = [r.belief.size for _, r in run(localizer, world.drive, start)]
@@ -134,7 +134,7 @@ def test_evidence_of_dual_draws_counts_their_densities(world):
             references=ReferenceParameters("nearest"),
             particles=100_000,
         )
-        localizer = make_localizer(world.library, world.drive, parameters)
+        localizer = build_localizer(world.library, world.drive, parameters)
         _, record = localizer.step(localizer.initialize(None), frame)
         assert record.calibrated_evidence == pytest.approx(record.log_evidence, abs=1e-4)
         assert record.channel_evidence[0] == pytest.approx(record.calibrated_evidence, abs=1e-4)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import wrap
 from maurice_mcl.library import ChannelIndex
@@ -78,7 +78,7 @@ def test_views_that_do_not_overlap_are_not_joined():
 
 def test_a_localizer_weighs_by_them_and_records_only_the_librarys_entries(world):
     session = world.drive
-    localizer = make_localizer(world.library, session, of_feature("blended", 50))
+    localizer = build_localizer(world.library, session, of_feature("blended", 50))
     _, record = localizer.step(localizer.initialize(None), session.all_moments[0].frame)
     comparison = record.sighting.comparison
     assert comparison.log_likelihood.shape == (world.library.size,)
@@ -89,7 +89,7 @@ def test_a_localizer_weighs_by_them_and_records_only_the_librarys_entries(world)
 
 
 def test_a_particle_where_a_middle_is_gets_its_likelihood(world):
-    localizer = make_localizer(world.library, world.drive, of_feature("blended", 50))
+    localizer = build_localizer(world.library, world.drive, of_feature("blended", 50))
     extra = virtual_references(world.library.poses, world.library.arena)
     comparison = localizer.sensor.compare(localizer.sensor.measure(world.drive.all_moments[0].frame.image))
     poses = extra.poses - np.append(world.library.origin, 0)

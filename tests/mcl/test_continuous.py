@@ -13,7 +13,7 @@ from scipy.ndimage import convolve1d
 from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
@@ -76,7 +76,7 @@ def localizer():
         references=ReferenceParameters("nearest"),
         resampling=ResamplingParameters("systematic", "effective", below=0.6),
     )
-    return make_localizer(_library(), _Drive(), parameters)
+    return build_localizer(_library(), _Drive(), parameters)
 
 
 @pytest.fixture(scope="module")

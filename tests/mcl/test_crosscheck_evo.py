@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from maurice_mcl.analysis.metrics import FIRST_SCORED, Scorer
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 
@@ -43,7 +43,7 @@ def scored(world_at, tmp_path_factory):
     """A run from nowhere, off by little and by much: the folder, our score of every step, and of the run."""
     folder = tmp_path_factory.mktemp("evo")
     world = world_at(updates=40)
-    localizer = make_localizer(world.library, world.drive, of_feature("color", 300))
+    localizer = build_localizer(world.library, world.drive, of_feature("color", 300))
     scorer, steps, times, estimates, truths = Scorer(), [], [], [], []
     for moment, record in run(localizer, world.drive, None):
         steps.append(scorer.add(record.estimate, moment.truth, moment.frame.motions))

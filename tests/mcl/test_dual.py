@@ -29,7 +29,9 @@ def _belief(n=1000, seed=1):
 
 def _mix(belief=None, share=0.3, teleport=0.05, logs=LOGS, seed=2):
     belief = _belief() if belief is None else belief
-    return mixture_proposal(belief, logs, NEAREST, WHERE, MixtureParameters(share, teleport), stream(9, seed))
+    parameters = MixtureParameters(share, teleport)
+    found = mixture_proposal(belief, logs, NEAREST, WHERE, parameters, stream(9, seed))
+    return found.belief, found.correction
 
 
 def test_the_size_stays_and_all_weigh_the_same_before_the_picture():
@@ -98,11 +100,10 @@ def test_an_entry_that_is_nearest_of_nothing_does_no_harm():
     where = regions(nearest, 17)
     assert where.sizes()[16] == 0
     for teleport in (0.0, 0.01):
-        mixed, correction = mixture_proposal(
-            _belief(), logs, nearest, where, MixtureParameters(0.3, teleport), stream(9, 2)
-        )
-        assert not np.isnan(correction).any()
-        assert np.isfinite(mixed.poses).all()
+        parameters = MixtureParameters(0.3, teleport)
+        mixed = mixture_proposal(_belief(), logs, nearest, where, parameters, stream(9, 2))
+        assert not np.isnan(mixed.correction).any()
+        assert np.isfinite(mixed.belief.poses).all()
 
 
 def test_particles_outside_are_left_to_die():

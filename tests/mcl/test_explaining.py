@@ -17,7 +17,7 @@ from maurice_mcl.analysis.explanation import (
     nearest_entries,
     offset,
 )
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import DISTANCES
@@ -40,7 +40,7 @@ def _compare(model, world, step=0):
 
 
 def _stepped(world, **changes):
-    localizer = make_localizer(world.library, world.drive, FilterParameters(particles=200, **changes))
+    localizer = build_localizer(world.library, world.drive, FilterParameters(particles=200, **changes))
     moment = world.drive.all_moments[0]
     _, record = localizer.step(localizer.initialize(None), moment.frame)
     return localizer.sensor, moment, record
@@ -180,7 +180,7 @@ def test_a_library_of_one_entry(world):
     whole = world.library
     index = {n: replace(i, references=i.references[:1]) for n, i in whole.index.items()}
     alone = Library(whole.name, whole.poses[:1], whole.pictures[:1], index, whole.arena)
-    localizer = make_localizer(alone, world.drive, FilterParameters(particles=50))
+    localizer = build_localizer(alone, world.drive, FilterParameters(particles=50))
     moment = world.drive.all_moments[0]
     _, record = localizer.step(localizer.initialize(None), moment.frame)
     step = explain_step(record, localizer.sensor, moment.truth, weigh=True)

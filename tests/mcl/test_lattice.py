@@ -13,10 +13,9 @@ from scipy.special import ndtr
 
 import maurice_mcl.filter.localizer as localizer_module
 from maurice_mcl.filter.localizer import Localizer, weigh
-from maurice_mcl.filter.proposal import MixtureParameters, regions
-from maurice_mcl.filter.recovery import none
-from maurice_mcl.filter.resampling import RESAMPLERS, always, below_effective
-from maurice_mcl.filter.resampling_step import ResamplingStep
+from maurice_mcl.filter.proposal import MixtureParameters, Proposal, regions
+from maurice_mcl.filter.recovery import RecoveryStep, none
+from maurice_mcl.filter.resampling import RESAMPLERS, Resampling, always, below_effective
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import stream
@@ -176,15 +175,16 @@ def lattice():
     sensor = SensorModel(library, reference, parameters)
     where = regions(reference, library.size)
     # weights are carried over in some steps and not in others
-    resampling = ResamplingStep(reference, where, RESAMPLERS["systematic"], below_effective(0.75), none)
-    localizer = Localizer(library, reference, LatticeMotion(poses), sensor, resampling)
+    resampling = Resampling(RESAMPLERS["systematic"], below_effective(0.75))
+    recovery = RecoveryStep(none, reference, where)
+    localizer = Localizer(library, reference, where, LatticeMotion(poses), sensor, resampling, recovery)
     seen = enumerate(zip(DRIVE, images, strict=True), start=1)
     frames = [Frame(k, float(k), np.array([motion]), image, "") for k, (motion, image) in seen]
     return Lattice(localizer, frames, poses, posterior, log_evidence)
 
 
-def _renewing(localizer, **changes):
-    """The same localizer, renewing otherwise."""
+def _resampling(localizer, **changes):
+    """The same localizer, resampling otherwise."""
     return replace(localizer, resampling=replace(localizer.resampling, **changes))
 
 
@@ -273,7 +273,7 @@ def test_errors_fall_with_the_root_of_the_number_of_particles(outcomes):
 
 @pytest.mark.parametrize("resampler", sorted(RESAMPLERS))
 def test_resampling_at_every_step_is_right_too(lattice, resampler):
-    localizer = _renewing(lattice.localizer, resampler=RESAMPLERS[resampler], when=always)
+    localizer = _resampling(lattice.localizer, scheme=RESAMPLERS[resampler], when=always)
     outcome = _many(lattice, localizer, 500)
     assert outcome.resampled == UPDATES
     assert outcome.evidence_off() < 4
@@ -283,13 +283,13 @@ def test_resampling_at_every_step_is_right_too(lattice, resampler):
 @pytest.mark.slow
 @pytest.mark.parametrize("resampler", sorted(set(RESAMPLERS) - {"systematic"}))
 def test_skipping_by_effective_sample_size_is_right_with_every_resampler(lattice, resampler):
-    outcome = _many(lattice, _renewing(lattice.localizer, resampler=RESAMPLERS[resampler]), 500)
+    outcome = _many(lattice, _resampling(lattice.localizer, scheme=RESAMPLERS[resampler]), 500)
     assert 1 <= outcome.resampled <= UPDATES / 2
     assert outcome.evidence_off() < 4
     assert outcome.bias_off() < 4
 
 
-DUAL = MixtureParameters(share=0.2, teleport=0.0)
+MIXTURE = MixtureParameters(share=0.2, teleport=0.0)
 
 
 @pytest.mark.slow
@@ -300,10 +300,14 @@ def test_dual_draws_weighed_by_their_densities_are_exact(lattice, when):
     (The lattice's motion rounds to the state, and every cell of the raster that has an entry nearest lies
     within half a step of its state.)
     """
-    outcome = _many(lattice, _renewing(lattice.localizer, mixture=DUAL, when=when), 500)
+    mixed = replace(_resampling(lattice.localizer, when=when), mixture=MIXTURE)
+    outcome = _many(lattice, mixed, 500)
     assert outcome.evidence_off() < 4
     assert (
-        _many(lattice, _renewing(lattice.localizer, mixture=DUAL, when=when), 4000, RUNS // 2).bias_off() < 4
+        _many(
+            lattice, replace(_resampling(lattice.localizer, when=when), mixture=MIXTURE), 4000, RUNS // 2
+        ).bias_off()
+        < 4
     )
 
 
@@ -322,9 +326,10 @@ def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
 
 @pytest.mark.slow
 def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
-    def forgetful(predicted, log_likelihood, correction=None):
-        even = replace(predicted, log_weights=uniform_log_weights(predicted.size))
-        return weigh(even, log_likelihood, correction)
+    def forgetful(proposal, log_likelihood):
+        belief = proposal.belief
+        even = replace(belief, log_weights=uniform_log_weights(belief.size))
+        return weigh(replace(proposal, belief=even), log_likelihood)
 
     monkeypatch.setattr(localizer_module, "weigh", forgetful)
     assert _is_caught(lattice, lattice.localizer)
@@ -338,8 +343,8 @@ def test_five_percent_injection_is_caught(lattice):
 
 @pytest.mark.slow
 def test_dual_draws_without_their_densities_are_caught(lattice, monkeypatch):
-    def naive(predicted, log_likelihood, correction=None):
-        return weigh(predicted, log_likelihood)
+    def naive(proposal, log_likelihood):
+        return weigh(Proposal(proposal.belief), log_likelihood)
 
     monkeypatch.setattr(localizer_module, "weigh", naive)
-    assert _is_caught(lattice, _renewing(lattice.localizer, mixture=DUAL))
+    assert _is_caught(lattice, replace(lattice.localizer, mixture=MIXTURE))

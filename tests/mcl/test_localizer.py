@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from maurice_mcl.analysis.metrics import Scorer
-from maurice_mcl.config.build import make_localizer
+from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
 from maurice_mcl.filter.localizer import ALL_ZERO, RESAMPLED, Localizer, run, weigh
+from maurice_mcl.filter.proposal import Proposal
 from maurice_mcl.filter.resampling import always, never
 from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_mcl.sensor.model import SensorParameters
@@ -25,7 +26,7 @@ def _localizer(world, particles=300, seed=5, resampler="systematic", feature="bl
         resampling=ResamplingParameters(resampler),
         particles=particles,
     )
-    return make_localizer(world.library, world.drive, parameters, seed=seed)
+    return build_localizer(world.library, world.drive, parameters, seed=seed)
 
 
 def _records(world, start="known", **choices):
@@ -159,7 +160,7 @@ def test_evidence_is_the_mean_likelihood_under_the_prior():
     belief = Belief(np.zeros((3, 3), np.float32), prior, np.zeros(2))
     likelihood = np.array([0.1, 0.6, 0.0], np.float32)
     with np.errstate(divide="ignore"):
-        weighted, log_evidence = weigh(belief, np.log(likelihood))
+        weighted, log_evidence = weigh(Proposal(belief), np.log(likelihood))
     assert np.exp(log_evidence) == pytest.approx(0.5 * 0.1 + 0.3 * 0.6)
     assert weighted.weights == pytest.approx(np.array([0.05, 0.18, 0.0]) / 0.23)
 
@@ -167,7 +168,7 @@ def test_evidence_is_the_mean_likelihood_under_the_prior():
 def test_all_weights_zero_keeps_the_prior():
     prior = np.log(np.array([0.5, 0.3, 0.2]))
     belief = Belief(np.zeros((3, 3), np.float32), prior, np.zeros(2))
-    weighted, log_evidence = weigh(belief, np.full(3, -np.inf, np.float32))
+    weighted, log_evidence = weigh(Proposal(belief), np.full(3, -np.inf, np.float32))
     assert log_evidence == -np.inf
     assert np.array_equal(weighted.log_weights, prior)
 
@@ -205,7 +206,7 @@ def test_a_frame_without_movements_and_one_with_many(world):
 
 def test_stages_are_timed(world):
     record = _records(world)[0]
-    assert set(record.took_s) == {"predict", "measure", "weight", "estimate", "resample"}
+    assert set(record.took_s) == {"measure", "propose", "weight", "estimate", "resample", "recover"}
     assert min(record.took_s.values()) > 0
 
 

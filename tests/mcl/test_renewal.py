@@ -1,13 +1,16 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import maurice_mcl.filter.localizer as localizer_module
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.motion import OdometryMotion
 from maurice_mcl.filter.proposal import MixtureParameters, regions
-from maurice_mcl.filter.recovery import Recovery, none
+from maurice_mcl.filter.recovery import Recovery, RecoveryStep, none
 from maurice_mcl.filter.recovery import always as always_some
-from maurice_mcl.filter.resampling import RESAMPLERS, KldParameters, adapted_size, always, never
-from maurice_mcl.filter.resampling_step import ResamplingStep
+from maurice_mcl.filter.resampling import RESAMPLERS, KldParameters, Resampling, adapted_size, always, never
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Purpose, stream
 from maurice_mcl.records import Belief, Comparison, RecoveryState, normalize
@@ -24,7 +27,13 @@ def _library():
 
 NEAREST = nearest_reference(_library(), Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4))))
 WHERE = regions(NEAREST, 16)
-RENEWAL = ResamplingStep(NEAREST, WHERE, RESAMPLERS["systematic"], never, none)
+
+
+def _choosing(scheme="systematic", when=never, roughening=0.0, kld=None, strategy=none, draw_evenly=False):
+    """A localizer of which only the last two stages are used."""
+    resampling = Resampling(RESAMPLERS[scheme], when, roughening, kld)
+    recovery = RecoveryStep(strategy, NEAREST, WHERE, draw_evenly)
+    return Localizer(None, NEAREST, WHERE, None, None, resampling, recovery)
 
 
 def _comparison(seed=0, spread=1.0):
@@ -41,15 +50,12 @@ def _belief(n=500, seed=1):
     return Belief(poses.astype(np.float32), normalize(logs)[0], MIDDLE)
 
 
-def _renew(resampling, belief=None, comparison=None, recovery=None):
-    return resampling.renew(
-        _belief() if belief is None else belief,
-        _comparison() if comparison is None else comparison,
-        -5.0,
-        recovery or RecoveryState(1.0, 2.0, 3.0, 4),
-        2,
-        lambda purpose: stream(9, 3, 2, purpose),
-    )
+def _next(localizer, belief=None, comparison=None, state=None):
+    """Resample and recover; return the recovery that was decided, and the result."""
+    recovery = localizer.recovery.strategy(-5.0, state or RecoveryState(1.0, 2.0, 3.0, 4))
+    resampled = localizer.resample(_belief() if belief is None else belief, recovery, 2)
+    likely = _comparison() if comparison is None else comparison
+    return recovery, localizer.recover(resampled, recovery, likely, 2)
 
 
 def _asking(share, expand=False):
@@ -58,12 +64,12 @@ def _asking(share, expand=False):
 
 def test_when_nothing_is_asked_for_the_belief_is_handed_on():
     belief = _belief()
-    found = _renew(RENEWAL, belief)
+    recovery, found = _next(_choosing(), belief)
     assert found.belief is belief
     assert found.parents is None
     assert found.injected is None
-    assert not found.expanded
-    assert found.recovery == RecoveryState(1.0, 2.0, 3.0, 4)
+    assert not recovery.expand
+    assert recovery.state == RecoveryState(1.0, 2.0, 3.0, 4)
 
 
 @EACH
@@ -71,10 +77,8 @@ def test_when_nothing_is_asked_for_the_belief_is_handed_on():
 @pytest.mark.parametrize("evenly", [True, False])
 def test_sizes_parents_weights_and_flags(resampler, share, evenly):
     belief = _belief()
-    resampling = replace(
-        RENEWAL, resampler=RESAMPLERS[resampler], when=always, strategy=_asking(share), draw_evenly=evenly
-    )
-    found = _renew(resampling, belief)
+    localizer = _choosing(scheme=resampler, when=always, strategy=_asking(share), draw_evenly=evenly)
+    _, found = _next(localizer, belief)
     fresh = round(share * 500)
     assert found.belief.size == 500
     assert found.belief.poses.dtype == np.float32
@@ -95,7 +99,7 @@ def test_sizes_parents_weights_and_flags(resampler, share, evenly):
 
 
 def test_reseeding_resamples_even_where_the_policy_would_not():
-    found = _renew(replace(RENEWAL, strategy=always_some(0.1)))
+    _, found = _next(_choosing(strategy=always_some(0.1)))
     assert (found.parents == -1).sum() == 50
     assert found.belief.weights == pytest.approx(np.full(500, 1 / 500))
 
@@ -107,8 +111,8 @@ def test_where_fresh_particles_are_drawn():
     sure = replace(_comparison(), log_likelihood=logs)
     share = {}
     for evenly in (True, False):
-        resampling = replace(RENEWAL, strategy=_asking(1.0), draw_evenly=evenly)
-        found = _renew(resampling, comparison=sure)
+        localizer = _choosing(strategy=_asking(1.0), draw_evenly=evenly)
+        _, found = _next(localizer, comparison=sure)
         share[evenly] = (NEAREST.entries(found.belief.poses, MIDDLE) == 5).mean()
     expected = WHERE.sizes()[5] / WHERE.sizes().sum()
     assert share[False] > 0.99
@@ -118,16 +122,15 @@ def test_where_fresh_particles_are_drawn():
 def test_nothing_is_changed_in_place():
     belief, comparison = _belief(), _comparison()
     kept = belief.poses.copy(), belief.log_weights.copy(), comparison.log_likelihood.copy()
-    resampling = replace(
-        RENEWAL,
+    localizer = _choosing(
         when=always,
         strategy=_asking(0.2, True),
         roughening=0.2,
         kld=KldParameters(),
-        mixture=MixtureParameters(),
     )
-    _renew(resampling, belief, comparison)
-    resampling.mix_in(belief, comparison, stream(9, 1))
+    _next(localizer, belief, comparison)
+    mixed = replace(localizer, mixture=MixtureParameters(), motion=OdometryMotion())
+    mixed.propose(belief, SimpleNamespace(step=2, motions=np.zeros((0, 3))), comparison)
     assert np.array_equal(belief.poses, kept[0])
     assert np.array_equal(belief.log_weights, kept[1])
     assert np.array_equal(comparison.log_likelihood, kept[2])
@@ -135,8 +138,8 @@ def test_nothing_is_changed_in_place():
 
 def test_the_memory_is_the_strategys():
     told = RecoveryState(7.0, 8.0, 9.0, 10)
-    assert _renew(replace(RENEWAL, strategy=lambda e, m: Recovery(0.0, told))).recovery == told
-    assert _renew(replace(RENEWAL, strategy=lambda e, m: Recovery(0.1, told))).recovery == told
+    assert _next(_choosing(strategy=lambda e, m: Recovery(0.0, told)))[0].state == told
+    assert _next(_choosing(strategy=lambda e, m: Recovery(0.1, told)))[0].state == told
 
 
 def test_the_strategy_is_told_evidence_and_memory():
@@ -146,14 +149,14 @@ def test_the_strategy_is_told_evidence_and_memory():
         heard.append((evidence, memory))
         return Recovery(0.0, memory)
 
-    _renew(replace(RENEWAL, strategy=listening), recovery=RecoveryState(updates=3))
+    _next(_choosing(strategy=listening), state=RecoveryState(updates=3))
     assert heard == [(-5.0, RecoveryState(updates=3))]
 
 
 def test_expansion_moves_copies_by_the_spacing():
     belief = Belief(np.zeros((20_000, 3), np.float32), normalize(np.zeros(20_000))[0], MIDDLE)
-    found = _renew(replace(RENEWAL, strategy=_asking(0.0, True)), belief)
-    assert found.expanded
+    recovery, found = _next(_choosing(strategy=_asking(0.0, True)), belief)
+    assert recovery.expand
     assert found.injected is None
     assert found.parents is not None
     reach = (1 + np.sqrt(2)) / 2  # of the places, the median distance to the nearest other
@@ -162,14 +165,14 @@ def test_expansion_moves_copies_by_the_spacing():
 
 
 def test_expansion_and_fresh_particles_together_are_both_told():
-    found = _renew(replace(RENEWAL, strategy=_asking(0.2, True)))
-    assert found.expanded
+    recovery, found = _next(_choosing(strategy=_asking(0.2, True)))
+    assert recovery.expand
     assert found.injected.sum() == 100
 
 
 def test_roughening_moves_copies_and_leaves_fresh_ones():
-    resampling = replace(RENEWAL, when=always, strategy=_asking(0.2))
-    plain, rough = _renew(resampling), _renew(replace(resampling, roughening=0.2))
+    plain = _next(_choosing(when=always, strategy=_asking(0.2)))[1]
+    rough = _next(_choosing(when=always, strategy=_asking(0.2), roughening=0.2))[1]
     assert np.array_equal(plain.parents, rough.parents)
     moved = (plain.belief.poses != rough.belief.poses).any(axis=1)
     assert moved[:400].all()
@@ -177,13 +180,13 @@ def test_roughening_moves_copies_and_leaves_fresh_ones():
 
 
 def test_a_filter_that_is_wholly_drawn_anew_needs_no_copies():
-    found = _renew(replace(RENEWAL, strategy=_asking(1.0, True), roughening=0.2))
+    _, found = _next(_choosing(strategy=_asking(1.0, True), roughening=0.2))
     assert found.injected.all()
 
 
 def test_roughening_only_where_there_was_resampling():
     belief = _belief()
-    assert _renew(replace(RENEWAL, roughening=0.2), belief).belief is belief
+    assert _next(_choosing(roughening=0.2), belief)[1].belief is belief
 
 
 def test_roughening_and_expansion_draw_numbers_of_their_own():
@@ -194,8 +197,8 @@ def test_roughening_and_expansion_draw_numbers_of_their_own():
     belief = Belief(poses, normalize(np.zeros(n))[0], MIDDLE)
     share = 20.0  # so that roughening's sd of 2 share N^(-1/3) is like the expansion's
     rough = 2 * share * n ** (-1 / 3)
-    resampling = replace(RENEWAL, strategy=_asking(0.0, True), roughening=share)
-    sd = _renew(resampling, belief).belief.poses[:, 0].std()
+    localizer = _choosing(strategy=_asking(0.0, True), roughening=share)
+    sd = _next(localizer, belief)[1].belief.poses[:, 0].std()
     assert sd == pytest.approx(np.hypot(rough, (1 + np.sqrt(2)) / 2), rel=0.03)
 
 
@@ -205,8 +208,8 @@ def test_adaptive_size(resampler, spread):
     belief = _belief(1000)
     belief = Belief((belief.poses * np.float32(spread)).clip(-3, 3), belief.log_weights, MIDDLE)
     kld = KldParameters(least=120, most=1500)
-    resampling = replace(RENEWAL, resampler=RESAMPLERS[resampler], kld=kld, strategy=_asking(0.1))
-    found = _renew(resampling, belief)
+    localizer = _choosing(scheme=resampler, kld=kld, strategy=_asking(0.1))
+    _, found = _next(localizer, belief)
     size = adapted_size(belief, kld)
     assert size != 1000
     assert found.belief.size == len(found.parents) == len(found.injected) == size
@@ -214,18 +217,21 @@ def test_adaptive_size(resampler, spread):
     assert found.belief.weights == pytest.approx(np.full(size, 1 / size))
 
 
-def test_purposes_have_streams_of_their_own():
+def test_purposes_have_streams_of_their_own(monkeypatch):
     asked = []
 
-    def rng(purpose):
+    def noted(domain, seed, step, purpose):
         asked.append(purpose)
-        return stream(9, 3, 2, purpose)
+        return stream(domain, seed, step, purpose)
 
-    resampling = replace(RENEWAL, when=always, strategy=_asking(0.1), roughening=0.2)
-    resampling.renew(_belief(), _comparison(), -5.0, RecoveryState(), 2, rng)
+    monkeypatch.setattr(localizer_module, "stream", noted)
+    _next(_choosing(when=always, strategy=_asking(0.1), roughening=0.2))
     assert asked == [Purpose.RESAMPLE, Purpose.ROUGHEN, Purpose.INJECT]
 
 
-def test_without_dual_the_prediction_is_handed_on():
-    belief = _belief()
-    assert RENEWAL.mix_in(belief, _comparison(), stream(9, 1)) == (belief, None)
+def test_without_a_mixture_the_prediction_is_handed_on():
+    still = SimpleNamespace(step=2, motions=np.zeros((0, 3)))
+    localizer = replace(_choosing(), motion=OdometryMotion())
+    found = localizer.propose(_belief(), still, _comparison())
+    assert np.array_equal(found.belief.poses, _belief().poses)
+    assert found.correction is None
