@@ -20,8 +20,8 @@ from maurice_mcl.session import Moment
 
 from ..entities import STEP, RunPaths
 from ..errors import OptionError, SinkError
-from ..explain.table import to_json
-from ..explain.words import say_step
+from ..explanations.table import to_json
+from ..explanations.words import say_step
 from ..layouts.explanation_screen import full
 from ..panels.explanation_screen import ExplainedUpdate, draw_explanation
 from ..scene import SceneInfo

@@ -10,7 +10,7 @@ from maurice_mcl.analysis.explanation import ESTIMATE, TRUTH, WINNER
 from .. import entities
 from ..drawing.canvas import map_extent
 from ..entities import RunPaths
-from ..explain.paths import NAMES, card_path, chart_path, columns_of, marks_path, table_path
+from ..explanations.paths import NAMES, card_path, chart_path, columns_of, marks_path, table_path
 from ..panels.explanation import FOOT_NATS
 from ..scene import RunView, SceneInfo
 from ..style import GROUND

@@ -9,7 +9,7 @@ from maurice_mcl.sensor.descriptors import CHANNELS
 
 from .. import entities
 from ..entities import RunPaths
-from ..explain.paths import marks_path, table_path
+from ..explanations.paths import marks_path, table_path
 from ..panels.explanation_screen import (
     bars_path,
     costliest_first,

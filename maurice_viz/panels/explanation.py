@@ -24,7 +24,7 @@ from maurice_mcl.session import Moment
 from ..drawing.arrow import tensor_of
 from ..drawing.contact_sheet import CELL_PX, cell_height
 from ..entities import RunPaths
-from ..explain.paths import (
+from ..explanations.paths import (
     COLORS,
     KINDS,
     NAMES,
@@ -38,8 +38,8 @@ from ..explain.paths import (
     marks_path,
     table_path,
 )
-from ..explain.table import markdown_table
-from ..explain.words import say_behind
+from ..explanations.table import markdown_table
+from ..explanations.words import say_behind
 from ..style import BAR, RGB, TINTS, Scale
 from .explanation_cards import Bars, bars_for, blank_card, card_height, card_of
 from .histograms import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR

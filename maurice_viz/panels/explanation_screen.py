@@ -19,9 +19,9 @@ from ..drawing.canvas import long_side
 from ..drawing.contact_sheet import NOT_KEPT, read_picture
 from ..drawing.raster import jpeg, put_text
 from ..entities import Phase, RunPaths
-from ..explain.paths import COLORS, OUTSIDE, marks_path, table_path
-from ..explain.table import markdown_table
-from ..explain.words import say_step
+from ..explanations.paths import COLORS, OUTSIDE, marks_path, table_path
+from ..explanations.table import markdown_table
+from ..explanations.words import say_step
 from ..style import BAR, MISSING, PALE, Scale
 from . import belief as draw_belief
 from . import circles as draw_circles

@@ -23,7 +23,7 @@ from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
 from maurice_viz.entities import Phase, RunPaths
-from maurice_viz.explain.paths import card_path, chart_path, marks_path, table_path
+from maurice_viz.explanations.paths import card_path, chart_path, marks_path, table_path
 from maurice_viz.layouts import explain
 from maurice_viz.layouts.explanation_screen import full
 from maurice_viz.panels.explanation import ExplainPanel

@@ -27,7 +27,7 @@ def report(folder: RunArgument, output: PageOption = Path("report.html"), force:
     with one_line_errors():
         expect_absent(output, force=force)
         from ...app.saved import open_saved
-        from ...report.make import html_report
+        from ...reports.make import html_report
 
         page = html_report(open_saved(folder), folder)
         write_whole(output, page.encode(), force=force)

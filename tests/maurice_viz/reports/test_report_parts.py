@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from maurice_mcl.analysis.events import RunEvent
 from maurice_viz.app.tracks import NOWHERE, NUMBERS, Collected, Track
-from maurice_viz.report.charts import MOST_POINTS, thinned, ticks
-from maurice_viz.report.choosing import MOST_PICTURES, Happening, choose, listed, said_steps, worst_step
-from maurice_viz.report.map import MOST_POINTS as MOST_PLACES
-from maurice_viz.report.map import thin, unbroken
-from maurice_viz.report.markup import Markup, number, tag
+from maurice_viz.reports.charts import MOST_POINTS, thinned, ticks
+from maurice_viz.reports.choosing import MOST_PICTURES, Happening, choose, listed, said_steps, worst_step
+from maurice_viz.reports.map import MOST_POINTS as MOST_PLACES
+from maurice_viz.reports.map import thin, unbroken
+from maurice_viz.reports.markup import Markup, number, tag
 
 
 def test_text_is_escaped_and_markup_is_not() -> None:

@@ -17,7 +17,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
 from maurice_viz.cli.app import app
-from maurice_viz.report.page import SECTIONS
+from maurice_viz.reports.page import SECTIONS
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium")
