@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping
-from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from maurice_mcl.config.schema import Configuration, Layer, configure, flatten
 
 from .errors import InputError
 from .io.files import expect_regular
+from .io.toml import toml_value
 
 # Configuration files: TOML with the tables and names of `maurice_mcl.config.parameters`, and the environment.
 
@@ -78,28 +78,9 @@ def to_toml(configuration: Configuration, *, origins: bool = False) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def toml_value(value: Any) -> str:
-    """Write one value as TOML."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, Mapping):
-        inner = ", ".join(f"{_key(name)} = {toml_value(entry)}" for name, entry in value.items())
-        return f"{{ {inner} }}" if inner else "{}"
-    if isinstance(value, str):  # TOML's basic strings are escaped as JSON's are, but for DEL
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(toml_value(entry) for entry in value)}]"
-    return str(value) if isinstance(value, (date, datetime, time)) else repr(value)
-
-
 def _printable(text: str) -> str:
     """Keep a comment in its line, whatever a file is called."""
     return "".join(c if c.isprintable() else "?" for c in text)
-
-
-def _key(name: str) -> str:
-    bare = bool(name) and name.isascii() and all(c.isalnum() or c in "_-" for c in name)
-    return name if bare else toml_value(name)
 
 
 # Motion parameters as a TOML file: what a session header holds under robot.motion, kept apart.

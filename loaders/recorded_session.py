@@ -13,9 +13,9 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from .errors import InputError
+from .errors import InputError, PictureError
 from .io.notes import HasReadingNotes, ReadingNotes
-from .io.pictures import PictureError
+from .reading import ReadingOptions
 from .recording import (
     Motion,
     OdometryPose,
@@ -35,18 +35,6 @@ from .transforms.gating import Gate
 from .transforms.time_alignment import Aligned, Aligner, Steps, as_rows
 
 # A recording of any format as a session: pictures paired with odometry and truth by their times.
-
-MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
-
-
-@dataclass(frozen=True, slots=True)
-class TimeAlignment:
-    """How pictures are paired with odometry, and which of them make an update."""
-
-    max_dt_s: float = MAX_DT_S  # a picture without an odometry pose so near in time is left out
-    min_distance_m: float = 0.0  # see `Gate`
-    min_angle_rad: float = 0.0
-    keep_going: bool = False  # skip and count what is broken
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,10 +67,10 @@ class RecordedSession(HasReadingNotes):
 
     kind: Kind = "session"
 
-    def __init__(self, recording: Recording, alignment: TimeAlignment | None = None) -> None:
+    def __init__(self, recording: Recording, options: ReadingOptions | None = None) -> None:
         self.recording = recording
-        self.alignment = alignment or TimeAlignment()
-        self._notes = ReadingNotes(self.alignment.keep_going)
+        self.options = options or ReadingOptions()
+        self._notes = ReadingNotes(self.options.keep_going)
 
     @property
     def path(self) -> Path:
@@ -96,7 +84,7 @@ class RecordedSession(HasReadingNotes):
 
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a used picture at a time."""
-        notes = self._notes = ReadingNotes(self.alignment.keep_going)
+        notes = self._notes = ReadingNotes(self.options.keep_going)
         updates = _Updates(self, notes)
         step = 0
         for update in updates:
@@ -113,7 +101,7 @@ class RecordedSession(HasReadingNotes):
 
     def overview(self) -> tuple[int, bool]:
         """Count the pictures that make a moment, and tell whether any truth is there; decodes no picture."""
-        count, updates = 0, _Updates(self, ReadingNotes(self.alignment.keep_going))
+        count, updates = 0, _Updates(self, ReadingNotes(self.options.keep_going))
         for update in updates:
             updates.used(update)
             count += 1
@@ -128,7 +116,7 @@ class RecordedSession(HasReadingNotes):
 
     def count_pictures(self) -> int:
         """Count all pictures, used or not, without decoding any."""
-        records = checked(self.recording, ReadingNotes(self.alignment.keep_going))
+        records = checked(self.recording, ReadingNotes(self.options.keep_going))
         return sum(isinstance(record, Picture) for record in records)
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
@@ -153,7 +141,7 @@ class _Updates:
         self.truths = 0  # seen so far
         self._session = session
         self._notes = notes
-        self._gate = Gate(session.alignment.min_distance_m, session.alignment.min_angle_rad)
+        self._gate = Gate(session.options.min_distance_m, session.options.min_angle_rad)
         self._steps = Steps()
         self._events: list[str] = []
         self._begin_s: float | None = None
@@ -162,10 +150,10 @@ class _Updates:
         self._unpaired = 0
 
     def __iter__(self) -> Iterator[_Update]:
-        aligner = Aligner(self._session.alignment.max_dt_s)
+        aligner = Aligner(self._session.options.max_dt_s)
         for aligned in aligner(self._seen()):
             self._events += aligned.events
-            pose = aligned.odometry_at(self._session.alignment.max_dt_s)
+            pose = aligned.odometry_at(self._session.options.max_dt_s)
             motions = self._steps.add(aligned.motions, pose, aligner.first_odometry)
             if pose is None and self._session.odometry is OdometryPose:
                 self._unpaired += 1
@@ -214,7 +202,7 @@ class _Updates:
             )
         if not self._unpaired:
             return
-        within = f"within {self._session.alignment.max_dt_s:g} s"
+        within = f"within {self._session.options.max_dt_s:g} s"
         if self._unpaired == pictures.count:
             where = apart("pictures", pictures, "odometry", odometry)
             found = f"found no picture with odometry {within}: {where}"

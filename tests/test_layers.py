@@ -44,6 +44,7 @@ ROOMS = {
     "maurice_loaders": (
         ("errors",),
         ("io",),
+        ("reading",),
         ("recording", "session_log"),
         ("transforms",),
         ("recorded_session",),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..formats.registry import Format, ReadingOptions
+from ..formats.registry import Format
+from ..reading import ReadingOptions
 from ..recording import Recording
 from .mcap import open_mcap
 from .recording import BagRecording

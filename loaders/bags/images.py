@@ -14,7 +14,8 @@ import numpy as np
 
 from maurice_mcl.arrays import U8
 
-from ..io.pictures import PictureError, decode_picture
+from ..errors import PictureError
+from ..io.pictures import decode_picture
 
 _AS_IT_IS = -1
 PLAIN = {  # encoding: channels, bytes a channel, what brings it to RGB

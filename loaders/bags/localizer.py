@@ -20,8 +20,8 @@ from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
-from ..formats.registry import ReadingOptions
 from ..io.notes import ReadingNotes
+from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.time_alignment import Aligner, Steps, as_rows
 from .map import GRID, arena_of

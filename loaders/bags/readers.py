@@ -11,9 +11,8 @@ from typing import Any, ClassVar, Protocol
 
 from maurice_mcl.arrays import F64, U8
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.notes import ReadingNotes
-from ..io.pictures import PictureError
 from ..recording import Note, Picture
 from .images import picture_of
 from .messages import (

@@ -11,8 +11,8 @@ from typing import cast
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
-from ..formats.registry import ReadingOptions
 from ..io.notes import ReadingNotes
+from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, TruthPose
 from .camera import camera_of
 from .messages import TEXT, TRANSFORMS, links_of, recorded_as_measured, stamp_ns, use_recorded

@@ -22,7 +22,7 @@ import numpy as np
 
 from maurice_mcl.arrays import U8
 
-from ..io.pictures import PictureError
+from ..errors import PictureError
 from .images import bytes_of
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from maurice_mcl.arrays import U8
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.files import PICTURES
 from ..io.notes import ReadingNotes
-from ..io.pictures import PictureError, decode_picture
+from ..io.pictures import decode_picture
 from ..session_log.reader import picture_bytes
 from ..session_log.records import PictureRecord, read_header, read_records
 

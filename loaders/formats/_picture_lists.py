@@ -10,10 +10,10 @@ from pathlib import Path
 
 from maurice_mcl.arrays import U8
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.fields import MOST_T_S, show
 from ..io.notes import ReadingNotes
-from ..io.pictures import PictureError, decode_picture
+from ..io.pictures import decode_picture
 from ..recording import Picture
 from ..session_log.reader import MAX_PICTURE_BYTES
 from ..transforms.clocks import PER_SECOND, TimeSpan, detect_unit, seconds

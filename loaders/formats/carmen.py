@@ -22,9 +22,10 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError
 from ..io.fields import MOST_T_S, show
 from ..io.notes import ReadingNotes
+from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, TruthPose, motion_between, moved
 from ._tables import Row, begin_lines, number_of, rows
-from .registry import Format, ReadingOptions
+from .registry import Format
 
 WORDS = ("ODOM", "FLASER", "RLASER", "TRUEPOS", "ROBOTLASER1", "PARAM", "SYNC", "NEFF", "GLASER", "SCANMARK")
 _WORD = re.compile(r"[A-Z][A-Z0-9_]+$")  # what a line begins with, known here or not

@@ -19,12 +19,12 @@ import numpy as np
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.files import natural_order
 from ..io.notes import ReadingNotes
-from ..io.pictures import PictureError
+from ..reading import ReadingOptions
 from ..recording import Picture, Record
-from .registry import Format, ReadingOptions
+from .registry import Format
 
 # Frames of a CMUcam's frame dump, as the camera sends them and as programs have saved them.
 

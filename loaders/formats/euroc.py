@@ -18,12 +18,13 @@ from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import InputError
 from ..io.files import PICTURES
+from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
 from ..transforms.clocks import unit_in
 from ._picture_lists import PictureList
 from ._poses import Layout, PoseFile, TimedFolder, layout_of
 from ._tables import begin_lines, begin_of, words_of
-from .registry import Format, ReadingOptions
+from .registry import Format
 
 # What an EuRoC camera's `sensor.yaml` says: size, angle of view, and where the camera looks on the body.
 

@@ -22,12 +22,13 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..errors import InputError
 from ..io.fields import MOST_T_S, show
 from ..io.notes import ReadingNotes
+from ..reading import ReadingOptions
 from ..recording import Picture, Record, TruthPose
 from ..transforms.clocks import clock_s
 from ._picture_lists import read_picture
 from ._poses import first_file
 from ._tables import Row, begin_lines, number_of, rows, words_of
-from .registry import Format, ReadingOptions
+from .registry import Format
 
 CAMERAS = ("image_2", "image_0", "image_3", "image_1")  # color before gray, left before right
 RAW = tuple(name.replace("_", "_0") for name in CAMERAS)  # as raw drives have them, pictures in `data`

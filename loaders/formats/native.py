@@ -12,12 +12,13 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError
 from ..io.notes import ReadingNotes
 from ..io.pictures import decode_picture
+from ..reading import ReadingOptions
 from ..recording import Motion, Note, Picture, Record, TruthPose
 from ..session_log.header import FORMAT
 from ..session_log.reader import CameraChoice, SessionLog, picture_bytes
 from ..session_log.records import OdometryRecord, PictureRecord, TruthRecord, read_records
 from ..transforms.clocks import PER_SECOND
-from .registry import NATIVE, Format, ReadingOptions
+from .registry import NATIVE, Format
 
 LOOKED_AT = 4096  # bytes of the header in which the format's name is looked for
 

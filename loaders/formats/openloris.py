@@ -14,11 +14,12 @@ import cv2
 from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import InputError
+from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
 from ._picture_lists import PictureList
 from ._poses import TimedFolder, first_file, pose_file
 from ._tables import begin_lines
-from .registry import Format, ReadingOptions
+from .registry import Format
 
 NAMES = ("color", "fisheye1", "fisheye2", "infra1", "infra2")
 PICTURES = (*(f"{name}.txt" for name in NAMES), "d400_color.txt", "t265_fisheye1.txt", "t265_fisheye2.txt")

@@ -17,6 +17,7 @@ from ..errors import InputError
 from ..io.fields import MOST_T_S, show
 from ..io.files import PICTURES, pictures_in
 from ..io.notes import ReadingNotes
+from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.clocks import PER_SECOND, detect_unit, seconds
 from ._picture_lists import read_picture
@@ -38,7 +39,7 @@ from ._tables import (
     rows,
     split,
 )
-from .registry import Format, ReadingOptions
+from .registry import Format
 from .video import ENDINGS as VIDEOS
 from .video import Frames
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
 from itertools import islice
@@ -12,10 +12,11 @@ from shlex import quote
 
 from ..errors import InputError
 from ..io.files import expect_regular
-from ..recorded_session import MAX_DT_S, RecordedSession, TimeAlignment
+from ..reading import ReadingOptions
+from ..recorded_session import RecordedSession
 from ..recording import Recording
 from ..session_log.reader import SessionLog
-from ..transforms.corrected import Correction, corrected
+from ..transforms.corrected import corrected
 from ..transforms.made_odometry import odometry_from_truth
 
 # The formats that can be read, by name, and guessing one from a file's content before its name.
@@ -34,54 +35,6 @@ MODULES = (  # in the order in which they are asked whether a file looks like th
     ".video",
     ".picture_folder",
 )
-
-
-@dataclass(frozen=True, slots=True)
-class ReadingOptions:
-    """How a recording is opened; None and empty: as the format has it, or guessed."""
-
-    format: str | None = None  # by name, where the guess is wrong
-    camera: str | None = None  # by name, where there are several
-    image_topic: str | None = None
-    odometry_topic: str | None = None
-    truth_topic: str | None = None
-    table: Path | None = None  # of poses or odometry, where pictures lie in a folder or video
-    columns: Mapping[str, str] = field(default_factory=dict)  # what is in a table's column, by role
-    time_unit: str | None = None  # "s", "ms", "us" or "ns"
-    odometry_offset_s: float = 0.0  # added to odometry's times, so that its clock is the pictures'
-    truth_offset_s: float = 0.0  # added to truth's times
-    picture_offset_s: float = 0.0  # added to the pictures' times
-    odometry_scale: float = 1.0  # these and those below: see `Correction`
-    turn_scale: float = 1.0
-    turn_gain: float = 1.0
-    odometry_forward_rad: float = 0.0
-    odometry_are: str | None = None
-    truth_scale: float = 1.0
-    truth_turn_scale: float = 1.0
-    camera_yaw_rad: float = 0.0
-    max_dt_s: float = MAX_DT_S
-    min_distance_m: float = 0.0
-    min_angle_rad: float = 0.0
-    odometry_from_truth: bool = False  # makes some, with noise; see `made_odometry`
-    odometry_seed: int = 0  # of that noise
-    keep_going: bool = False
-
-    @property
-    def alignment(self) -> TimeAlignment:
-        """What of it is about pairing."""
-        return TimeAlignment(self.max_dt_s, self.min_distance_m, self.min_angle_rad, self.keep_going)
-
-    @property
-    def correction(self) -> Correction:
-        """What of it puts right what was written."""
-        return Correction(**{one.name: getattr(self, one.name) for one in fields(Correction)})
-
-    @property
-    def as_it_is(self) -> bool:
-        """Whether a session log is read as it stands: nothing paired, made or put right."""
-        paired = self.min_distance_m or self.min_angle_rad or self.odometry_from_truth
-        unit = self.time_unit not in (None, "s")
-        return not (paired or unit) and self.correction == Correction()
 
 
 def nothing_beside(path: Path) -> Sequence[Path]:
@@ -136,14 +89,12 @@ def open_session(path: Path, options: ReadingOptions | None = None) -> SessionLo
     one = chosen(path, options)
     if one.name == NATIVE and options.as_it_is:
         return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
-    return RecordedSession(_opened(one, path, options), options.alignment)
+    return RecordedSession(_opened(one, path, options), options)
 
 
 def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:
-    correction = options.correction
-    if one.shifts:
-        correction = replace(correction, odometry_offset_s=0.0, truth_offset_s=0.0)
-    recording = corrected(one.open(path, options), correction)
+    left = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0) if one.shifts else options
+    recording = corrected(one.open(path, options), left)
     if not options.odometry_from_truth:
         return recording
     return odometry_from_truth(recording, options.odometry_seed)

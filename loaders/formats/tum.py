@@ -10,12 +10,13 @@ from pathlib import Path
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
+from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
 from ..transforms.clocks import unit_in
 from ._picture_lists import PictureList
 from ._poses import COMMENTS, Layout, PoseFile, TimedFolder, first_file, layout_of, pose_file
 from ._tables import NAMES, begin_lines, is_number, names_columns, words_of
-from .registry import Format, ReadingOptions
+from .registry import Format
 
 PICTURES = "rgb.txt"
 PAIRED = ("associated.txt", "associations.txt", "associate.txt")  # time and picture twice: color and depth

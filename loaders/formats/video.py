@@ -12,12 +12,12 @@ import numpy as np
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.notes import ReadingNotes
-from ..io.pictures import PictureError
+from ..reading import ReadingOptions
 from ..recording import Picture, Record
 from ._tables import begin_of
-from .registry import Format, ReadingOptions
+from .registry import Format
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said in one line, by us
 ENDINGS = (".mp4", ".avi", ".mkv", ".webm", ".mov", ".mpg", ".mpeg", ".m4v", ".mjpeg", ".mjpg")

@@ -12,10 +12,10 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.fields import show
 from ..io.files import new_folder
-from ..io.pictures import PictureError, decode_picture
+from ..io.pictures import decode_picture
 from ..libraries.files import check_span
 from ..session_log.writer import SessionWriter
 from ..transforms.made_odometry import OdometryNoise, synthetic_motions

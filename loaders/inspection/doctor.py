@@ -17,8 +17,9 @@ from maurice_mcl.diagnosis.plausibility import odometry_doubts, time_unit
 from maurice_mcl.diagnosis.words import turn_complaint
 from maurice_mcl.library import Library
 
-from ..formats.registry import ReadingOptions, chosen
+from ..formats.registry import chosen
 from ..io.fields import MOST
+from ..reading import ReadingOptions
 from .doctor_reading import Gathered, Progress, gather, look, movement_apart
 
 # Diagnosing a session: what people get wrong, found with truth, with a library, or by the numbers alone.

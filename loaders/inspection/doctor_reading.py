@@ -23,11 +23,11 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..errors import InputError
-from ..formats.registry import NATIVE, ReadingOptions, chosen, open_recording
-from ..io.fields import FieldError
+from ..errors import FieldError, InputError, PictureError
+from ..formats.registry import NATIVE, chosen, open_recording
 from ..io.notes import ReadingNotes
-from ..io.pictures import PictureError, decode_picture
+from ..io.pictures import decode_picture
+from ..reading import ReadingOptions
 from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
 from ..session_log.reader import CameraChoice, picture_bytes
 from ..session_log.records import PictureRecord, parse_object, read_header, read_lines
@@ -125,7 +125,7 @@ def opened(path: Path, options: ReadingOptions) -> Recording:
     """Open a recording; a native log as it stands, put right by the options alone."""
     if chosen(path, options).name != NATIVE:
         return open_recording(path, options)
-    return corrected(_RawLog(path, options), options.correction)
+    return corrected(_RawLog(path, options), options)
 
 
 class _RawLog:

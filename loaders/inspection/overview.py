@@ -11,9 +11,9 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.notes import ReadingNotes
-from ..io.pictures import PictureError, decode_picture, picture_format
+from ..io.pictures import decode_picture, picture_format
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, checked
 from ..session_log.header import Kind
@@ -220,7 +220,7 @@ def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -
     """Give the share of pictures that have a true pose, and say how pairing went."""
     if not pictures:
         return None
-    kept = RecordedSession(session.recording, session.alignment)
+    kept = RecordedSession(session.recording, session.options)
     try:
         with_truth = sum(glance.truth is not None for glance in kept.glances(notes))
     except InputError as problem:  # clocks disagree: worth saying, and the rest is still told

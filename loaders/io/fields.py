@@ -7,16 +7,12 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..errors import FieldError, InputError
 
 # Checks of values that came out of JSON: each gives the value with its type known, or says what is wrong.
 
 MOST = 1e9  # metres, radians, pixels: more is a slip, and squares of it still fit into float32
 MOST_T_S = 4e9  # Unix time until 2096; the time between any two is still one that the viewer can count
-
-
-class FieldError(ValueError):
-    """A value of the wrong type or shape; the message says what was found and expected."""
 
 
 def read_json(data: bytes | str) -> Any:
@@ -42,6 +38,13 @@ def number(value: Any, what: str, most: float = MOST) -> float:
     if abs(value) > most:
         raise FieldError(f"found {what} {show(value)}, expected {up_to(most)}")
     return float(value)
+
+
+def whole(value: Any, what: str) -> int:
+    """Return a whole number below 2**32."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
+        raise FieldError(f"found {what} {show(value)}, expected a whole number from 0")
+    return value
 
 
 def up_to(most: float = MOST) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 
 from maurice_mcl.arrays import U8
 
+from ..errors import PictureError
+
 JPEG_OPTIONS = (
     *(cv2.IMWRITE_JPEG_QUALITY, 95),
     # Full color resolution: halved chroma would blur the color histograms.
@@ -19,10 +21,6 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _MARKER = re.compile(rb"\xff+([^\x00\xff])", re.DOTALL)
 _START_OF_SCAN = 0xDA
 _END_OF_IMAGE = b"\xff\xd9"
-
-
-class PictureError(ValueError):
-    """Bytes that are no whole picture; the message says what was found and expected."""
 
 
 def encode_jpeg(image_rgb: U8) -> bytes:

@@ -19,8 +19,8 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.sensor.descriptors import CHANNELS, OUR_NAMES
 
-from ..errors import InputError
-from ..io.fields import MOST, FieldError, items, mapping, read_json, show, text, up_to
+from ..errors import FieldError, InputError
+from ..io.fields import MOST, items, mapping, read_json, show, text, up_to
 from ..io.files import new_folder
 from ..session_log.header import arena_from_json, arena_to_json
 

@@ -13,8 +13,9 @@ from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import InputError
-from ..formats.registry import NATIVE, ReadingOptions, chosen, open_session
+from ..formats.registry import NATIVE, chosen, open_session
 from ..io.pictures import encode_jpeg
+from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import read_header

@@ -19,7 +19,8 @@ from typing import Any
 from ..bags.mcap_proto import decode_proto
 from ..bags.ros_types import decode_cdr, decode_ros1, long_type
 from ..bags.source import Message, Topic, short_type, sorted_topics
-from ..io.fields import FieldError, items, mapping
+from ..errors import FieldError
+from ..io.fields import items, mapping
 from .translation import as_object, json_message
 
 # The Foxglove WebSocket protocol, as a client: topics announced, subscribed to, and their messages.

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from threading import Event
 from typing import TypeAlias
 
-from ..errors import InputError
-from ..io.fields import FieldError
+from ..errors import FieldError, InputError
 from ..session_log.records import LogLine
 from .source import ByteStream, LiveSource
 

@@ -18,10 +18,10 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from ..errors import InputError, SourceError
+from ..errors import InputError, PictureError, SourceError
 from ..io.files import expect_absent
 from ..io.notes import HasReadingNotes, ReadingNotes
-from ..io.pictures import PictureError, decode_picture
+from ..io.pictures import decode_picture
 from ..recording import moved, together
 from ..session_log.header import Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes

@@ -17,8 +17,8 @@ from typing import BinaryIO, Protocol
 from urllib.parse import urlsplit
 
 from ..errors import SourceError
-from ..formats.registry import ReadingOptions
 from ..io.files import expect_regular
+from ..reading import ReadingOptions
 
 STDIN = "-"
 _SCHEME = re.compile(r"^(tcp|wss?):/{1,2}(?=[^/])")  # a path has lost its second slash

@@ -33,7 +33,8 @@ from ..bags.messages import (
 from ..bags.source import Message
 from ..bags.topics import PoseTopic
 from ..bags.video import VideoStream, codec_of
-from ..io.fields import MOST_T_S, FieldError, show, up_to
+from ..errors import FieldError
+from ..io.fields import MOST_T_S, show, up_to
 from ..io.pictures import encode_jpeg
 from ..recording import TruthPose, interpolated, motion_between
 

@@ -15,9 +15,8 @@ from ..bags.messages import TRANSFORMS, known_type, links_of
 from ..bags.ros_types import INSTALL
 from ..bags.source import Message, Topic
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
-from ..errors import SourceError
-from ..formats.registry import ReadingOptions
-from ..io.fields import FieldError
+from ..errors import FieldError, SourceError
+from ..reading import ReadingOptions
 from ..session_log.header import FORMAT, VERSION
 from .bridges import SUBPROTOCOLS, Foxglove, Rosbridge
 from .translation import MESSAGE_ERRORS, MOST_FRAMES, ChosenTopics, Translator, decoded

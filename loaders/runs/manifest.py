@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 
 from maurice_mcl.library import Library
 
-from ..errors import InputError
-from ..formats.registry import NATIVE, ReadingOptions
-from ..io.fields import FieldError, flag, items, mapping, numbers, read_json, show, text
+from ..errors import FieldError, InputError
+from ..formats.registry import NATIVE
+from ..io.fields import flag, items, mapping, numbers, read_json, show, text, whole
 from ..libraries.files import MANIFEST
-from .sources import Source, reading_from_json, reading_to_json, whole
+from ..reading import ReadingOptions, reading_from_json, reading_to_json
+from .sources import Source
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
 VERSION = 2

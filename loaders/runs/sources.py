@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from ..formats.cmucam import ENDINGS as DUMPS
-from ..formats.registry import ReadingOptions
 from ..formats.video import ENDINGS as VIDEOS
-from ..io.fields import FieldError, flag, mapping, number, show, text
 from ..io.files import PICTURES
 from ..libraries.files import MANIFEST, hash_file
-from ..transforms.clocks import PER_SECOND
 
 # what a folder is read from, beside pictures
 CONTENTS = (".log", ".csv", ".tsv", ".yaml", ".yml", ".db3", ".mcap", ".zstd", *VIDEOS, *DUMPS)
-ELSEWHERE = ("table", "keep_going")  # options that a manifest has under names of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,44 +62,3 @@ def source_hash(path: Path, others: Sequence[Path] = ()) -> str:
         held = str(file.stat().st_size) if kind in PICTURES else hash_file(file)
         digest.update(f"{file.relative_to(path).as_posix()}\0{held}\n".encode(errors="surrogateescape"))
     return digest.hexdigest()
-
-
-def reading_to_json(options: ReadingOptions) -> dict[str, Any]:
-    """Give the options of reading, all but those that a manifest has under names of their own."""
-    kept = {one.name: getattr(options, one.name) for one in fields(options) if one.name not in ELSEWHERE}
-    return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
-
-
-def reading_from_json(value: Any) -> ReadingOptions:
-    """Read what `reading_to_json` gave; an option that is not there is as usual. FieldError for others."""
-    found, usual = mapping(value, "reading"), ReadingOptions()
-    known = {one.name for one in fields(usual)} - set(ELSEWHERE)
-    for name in found:
-        if name not in known:
-            raise FieldError(f"found the option of reading {show(name)}, which is not known here")
-    options = replace(usual, **{name: _checked(name, v, getattr(usual, name)) for name, v in found.items()})
-    if options.time_unit not in (None, *PER_SECOND):
-        raise FieldError(
-            f"found time_unit {show(options.time_unit)}, expected one of {', '.join(PER_SECOND)}"
-        )
-    return options
-
-
-def _checked(name: str, value: Any, usual: Any) -> Any:
-    """Give a value of the same kind as the usual one."""
-    if usual is None:
-        return None if value is None else text(value, name)
-    if isinstance(usual, bool):
-        return flag(value, name)
-    if isinstance(usual, Mapping):
-        return {role: text(column, name) for role, column in mapping(value, name).items()}
-    if isinstance(usual, int):
-        return whole(value, name)
-    return number(value, name)
-
-
-def whole(value: Any, what: str) -> int:
-    """Give a whole number below 2**32."""
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
-        raise FieldError(f"found {what} {show(value)}, expected a whole number from 0")
-    return value

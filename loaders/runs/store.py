@@ -16,8 +16,8 @@ from maurice_mcl.config.schema import Configuration, configure
 from maurice_mcl.map import Arena
 
 from ..config_files import read_config
-from ..errors import InputError
-from ..io.fields import FieldError, items, read_json
+from ..errors import FieldError, InputError
+from ..io.fields import items, read_json
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
 from .manifest import COMPARISON, CONFIGURATION, FORMAT, MAP, RunManifest, read_manifest, read_object

@@ -12,7 +12,8 @@ import numpy as np
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..io.fields import FieldError, items, mapping, number, numbers, show, text
+from ..errors import FieldError
+from ..io.fields import items, mapping, number, numbers, show, text
 
 # A map as a JSON object, and back.
 

@@ -13,9 +13,9 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, PictureError
 from ..io.notes import HasReadingNotes, ReadingNotes
-from ..io.pictures import PictureError, decode_picture
+from ..io.pictures import decode_picture
 from .header import Kind
 from .records import EventRecord, OdometryRecord, PictureRecord, TruthRecord, read_header, read_records
 from .truth import with_truth

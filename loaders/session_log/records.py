@@ -14,8 +14,8 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
-from ..io.fields import MOST_T_S, FieldError, flag, mapping, number, numbers, show, text
+from ..errors import FieldError, InputError
+from ..io.fields import MOST_T_S, flag, mapping, number, numbers, show, text
 from ..io.files import expect_regular
 from ..io.notes import ReadingNotes
 from .header import Kind, header_from_json

@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
 from ..io.notes import ReadingNotes
+from ..reading import MOTIONS_ARE, ReadingOptions
 from ..recording import (
     Motion,
     Note,
@@ -29,47 +30,6 @@ from ..recording import (
     short_way,
 )
 
-# What is put right while a recording is read, and how it is typed.
-
-MOTIONS_ARE = ("poses", "steps")  # what numbers may hold that a format gives as motions
-
-
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """What is put right; the defaults change nothing. Each field is an option of reading."""
-
-    odometry_scale: float = 1.0  # lengths of the odometry are multiplied by it: 0.001 for millimetres
-    turn_scale: float = 1.0  # turns, or the headings of poses as they stand: -1 for clockwise
-    turn_gain: float = 1.0  # true turn over measured turn; the way of poses is bent with it
-    odometry_forward_rad: float = 0.0  # where the robot's forward points in the odometry's frame
-    odometry_are: str | None = None  # one of MOTIONS_ARE, where motions are expected
-    truth_scale: float = 1.0
-    truth_turn_scale: float = 1.0
-    camera_yaw_rad: float = 0.0  # where the camera looks; headings become the camera's
-    picture_offset_s: float = 0.0  # added to the times
-    odometry_offset_s: float = 0.0
-    truth_offset_s: float = 0.0
-
-    @property
-    def typed(self) -> tuple[str, ...]:
-        """Give what is not as usual as it is typed: "--turn-scale -1"."""
-        usual = Correction()
-        changed = [f.name for f in fields(self) if getattr(self, f.name) != getattr(usual, f.name)]
-        return tuple(f"{option_name(name)} {option_value(name, getattr(self, name))}" for name in changed)
-
-
-def option_name(field: str) -> str:
-    """Give the option of a field: `camera_yaw_rad` is `--camera-yaw`."""
-    return "--" + field.removesuffix("_rad").removesuffix("_s").removesuffix("_m").replace("_", "-")
-
-
-def option_value(field: str, value: object) -> str:
-    """Write a value as it is typed, angles in degrees."""
-    if not isinstance(value, float):
-        return str(value)
-    return f"{round(math.degrees(value) if field.endswith('_rad') else value, 7):.15g}"
-
-
 # A recording with what is wrong in it put right while it is read: units, signs, frames, clocks.
 
 NEAR_M = 1.0  # a first pose so near zero is the way since the drive began
@@ -77,15 +37,17 @@ NEAR_M = 1.0  # a first pose so near zero is the way since the drive began
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected(RecordingWrapper):
-    """A recording as it should have been written. What each correction does: docs/formats.md."""
+    """A recording as it should have been written; docs/formats.md explains each correction."""
 
-    correction: Correction
+    correction: ReadingOptions
 
     @property
     def info(self) -> SessionInfo:
         """What is known before the first record; a note says what was corrected."""
         info, yaw_rad = self.measured.info, self.correction.camera_yaw_rad
-        info = replace(info, notes=(*info.notes, f"corrected in reading: {' '.join(self.correction.typed)}"))
+        info = replace(
+            info, notes=(*info.notes, f"corrected in reading: {' '.join(self.correction.corrections)}")
+        )
         if not yaw_rad:
             return info
         cameras = tuple(replace(camera, yaw_rad=0.0) for camera in info.cameras)
@@ -133,9 +95,9 @@ class Corrected(RecordingWrapper):
         return right
 
 
-def corrected(recording: Recording, correction: Correction) -> Recording:
+def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
     """Put a recording right; the recording itself where there is nothing to do."""
-    if correction == Correction():
+    if not correction.corrections:
         return recording
     if correction.odometry_are not in (None, *MOTIONS_ARE):
         expected = f"expected one of {', '.join(MOTIONS_ARE)}"
@@ -143,7 +105,7 @@ def corrected(recording: Recording, correction: Correction) -> Recording:
     return Corrected(recording, correction)
 
 
-def _clocks(correction: Correction) -> list[tuple[float, tuple[type[Record], ...]]]:
+def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record], ...]]]:
     """Give the kinds of records that are moved in time alike; what comes with pictures is last.
 
     So at the same time poses come before pictures, as in every format.
@@ -166,7 +128,7 @@ def _clocks(correction: Correction) -> list[tuple[float, tuple[type[Record], ...
 class _Wheels:
     """The odometry put right, from its first record on."""
 
-    def __init__(self, correction: Correction, path: Path) -> None:
+    def __init__(self, correction: ReadingOptions, path: Path) -> None:
         scale = correction.odometry_scale
         self._are, self._gain, self._path = correction.odometry_are, correction.turn_gain, path
         self._units: F64 = np.array([scale, scale, correction.turn_scale])

@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maurice_loaders.bags.localizer import Overview, RecordedLocalizer, RecordedUpdate
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, PictureError
 from maurice_loaders.io.notes import ReadingNotes
-from maurice_loaders.io.pictures import PictureError
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.estimate import CLUSTER_M, CONFIDENCE_M, heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.library import Library

@@ -11,8 +11,8 @@ import numpy as np
 import typer
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.libraries.files import hash_file
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.manifest import library_hash
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.library import Library

@@ -10,8 +10,8 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.export.drive import convert_to_mcap
 from maurice_loaders.export.session import Converted, PictureKind, convert_to_log, records_to_log
-from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture, Recording
 
 from ..errors import OptionError

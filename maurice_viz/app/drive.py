@@ -72,7 +72,7 @@ def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]
     """Go through a drive once without its pictures; one without any gets gray ones."""
     ways = _ways(session)
     if not ways.moments:
-        session = RecordedSession(Placeholders(session.recording), session.alignment)
+        session = RecordedSession(Placeholders(session.recording), session.options)
         ways = _ways(session)
     if not ways.moments:
         nothing = "found neither pictures nor odometry nor true poses, so there is nothing to show"
@@ -81,17 +81,17 @@ def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]
 
 
 def _ways(session: RecordedSession) -> DrivePaths:
-    notes = ReadingNotes(session.alignment.keep_going)
+    notes = ReadingNotes(session.options.keep_going)
     return drive_paths(session.glances(notes), session.info)
 
 
 def _drawn_of(session: RecordedSession, moments: int) -> RecordedSession:
     """Leave out pictures of a long drive, unless it was said which ones make a moment."""
-    alignment, stride = session.alignment, -(-moments // MOST_DRAWN)
-    if stride <= 1 or alignment.min_distance_m or alignment.min_angle_rad:
+    options, stride = session.options, -(-moments // MOST_DRAWN)
+    if stride <= 1 or options.min_distance_m or options.min_angle_rad:
         return session
     note(f"drawing one of every {stride} of {moments} moments; --min-distance and --min-angle choose others")
-    return RecordedSession(FewerPictures(session.recording, stride), alignment)
+    return RecordedSession(FewerPictures(session.recording, stride), options)
 
 
 def _counted(session: RecordedSession, count: int, advance: Advance) -> Iterator[Moment]:

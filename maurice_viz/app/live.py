@@ -11,10 +11,10 @@ from pathlib import Path
 import typer
 
 from maurice_loaders.errors import SourceError
-from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.transforms.gating import Gate
 from maurice_mcl.library import Library
 from maurice_mcl.session import Moment, SessionInfo
@@ -61,9 +61,9 @@ def follow_source(
     if output.run is not None:
         advice = "record the drive with --record DIR, then replay DIR/session.log with --run"
         raise typer.BadParameter(f"--run is for recorded sessions; {advice}")
-    if opening.correction.typed:
+    if opening.corrections:
         advice = "record the drive with --record DIR, then replay DIR/session.log so"
-        raise typer.BadParameter(f"{opening.correction.typed[0]} needs a recording; {advice}")
+        raise typer.BadParameter(f"{opening.corrections[0]} needs a recording; {advice}")
     os.environ.setdefault("RUST_LOG", QUIET)  # read when rerun is imported, which is later
     with one_line_errors():
         recorder = None if live.record is None else LiveRecorder(live.record, force=output.force)

@@ -13,9 +13,10 @@ import numpy as np
 
 from maurice_loaders.config_files import configuration_of, read_motion, to_toml
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import NATIVE, ReadingOptions, chosen, open_recording
+from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, first_truth
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms.made_odometry import MadeOdometry
@@ -153,7 +154,7 @@ def as_recorded_session(session: AnySession, opening: ReadingOptions) -> Recorde
     """Give the same session as one whose records can be had as well."""
     if isinstance(session, RecordedSession):
         return session
-    return RecordedSession(open_recording(session.path, opening), opening.alignment)
+    return RecordedSession(open_recording(session.path, opening), opening)
 
 
 def open_library_for(

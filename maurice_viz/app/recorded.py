@@ -10,8 +10,9 @@ import typer
 from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import RecordedLocalizer
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, chosen
+from maurice_loaders.formats.registry import chosen
 from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.reading import ReadingOptions
 
 from ..cli.console import note
 from ..cli.errors import one_line_errors
@@ -39,9 +40,9 @@ def open_as_recorded(path: Path, options: ReadingOptions) -> AsRecorded:
         raise InputError(
             path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded"
         )
-    own = replace(options.correction, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
-    if own.typed:
-        raise InputError(path, f"--as-recorded shows a bag as it is, expected no {own.typed[0]}")
+    own = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
+    if own.corrections:
+        raise InputError(path, f"--as-recorded shows a bag as it is, expected no {own.corrections[0]}")
     localizer = RecordedLocalizer(path, BAGS[name], options)
     label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
     return AsRecorded(localizer, localizer.overview(), label, ReadingNotes(options.keep_going))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.writer import RunWriter, check_run_target
 from maurice_mcl.analysis.run_comparison import Step
 

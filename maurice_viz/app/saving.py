@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from maurice_loaders.formats.registry import ReadingOptions, chosen
+from maurice_loaders.formats.registry import chosen
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_now
 from maurice_loaders.runs.sources import source_of
 from maurice_loaders.runs.writer import RunWriter, begin_comparison

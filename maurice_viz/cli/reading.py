@@ -12,10 +12,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from maurice_loaders.formats.registry import ReadingOptions
-from maurice_loaders.recorded_session import MAX_DT_S
+from maurice_loaders.reading import MAX_DT_S, MOTIONS_ARE, ReadingOptions, option_name, option_value
 from maurice_loaders.transforms.clocks import PER_SECOND
-from maurice_loaders.transforms.corrected import MOTIONS_ARE, option_name, option_value
 
 from .gathering import Command, in_place_of
 

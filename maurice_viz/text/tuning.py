@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from maurice_loaders.config_files import toml_value
+from maurice_loaders.io.toml import toml_value
 from maurice_mcl.calibration.tuning import Scores, Tuned
 
 DIGITS = 4  # of scales and weights; more would be noise

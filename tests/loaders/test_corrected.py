@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import count, islice, pairwise
 from pathlib import Path
 
@@ -14,8 +14,9 @@ import pytest
 from format_samples import sample
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import (
     Motion,
@@ -27,9 +28,8 @@ from maurice_loaders.recording import (
     motion_between,
     moved,
 )
-from maurice_loaders.runs.sources import reading_from_json, reading_to_json
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms.corrected import Corrected, Correction, corrected
+from maurice_loaders.transforms.corrected import Corrected, corrected
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Camera, SessionInfo
 
@@ -70,7 +70,7 @@ def values(recording: Corrected | Given) -> F64:
 
 def read(written: F64, kind: Callable[[float, F64], Record], **how: float | str) -> F64:
     records = [kind(0.1 * number, row) for number, row in enumerate(written)]
-    return values(Corrected(Given(records), Correction(**how)))  # type: ignore[arg-type]
+    return values(Corrected(Given(records), ReadingOptions(**how)))  # type: ignore[arg-type]
 
 
 def turned(rows: F64, angle_rad: float | F64) -> F64:
@@ -147,7 +147,7 @@ def test_a_cameras_headings_move_as_the_camera_does() -> None:
         np.testing.assert_allclose(there[:2], camera[k + 1][:2], atol=1e-9)
         assert math.cos(there[2] - camera[k + 1][2]) == pytest.approx(1)
     np.testing.assert_allclose(read(poses_of(right), OdometryPose, camera_yaw_rad=yaw)[:, :2], camera[:, :2])
-    info = Corrected(Given([]), Correction(camera_yaw_rad=yaw)).info
+    info = Corrected(Given([]), ReadingOptions(camera_yaw_rad=yaw)).info
     assert info.start is not None
     assert info.start.tolist() == pytest.approx([1, 2, 0.5 + yaw])
     assert info.cameras[0].yaw_rad == 0
@@ -164,7 +164,7 @@ def test_times_are_moved_and_stay_in_order_with_poses_before_pictures() -> None:
     for t in t_s:
         records += [Motion(t, np.zeros(3)), TruthPose(t, np.zeros(3)), picture(t + 1000.0)]
     records.insert(3, Note(t_s[0], "hello"))
-    moved_back = Corrected(Given(records), Correction(picture_offset_s=-1000.0))
+    moved_back = Corrected(Given(records), ReadingOptions(picture_offset_s=-1000.0))
     for _ in range(2):  # as often as one likes
         found = list(moved_back.records(ReadingNotes(keep_going=False)))
         assert len(found) == 37
@@ -184,7 +184,9 @@ def test_offsets_hold_no_more_than_a_record_of_each_clock() -> None:
                 yield Motion(float(number), np.zeros(3)) if number % 2 else picture(float(number))
 
     endless = Endless()
-    found = Corrected(endless, Correction(odometry_offset_s=500.0)).records(ReadingNotes(keep_going=False))
+    found = Corrected(endless, ReadingOptions(odometry_offset_s=500.0)).records(
+        ReadingNotes(keep_going=False)
+    )
     assert [one.t_s for one in islice(found, 400)] == [2.0 * k for k in range(400)][:250] + [
         t for k in range(250, 326) for t in (2.0 * k, 2.0 * k + 1)
     ][:150]
@@ -193,10 +195,10 @@ def test_offsets_hold_no_more_than_a_record_of_each_clock() -> None:
 
 def test_nothing_to_do_leaves_the_recording_itself() -> None:
     given = Given([])
-    assert corrected(given, Correction()) is given
+    assert corrected(given, ReadingOptions()) is given
     with pytest.raises(InputError, match="expected one of poses, steps"):
-        corrected(given, Correction(odometry_are="motions"))
-    steps = Corrected(Given([OdometryPose(0.0, np.zeros(3))]), Correction(odometry_are="steps"))
+        corrected(given, ReadingOptions(odometry_are="motions"))
+    steps = Corrected(Given([OdometryPose(0.0, np.zeros(3))]), ReadingOptions(odometry_are="steps"))
     with pytest.raises(InputError, match="--odometry-are steps is for motions; leave it out"):
         list(steps.records(ReadingNotes(keep_going=False)))
 
@@ -243,8 +245,7 @@ def test_a_session_log_is_put_right_as_a_session(write_log: WriteLog, pixel: dic
     assert session.info.notes == ("corrected in reading: --odometry-scale 0.01 --turn-scale -0.0174533",)
 
 
-def test_options_of_reading_hold_every_correction_and_a_manifest_holds_them() -> None:
-    assert {one.name for one in fields(Correction)} <= {one.name for one in fields(ReadingOptions)}
+def test_a_manifest_holds_every_correction() -> None:
     options = ReadingOptions(odometry_are="steps", turn_scale=-1.0, camera_yaw_rad=0.5, picture_offset_s=-3.0)
     assert not options.as_it_is
     assert reading_from_json(json.loads(json.dumps(reading_to_json(options)))) == options
@@ -255,7 +256,7 @@ def test_a_picture_is_not_decoded_when_it_is_moved() -> None:
         raise AssertionError("decoded")
 
     records = [Picture(0.0, read_it, "one")]
-    (found,) = Corrected(Given(records), Correction(picture_offset_s=2.0)).records(
+    (found,) = Corrected(Given(records), ReadingOptions(picture_offset_s=2.0)).records(
         ReadingNotes(keep_going=False)
     )
     assert found.t_s == 2.0

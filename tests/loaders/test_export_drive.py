@@ -17,9 +17,10 @@ from rosbags.highlevel import AnyReader
 from maurice_loaders.errors import InputError
 from maurice_loaders.export.drive import convert_to_mcap
 from maurice_loaders.export.session import Converted, convert_to_log
-from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
-from maurice_loaders.recorded_session import RecordedSession, TimeAlignment
+from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_loaders.session_log.header import header_to_json
 from maurice_loaders.session_log.reader import SessionLog
@@ -128,7 +129,7 @@ def test_a_drive_of_motions_is_read_back_to_the_last_bit(tmp_path: Path, made: M
 def test_a_drive_of_poses_is_read_back(tmp_path: Path, made: Made) -> None:
     if not any(isinstance(record, OdometryPose) for record in made.held):
         return
-    session, file = RecordedSession(made, TimeAlignment(max_dt_s=1e6)), tmp_path / "a.mcap"
+    session, file = RecordedSession(made, ReadingOptions(max_dt_s=1e6)), tmp_path / "a.mcap"
     finished(session, file, force=True)
     again, rounding = open_session(file, ReadingOptions(max_dt_s=1e6)), rounding_of(made)
     assert_same(session, again, rounding, odometry=rounding)  # what lies between poses is theirs by its time
@@ -171,7 +172,7 @@ def test_only_pictures_that_make_an_update_are_written(tmp_path: Path) -> None:
     held: list[Record] = []
     for k in range(6):
         held += [Motion(k, np.array([0.1, 0, 0])), Picture(k, partial(painted, k), f"{k}")]
-    session = RecordedSession(Made(tuple(held)), TimeAlignment(min_distance_m=0.25))
+    session = RecordedSession(Made(tuple(held)), ReadingOptions(min_distance_m=0.25))
     done = finished(session, tmp_path / "a.mcap")
     assert (done.pictures, done.motions) == (2, 6)
     assert_same(session, open_session(tmp_path / "a.mcap"))

@@ -18,9 +18,10 @@ from maurice_loaders.export import mcap as export_mcap
 from maurice_loaders.export.mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file
 from maurice_loaders.export.run import mcap_sink, scene_of
 from maurice_loaders.export.tables import export_steps
-from maurice_loaders.formats.registry import ReadingOptions, open_recording
+from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import decode_picture
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.store import open_runs
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Camera, SessionInfo

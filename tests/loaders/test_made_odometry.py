@@ -13,9 +13,10 @@ from format_samples import sample
 from typer.testing import CliRunner
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
-from maurice_loaders.recorded_session import RecordedSession, TimeAlignment, before, first_truth
+from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import RecordedSession, before, first_truth
 from maurice_loaders.recording import (
     Motion,
     Note,
@@ -200,6 +201,6 @@ def test_starting_where_there_is_no_truth_is_refused(tmp_path: Path, small_sessi
 
 def test_gating_counts_made_odometry(tmp_path: Path) -> None:
     session = RecordedSession(
-        open_recording(sample("kitti", tmp_path / "made"), MADE), TimeAlignment(min_distance_m=0.08)
+        open_recording(sample("kitti", tmp_path / "made"), MADE), ReadingOptions(min_distance_m=0.08)
     )
     assert session.overview()[0] == 2

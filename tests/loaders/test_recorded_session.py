@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
+from maurice_loaders.errors import InputError, PictureError
+from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
-from maurice_loaders.io.pictures import PictureError
-from maurice_loaders.recorded_session import RecordedSession, TimeAlignment
+from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import (
     Motion,
     Note,
@@ -71,8 +71,8 @@ def forward(length_m: float, t_s: float, turn: float = 0.0) -> Motion:
     return Motion(t_s, np.array([length_m, 0.0, turn]))
 
 
-def play(*records: Record, alignment: TimeAlignment | None = None) -> tuple[list[Moment], RecordedSession]:
-    session = RecordedSession(Given(records), alignment)
+def play(*records: Record, options: ReadingOptions | None = None) -> tuple[list[Moment], RecordedSession]:
+    session = RecordedSession(Given(records), options)
     moments = list(session.moments())
     assert session.overview()[0] >= len(moments)
     return moments, session
@@ -140,7 +140,7 @@ def test_the_way_to_a_broken_picture_belongs_to_the_next() -> None:
     ]
     with pytest.raises(InputError, match="at 1: found a cut picture"):
         list(RecordedSession(Given(records)).moments())
-    found, session = play(*records, alignment=TimeAlignment(keep_going=True))
+    found, session = play(*records, options=ReadingOptions(keep_going=True))
     np.testing.assert_allclose(found[1].frame.motions, [[1, 0, 0], [5, 0, 0]])
     assert session.problem_count == 1
     assert [m.frame.step for m in found] == [1, 2]
@@ -163,13 +163,13 @@ def test_times_that_fall_and_numbers_that_are_none_are_problems() -> None:
     for bad in (picture(-1), truth(5, float("nan")), forward(1e12, 5), picture(float("inf"))):
         with pytest.raises(InputError, match="at t"):
             list(RecordedSession(Given([picture(0), bad])).moments())
-        found, session = play(picture(0), bad, picture(6), alignment=TimeAlignment(keep_going=True))
+        found, session = play(picture(0), bad, picture(6), options=ReadingOptions(keep_going=True))
         assert len(found) == 2
         assert session.problem_count >= 1
 
 
 def play_gated(distance_m: float, angle_rad: float, *records: Record) -> list[str]:
-    found, _ = play(*records, alignment=TimeAlignment(min_distance_m=distance_m, min_angle_rad=angle_rad))
+    found, _ = play(*records, options=ReadingOptions(min_distance_m=distance_m, min_angle_rad=angle_rad))
     return [m.frame.picture for m in found]
 
 
@@ -200,7 +200,7 @@ def test_a_used_picture_has_all_motions_since_the_last_used_one() -> None:
         picture(1),
         forward(0.3, 2),
         picture(2),
-        alignment=TimeAlignment(min_distance_m=0.5),
+        options=ReadingOptions(min_distance_m=0.5),
     )
     assert found[1].frame.motions[:, 0].tolist() == [0.3, 0.3]
 

@@ -12,7 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.reading import ReadingOptions
 from maurice_viz.cli.app import app as whole
 from maurice_viz.cli.library.build import library
 from maurice_viz.cli.reading import reads_recordings, typed

@@ -14,12 +14,11 @@ import cv2
 import pytest
 from typer.testing import CliRunner
 
-from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions
-from maurice_loaders.io.fields import FieldError
+from maurice_loaders.errors import FieldError, InputError
+from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.recording import moved
 from maurice_loaders.runs.manifest import read_manifest
-from maurice_loaders.runs.sources import reading_from_json, reading_to_json, source_hash
+from maurice_loaders.runs.sources import source_hash
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.app import compare as side_by_side
 from maurice_viz.cli.app import app

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.reading import ReadingOptions
 
 from ...app.convert import convert as convert_recording
 from ..console import listening, results

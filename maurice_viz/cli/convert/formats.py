@@ -10,8 +10,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from maurice_loaders.formats.registry import Format, ReadingOptions, chosen
+from maurice_loaders.formats.registry import Format, chosen
 from maurice_loaders.formats.registry import formats as all_formats
+from maurice_loaders.reading import ReadingOptions
 
 from ..console import results
 from ..errors import one_line_errors

@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
-from maurice_loaders.recorded_session import MAX_DT_S
+from maurice_loaders.reading import MAX_DT_S, ReadingOptions
 
 from ...errors import Terminated
 from ..console import note, progress, results

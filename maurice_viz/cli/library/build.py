@@ -11,10 +11,10 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.libraries.choose import Spacing, read_every
 from maurice_loaders.libraries.store import build_library, open_library, save_library
 from maurice_loaders.libraries.survey import EVERY, open_survey
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.library import ChannelIndex, Library
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.reading import ReadingOptions
 
 from ..common_options import CommonOptions, runs_a_filter
 from ..options import ConfigsOption, FeaturesOption, PresetsOption, ResamplersOption, RunOptions, SeedsOption

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from maurice_loaders.formats.registry import ReadingOptions
+from maurice_loaders.reading import ReadingOptions
 
 from ...layouts.names import DETAILS
 from ..common_options import CommonOptions, runs_a_filter

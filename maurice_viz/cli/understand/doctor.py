@@ -9,9 +9,10 @@ from typing import Annotated
 import typer
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, open_recording
+from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.inspection.doctor import diagnose, mended
 from maurice_loaders.libraries.store import open_library
+from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.library import Library
 
 from ...text.doctor import to_json, to_lines

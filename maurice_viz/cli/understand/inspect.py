@@ -8,8 +8,9 @@ from pathlib import Path
 
 from rich.table import Table
 
-from maurice_loaders.formats.registry import NATIVE, ReadingOptions, chosen, open_recording
+from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.inspection.overview import Inspection, inspect_recording, inspect_session
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
 
 from ..console import results
@@ -39,7 +40,7 @@ def _inspected(path: Path, opening: ReadingOptions) -> tuple[str, Inspection]:
     if one.name == NATIVE and opening.as_it_is:
         return one.name, inspect_session(path)
     recording = open_recording(path, replace(opening, format=one.name))
-    return one.name, inspect_recording(RecordedSession(recording, opening.alignment))
+    return one.name, inspect_recording(RecordedSession(recording, opening))
 
 
 def _table(found: Inspection, format_name: str) -> Table:

@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, guess
+from maurice_loaders.formats.registry import guess
 from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
 from maurice_viz.app.as_recorded import AFTER_RESAMPLING
 from maurice_viz.app.output import layout_of

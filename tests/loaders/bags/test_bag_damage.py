@@ -17,7 +17,8 @@ import pytest
 from bag_making import Ros, Said
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, open_session
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.reading import ReadingOptions
 
 
 def _in_folder(folder: Path, name: str, **how: str) -> Path:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.bags.images import PLAIN, picture_of
-from maurice_loaders.io.pictures import PictureError
+from maurice_loaders.errors import PictureError
 from maurice_mcl.arrays import U8
 
 RED, GREEN, BLUE = (200, 30, 20), (25, 180, 40), (15, 35, 220)

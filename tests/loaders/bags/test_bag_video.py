@@ -26,9 +26,9 @@ from maurice_loaders.bags.video import (
     codec_of,
     is_key,
 )
-from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, open_recording, open_session
-from maurice_loaders.io.pictures import PictureError
+from maurice_loaders.errors import InputError, PictureError
+from maurice_loaders.formats.registry import open_recording, open_session
+from maurice_loaders.reading import ReadingOptions
 
 PICTURES = 24
 GROUP = 8  # pictures from one key frame to the next

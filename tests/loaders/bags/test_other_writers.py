@@ -16,8 +16,9 @@ from bag_making import BEGIN_NS, Ros, Said
 from maurice_loaders.bags import mcap_container as mcap_file
 from maurice_loaders.bags.mcap import open_mcap
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, guess, open_recording
+from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.reading import ReadingOptions
 
 DRIVE = {"Picture": 5, "OdometryPose": 10, "TruthPose": 10}
 

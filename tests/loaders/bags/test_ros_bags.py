@@ -18,8 +18,9 @@ import pytest
 from bag_making import BEGIN_NS, Ros, Said
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, guess, open_recording, open_session
+from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture
 
 Write = Callable[[Path], Path]

@@ -13,7 +13,8 @@ from bag_making import Ros
 from ruamel.yaml import YAML
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions, open_session
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
 
 UPDATES = 90

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.io.fields import FieldError
+from maurice_loaders.errors import FieldError
 from maurice_loaders.live.intake import APART_S, SET_BACK, LiveClock
 
 TIMES = st.floats(-1e6, 1e6, allow_nan=False)

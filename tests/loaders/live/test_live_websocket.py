@@ -22,7 +22,6 @@ from live_peers import peer
 from maurice_loaders.bags.source import Message
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import ReadingOptions
 from maurice_loaders.io.pictures import encode_jpeg
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live import websocket as live_websocket
@@ -31,6 +30,7 @@ from maurice_loaders.live.listening import Patience
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
 from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator, json_message
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Moment
 

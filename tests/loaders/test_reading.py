@@ -1,0 +1,85 @@
+"""Options of reading in a TOML file."""
+
+from pathlib import Path
+
+import pytest
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.reading import CORRECTIONS, FIELDS, ReadingOptions, read_reading, write_reading
+
+CHANGED = ReadingOptions(
+    camera="left",
+    table=Path("poses.csv"),
+    columns={"x": "px", "heading": "yaw:deg"},
+    time_unit="ns",
+    odometry_offset_s=-0.1,
+    turn_scale=-1.0,
+    odometry_are="steps",
+    camera_yaw_rad=0.1 + 0.2,
+    max_dt_s=0.5,
+    odometry_seed=7,
+    keep_going=True,
+)
+
+
+@pytest.mark.parametrize("options", [ReadingOptions(), CHANGED])
+def test_a_file_holds_options_to_the_last_bit(
+    options: ReadingOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_reading("reading.toml", options)
+    assert read_reading("reading.toml") == options
+    assert ("degrees" in Path("reading.toml").read_text()) == (options is CHANGED)
+
+
+def test_a_table_is_found_from_where_the_file_lies(tmp_path: Path) -> None:
+    file = tmp_path / "below" / "reading.toml"
+    file.parent.mkdir()
+    write_reading(file, ReadingOptions(table=tmp_path / "poses.csv"))
+    assert 'table = "../poses.csv"' in file.read_text()
+    found = read_reading(file).table
+    assert found is not None
+    assert found.resolve() == (tmp_path / "poses.csv").resolve()
+
+
+def test_an_existing_file_is_replaced_only_by_force(tmp_path: Path) -> None:
+    write_reading(tmp_path / "a.toml", CHANGED)
+    with pytest.raises(InputError, match="exists already"):
+        write_reading(tmp_path / "a.toml", CHANGED)
+    write_reading(tmp_path / "a.toml", ReadingOptions(), force=True)
+    assert read_reading(tmp_path / "a.toml") == ReadingOptions()
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("[reading]\nturn_scael = -1\n", r"'turn_scael', which is not known here; did you mean turn_scale\?"),
+        ('[reading]\nturn_scale = "x"\n', "turn_scale 'x', expected a finite number"),
+        ("[reading]\ncamera = 3\n", "camera 3, expected a text"),
+        ('[reading]\ntime_unit = "days"\n', "time_unit 'days', expected one of s, ms, us, ns"),
+        ('[reading]\nodometry_are = "odd"\n', "odometry_are 'odd', expected one of poses, steps"),
+        ("[reading]\ntable = 3\n", "table 3, expected a text"),
+        ("[reading]\nkeep_going = 1\n", "keep_going 1, expected true or false"),
+        ("reading = 3\n", "reading 3, expected an object"),
+        ("turn_scale = -1\n", r"found turn_scale, expected one table \[reading\]"),
+        ("", r"found nothing, expected one table \[reading\]"),
+        ("[reading", "cannot be read as TOML"),
+    ],
+)
+def test_a_bad_file_is_named_in_one_line(text: str, found: str, tmp_path: Path) -> None:
+    file = tmp_path / "reading.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=found) as error:
+        read_reading(file)
+    assert str(error.value).startswith(f"{file}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        read_reading(tmp_path / "none.toml")
+
+
+def test_every_option_has_a_meaning_and_corrections_are_a_group_of_their_own() -> None:
+    assert all(meaning.text.endswith((".", "]")) for meaning in FIELDS.values())
+    assert len(CORRECTIONS) == 11
