@@ -14,11 +14,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..arrays import F32, F64, I32
 from ..geometry import wrap
 from ..library import ChannelIndex, Library
+from ..map import place_tree
 from ..sensor.descriptors import CHANNELS
 from ..sensor.distances import DISTANCES
 from ..sensor.references import SAME_PLACE_M, NearestReference, crosses
@@ -290,7 +290,7 @@ def _places(xy: F64) -> tuple[F64, I32]:
 
 def _beside(places: F64, walls: F64) -> I32:
     """Give for every place (P,) the nearest other one that no wall bars; -1 for none near."""
-    near = np.asarray(cKDTree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
+    near = np.asarray(place_tree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
     itself = np.arange(len(places))
     found = np.full(len(places), -1, np.int32)
     for other in near.T:

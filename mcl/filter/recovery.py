@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry import wrap
+from ..map import spacing
 from ..randomness import normals
 from ..records import NO_HISTORY, Belief, Comparison, RecoveryState, uniform_log_weights
-from ..sensor.references import NearestReference, spacing
+from ..sensor.references import NearestReference
 from .proposal import Regions, likely_poses, uniform_poses
 from .resampling import Resampled
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from scipy.ndimage import label
-from scipy.spatial import cKDTree
 
 from ..arrays import F64, Bool
 from ..library import Library
-from ..map import Grid, make_grid
+from ..map import Grid, make_grid, place_tree
 from ..sensor.references import distinct_places
 
 DIRECTIONS = 8  # asked of each place
@@ -52,7 +51,7 @@ def coverage_of(library: Library, reach_m: float) -> Coverage:
     cell_m2 = grid.cell_m**2
     if not len(points):
         return Coverage(reach_m, mapped, 0.0, 0.0, 0.0, ())
-    distance = np.asarray(cKDTree(library.poses[:, :2]).query(points)[0], np.float64)
+    distance = np.asarray(place_tree(library.poses[:, :2]).query(points)[0], np.float64)
     near = distance <= reach_m
     return Coverage(
         reach_m,
@@ -79,7 +78,7 @@ def _directions(poses: F64, points: F64, reach_m: float) -> float:
     if not len(points):
         return 0.0
     some = points[np.linspace(0, len(points) - 1, min(len(points), 1000)).round().astype(int)]
-    tree, wanted = cKDTree(poses[:, :2]), np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+    tree, wanted = place_tree(poses[:, :2]), np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     shares = []
     for entries in tree.query_ball_point(some, reach_m):
         apart = np.abs((poses[entries, 2] - wanted[:, None] + np.pi) % (2 * np.pi) - np.pi)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from ..arrays import F64, I32
 from ..geometry import wrap
 from ..library import Library
+from ..map import spacing
 from ..sensor.model import SensorModel
-from ..sensor.references import distinct_places, spacing
+from ..sensor.references import distinct_places
 
 Index = NDArray[np.intp]
 

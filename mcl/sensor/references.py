@@ -22,12 +22,11 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ..arrays import F32, F64, I32, Bool
 from ..geometry import wrap
 from ..library import ChannelIndex
-from ..map import Arena, Grid, make_grid
+from ..map import Arena, Grid, make_grid, place_tree, spacing
 
 # Reference selection: which library entry a particle is compared with (thesis 3.3 and 4.2.4).
 
@@ -104,13 +103,6 @@ def distinct_places(xy: F64) -> tuple[F64, I32]:
     return xy[first], inverse.astype(np.int32).ravel()
 
 
-def spacing(places: F64) -> float:
-    """Give the median distance from a place (P, 2) to its nearest neighbor; 1 m where there is but one."""
-    if len(places) < 2:
-        return 1.0
-    return float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
-
-
 def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:
     """For every heading bin, the one of these entries whose heading is nearest; the first of equals."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
@@ -120,7 +112,7 @@ def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:
 
 def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
     """Give the nearest place (rows * columns,) that can be seen from each free cell, -1 for other cells."""
-    centers, tree = grid.centers(), cKDTree(places)
+    centers, tree = grid.centers(), place_tree(places)
     place = np.full(len(centers), -1, np.int32)
     for k in (min(most, len(places)) for most in NEIGHBORS):
         left = np.flatnonzero(grid.free.ravel() & (place < 0))
@@ -237,7 +229,7 @@ def _kernel(
     nearest: NearestReference, places: F64, arena: Arena, parameters: InterpolationParameters
 ) -> tuple[I32, F32]:
     """Give which of the places (P, 2) count, (cells, K), and their weights for every cell of the raster."""
-    tree, centers = cKDTree(places), nearest.grid.centers()
+    tree, centers = place_tree(places), nearest.grid.centers()
     count = min(parameters.places, len(places))
     looked = min(count + 4, len(places))  # some may be behind a wall
     away, place = (np.asarray(a).reshape(len(centers), looked) for a in tree.query(centers, k=looked))
@@ -332,7 +324,7 @@ def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
 
 def _neighbors_between(places: F64, walls: F64) -> list[list[int]]:
     """Give groups of places with a common middle: two along a grid's line, four around a cell's center."""
-    tree = cKDTree(places)
+    tree = place_tree(places)
     pairs = tree.query_pairs(VIRTUAL_NEIGHBORS * spacing(places), output_type="ndarray").reshape(-1, 2)
     pairs = pairs[~crosses(places[pairs[:, 0]], places[pairs[:, 1]], walls)]
     pairs = pairs[np.lexsort(pairs.T[::-1])]
