@@ -37,7 +37,7 @@ def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
 
 
 def angle_between(a_rad: float, b_rad: float) -> float:
-    """Give the unsigned angle from one heading to the other, in [0, pi]."""
+    """Return the unsigned angle from one heading to the other, in [0, pi]."""
     return abs((a_rad - b_rad + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -56,7 +56,7 @@ def compose(pose: F64, motion: F64) -> F64:
 
 
 def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float, float]:
-    """Give the weighted mean direction and the circular standard deviation, both in radians.
+    """Return the weighted mean direction and the circular standard deviation, both in radians.
 
     The deviation is sqrt(-2 ln R) of the mean resultant length R (Mardia and Jupp, Directional
     Statistics, 2.3.4); it is infinite where the directions cancel. Weights (N,) need not sum to one.

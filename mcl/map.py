@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 from .arrays import F32, F64, I32, U8, Bool
 from .geometry import INCH_M
 
-# The map: walls, obstacles, floors and rooms, in metres.
+# The map: walls, obstacles, floors and rooms, in meters.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arena:
-    """Where a robot can be. Everything is in metres; no wall at all means that all inside is free."""
+    """Where a robot can be. Everything is in meters; no wall at all means that all inside is free."""
 
     bounds: tuple[float, float, float, float]  # x_min, y_min, x_max, y_max
     walls: F64  # (W, 4) x1, y1, x2, y2; W may be 0
@@ -62,7 +62,7 @@ def place_tree(places: F64) -> cKDTree:
 
 
 def spacing(places: F64) -> float:
-    """Return the median distance in meters from a place (P, 2) to its nearest neighbor; 1 for a single one."""
+    """Return the median distance from a place (P, 2) to its nearest neighbor; 1 m for a single place."""
     if len(places) < 2:
         return 1.0
     return float(np.median(np.asarray(place_tree(places).query(places, k=2)[0])[:, 1]))
@@ -94,12 +94,12 @@ class Grid:
         return self.free.shape[0], self.free.shape[1]
 
     def centers(self) -> F64:
-        """Give the centers (rows * columns, 2) of all cells in the map's frame, row by row."""
+        """Return the centers (rows * columns, 2) of all cells in the map's frame, row by row."""
         rows, columns = np.indices(self.shape)
         return self.corner + self.cell_m * (np.column_stack([columns.ravel(), rows.ravel()]) + 0.5)
 
     def cells_of(self, xy: F32, origin: F64) -> I32:
-        """Give the flat cell number (N,) of points (N, 2) that are relative to `origin`; -1 outside."""
+        """Return the flat cell number (N,) of points (N, 2) that are relative to `origin`; -1 outside."""
         low, scale = (self.corner - origin).astype(np.float32), np.float32(1 / self.cell_m)
         # column by column: numpy is ten times slower on (N, 2) at once
         column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale

@@ -52,12 +52,12 @@ class Belief:
 
 
 def uniform_log_weights(n: int) -> F64:
-    """Give n equal normalized log-weights; n may be 0."""
+    """Return n equal normalized log-weights; n may be 0."""
     return np.full(n, -np.log(max(n, 1)))
 
 
 def normalize(log_weights: F64) -> tuple[F64, float]:
-    """Give normalized log-weights and the log of what they summed to (log-sum-exp in float64).
+    """Return normalized log-weights and the log of what they summed to (log-sum-exp in float64).
 
     Returns (log_weights unchanged, -inf) when all are -inf, which the caller must treat as an event.
     """
@@ -69,7 +69,7 @@ def normalize(log_weights: F64) -> tuple[F64, float]:
 
 
 def effective_sample_size(log_weights: F64) -> float:
-    """Give 1 / sum(w^2) (Kong, Liu and Wong 1994), between 1 and N, for normalized log-weights (N,)."""
+    """Return 1 / sum(w^2) (Kong, Liu and Wong 1994), between 1 and N, for normalized log-weights (N,)."""
     return float(1.0 / np.exp(2 * log_weights).sum())
 
 
@@ -174,7 +174,7 @@ class StepRecord:
     injected: Bool | None  # (N',) freshly injected particles of `belief`; None: none
     belief: Belief  # what the next step starts from
     events: tuple[str, ...]  # what the filter noticed: "resampled", "all weights zero"
-    took_s: Mapping[str, float]  # seconds a stage; not part of what must repeat
+    took_s: Mapping[str, float]  # seconds per stage; not part of what must repeat
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -63,7 +63,7 @@ class SessionInfo:
     """What a session's header says: known before the first frame, the same for the whole drive."""
 
     name: str
-    display_units: str = "m"  # "m" or "in": what people are shown; everything stored is metres
+    display_units: str = "m"  # "m" or "in": what people are shown; everything stored is meters
     robot: str = "robot"
     motion: dict[str, Any] | None = (
         None  # motion parameters, see maurice_mcl.filter.motion; None: generic odometry

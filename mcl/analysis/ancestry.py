@@ -59,7 +59,7 @@ class Ancestry:
         return fresh + int(alive.sum())
 
     def lines(self, count: int) -> list[F64]:
-        """Give the ways (K, 2) in the map's frame of some particles' ancestors, latest first.
+        """Return the ways (K, 2) in the map's frame of some particles' ancestors, latest first.
 
         The particles are spread evenly over the cloud of the last update; a way ends where its particle was
         drawn afresh, so some have a single point.
@@ -82,7 +82,7 @@ class Ancestry:
 
 
 def _parents_of(current: I32, generation: _Generation) -> I32:
-    """Give whom these particles of the next cloud copy; -1 for fresh ones, then and before."""
+    """Return whom these particles of the next cloud copy; -1 for fresh ones, then and before."""
     if generation.parents is None:
         return current
     return np.where(current < 0, np.int32(-1), generation.parents[np.maximum(current, 0)]).astype(np.int32)

@@ -28,7 +28,7 @@ KINDS: Mapping[str, str] = {
     LIGHTS_CHANGED: "the log says that the light changed",
     SESSION: "anything else that the log says: a bump, a slip, another floor",
     LOCALIZED: "converged and correct in 4 of 5 updates, for the first time",
-    LOST: "for four updates running more than 36 in or 45 degrees off",
+    LOST: "for four updates in a row more than 36 in or 45 degrees off",
     RECOVERED: "localized again after it was lost or kidnapped",
     BEYOND_THREE_SIGMA: "the truth lies more than three standard deviations from the estimate",
     MODE_SWITCH: "another mode has become the heaviest: the estimate jumps",
@@ -53,13 +53,13 @@ class RunEvent:
 
     @property
     def is_routine(self) -> bool:
-        """Tell whether it happens so often that a list of what matters leaves it out."""
+        """Return whether it happens so often that a list of what matters leaves it out."""
         return self.kind == RESAMPLED or (self.kind == SESSION and self.text.split()[:1] == ["floor"])
 
 
 @dataclass(slots=True)
 class EventDetector:
-    """Watches one run and says what happened, in order; a few numbers and one a particle are kept.
+    """Watches one run and says what happened, in order; a few numbers and one per particle are kept.
 
     Give the first update first. Without truth the kinds that need it never happen. `say` writes lengths:
     `maurice_viz.style.Scale.say` writes them in the session's units.
@@ -78,7 +78,7 @@ class EventDetector:
     _bursts: dict[str, Burst] = field(default_factory=lambda: {RESEEDED: Burst(), ALL_ZERO: Burst()})
 
     def see(self, moment: Moment, record: StepRecord) -> tuple[RunEvent, ...]:
-        """Take in the next update; give what happened at it, in the order of KINDS."""
+        """Take in the next update; return what happened at it, in the order of KINDS."""
         step, time_s = moment.frame.step, moment.frame.time_s
         self.modes = self._tracker.see(record)
         noted = [(BOOKMARK, note) for note in self.bookmarks.get(step, ())]

@@ -59,12 +59,12 @@ class EntryExplanation:
     behind: float  # nats by which the winner is likelier; 0 for the winner itself
 
     def lost_to(self, winner: EntryExplanation) -> F64:
-        """Give what each channel (C,) costs this entry against another one; they sum to the whole gap."""
+        """Return what each channel (C,) costs this entry against another one; they sum to the whole gap."""
         pairs = zip(self.channels, winner.channels, strict=True)
         return np.array([mine.loses - best.loses for mine, best in pairs])
 
     def costliest(self, winner: EntryExplanation) -> ChannelExplanation:
-        """Name the channel that costs this entry most against another one, the first of equals."""
+        """Return the channel that costs this entry most against another one; of equals, the first."""
         return self.channels[int(self.lost_to(winner).argmax())]
 
 
@@ -182,12 +182,12 @@ def explain_step(
 
 
 def nearest_entries(sensor: SensorModel, poses: F64) -> I32:
-    """Give the entry (K,) that each pose (K, 3) in the map's frame is compared with; -1 outside."""
+    """Return the entry (K,) that each pose (K, 3) in the map's frame is compared with; -1 outside."""
     return sensor.references.entries(_relative(sensor, poses), sensor.library.origin)
 
 
 def offset(pose: F64, other: F64) -> PoseOffset:
-    """Give how far a pose (3,) is from another."""
+    """Return how far a pose (3,) is from another."""
     apart = float(np.hypot(*(pose[:2] - other[:2])))
     return PoseOffset(apart, angle_between(float(pose[2]), float(other[2])))
 
@@ -217,7 +217,7 @@ def _relative(sensor: SensorModel, poses: F64) -> F32:
 def _channels(
     comparison: Comparison, sensor: SensorModel, entries: list[int]
 ) -> list[list[ChannelExplanation]]:
-    """Explain each channel (C) for some entries (K): a list a channel."""
+    """Explain each channel (C) for some entries (K): one list per channel."""
     loses = _losses(comparison, sensor)[:, entries]
     found = []
     for k, name in enumerate(comparison.channels):

@@ -1,4 +1,4 @@
-"""Whether a run knows where it is: the state of its belief at every update, and when that changed for good.
+"""Localization status: whether a run knows where it is, at every update, and when that changed for good.
 
 By the definitions of `analysis.metrics`. What is known only in hindsight is reported when it is known.
 """
@@ -20,7 +20,7 @@ STATES: Mapping[str, str] = {
     LOCALIZED: "converged and correct",
     SEARCHING: "not converged, or not correct and not converged",
     WRONG: "converged and not correct: nothing in the cloud warns of it",
-    LOST: "too far off for four updates running, and still so",
+    LOST: "too far off for four updates in a row, and still so",
     CONVERGED: "truth not known: at least 90 % of the weight within 24 in of the estimate",
     SPREAD: "truth not known: less than that",
 }
@@ -32,14 +32,14 @@ class LocalizationStatus:
 
     state: str = ""  # at the last update seen: a key of STATES
     _recent: tuple[bool, ...] = ()  # localized or not, of at most the last five updates
-    _off: int = 0  # updates running that were too far off
+    _off: int = 0  # updates in a row that were too far off
     _since: int = 0  # step of the loss or kidnapping that the run has to recover from; 0: none
     _was: str = ""  # "lost" or "kidnapped", of that step
     _found: bool = False  # whether the run has been localized since the last loss
     _ever: bool = False  # whether it has been localized at all
 
     def see(self, step: int, score: StepScore, kidnapped: bool, say: Say) -> Iterator[tuple[str, str]]:
-        """Take in the next update; give kind and text of what is known now."""
+        """Take in the next update; return kind and text of what is known now."""
         if kidnapped:
             self._recent, self._since, self._was, self._found = (), step, "carried away", False
         self._recent = (*self._recent, score.localized is True)[-LOCALIZED_OF[1] :]

@@ -88,7 +88,7 @@ class RunScore:
 
 @dataclass(slots=True)
 class Scorer:
-    """Collects one run's scores: a few numbers an update, never the clouds.
+    """Collects one run's scores: a few numbers per update, never the clouds.
 
     An update whose truth is not known counts neither as lost nor as localized, and in no error or share.
     """
@@ -135,13 +135,13 @@ class Scorer:
         )
 
     def _reached(self, lost_at: int | None) -> bool:
-        """Tell whether the goal was driven before the first of the updates that the run was lost by."""
+        """Return whether the goal was driven before the first of the updates that the run was lost by."""
         good = len(self._steps) if lost_at is None else lost_at - LOST_FOR
         return good > 0 and self._way_m[good - 1] >= GOAL_M
 
 
 def first_run_of(flags: list[bool], length: int) -> int | None:
-    """Give the update, counted from 1, at which a flag has been up `length` times running."""
+    """Return the update, counted from 1, at which a flag has been up `length` times in a row."""
     running = 0
     for number, flag in enumerate(flags, start=1):
         running = running + 1 if flag else 0
@@ -151,7 +151,7 @@ def first_run_of(flags: list[bool], length: int) -> int | None:
 
 
 def first_mostly(localized: Bool) -> int | None:
-    """Give the first update, counted from 1, that is localized as are 4 of the 5 that start with it.
+    """Return the first update, counted from 1, that is localized as are 4 of the 5 that start with it.
 
     The last four updates cannot be such a start: not enough follows to say so.
     """
@@ -163,7 +163,7 @@ def first_mostly(localized: Bool) -> int | None:
 
 
 def mostly_at_end(correct: list[bool | None]) -> bool | None:
-    """Tell whether at least 7 of the last 10 updates were correct; None for fewer than ten."""
+    """Return whether at least 7 of the last 10 updates were correct; None for fewer than ten."""
     needed, window = RIGHT_AT_END
     return sum(flag is True for flag in correct[-window:]) >= needed if len(correct) >= window else None
 

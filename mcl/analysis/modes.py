@@ -25,13 +25,13 @@ LEAST_DESCENT = 0.25  # of a mode's weight must descend from another for it to g
 class TrackedMode:
     """One mode of a weighted cloud, and who it is."""
 
-    identity: int  # from 1; the same as long as it lives, never given twice
+    identity: int  # from 1; the same as long as it lives, never used twice
     estimate: Estimate
 
 
 @dataclass(slots=True)
 class ModeTracker:
-    """Follows the modes of one run. Keeps one number a particle of the last step, and no cloud.
+    """Follows the modes of one run. Keeps one number per particle of the last step, and no cloud.
 
     Modes are those of `maurice_mcl.filter.estimate.modes`: at most five, each of at least 1 % of the weight.
     """
@@ -41,7 +41,7 @@ class ModeTracker:
     _born: int = field(default=NO_MODE)  # identities given so far
 
     def see(self, record: StepRecord) -> tuple[TrackedMode, ...]:
-        """Take in the next update; give its modes, heaviest first."""
+        """Take in the next update; return its modes, heaviest first."""
         size = record.weighted.size
         held = self._identities
         carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
@@ -54,7 +54,7 @@ class ModeTracker:
         return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
 
     def _named(self, places: I32, carried: I32, weights: F64, count: int) -> list[int]:
-        """Name the modes: the largest bond first, each identity to one mode; the rest are new."""
+        """Assign identities, the largest bond first, each to one mode; the other modes are new."""
         width = self._born + 1
         cell = (places + 1) * width + carried
         bonds = np.bincount(cell, weights, (count + 1) * width).reshape(count + 1, width)[1:]
@@ -74,13 +74,13 @@ class ModeTracker:
 
 
 def _modes(record: StepRecord, injected: Bool | None) -> Modes:
-    """Give the modes; where the estimate holds nearly all weight it is the only one, and is known already."""
+    """Return the modes; an estimate that holds nearly all weight is the only one, and is known already."""
     alone = record.estimate.mass > ALONE * (1 + TIE)
     return (record.estimate,) if alone else modes(record.weighted, injected)
 
 
 def _places(record: StepRecord, found: Modes) -> I32:
-    """Give each particle (N,) the number of the mode that it stands in, the heaviest of several; -1: none."""
+    """Return the number of the mode that each particle (N,) is in, the heaviest of several; -1: none."""
     poses = record.weighted.poses
     place = np.full(len(poses), -1, np.int32)
     for number in reversed(range(len(found))):
@@ -91,7 +91,7 @@ def _places(record: StepRecord, found: Modes) -> I32:
 
 
 def _handed_on(identities: I32, parents: I32 | None) -> I32:
-    """Give each particle of the next step (N',) what its parent carried; fresh ones carry nothing."""
+    """Return the identity that each particle of the next step (N',) inherits; fresh ones have none."""
     if parents is None:
         return identities
     return np.where(parents >= 0, identities[parents], NO_MODE).astype(np.int32)

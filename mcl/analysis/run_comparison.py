@@ -56,7 +56,7 @@ def block_length(values: F64) -> int:
 
 
 def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
-    """Give the ends of a 95 % interval about the mean of a series (n,); None for fewer than 24 values.
+    """Return the ends of a 95 % interval about the mean of a series (n,); None for fewer than 24 values.
 
     It is symmetric, and the same every time. Of a constant series it has no width.
     """
@@ -72,7 +72,7 @@ def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
 
 
 def _critical(blocks: F64, count: int, seed: int) -> float:
-    """Give how many standard errors a drawn mean stays within, in 95 of 100 draws of `count` blocks."""
+    """Return how many standard errors a drawn mean stays within, in 95 of 100 draws of `count` blocks."""
     chosen = stream(Domain.COMPARE, seed).integers(0, len(blocks), (DRAWS, count))
     drawn = blocks[chosen]
     away = np.abs(drawn.mean(axis=1) - blocks.mean())
@@ -101,7 +101,7 @@ class StepComparison:
 
 @dataclass(frozen=True, slots=True)
 class ErrorDifference:
-    """A run's error minus the first run's over the scored updates of a drive, in metres or radians."""
+    """A run's error minus the first run's over the scored updates of a drive, in meters or radians."""
 
     mean: float
     interval: (
@@ -126,18 +126,18 @@ class ComparisonResult:
 
 @dataclass(slots=True)
 class RunComparison:
-    """Compares one run with the first one while both go; keeps three numbers an update."""
+    """Compares one run with the first one while both go; keeps three numbers per update."""
 
     first: str  # label of the run that the others are compared with
     other: str
-    say: Say  # writes a length in metres, with its unit
+    say: Say  # writes a length in meters, with its unit
     same_drive: bool = True  # otherwise steps are aligned by their number, and places are not compared
     parted_at: int | None = None  # known so far
     _position: list[float] = field(default_factory=list)
     _heading: list[float] = field(default_factory=list)
     _apart: list[float] = field(default_factory=list)
     _seen: int = 0
-    _running: int = 0  # updates running, up to the last one, at which the estimates were apart
+    _running: int = 0  # updates in a row, up to the last one, at which the estimates were apart
 
     def see(self, first: Step, other: Step) -> StepComparison:
         """Take in the next update of both runs."""

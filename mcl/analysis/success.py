@@ -76,7 +76,7 @@ class SuccessJudge:
         self._injected = record.injected
 
     def result(self) -> tuple[Success, Success]:
-        """Give both readings of the run as far as it went."""
+        """Return both readings of the run as far as it went."""
         return self._found
 
     def _driven(self, motions: F64, truth: F64 | None) -> F64:

@@ -13,7 +13,7 @@ from ..filter.estimate import CLUSTER_M
 from ..records import StepRecord
 from .modes import TrackedMode
 
-Say = Callable[[float], str]  # writes a length in metres, with its unit
+Say = Callable[[float], str]  # writes a length in meters, with its unit
 
 
 def in_meters(length_m: float) -> str:
@@ -30,7 +30,7 @@ class EventThresholds:
     beyond_sd: float = 3.0  # standard deviations; of a right cloud 1.1 % of updates lie beyond (two axes)
     within_sd: float = 2.0  # under which an excursion has ended
     claims_over: float = 0.5  # share of the weight in the cluster; with less the filter claims no place
-    beyond_for: int = 2  # updates running; single ones are chance, or a mode switch says so already
+    beyond_for: int = 2  # updates in a row; single ones are chance, or a mode switch says so already
     least_sd_m: float = 0.0254  # a cloud narrower than 1 in claims no more than that, as truth is measured so
     leads_with: float = 0.3  # share of the weight that a mode needs to take over
     leads_by: float = 0.1  # share that it must be ahead of the last leader, or two equals would alternate
@@ -45,7 +45,7 @@ class Dip:
     _down: bool = False
 
     def see(self, share: float, limits: EventThresholds) -> float | None:
-        """Give the value where a dip begins."""
+        """Return the value where a dip begins."""
         begins = not self._down and share < limits.dip_under
         self._down = share < (limits.dip_over if self._down else limits.dip_under)
         return share if begins else None
@@ -58,7 +58,7 @@ class Burst:
     _last: int | None = None
 
     def begins(self, step: int, happens: bool, limits: EventThresholds) -> bool:
-        """Tell whether it happens now and did not in the updates just before."""
+        """Return whether it happens now and did not in the updates just before."""
         if not happens:
             return False
         begins = self._last is None or step - self._last > limits.quiet_for
@@ -74,7 +74,7 @@ class BeyondSigma:
     _out: bool = False
 
     def see(self, record: StepRecord, truth: F64, limits: EventThresholds, say: Say) -> str | None:
-        """Give a line where an excursion is known."""
+        """Return a line where an excursion is known."""
         claims = record.estimate.mass > limits.claims_over
         off_sd = deviations(record, truth, limits.least_sd_m) if claims else 0.0
         self._running = self._running + 1 if off_sd > limits.beyond_sd else 0
@@ -87,7 +87,7 @@ class BeyondSigma:
 
 
 def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
-    """Give the Mahalanobis distance of the truth's x, y from the estimate, by the cluster's covariance.
+    """Return the Mahalanobis distance of the truth's x, y from the estimate, by the cluster's covariance.
 
     The cluster is what lies within 24 in of the estimate; to each axis the square of `least_sd_m` is added.
     """
@@ -108,7 +108,7 @@ class Leader:
     _leader: TrackedMode | None = None
 
     def see(self, modes: Sequence[TrackedMode], limits: EventThresholds, say: Say) -> str | None:
-        """Give a line where another mode takes over. The first leader of all takes over from none."""
+        """Return a line where another mode takes over. The first leader of all takes over from none."""
         if not modes:
             return None
         first, last = modes[0], self._leader

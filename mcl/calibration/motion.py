@@ -83,7 +83,7 @@ class TurnFit:
 
     @property
     def uneven(self) -> bool:
-        """Whether left and right turns have gains that their intervals tell apart."""
+        """Return whether left and right turns have gains that their intervals tell apart."""
         left, right = self.left_gain, self.right_gain
         return bool(left and right and (left.low > right.high or right.low > left.high))
 
@@ -103,7 +103,7 @@ class DriftFit:
     """How the heading drifts on one floor (thesis 3.3, figure 10)."""
 
     floor: str
-    rate: Spread  # rad a metre really driven, counter-clockwise
+    rate: Spread  # rad per meter really driven, counter-clockwise
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ class Calibration:
     left_out: int
 
     def motion_header(self) -> dict[str, Any]:
-        """Give the motion parameters as a session's header holds them under robot.motion."""
+        """Return the motion parameters as a session's header holds them under robot.motion."""
         return {
             "model": "maurice",
             "turn_gain": self.turns.gain.value,
@@ -196,7 +196,7 @@ def fit_drifts(straights: Straights) -> tuple[DriftFit, ...]:
 
 
 def drift_rates(straights: Straights, floor: str) -> F64:
-    """Give the drift (k,) in rad a metre of every straight on a floor whose drift is known."""
+    """Return the drift (k,) in rad per meter of every straight on a floor whose drift is known."""
     on = np.array([name == floor for name in straights.floors], bool)
     on &= np.isfinite(straights.drift_rad) & (straights.actual_m != 0)
     return np.asarray(straights.drift_rad[on] / np.abs(straights.actual_m[on]))

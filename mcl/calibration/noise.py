@@ -37,13 +37,13 @@ class NoiseFloor:
     example: U8  # (H, W, 3) the first frame
 
     def peaks(self) -> tuple[Peak, ...]:
-        """Give the highest bin of each color; of equal ones the darkest."""
+        """Return the highest bin of each color; of equal ones the darkest."""
         rows = zip(COLORS, self.mean.reshape(3, BINS), self.sd.reshape(3, BINS), strict=True)
         return tuple(_peak(*row) for row in rows)
 
     @property
     def lit(self) -> bool:
-        """Whether it is too bright for a covered lens."""
+        """Return whether it is too bright for a covered lens."""
         return bool(self.level.mean() > LIT)
 
 

@@ -28,7 +28,7 @@ class Fitted:
     high: float
 
     def holds(self, true: float) -> bool:
-        """Say whether a value lies in the interval, ends included."""
+        """Return whether a value lies in the interval, ends included."""
         return self.low <= true <= self.high
 
 
@@ -62,7 +62,7 @@ def spread_of(values: F64, fitted: int = 1) -> Spread:
 
 
 def student(value: float, error: float, free: int) -> Fitted:
-    """Give a value with Student's interval; `error` is its standard error, `free` its degrees of freedom."""
+    """Return a value with Student's interval, from its standard error and degrees of freedom."""
     reach = float(stdtrit(free, (1 + LEVEL) / 2)) * error
     return Fitted(value, value - reach, value + reach)
 
@@ -78,7 +78,7 @@ def _sd_resampled(values: F64, sd: float, free: int) -> Fitted:
 
 
 def normality(values: F64) -> float | None:
-    """Give Shapiro and Wilk's p that values (n,) are normal; None for fewer than 3 or all alike.
+    """Return Shapiro and Wilk's p that values (n,) are normal; None for fewer than 3 or all alike.
 
     Of more than 5000 values the first 5000 are tested.
     """
@@ -106,13 +106,13 @@ def slope_resampled(x: F64, y: F64) -> Fitted:
 
 
 def _slopes(pairs: F64) -> F64:
-    """Fit a slope through the origin to each of several sets of pairs (b, n, 2); gives (b,)."""
+    """Fit a slope through the origin to each of several sets of pairs (b, n, 2); returns (b,)."""
     squares = np.maximum((pairs[:, :, 0] ** 2).sum(axis=1), np.finfo(float).tiny)
     return np.asarray((pairs[:, :, 0] * pairs[:, :, 1]).sum(axis=1) / squares)
 
 
 def r_squared(y: F64, residual: F64) -> float:
-    """Give the share of y's variance (n,) about its mean that a fit explains; nan where y does not vary."""
+    """Return the share of y's variance (n,) about its mean that a fit explains; nan where y does not vary."""
     total = float(((y - y.mean()) ** 2).sum())
     return 1 - float(residual @ residual) / total if total > 0 else math.nan
 

@@ -47,17 +47,17 @@ class Tuned:
     channels: tuple[str, ...]
     scales: tuple[float, ...]  # distance of one nat, each channel alone
     weights: tuple[float, ...]  # of the calibrated distances, together; 0: the channel adds nothing
-    alone: tuple[float, ...]  # log score of each channel by itself
+    alone: tuple[float, ...]  # log score of each channel on its own
     together: float  # log score of the blend
     blind: float  # log score of knowing nothing: -log(L)
 
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Mean log scores a picture, in nats; higher is better."""
+    """Mean log scores per picture, in nats; higher is better."""
 
     pictures: int
-    alone: tuple[float, ...]  # each tuned channel by itself, at its tuned scale
+    alone: tuple[float, ...]  # each tuned channel on its own, at its tuned scale
     together: float  # the tuned blend
     before: float  # the blend it is measured against
     blind: float  # knowing nothing
@@ -87,7 +87,7 @@ def judge(tuned: Tuned, samples: Sequence[Sample], before: F64) -> Scores:
 
 
 def pooled(several: Sequence[Scores]) -> Scores:
-    """Give the mean over all pictures of several sets of them."""
+    """Return the mean over all pictures of several sets of them."""
     share = np.array([s.pictures for s in several], np.float64)
     share /= share.sum()
     alone = share @ np.array([s.alone for s in several])
@@ -101,14 +101,14 @@ def pooled(several: Sequence[Scores]) -> Scores:
 
 
 def true_entry(nearest: NearestReference, library: Library, pose: F64) -> int:
-    """Give the entry that is nearest to a true pose (3,); -1 outside free space."""
+    """Return the entry that is nearest to a true pose (3,); -1 outside free space."""
     local = (pose - np.append(library.origin, 0))[None]
     local[:, 2] = wrap(local[:, 2])
     return int(nearest.entries(np.asarray(local, np.float32), library.origin)[0])
 
 
 def log_scores(cost: F64, truth: I32) -> F64:
-    """Give the log score (T,) of costs (T, L) in nats."""
+    """Return the log score (T,) of costs (T, L) in nats."""
     logits = -cost + cost.min(axis=1, keepdims=True)
     log_total = np.log(np.exp(logits).sum(axis=1))
     found = logits[np.arange(len(truth)), truth] - log_total
@@ -116,7 +116,7 @@ def log_scores(cost: F64, truth: I32) -> F64:
 
 
 def score(samples: Sequence[Sample], per_distance: F64) -> float:
-    """Give the mean log score of the cost per_distance (C,) @ distances."""
+    """Return the mean log score of the cost per_distance (C,) @ distances."""
     return float(
         np.concatenate(
             [log_scores(np.tensordot(per_distance, s.distances, 1), s.truth) for s in samples]
@@ -125,7 +125,7 @@ def score(samples: Sequence[Sample], per_distance: F64) -> float:
 
 
 def fit_scale(samples: Sequence[Sample]) -> tuple[float, float]:
-    """Give the best scale of the one channel of these samples, and its log score."""
+    """Return the best scale of the one channel of these samples, and its log score."""
     from scipy.optimize import minimize_scalar
 
     typical = float(np.median([np.median(s.distances) for s in samples])) or 1.0
@@ -139,7 +139,7 @@ def fit_scale(samples: Sequence[Sample]) -> tuple[float, float]:
 
 
 def fit_weights(samples: Sequence[Sample], scales: F64) -> F64:
-    """Give the weights (C,) >= 0 of calibrated distances that have the best log score together."""
+    """Return the weights (C,) >= 0 of calibrated distances that have the best log score together."""
 
     from scipy.optimize import minimize
 
@@ -158,7 +158,7 @@ def fit_weights(samples: Sequence[Sample], scales: F64) -> F64:
 
 
 def _log_score(per_distance: F64, sample: Sample) -> tuple[float, F64]:
-    """Give the sum of the log scores of one drive and its gradient (C,)."""
+    """Return the sum of the log scores of one drive and its gradient (C,)."""
     cost = np.tensordot(per_distance, sample.distances, 1)
     logits = -cost + cost.min(axis=1, keepdims=True)
     probability = np.exp(logits)
@@ -170,7 +170,7 @@ def _log_score(per_distance: F64, sample: Sample) -> tuple[float, F64]:
 
 
 def rows_of(samples: Sequence[Sample], rows: Sequence[int]) -> list[Sample]:
-    """Give the same pictures in some of the channels only, in that order."""
+    """Return the same pictures in some of the channels only, in that order."""
     # a slice shares memory, a list of rows copies it
     chosen = slice(rows[0], rows[0] + 1) if len(rows) == 1 else list(rows)
     return [Sample(s.distances[chosen], s.truth) for s in samples]
@@ -221,7 +221,7 @@ class Measuring:
     distances: Mapping[str, str]  # channel to DISTANCES, in the order of the samples' rows
 
     def of(self, descriptors: Mapping[str, F32]) -> F32:
-        """Give the distances (C, L) of one picture from every reference."""
+        """Return the distances (C, L) of one picture from every reference."""
         index = self.library.index
         rows = [
             DISTANCES[distance](descriptors[name], index[name]) for name, distance in self.distances.items()
@@ -229,7 +229,7 @@ class Measuring:
         return np.asarray(rows, np.float32)
 
     def most_pictures(self) -> int:
-        """Give how many pictures are taken at the most, so that memory stays bounded."""
+        """Return how many pictures are taken at the most, so that memory stays bounded."""
         return max(1, MOST_DISTANCES // (len(self.distances) * self.library.size))
 
 
@@ -265,7 +265,7 @@ def library_samples(measuring: Measuring, most: int, progress: Progress | None =
 
 
 def neighbors(library: Library) -> I32:
-    """Give for every entry (L,) the one that stands for it when it is left out; -1 for none."""
+    """Return for every entry (L,) the one that stands for it when it is left out; -1 for none."""
     places, place_of = _places(library.poses[:, :2])
     if len(places) < 2:
         return np.full(library.size, -1, np.int32)
@@ -289,7 +289,7 @@ def _places(xy: F64) -> tuple[F64, I32]:
 
 
 def _beside(places: F64, walls: F64) -> I32:
-    """Give for every place (P,) the nearest other one that no wall bars; -1 for none near."""
+    """Return for every place (P,) the nearest other one that no wall bars; -1 for none near."""
     near = np.asarray(place_tree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
     itself = np.arange(len(places))
     found = np.full(len(places), -1, np.int32)

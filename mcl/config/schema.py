@@ -212,7 +212,7 @@ class Configuration:
     settings: tuple[Setting, ...]  # in the order of the documentation
 
     def values(self) -> dict[str, Any]:
-        """Give dotted keys to values, to be stored beside a recording or a run."""
+        """Return dotted keys to values, to be stored beside a recording or a run."""
         return {setting.key: setting.value for setting in self.settings}
 
 
@@ -249,7 +249,7 @@ def configure(layers: Iterable[Layer]) -> Configuration:
 
 
 def defaults() -> dict[str, Any]:
-    """Give the default of every key."""
+    """Return the default of every key."""
     return {key: _read(FilterParameters(), key) for key in RULES}
 
 

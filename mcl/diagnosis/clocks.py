@@ -17,7 +17,7 @@ MOST, OTHER = 0.8, 0.5  # share of the times that meet with an offset, and that 
 
 
 def same_moments(late_t_s: F64, t_s: F64) -> float | None:
-    """Give by how much some times are late where nearly all of them or of the others are then the same.
+    """Return by how much some times are late where nearly all of them or of the others are then the same.
 
     None where no offset does that, or several do, as with times that come evenly.
     """
@@ -36,7 +36,7 @@ def same_moments(late_t_s: F64, t_s: F64) -> float | None:
 
 
 def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
-    """Tell whether pictures, odometry and truth have no time in common.
+    """Return whether pictures, odometry and truth have no time in common.
 
     `movement_s` is what has to be added to the truth's times so that it moves when the odometry does.
     """
@@ -67,7 +67,7 @@ def _overlap(times: F64, ours: F64) -> bool:
 
 
 def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
-    """Tell how late a clock is, by the best that is known, and by what that is."""
+    """Return how late a clock is, by the best that is known, and by what that is."""
     exact = same_moments(times, ours)
     if exact is not None:
         return exact, "the offset puts records at the times of pictures"
@@ -78,7 +78,7 @@ def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
 
 
 def truth_apart(drive: RecordedDrive) -> list[Finding]:
-    """Tell whether the truth passes the pictures by: none at their times, though it goes on beside them."""
+    """Return whether the truth passes the pictures by: none at their times, though it goes on beside them."""
     truth, pictures = drive.truth, drive.picture_t_s
     if truth.size < FEWEST or len(pictures) < FEWEST:
         return []

@@ -123,7 +123,7 @@ def evidence(
 
 
 def motions_to(picture_t_s: F64, drive: RecordedDrive, hypothesis: Hypothesis) -> Iterator[F64]:
-    """Give the motions (M, 3) up to each picture since the one before, as the hypothesis has them."""
+    """Return the motions (M, 3) up to each picture since the one before, as the hypothesis has them."""
     motions = motions_read(drive.odometry, hypothesis.reading)
     ahead, aside = rotated(motions[:, 0], motions[:, 1], hypothesis.offset_rad)
     motions = np.column_stack([ahead, aside, motions[:, 2]]) * [
@@ -139,7 +139,7 @@ def motions_to(picture_t_s: F64, drive: RecordedDrive, hypothesis: Hypothesis) -
 
 
 def _end(ends: object, number: int) -> int:
-    """Give the record after the last one before a picture; none before the first picture."""
+    """Return the record after the last one before a picture; none before the first picture."""
     known = np.asarray(ends)
     return 0 if number < 0 else int(known[min(number, len(known) - 1)])
 

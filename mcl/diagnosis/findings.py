@@ -42,7 +42,7 @@ class RecordedOdometry:
         return len(self.t_s)
 
     def slowed(self, factor: float) -> RecordedOdometry:
-        """Give the same with all times multiplied."""
+        """Return the same with all times multiplied."""
         return RecordedOdometry(self.t_s * factor, self.values, self.poses)
 
 
@@ -60,7 +60,7 @@ class RecordedTruth:
         return len(self.t_s)
 
     def slowed(self, factor: float) -> RecordedTruth:
-        """Give the same with all times multiplied."""
+        """Return the same with all times multiplied."""
         return RecordedTruth(self.t_s * factor, self.poses, self.part)
 
 
@@ -75,7 +75,7 @@ class RecordedDrive:
     turn_gain: float = 1.0  # actual over measured, as the header has it
 
     def slowed(self, factor: float) -> RecordedDrive:
-        """Give the same with all times multiplied."""
+        """Return the same with all times multiplied."""
         return RecordedDrive(
             self.odometry.slowed(factor),
             self.truth.slowed(factor),
@@ -86,19 +86,19 @@ class RecordedDrive:
 
 
 def in_radians(drive: RecordedDrive) -> RecordedDrive:
-    """Give a drive whose odometry turns in degrees as one that turns in radians."""
+    """Return a drive whose odometry turns in degrees as one that turns in radians."""
     odometry = drive.odometry
     return replace(drive, odometry=replace(odometry, values=odometry.values * [1, 1, DEGREE]))
 
 
 def motions_of(odometry: RecordedOdometry, turn: float = 1.0) -> F64:
-    """Give motions (K, 3), the first of poses being none; `turn` is what every angle is multiplied by."""
+    """Return motions (K, 3), the first of poses being none; `turn` is what every angle is multiplied by."""
     values = odometry.values * [1, 1, turn]
     return motions_between(values) if odometry.poses else values
 
 
 def motions_between(poses: F64) -> F64:
-    """Give the motion (K, 3) that leads to each of K poses from the one before it; nothing to the first."""
+    """Return the motion (K, 3) that leads to each of K poses from the one before it; nothing to the first."""
     step = np.diff(poses, axis=0, prepend=poses[:1])
     before = np.concatenate([poses[:1, 2], poses[:-1, 2]])
     ahead, aside = rotated(step[:, 0], step[:, 1], -before)
@@ -106,7 +106,7 @@ def motions_between(poses: F64) -> F64:
 
 
 def joined(motions: F64) -> F64:
-    """Give the poses (K, 3) that K motions lead to, from zero on; headings are counted on."""
+    """Return the poses (K, 3) that K motions lead to, from zero on; headings are counted on."""
     heading = np.cumsum(motions[:, 2])
     x, y = rotated(motions[:, 0], motions[:, 1], heading - motions[:, 2])
     return np.column_stack([np.cumsum(x), np.cumsum(y), heading])

@@ -95,7 +95,7 @@ def readings(odometry: RecordedOdometry) -> list[Reading]:
 
 
 def motions_read(odometry: RecordedOdometry, reading: Reading) -> F64:
-    """Give the robot's motions (K, 3) if the numbers are what the reading says."""
+    """Return the robot's motions (K, 3) if the numbers are what the reading says."""
     motions = motions_of(odometry, TURNS[reading.turn])
     if reading.frame == "absolute":
         return motions_between(motions)
@@ -125,7 +125,7 @@ def agreement(
 
 
 def _records_in(t_s: F64, legs: TruthSegments) -> tuple[I32, I32]:
-    """Give the first record of each leg, and the one after its last."""
+    """Return the first record of each leg, and the one after its last."""
     begin = np.searchsorted(t_s, legs.begin_s, side="right")
     end = np.searchsorted(t_s, legs.end_s, side="right")
     return np.asarray(begin, np.int32), np.asarray(end, np.int32)
@@ -171,7 +171,7 @@ def _fit_ways(ahead: F64, aside: F64, moved: F64) -> tuple[float, float, float]:
 
 
 def _middle_direction(ratios: object) -> float:
-    """Give the direction that most of these complex numbers agree on."""
+    """Return the direction that most of these complex numbers agree on."""
     units = np.asarray(ratios) / np.abs(np.asarray(ratios))
     angles = np.angle(units)
     tried = np.linspace(-np.pi, np.pi, 73)[:-1]

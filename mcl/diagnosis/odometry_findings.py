@@ -19,7 +19,7 @@ WORTH_S = 0.15  # a smaller delay is not told
 
 
 def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
-    """Say what is wrong with the odometry, or with the truth, by the other.
+    """Return what is wrong with the odometry, or with the truth, by the other.
 
     `movement_s` is what would be added to the truth's times by how both move, for a delay of any length.
     """
@@ -91,7 +91,7 @@ def _in_degrees(drive: RecordedDrive, legs: TruthSegments) -> tuple[TruthSegment
 
 
 def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Finding]:
-    """Say what the best reading means."""
+    """Return what the best reading means."""
     complaints, evidence = [], words.told(best, usual)
     if best.reading.turn:
         complaints.append(words.turn_complaint(best.reading.turn, evidence, unexplained=best.unexplained))
@@ -110,7 +110,7 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
 
 
 def _offset(best: Agreement, drive: RecordedDrive) -> float:
-    """Give where forward is: by the odometry alone if that is near, as a drift of the robot is not in it."""
+    """Return where forward is: from the odometry alone if that is near, as it is free of the robot's drift."""
     own = -direction_of(drive.odometry, best.reading)
     near = own and abs(short_way(np.array(own - best.offset_rad))) < FAR_OFF
     return own if near else best.offset_rad
@@ -131,7 +131,7 @@ def _scale(best: Agreement, drive: RecordedDrive, evidence: str) -> Finding:
 
 
 def _too_fast(drive: RecordedDrive) -> bool:
-    """Tell whether no robot goes as the truth does."""
+    """Return whether no robot goes as the truth does."""
     legs = segments_of(drive.truth)
     speeds = np.hypot(legs.moved[:, 0], legs.moved[:, 1]) / np.maximum(legs.end_s - legs.begin_s, 1e-3)
     return bool(np.median(speeds) > FASTEST_M_S)

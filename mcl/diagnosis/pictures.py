@@ -40,7 +40,7 @@ class ComparedPictures:
     localizer: Localizer
 
     def at(self, poses: F64) -> F64:
-        """Give the log-likelihood (n, k) of each picture at k poses of its own, (n, k, 3); nan outside."""
+        """Return the log-likelihood (n, k) of each picture at k poses of its own, (n, k, 3); nan outside."""
         origin = self.localizer.library.origin
         local = (poses - np.append(origin, 0)).astype(np.float32)
         local[..., 2] = short_way(poses[..., 2])
@@ -83,7 +83,7 @@ def delays_tried(track: RecordedTruth) -> F64:
 
 
 def truth_at(track: RecordedTruth, t_s: F64) -> F64:
-    """Give the true pose (n, 3) at times (n,): interpolated across a second at most, else the nearest."""
+    """Return the true pose (n, 3) at times (n,): interpolated across a second at most, else the nearest."""
     after = np.clip(np.searchsorted(track.t_s, t_s), 1, track.size - 1)
     before = after - 1
     gap = track.t_s[after] - track.t_s[before]
@@ -128,7 +128,7 @@ def _run(mean: F64, top: int) -> Bool:
 
 
 def seen_with_truth(looks: ComparedPictures, track: RecordedTruth) -> list[Finding]:
-    """Say whether the camera looks elsewhere, or pictures are stamped late: the one that explains more."""
+    """Return whether the camera looks elsewhere, or pictures are stamped late: the one that explains more."""
     yaw, delay = best_yaw(looks, track), best_delay(looks, track)
     elsewhere = yaw is not None and _sure(yaw) and abs(yaw.value) >= LEAST_YAW_RAD
     late = delay is not None and _sure(delay)

@@ -1,4 +1,4 @@
-"""Whether numbers can be what they are called: without truth, pictures or a library."""
+"""Return whether numbers can be what they are called: without truth, pictures or a library."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the way that goes sideways: too much, a
 
 
 def speeds(odometry: RecordedOdometry) -> tuple[float, float]:
-    """Give how fast the robot goes (m/s) and turns (rad/s): 95th percentiles of what moves; 0 for nothing.
+    """Return how fast the robot goes (m/s) and turns (rad/s): 95th percentiles of what moves; 0 for nothing.
 
     Turns are taken as they stand, so that degrees show.
     """
@@ -40,7 +40,7 @@ def _high(amounts: F64, passed_s: F64) -> float:
 
 
 def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
-    """Tell whether times are no seconds; give what they have to be multiplied by."""
+    """Return whether times are no seconds; give what they have to be multiplied by."""
     way, turn = speeds(drive.odometry) if drive.odometry.size else (0.0, 0.0)
     if not (0 < way < SLOWEST_M_S and turn < SLOWEST_M_S):
         return 1.0, []
@@ -57,7 +57,7 @@ def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
 
 
 def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
-    """Say what is wrong with the odometry by its own numbers."""
+    """Return what is wrong with the odometry by its own numbers."""
     odometry = drive.odometry
     if odometry.size < FEWEST:
         return []
@@ -99,7 +99,7 @@ def best_reading(odometry: RecordedOdometry) -> Reading:
 
 
 def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
-    """Give the share of the way that goes sideways, 0 to 1, if the odometry is what the reading says."""
+    """Return the share of the way that goes sideways, 0 to 1, if the odometry is what the reading says."""
     if odometry.poses:
         motions = _steps(odometry.values * [1, 1, TURNS[reading.turn]])
     else:
@@ -113,7 +113,7 @@ def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
 
 
 def _steps(poses: F64) -> F64:
-    """Give the way between poses (n, 2) some centimetres apart, seen from each step's end."""
+    """Return the way between poses (n, 2) some centimeters apart, seen from each step's end."""
     gone = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T))
     chosen = np.unique(np.searchsorted(gone, np.arange(0.0, min(gone[-1], 1000.0), STEP_M)))
     some = poses[chosen]
@@ -122,21 +122,21 @@ def _steps(poses: F64) -> F64:
 
 
 def direction_of(odometry: RecordedOdometry, reading: Reading) -> float:
-    """Give the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
+    """Return the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
     if odometry.poses:
         return main_direction(_steps(odometry.values * [1, 1, TURNS[reading.turn]]))
     return main_direction(motions_read(odometry, reading))
 
 
 def main_direction(motions: F64) -> float:
-    """Give the direction in which nearly all of the way of motions (K, 3) goes; 0 for no direction."""
+    """Return the direction in which nearly all of the way of motions (K, 3) goes; 0 for no direction."""
     x, y = motions[:, 0].sum(), motions[:, 1].sum()
     whole = np.hypot(motions[:, 0], motions[:, 1]).sum()
     return float(np.arctan2(y, x)) if np.hypot(x, y) > ONE_WAY * whole else 0.0
 
 
 def _too_fast(way: float, size_m: float) -> Finding:
-    """Say that lengths are no metres."""
+    """Say that lengths are no meters."""
     scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
     wide = f", on a map of {size_m:.1f} m" if np.isfinite(size_m) else ""
     evidence = f"the robot would go at {way:.3g} m/s{wide}; so it is {way * scale:.2g} m/s"

@@ -8,7 +8,7 @@ from .findings import Finding
 from .odometry import TURNS as FACTORS
 from .odometry import Agreement, Reading
 
-SCALES = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet", 1000.0: "kilometres"}
+SCALES = {0.001: "millimeters", 0.01: "centimeters", 0.0254: "inches", 0.3048: "feet", 1000.0: "kilometers"}
 LEAST_FORWARD = np.radians(1)  # of steps along fixed axes
 SAME_SCALE = 0.25  # natural log of a ratio: a slipping robot is not a wrong unit
 TURNS = {
@@ -92,20 +92,22 @@ def offset_complaint(offset_rad: float, evidence: str) -> Finding:
 
 
 def scale_name(scale: float) -> tuple[str, float] | None:
-    """Give the name of a unit of length by what it has in metres, and that; None for no unit's ratio."""
+    """Return the name of a unit of length by what it has in meters, and that; None for no unit's ratio."""
     near = min(SCALES, key=lambda one: abs(np.log(scale / one)))
     return (SCALES[near], near) if abs(np.log(scale / near)) < SAME_SCALE else None
 
 
 def scale_complaint(scale: float, evidence: str, *, truth: bool = False, **numbers: float) -> Finding:
-    """Say that lengths are no metres, or over-read by far."""
+    """Say that lengths are no meters, or over-read by far."""
     whose = "the truth" if truth else "odometry"
     named = scale_name(scale)
     numbers = {"scale": scale, **numbers}
     field = "truth_scale" if truth else "odometry_scale"
     if named is None:
         what = f"lengths of {whose} have to be multiplied by {scale:.3g}"
-        mend = "check wheel diameter and ticks a turn; `maurice-replay calibrate motion SESSION` measures it"
+        mend = (
+            "check wheel diameter and ticks per turn; `maurice-replay calibrate motion SESSION` measures it"
+        )
         return Finding("scale", what, evidence, mend, numbers, {field: round(scale, 4)})
     unit, factor = named
     mend = IN_LOG + f"multiply the lengths of {whose} by {factor:g}"

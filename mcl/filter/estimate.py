@@ -59,7 +59,7 @@ def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
 
 
 def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least: float = 0.01) -> Modes:
-    """Give the clusters, heaviest first: the heaviest one, then the heaviest of what it left, and so on.
+    """Return the clusters, heaviest first: the heaviest one, then the heaviest of what it left, and so on.
 
     Each holds what lies within 24 in of its mode and in no cluster before it, so that masses add up to no
     more than one. At most so many, each of at least so large a share of the weight. Equally heavy ones are
@@ -80,12 +80,12 @@ def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least:
 
 
 def first_heaviest(weights: NDArray[Any]) -> int:
-    """Give the flat place of the largest of some weights (any shape), the first of equals within rounding."""
+    """Return the flat index of the largest weight (any shape), the first of equals within rounding."""
     return int((weights >= weights.max() * (1 - TIE)).argmax())
 
 
 def covariance(belief: Belief, injected: Bool | None = None) -> F64:
-    """Give the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means.
+    """Return the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means.
 
     Headings count by the way round from the mean, in [-pi, pi), so that the seam does no harm.
     """
@@ -98,7 +98,7 @@ def covariance(belief: Belief, injected: Bool | None = None) -> F64:
 
 
 def share_within(belief: Belief, pose: F64, radius_m: float, injected: Bool | None = None) -> float:
-    """Give the share of weight within a radius of a pose's place, in the map's frame, its rim included."""
+    """Return the share of weight within a radius of a pose's place, in the map's frame, its rim included."""
     weights = _counted(belief, injected)
     x, y = _columns(belief)
     center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
@@ -120,12 +120,12 @@ def _counted(belief: Belief, injected: Bool | None) -> F64:
 
 
 def _columns(belief: Belief) -> tuple[F64, F64]:
-    """Give x and y (N,) relative to the origin, each contiguous: many times faster than (N, 2)."""
+    """Return x and y (N,) relative to the origin, each contiguous: many times faster than (N, 2)."""
     return belief.poses[:, 0].astype(np.float64), belief.poses[:, 1].astype(np.float64)
 
 
 def _amid_most(x: F64, y: F64, weights: F64) -> Point:
-    """Give the place of a particle from which the mean shift begins: amid most weight within 24 in."""
+    """Return the particle's place that the mean shift begins at: where most weight lies within 24 in."""
     left, low = float(x.min()), float(y.min())
     side = max(CELL_M, float(x.max() - left) / MOST_CELLS_A_SIDE, float(y.max() - low) / MOST_CELLS_A_SIDE)
     column, row = ((x - left) / side).astype(np.int64), ((y - low) / side).astype(np.int64)
@@ -140,7 +140,7 @@ def _amid_most(x: F64, y: F64, weights: F64) -> Point:
 
 
 def _disc(radius: float) -> F64:
-    """Give the cells (K, K) whose centers lie within a radius, in cells, of the middle one: 1, others 0."""
+    """Return the cells (K, K) whose centers lie within a radius, in cells, of the middle one: 1, others 0."""
     reach = np.arange(-int(radius), int(radius) + 1)
     return np.asarray(reach**2 + reach[:, None] ** 2 <= radius**2, np.float64)
 

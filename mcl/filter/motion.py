@@ -28,7 +28,7 @@ class MotionModel(Protocol):
     """Moves every particle by its own noisy version of what the robot measured."""
 
     def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
-        """Give new poses (N, 3) after one movement.
+        """Return new poses (N, 3) after one movement.
 
         `motion` is (3,) forward_m, left_m, turn_rad as measured; `noise` (N, 3) holds standard normals.
         """
@@ -52,7 +52,7 @@ class MauriceParameters:
     turn_sd_rad: float = float(np.deg2rad(4.916))  # sd of that residual
     straight_bias_m: float = -0.6978 * INCH_M  # actual minus encoder distance; inches are inferred
     straight_sd_m: float = 0.6356 * INCH_M  # sd of that
-    # by floor, "" for all others; 1.1 degrees a metre is ours, as the thesis's figure 10 cannot be read
+    # by floor, "" for all others; 1.1 degrees per meter is ours, as the thesis's figure 10 cannot be read
     drift: Mapping[str, FloorDrift] = field(
         default_factory=lambda: {"": FloorDrift(0.0, float(np.deg2rad(1.1)))}
     )
@@ -107,7 +107,7 @@ def _number(name: str, value: Any) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MauriceMotion:
-    """The thesis's model: noise once a movement, the drift of a straight applied when it is over.
+    """The thesis's model: noise once per movement, the drift of a straight applied when it is over.
 
     A turn gets the gain and the measured residual and nothing else, since adding the encoders' error
     would count turning noise twice; a straight gets the encoders' error in length and the floor's drift
@@ -228,7 +228,7 @@ class MotionOutliers:
 
 
 def with_outliers(noise: F32, tail: MotionOutliers, rng: np.random.Generator) -> F32:
-    """Give standard normals (N, 3) of which some rows, chosen by chance, are so many times as large."""
+    """Return standard normals (N, 3) of which some rows, chosen by chance, are so many times as large."""
     if tail.share <= 0:
         return noise
     wide = rng.random(len(noise)) < tail.share

@@ -39,7 +39,7 @@ def uniform_poses(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> 
 
 
 def _within(grid: Grid, cells: NDArray[np.int64], shares: F64, origin: F64) -> F64:
-    """Give the points (n, 2) at given shares (n, 2) of the sides of cells (n,)."""
+    """Return the points (n, 2) at given shares (n, 2) of the sides of cells (n,)."""
     columns = grid.shape[1]
     index = np.column_stack([cells % columns, cells // columns])
     return np.asarray(grid.corner + grid.cell_m * (index + shares) - origin)
@@ -56,7 +56,7 @@ class Regions:
     first_bin: I32  # (L + 1,) where each entry's bins begin
 
     def sizes(self) -> F64:
-        """Give how many (cell, heading bin) pairs each entry (L,) is the nearest of."""
+        """Return how many (cell, heading bin) pairs each entry (L,) is the nearest of."""
         cells, bins = np.diff(self.first_cell), np.diff(self.first_bin)
         return np.asarray(cells[self.place_of_entry] * bins, np.float64)
 
@@ -83,7 +83,7 @@ def regions(nearest: NearestReference, entries: int) -> Regions:
 
 
 def shares_of(log_likelihood: F32, where: Regions) -> F64:
-    """Give the probability (L,) that a pose drawn in proportion to the likelihood has each entry nearest."""
+    """Return the probability (L,) that each entry is nearest to a pose drawn from the likelihood."""
     size = where.sizes()
     weight = np.exp(log_likelihood.astype(np.float64) - float(log_likelihood.max())) * size
     return np.asarray(weight / weight.sum())
@@ -104,7 +104,7 @@ def likely_poses(
 
 
 def _pick(first: I32, group: NDArray[np.integer[Any]], share: F64) -> I32:
-    """Give a place between where each group begins and where it ends, by a share (n,) from 0 to 1."""
+    """Return a place between where each group begins and where it ends, by a share (n,) from 0 to 1."""
     begin, size = first[group], first[group + 1] - first[group]
     return np.asarray(begin + (share * size).astype(np.int32), np.int32)
 
@@ -184,7 +184,7 @@ def mixture_proposal(
 
 
 def _predicted_shares(predicted: Belief, nearest: NearestReference, where: Regions, teleport: float) -> F64:
-    """Give the share (L,) of the predicted weight that has each entry nearest, some of it spread evenly."""
+    """Return the share (L,) of the predicted weight that has each entry nearest, some of it spread evenly."""
     entry = nearest.entries(predicted.poses, predicted.origin)
     inside = entry >= 0
     size = where.sizes()

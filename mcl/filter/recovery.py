@@ -62,7 +62,7 @@ class DynamicThreshold:
     least_sd: float = 1.0  # nats: chance alone moves the evidence by this much
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
-        """See `RecoveryStrategy`; `slow` holds the mean of the evidence, in nats."""
+        """Implement `RecoveryStrategy`; `slow` holds the mean of the evidence, in nats."""
         if not math.isfinite(evidence):
             return Recovery(self.share, state)
         sd = max(math.sqrt(state.spread), self.least_sd)
@@ -83,7 +83,7 @@ class SensorResetting:
     most: float = 0.5  # share at the most
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
-        """See `RecoveryStrategy`: share 1 - mean likelihood / good likelihood."""
+        """Implement `RecoveryStrategy`: share 1 - mean likelihood / good likelihood."""
         share = 1 - math.exp(min(evidence - self.evidence, 0.0))
         return Recovery(min(max(share, 0.0), self.most), state)
 
@@ -102,7 +102,7 @@ class Augmented:
     resets: float = 0.3  # a share above this begins both averages anew
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
-        """See `RecoveryStrategy`."""
+        """Implement `RecoveryStrategy`."""
         likelihood = math.exp(evidence) if math.isfinite(evidence) else 0.0
         if state.updates == 0:
             return Recovery(0.0, RecoveryState(likelihood, likelihood, 0.0, 1))
@@ -121,7 +121,7 @@ class Expansion:
     evidence: float = -14.0  # nats under which the cloud is spread
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
-        """See `RecoveryStrategy`."""
+        """Implement `RecoveryStrategy`."""
         return Recovery(0.0, state, expand=evidence < self.evidence)
 
 

@@ -152,7 +152,7 @@ class KldParameters:
 
 
 def kld_size(bins: int, epsilon: float, delta: float) -> int:
-    """Give the samples needed for k occupied bins (Fox 2003, equation 7); 1 where k is 1 or less."""
+    """Return the samples needed for k occupied bins (Fox 2003, equation 7); 1 where k is 1 or less."""
     if bins <= 1:
         return 1
     a = 2 / (9 * (bins - 1))
@@ -170,7 +170,7 @@ def occupied_bins(belief: Belief, parameters: KldParameters) -> int:
 
 
 def adapted_size(belief: Belief, parameters: KldParameters) -> int:
-    """Give how many particles the next step should have, within the bounds."""
+    """Return how many particles the next step should have, within the bounds."""
     wanted = kld_size(occupied_bins(belief, parameters), parameters.epsilon, parameters.delta)
     return min(max(wanted, parameters.least), parameters.most)
 

@@ -74,7 +74,7 @@ def _between(places: F64, grid: Grid) -> Bool:
 
 
 def _directions(poses: F64, points: F64, reach_m: float) -> float:
-    """Give the mean share of directions that are looked in, over at most a thousand points (n, 2)."""
+    """Return the mean share of directions that are looked in, over at most a thousand points (n, 2)."""
     if not len(points):
         return 0.0
     some = points[np.linspace(0, len(points) - 1, min(len(points), 1000)).round().astype(int)]

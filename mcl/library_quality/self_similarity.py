@@ -63,7 +63,7 @@ class SelfSimilarity:
         return float(near[known].mean()) if known.any() else 0.0
 
     def at_places(self, values: F64) -> F64:
-        """Give the mean (P,) of some values (L,) at each place."""
+        """Return the mean (P,) of some values (L,) at each place."""
         count = np.bincount(self.place_of, minlength=len(self.places))
         total = np.bincount(self.place_of, values, len(self.places))
         return np.asarray(total / np.maximum(count, 1))
@@ -121,7 +121,7 @@ def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
 
 
 def _spacing(library: Library, place_of: I32) -> float:
-    """Give the median distance from an entry to the nearest elsewhere that looks the same way; 0 for none."""
+    """Return the median distance to the nearest entry elsewhere with a similar heading; 0 for none."""
     nearest = []
     for entry in range(library.size):
         apart_m, turned = _apart(library, entry, np.flatnonzero(place_of != place_of[entry]))
@@ -131,7 +131,7 @@ def _spacing(library: Library, place_of: I32) -> float:
 
 
 def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
-    """Give the cost (L,) of every entry for this one's picture."""
+    """Return the cost (L,) of every entry for this one's picture."""
     measured = {name: library.index[name].references[entry] for name in sensor.parameters.weights}
     return np.asarray(sensor.compare(measured).cost, np.float64)
 
@@ -139,7 +139,7 @@ def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
 def _one(
     library: Library, place_of: I32, between: float, entry: int, others: Index, cost: F64
 ) -> tuple[int, float, float, int, float, float]:
-    """Give what `SelfSimilarity` holds of one entry."""
+    """Return what `SelfSimilarity` holds of one entry."""
     if not len(others):
         return -1, np.nan, np.nan, -1, np.nan, 1.0
     apart_m, turned = _apart(library, entry, others)
@@ -161,20 +161,20 @@ def _one(
 
 
 def _apart(library: Library, entry: int, others: Index) -> tuple[F64, F64]:
-    """Give distances (k,) in metres and angles (k,) in radians from one entry to others."""
+    """Return distances (k,) in meters and angles (k,) in radians from one entry to others."""
     step = library.poses[others] - library.poses[entry]
     return np.hypot(step[:, 0], step[:, 1]), np.abs(wrap(step[:, 2]))
 
 
 def _ambiguity(place_of: I32, cost: F64) -> float:
-    """Give how many places fit: exp of the entropy of the places' shares of the likelihood."""
+    """Return how many places fit: exp of the entropy of the places' shares of the likelihood."""
     share = np.bincount(place_of, np.exp(cost.min() - cost))
     share = share[share > 0] / share.sum()
     return float(np.exp(-(share @ np.log(share))))
 
 
 def _curve(library: Library, between: float, entry: int, others: Index, cost: F64) -> F64:
-    """Give the lowest cost (6,) among entries in each range of distance; nan where there are none."""
+    """Return the lowest cost (6,) among entries in each range of distance; nan where there are none."""
     apart_m, _ = _apart(library, entry, others)
     ring = np.searchsorted(np.array(CURVE) * between * (1 + 1e-6), apart_m)
     lowest = np.full(len(CURVE) + 1, np.nan)
@@ -185,6 +185,6 @@ def _curve(library: Library, between: float, entry: int, others: Index, cost: F6
 
 
 def _medians(curves: F64) -> F64:
-    """Give the median of each column (6,), nan where a column knows nothing."""
+    """Return the median of each column (6,), nan where a column knows nothing."""
     columns = [column[np.isfinite(column)] for column in curves.T]
     return np.array([np.median(column) if len(column) else np.nan for column in columns])

@@ -1,7 +1,7 @@
 """Distances: how far a picture's descriptor is from every reference's. Chosen by name.
 
-Every function takes a sample (D,) and a channel's index of L references, and gives (L,) float32, >= 0, 0 for
-a reference that is equal to the sample (or, for "thesis", within the noise floor of it). They are absolute:
+Every function takes a sample (D,) and a channel's index of L references, and returns (L,) float32, >= 0, and
+0 for a reference that equals the sample (or, for "thesis", is within the noise floor of it). They are absolute:
 distances of one channel can be compared between pictures.
 """
 
@@ -70,7 +70,7 @@ def hellinger(sample: F32, index: ChannelIndex) -> F32:
 
 
 def _by_blocks(mean: Callable[[F32], F32], sample: F32, references: F32) -> F32:
-    """Give a mean (L,) over each row's differences from the sample, with a few rows in the cache at a time.
+    """Return a mean (L,) over each row's differences from the sample, with a few rows in the cache at a time.
 
     All at once, the differences of some thousands of references are written out to memory and read again.
     """
@@ -104,7 +104,7 @@ DISTANCES: Mapping[str, Distance] = {
 
 
 def contributions(distance: str, sample: F32, reference: F32, index: ChannelIndex) -> F32:
-    """Give what each element (D,) adds to the distance of a sample from one reference, both (D,).
+    """Return what each element (D,) adds to the distance of a sample from one reference, both (D,).
 
     Their mean is the distance, or for "l2" and "hellinger" its square.
     """

@@ -15,7 +15,7 @@ from ..arrays import F32, F64
 
 # A spread over the library that is smaller than this share of the distance itself is rounding.
 LEAST_SPREAD = 1e-5
-# Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out for ever.
+# Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out forever.
 LEAST_QUALITY = 1e-3
 
 
@@ -31,14 +31,14 @@ Blend = Callable[[F32, F64, F64, Callable[[F32], F32]], Blended]
 
 
 def relative_quality(distances: F32) -> F32:
-    """Give 1 - D/D_max (..., L): 1 is a perfect match, 0 the worst entry for this picture; 1 if all are 0."""
+    """Return 1 - D/D_max (..., L): 1 is a perfect match, 0 this picture's worst entry; all 1 if all are 0."""
     worst = distances.max(axis=-1, keepdims=True)
     share = np.divide(distances, worst, out=np.zeros_like(distances), where=worst > 0)
     return np.asarray(1 - share, np.float32)
 
 
 def absolute_quality(distances: F32) -> F32:
-    """Give 1 - D (..., L), not under 0: the other reading of the thesis (4.2), alike for all pictures."""
+    """Return 1 - D (..., L), not under 0: the other reading of the thesis (4.2), alike for all pictures."""
     return np.asarray(np.clip(1 - distances, 0, 1), np.float32)
 
 

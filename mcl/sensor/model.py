@@ -38,11 +38,11 @@ class SensorParameters:
     )  # channel to the distance of one nat; others: SCALES
 
     def distance_of(self, channel: str) -> str:
-        """Name the distance that a channel is compared by."""
+        """Return the name of the distance that a channel is compared by."""
         return self.distances.get(channel, CHANNELS[channel].distance)
 
     def scale_of(self, channel: str) -> float:
-        """Give the distance that costs one nat of log-likelihood at weight 1 and sharpness 1."""
+        """Return the distance that costs one nat of log-likelihood at weight 1 and sharpness 1."""
         if channel in self.scales:
             return self.scales[channel]
         return SCALES.get((channel, self.distance_of(channel)), 1.0)
@@ -66,11 +66,11 @@ class SensorModel:
 
     @property
     def distances(self) -> dict[str, str]:
-        """Name the distance of each channel in use, in order."""
+        """Return the name of the distance of each channel in use, in order."""
         return {name: self.parameters.distance_of(name) for name in self.parameters.weights}
 
     def measure(self, image: U8) -> dict[str, F32]:
-        """Give what every channel in use measures in a picture (H, W, 3) RGB: channel to (D,)."""
+        """Return what every channel in use measures in a picture (H, W, 3) RGB: channel to (D,)."""
         return {name: CHANNELS[name].describe(image) for name in self.parameters.weights}
 
     def compare(self, descriptors: Mapping[str, F32]) -> Comparison:
@@ -97,7 +97,7 @@ class SensorModel:
         )
 
     def at(self, comparison: Comparison, poses: F32) -> Sighting:
-        """Say what a comparison means for each of the poses (N, 3)."""
+        """Return what a comparison means for each of the poses (N, 3)."""
         origin = self.library.origin
         log_likelihood = np.append(comparison.log_likelihood, comparison.virtual)
         return Sighting(

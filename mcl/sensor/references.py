@@ -44,11 +44,11 @@ class ReferenceLookup(Protocol):
         ...
 
     def entries(self, poses: F32, origin: F64) -> I32:
-        """Give the nearest entry (N,) of each pose (N, 3) relative to `origin`; -1 outside free space."""
+        """Return the nearest entry (N,) of each pose (N, 3) relative to `origin`; -1 outside free space."""
         ...
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
-        """Give the log-likelihood (N,) at each pose from that of each reference; -inf outside.
+        """Return the log-likelihood (N,) at each pose from that of each reference; -inf outside.
 
         References are the library's L entries, and after them those between, where the selection has some.
         """
@@ -68,7 +68,7 @@ class NearestReference:
     entry_of: I32  # (P + 1, HEADING_BINS)
 
     def entries(self, poses: F32, origin: F64) -> I32:
-        """Give the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
+        """Return the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
         cell = self.grid.cells_of(poses[:, :2], origin)
         place = self.place_of_cell.take(cell)
         turn = (poses[:, 2] + np.float32(np.pi)) * np.float32(HEADING_BINS / (2 * np.pi))
@@ -76,7 +76,7 @@ class NearestReference:
         return self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
-        """Give each pose (N, 3) its nearest entry's log-likelihood (N,): all in a cell share one weight."""
+        """Return each pose (N, 3) its nearest entry's log-likelihood (N,): all in a cell share one weight."""
         return of_entries(log_likelihood, self.entries(poses, origin))
 
 
@@ -97,7 +97,7 @@ def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
 
 
 def distinct_places(xy: F64) -> tuple[F64, I32]:
-    """Give the distinct positions (P, 2) of entries (L, 2), and which of them each entry (L,) is at."""
+    """Return the distinct positions (P, 2) of entries (L, 2), and which of them each entry (L,) is at."""
     rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
     _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     return xy[first], inverse.astype(np.int32).ravel()
@@ -111,7 +111,7 @@ def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:
 
 
 def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
-    """Give the nearest place (rows * columns,) that can be seen from each free cell, -1 for other cells."""
+    """Return the nearest place (rows * columns,) that can be seen from each free cell, -1 for other cells."""
     centers, tree = grid.centers(), place_tree(places)
     place = np.full(len(centers), -1, np.int32)
     for k in (min(most, len(places)) for most in NEIGHBORS):
@@ -122,7 +122,7 @@ def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
 
 
 def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64) -> I32:
-    """Give the first of the places chosen (N, K) to which no wall bars the way from each point (N, 2)."""
+    """Return the first of the places chosen (N, K) to which no wall bars the way from each point (N, 2)."""
     place = np.full(len(points), -1, np.int32)
     for choice in choices.T:
         left = np.flatnonzero(place < 0)
@@ -194,11 +194,11 @@ class InterpolatedReference:
         return self.nearest.grid
 
     def entries(self, poses: F32, origin: F64) -> I32:
-        """Give the nearest entry (N,), as `NearestReference` does: for pictures and words."""
+        """Return the nearest entry (N,), as `NearestReference` does: for pictures and words."""
         return self.nearest.entries(poses, origin)
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
-        """Give the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
+        """Return the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
         cell = self.grid.cells_of(poses[:, :2], origin)
         inside = self.nearest.place_of_cell.take(cell) >= 0
         turn = (poses[:, 2] + np.float32(np.pi)) * HEADING_STEP
@@ -228,7 +228,7 @@ def interpolated_reference(
 def _kernel(
     nearest: NearestReference, places: F64, arena: Arena, parameters: InterpolationParameters
 ) -> tuple[I32, F32]:
-    """Give which of the places (P, 2) count, (cells, K), and their weights for every cell of the raster."""
+    """Return which of the places (P, 2) count, (cells, K), and their weights for every cell of the raster."""
     tree, centers = place_tree(places), nearest.grid.centers()
     count = min(parameters.places, len(places))
     looked = min(count + 4, len(places))  # some may be behind a wall
@@ -247,7 +247,7 @@ def _kernel(
 
 
 def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I32, F32]:
-    """Give the references on either side of every heading at every place, and how far over to the second."""
+    """Return the references on either side of each heading at each place, and the share of the second."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
     before = np.empty((count, HEADING_BINS), np.int32)
     after, share = before.copy(), np.empty((count, HEADING_BINS), np.float32)
@@ -310,7 +310,7 @@ def virtual_references(poses: F64, arena: Arena) -> VirtualReferences:
 
 
 def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
-    """Give pairs of entries (W, 2) at one place: each with itself, and each with the next if it overlaps."""
+    """Return pairs of entries (W, 2) at one place: each with itself, and with the next if they overlap."""
     pairs = [np.column_stack([np.arange(len(poses))] * 2)]
     for place in range(int(place_of_entry.max(initial=-1)) + 1):
         entries = np.flatnonzero(place_of_entry == place)
@@ -323,7 +323,7 @@ def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
 
 
 def _neighbors_between(places: F64, walls: F64) -> list[list[int]]:
-    """Give groups of places with a common middle: two along a grid's line, four around a cell's center."""
+    """Return groups of places with a common middle: two along a grid's line, four around a cell's center."""
     tree = place_tree(places)
     pairs = tree.query_pairs(VIRTUAL_NEIGHBORS * spacing(places), output_type="ndarray").reshape(-1, 2)
     pairs = pairs[~crosses(places[pairs[:, 0]], places[pairs[:, 1]], walls)]
@@ -354,5 +354,5 @@ def _mean_poses(poses: F64, sources: I32) -> F64:
 
 
 def _middle(headings: F64) -> F64:
-    """Give the circular mean of each row of headings (V, K)."""
+    """Return the circular mean of each row of headings (V, K)."""
     return np.asarray(np.arctan2(np.sin(headings).mean(axis=1), np.cos(headings).mean(axis=1)))

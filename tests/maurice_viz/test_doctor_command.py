@@ -24,7 +24,7 @@ app.command(name="doctor")(doctor)
 app.add_typer(library, name="library")
 
 
-def in_millimetres(log: Path) -> Path:
+def in_millimeters(log: Path) -> Path:
     lines = [json.loads(line) for line in log.read_text().splitlines()]
     for line in lines:
         if "odometry" in line:
@@ -44,17 +44,17 @@ def test_a_healthy_session_is_said_to_be_so(small_session: Path) -> None:
 
 
 def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
-    wrong = in_millimetres(small_session)
+    wrong = in_millimeters(small_session)
     done = runner.invoke(app, ["doctor", str(wrong), "--no-library"])
     assert done.exit_code == 0
-    assert "1. lengths of odometry are in millimetres [scale]" in done.stdout
+    assert "1. lengths of odometry are in millimeters [scale]" in done.stdout
     assert "why: " in done.stdout
     assert f"mend: maurice-replay {wrong} --odometry-scale 0.001\n" in done.stdout
     assert runner.invoke(app, ["doctor", str(wrong), "--no-library", "--strict"]).exit_code == 1
 
 
 def test_json_has_the_numbers(small_session: Path) -> None:
-    wrong = in_millimetres(small_session)
+    wrong = in_millimeters(small_session)
     done = runner.invoke(app, ["doctor", str(wrong), "--no-library", "--json"])
     found = json.loads(done.stdout)
     assert found["healthy"] is False
@@ -73,7 +73,7 @@ def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Pat
             name: value for name, value in run.items() if isinstance(value, float) and name != "steps_per_s"
         }
 
-    wrong, survey = in_millimetres(small_session), small_session.with_name("survey.log")
+    wrong, survey = in_millimeters(small_session), small_session.with_name("survey.log")
     said = runner.invoke(app, ["doctor", str(wrong), "--library", str(survey)]).stdout
     lines = dict(line.strip().partition(": ")[::2] for line in said.splitlines())
     _, *mend = shlex.split(lines["mend"])
@@ -87,7 +87,7 @@ def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Pat
 
 
 def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> None:
-    wrong = in_millimetres(small_session)
+    wrong = in_millimeters(small_session)
     words = ["doctor", str(wrong), "--no-library", "--odometry-scale", "0.1", "--min-distance", "0.01"]
     found = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
     assert set(found["options"]) == {"--min-distance", "0.01", "--odometry-scale", "0.001"}
@@ -132,7 +132,7 @@ def test_a_live_source_is_not_corrected_and_says_so(small_session: Path) -> None
 
 
 def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
-    wrong = in_millimetres(small_session)
+    wrong = in_millimeters(small_session)
     plain = runner.invoke(whole, ["inspect", str(small_session), "--json"])
     found = runner.invoke(whole, ["inspect", str(wrong), "--odometry-scale", "0.001", "--json"])
     ways = [json.loads(one.stdout)["distance_odometry_m"] for one in (plain, found)]

@@ -234,7 +234,7 @@ def test_where_forward_is_comes_from_the_odometry_where_the_robot_drifts() -> No
     assert found.options == {"odometry_forward_rad": pytest.approx(np.radians(40))}
 
 
-def test_truth_in_millimetres_is_told_by_its_speed_where_there_is_no_map() -> None:
+def test_truth_in_millimeters_is_told_by_its_speed_where_there_is_no_map() -> None:
     drive = dense_drive()
     truth = replace(drive.truth, poses=drive.truth.poses * [1000, 1000, 1])
     (found,) = compared_with_truth(replace(drive, truth=truth))

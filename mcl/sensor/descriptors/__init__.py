@@ -1,4 +1,4 @@
-"""Channels: what is measured in a picture. One file a channel; `CHANNELS` knows them by name."""
+"""Channels: what is measured in a picture. One file per channel; `CHANNELS` knows them by name."""
 
 from __future__ import annotations
 

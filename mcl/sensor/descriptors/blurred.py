@@ -23,7 +23,7 @@ class Blurred:
     unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
-        """Give the camera histogram (84,) of a picture (H, W, 3) RGB after a Gaussian blur."""
+        """Return the camera histogram (84,) of a picture (H, W, 3) RGB after a Gaussian blur."""
         return camera_histogram(np.asarray(cv2.GaussianBlur(image, (0, 0), BLUR_PX), np.uint8))
 
     def parameters(self) -> dict[str, Any]:

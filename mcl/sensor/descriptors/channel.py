@@ -26,7 +26,7 @@ class Channel(Protocol):
         ...
 
     def describe(self, image: U8) -> F32:
-        """Measure a picture (H, W, 3) RGB; gives (D,) float32, every element finite and >= 0.
+        """Measure a picture (H, W, 3) RGB; returns (D,) float32, every element finite and >= 0.
 
         The size D may not depend on the picture.
         """

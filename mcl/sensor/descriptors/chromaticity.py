@@ -22,7 +22,7 @@ BLUR_PX = 1.5  # sd: dark pixels' noise would otherwise color them
 
 
 def opponents(image: U8) -> tuple[F32, F32, F32]:
-    """Give r, g and brightness R + G + B over black, of every other row and column of a blurred picture."""
+    """Return r, g and brightness R + G + B over black, of every other row and column of a blurred picture."""
     smooth = cv2.GaussianBlur(image, (0, 0), BLUR_PX)[::2, ::2]
     light = np.maximum(smooth.astype(np.float32) - np.float32(BLACK), 0)
     total = light.sum(axis=2)
@@ -45,7 +45,7 @@ class Chromaticity:
     unit: str = "share"
 
     def describe(self, image: U8) -> F32:
-        """Give a histogram (256,) over r and g that sums to one; pixels count by the root of brightness."""
+        """Return a histogram (256,) over r and g that sums to one; pixels count by the root of brightness."""
         red, green, total = opponents(image)
         cell = _bin(red).astype(np.int32) * BINS + _bin(green).astype(np.int32)
         counts = np.bincount(cell.ravel(), np.sqrt(total).ravel(), BINS * BINS)

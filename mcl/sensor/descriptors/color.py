@@ -18,7 +18,7 @@ class Color:
     unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
-        """Give the camera histogram (84,) of a picture (H, W, 3) RGB."""
+        """Return the camera histogram (84,) of a picture (H, W, 3) RGB."""
         return camera_histogram(image)
 
     def parameters(self) -> dict[str, Any]:

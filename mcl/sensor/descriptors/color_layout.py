@@ -28,7 +28,7 @@ class ColorLayout:
     unit: str = "share of light"
 
     def describe(self, image: U8) -> F32:
-        """Give r and g (48,) of each cell's mean color, row by row."""
+        """Return r and g (48,) of each cell's mean color, row by row."""
         small = cv2.resize(image.astype(np.float32), (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
         light = np.maximum(small - np.float32(BLACK), np.float32(LEAST))
         return np.asarray((light / light.sum(axis=2, keepdims=True))[..., :2].ravel(), np.float32)

@@ -24,7 +24,7 @@ class Cumulative:
     unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
-        """Give the running sums (84,) of each plane's camera histogram, in the unit 256 x share of pixels."""
+        """Return running sums (84,) of each plane's camera histogram, in units of 256 x share of pixels."""
         planes = camera_histogram(image).reshape(3, BINS)
         return np.asarray(planes.cumsum(axis=1, dtype=np.float32).ravel(), np.float32)
 

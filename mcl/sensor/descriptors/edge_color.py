@@ -24,7 +24,7 @@ class EdgeColor:
     unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
-        """Give 28 bins a plane (84,) over the edge pixels, in the unit 256 x share of all pixels."""
+        """Return 28 bins a plane (84,) over the edge pixels, in the unit 256 x share of all pixels."""
         on_edge = np.asarray(edge_image(image).max(axis=2) >= LEAST_EDGE, np.uint8)
         ranges = [float(LOW), float(HIGH + 1)]
         planes = [cv2.calcHist([image], [k], on_edge, [BINS], ranges).ravel() for k in range(3)]

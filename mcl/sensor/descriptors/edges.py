@@ -21,7 +21,7 @@ GAIN = 0.5  # a step of 128 gray levels from one pixel to the next then reads 16
 
 
 def edge_image(image: U8) -> U8:
-    """Give the edge image (H, W, 3) uint8 of a picture (H, W, 3) uint8, each color plane by itself."""
+    """Return the edge image (H, W, 3) uint8 of a picture (H, W, 3) uint8, each color plane on its own."""
     smooth = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
     # a plane at a time, so that what lies between is small enough for its memory to be used again
     planes = [_gradient(np.asarray(plane, np.uint8)) for plane in cv2.split(smooth)]
@@ -44,7 +44,7 @@ class Edges:
     unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
-        """Give the camera histogram (84,) of the edge image of a picture (H, W, 3) RGB."""
+        """Return the camera histogram (84,) of the edge image of a picture (H, W, 3) RGB."""
         return camera_histogram(edge_image(image))
 
     def parameters(self) -> dict[str, Any]:

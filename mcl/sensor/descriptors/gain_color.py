@@ -30,7 +30,7 @@ class GainColor:
     unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
-        """Give 28 bins a plane (84,) over 0 to 4 times its mean, in the unit 256 x share of pixels."""
+        """Return 28 bins a plane (84,) over 0 to 4 times its mean, in the unit 256 x share of pixels."""
         light = np.maximum(cv2.GaussianBlur(image, (0, 0), BLUR_PX).astype(np.float32) - np.float32(BLACK), 0)
         means = np.maximum(light.mean(axis=(0, 1)), 1)
         scaled = np.asarray(np.minimum(light / means, MOST - 1e-3), np.float32)

@@ -18,7 +18,7 @@ CAP = 255.0  # ... capped at the largest value the camera can send
 
 
 def camera_histogram(image: U8) -> F32:
-    """Give the histogram (84,) of a picture (H, W, 3): 28 bins of red, then green, then blue."""
+    """Return the histogram (84,) of a picture (H, W, 3): 28 bins of red, then green, then blue."""
     planes = [_bins_of(image, plane) for plane in range(3)]
     share = np.concatenate(planes) / np.float32(image.shape[0] * image.shape[1])
     return np.asarray(np.minimum(share * np.float32(SCALE), CAP), np.float32)

@@ -27,7 +27,7 @@ class Hog:
     unit: str = "root of share"
 
     def describe(self, image: U8) -> F32:
-        """Give (108,) roots of shares of all gradient; cells row by row, directions from 0 to 180 degrees."""
+        """Return (108,) square roots of gradient shares; cells row by row, directions 0 to 180 degrees."""
         gray = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), BLUR_PX)
         across, down = cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1)
         size, angle = cv2.cartToPolar(across, down)

@@ -22,7 +22,7 @@ class Moments:
     unit: str = "gray levels"
 
     def describe(self, image: U8) -> F32:
-        """Give (9,) gray levels: three means, three standard deviations, three cube roots of skew + 256."""
+        """Return (9,) gray levels: three means, three standard deviations, three cube roots of skew + 256."""
         planes = [cv2.calcHist([image], [k], None, [256], [0.0, 256.0]).ravel() for k in range(3)]
         share = np.asarray(planes, np.float64) / (image.shape[0] * image.shape[1])
         mean = share @ LEVELS

@@ -35,7 +35,7 @@ class Smoothed:
     unit: str = "256 x share"
 
     def describe(self, image: U8) -> F32:
-        """Give the smoothed camera histogram (84,) of a picture (H, W, 3) RGB."""
+        """Return the smoothed camera histogram (84,) of a picture (H, W, 3) RGB."""
         return smooth(camera_histogram(image))
 
     def parameters(self) -> dict[str, Any]:

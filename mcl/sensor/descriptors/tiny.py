@@ -23,7 +23,7 @@ class Tiny:
     unit: str = "relative brightness"
 
     def describe(self, image: U8) -> F32:
-        """Give (324,): 12 x 9 cells of R, G, B, their mean taken off, at unit length, plus one."""
+        """Return (324,): 12 x 9 cells of R, G, B, their mean taken off, at unit length, plus one."""
         small = cv2.resize(image.astype(np.float32), (COLUMNS, ROWS), interpolation=cv2.INTER_AREA).ravel()
         off = small - small.mean()
         return np.asarray(off / max(float(np.linalg.norm(off)), LEAST_NORM) + 1, np.float32)
