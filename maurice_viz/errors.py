@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from maurice_loaders.errors import InputError
 
 
@@ -15,8 +13,7 @@ class OptionError(InputError):
 
     def __init__(self, message: str) -> None:
         """Describe the argument in one line; there is no file to name."""
-        super().__init__(Path(), message)
-        self.args = (self.message,)
+        super().__init__(None, message)
 
 
 class SinkError(InputError):

@@ -12,7 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading import ReadingOptions, read_reading
 from maurice_viz.cli.app import app as whole
 from maurice_viz.cli.library.build import library
 from maurice_viz.cli.reading import reads_recordings, typed
@@ -49,7 +49,7 @@ def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
     assert done.exit_code == 0
     assert "1. lengths of odometry are in millimeters [scale]" in done.stdout
     assert "why: " in done.stdout
-    assert f"mend: maurice-replay {wrong} --odometry-scale 0.001\n" in done.stdout
+    assert f"fix: maurice-replay {wrong} --odometry-scale 0.001\n" in done.stdout
     assert runner.invoke(app, ["doctor", str(wrong), "--no-library", "--strict"]).exit_code == 1
 
 
@@ -76,12 +76,12 @@ def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Pat
     wrong, survey = in_millimeters(small_session), small_session.with_name("survey.log")
     said = runner.invoke(app, ["doctor", str(wrong), "--library", str(survey)]).stdout
     lines = dict(line.strip().partition(": ")[::2] for line in said.splitlines())
-    _, *mend = shlex.split(lines["mend"])
+    _, *mend = shlex.split(lines["fix"])
     assert mend == [str(wrong), "--odometry-scale", "0.001", "--library", str(survey)]
     assert replayed(*mend) == pytest.approx(replayed(str(small_session)))
-    _, *again = shlex.split(lines["try it"])
+    _, *again = shlex.split(lines["try"])
     assert "found nothing wrong" in runner.invoke(whole, again).stdout
-    _, *keep = shlex.split(lines["keep it"].replace("MENDED.log", str(tmp_path / "mended.log")))
+    _, *keep = shlex.split(lines["keep"].replace("FIXED.log", str(tmp_path / "mended.log")))
     assert runner.invoke(whole, keep).exit_code == 0
     assert replayed(str(tmp_path / "mended.log")) == pytest.approx(replayed(str(small_session)))
 
@@ -91,6 +91,18 @@ def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> 
     words = ["doctor", str(wrong), "--no-library", "--odometry-scale", "0.1", "--min-distance", "0.01"]
     found = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
     assert set(found["options"]) == {"--min-distance", "0.01", "--odometry-scale", "0.001"}
+
+
+def test_fix_writes_a_reading_file(small_session: Path, tmp_path: Path) -> None:
+    wrong, out = in_millimetres(small_session), tmp_path / "reading.toml"
+    words = ["--no-library", "--fix", "-o", str(out)]
+    assert runner.invoke(app, ["doctor", str(small_session), *words]).exit_code == 0
+    assert not out.exists()
+    done = runner.invoke(app, ["doctor", str(wrong), *words])
+    assert f"--reading {out}" in done.stderr
+    assert read_reading(out) == ReadingOptions(odometry_scale=0.001)
+    assert runner.invoke(app, ["doctor", str(wrong), *words]).exit_code == 1
+    assert runner.invoke(app, ["doctor", str(wrong), *words, "--force"]).exit_code == 0
 
 
 def test_options_are_typed_as_they_are_read() -> None:
@@ -153,7 +165,7 @@ def test_library_check_draws_its_map(small_session: Path, tmp_path: Path) -> Non
     survey, out = small_session.parent / "survey.log", tmp_path / "map.png"
     done = runner.invoke(app, ["library", "check", str(survey), "--map", str(out)])
     assert done.exit_code == 0, done.output
-    assert "160 at 20 places; looking the same way every 0.50 m" in done.stdout
+    assert "160 at 20 places; neighbors of one heading are 0.50 m apart" in done.stdout
     assert "100% of" in done.stdout
     image = cv2.imread(str(out))
     assert image is not None

@@ -83,7 +83,7 @@ def test_formats_are_listed_and_a_file_is_told(small_session: Path) -> None:
 
 
 def test_an_extra_that_is_missing_is_named_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maurice_viz.cli.convert.formats.find_spec", lambda name: None)
+    monkeypatch.setattr("maurice_viz.app.inspect.find_spec", lambda name: None)
     assert "pip install 'maurice-replay[ros]'" in run("formats")[1]
 
 

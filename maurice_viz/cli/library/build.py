@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_loaders.libraries.choose import Spacing, read_every
-from maurice_loaders.libraries.store import build_library, open_library, save_library
-from maurice_loaders.libraries.survey import EVERY, open_survey
+from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.library import ChannelIndex, Library
 
-from ...style import units_named
-from ..console import note, progress, results
+from ...app.library import build_library
+from ...app.listener import progress_of
+from ...style import scale_for, units_named
+from ..console import listening, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption, KeepGoingOption
 from ..reading import reads_recordings
-from .check import check_library_folder, coverage_lines
-from .tune import tune_library
+from .check import LibraryArgument, check, coverage_lines
+from .tune import tune
 
 MOST_HEADINGS = 16  # more than this are counted, not listed
 
@@ -32,10 +30,8 @@ library = typer.Typer(
     help="Build a library of reference pictures, show or check one, or tune channels to one.",
     no_args_is_help=True,
 )
-library.command(name="tune")(tune_library)
-
-
-library.command(name="check")(check_library_folder)
+library.command()(tune)
+library.command()(check)
 
 
 @library.command()
@@ -54,7 +50,7 @@ def build(
         typer.Option(
             "--every",
             metavar="LENGTH,ANGLE",
-            help="Entries of a drive are so far apart, or turned so far: 0.4m,45deg. "
+            help="Distance or turn between the entries of a drive: 0.4m,45deg. "
             "[default: that for a drive, and all of a survey log]",
         ),
     ] = None,
@@ -64,7 +60,7 @@ def build(
             "--yaw",
             min=-180,
             max=180,
-            help="Degrees by which the robot's camera looks off the survey's, counter-clockwise.",
+            help="Yaw of the robot's camera from the survey's camera, in degrees, counter-clockwise.",
         ),
     ] = 0.0,
     force: ForceOption = False,
@@ -72,43 +68,28 @@ def build(
     *,
     opening: ReadingOptions,
 ) -> None:
-    """Measure every picture of a survey, or some of a drive, and write a library that stands alone."""
-    spaced = _every(every)
-    with one_line_errors(), TemporaryDirectory() as kept:
-        with progress("looking") as advance:
-            source = open_survey(survey, opening, spaced, Path(kept), advance)
-        with progress("library") as advance:
-            built = build_library(
-                survey,
-                keep_going=keep_going,
-                progress=advance,
-                warn=note,
-                log=source,
-                yaw_rad=float(np.radians(yaw)),
-            )
-        save_library(built, output, force=force)
-        reach_m = (spaced or EVERY).distance_m
-        covered = [] if isinstance(source, SessionLog) else coverage_lines(built, reach_m)
+    """Measure every picture of a survey, or some of a drive, and write a self-contained library."""
+    with one_line_errors(), listening() as listener:
+        built, covered = build_library(
+            survey,
+            output,
+            every=every,
+            yaw_rad=float(np.radians(yaw)),
+            options=opening,
+            force=force,
+            listener=listener,
+        )
     results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}", soft_wrap=True)
-    for line in covered:
-        results.print(line, soft_wrap=True)
-
-
-def _every(text: str | None) -> Spacing | None:
-    try:
-        return None if text is None else read_every(text)
-    except ValueError as problem:
-        raise typer.BadParameter(str(problem)) from None
+    if covered is not None:
+        for line in coverage_lines(covered, scale_for(built.display_units, built.arena)):
+            results.print(line, soft_wrap=True)
 
 
 @library.command()
-def show(
-    path: Annotated[Path, typer.Argument(help="A library folder or a survey log.", show_default=False)],
-    json_output: JsonOption = False,
-) -> None:
-    """Say what a library holds: entries, places, headings, channels, map."""
-    with one_line_errors(), progress("library") as advance:
-        found = open_library(path, progress=advance, warn=note)
+def show(path: LibraryArgument, json_output: JsonOption = False) -> None:
+    """Show what a library holds: entries, places, headings, channels, map."""
+    with one_line_errors(), listening() as listener:
+        found = open_library(path, progress=progress_of(listener, "library"), warn=listener.warning)
     if json_output:
         results.print_json(json.dumps(_facts(found)))
     else:
@@ -116,7 +97,7 @@ def show(
 
 
 def _facts(found: Library) -> dict[str, object]:
-    """What there is to say about a library, as JSON in metres."""
+    """Return what a library holds as JSON, in meters."""
     width_m, depth_m = found.arena.size_m
     places = np.unique(np.round(found.poses[:, :2], 3), axis=0)
     headings = np.unique(np.round(np.rad2deg(found.poses[:, 2]) % 360, 1))

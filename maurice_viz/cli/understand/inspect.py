@@ -1,18 +1,16 @@
-"""`maurice-replay inspect SESSION`: what is in a log, and what is wrong with it."""
+"""`maurice-replay inspect SESSION`: what a recording holds, and its problems."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import asdict
 
 from rich.table import Table
 
-from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
-from maurice_loaders.inspection.overview import Inspection, inspect_recording, inspect_session
+from maurice_loaders.inspection.overview import Inspection
 from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recorded_session import RecordedSession
 
+from ...app.inspect import inspect as inspect_recording
 from ..console import results
 from ..errors import one_line_errors
 from ..options import JsonOption, SessionArgument
@@ -21,9 +19,9 @@ from ..reading import reads_recordings
 
 @reads_recordings
 def inspect(session: SessionArgument, *, json_output: JsonOption = False, opening: ReadingOptions) -> None:
-    """Say what a session, a survey log or a recording holds: counts, rates, spans, pictures, problems."""
+    """Show what a session, a survey log or a recording holds: counts, rates, spans, pictures, problems."""
     with one_line_errors():
-        format_name, found = _inspected(session, replace(opening, keep_going=True))
+        format_name, found = inspect_recording(session, options=opening)
     if json_output:
         results.print_json(json.dumps({"format": format_name} | asdict(found)))
         return
@@ -32,15 +30,6 @@ def inspect(session: SessionArgument, *, json_output: JsonOption = False, openin
         results.print(text)
     if found.problem_count > len(found.problems):
         results.print(f"... and {found.problem_count - len(found.problems)} more problems")
-
-
-def _inspected(path: Path, opening: ReadingOptions) -> tuple[str, Inspection]:
-    """Look a file over by its format, and name that."""
-    one = chosen(path, opening)
-    if one.name == NATIVE and opening.as_it_is:
-        return one.name, inspect_session(path)
-    recording = open_recording(path, replace(opening, format=one.name))
-    return one.name, inspect_recording(RecordedSession(recording, opening))
 
 
 def _table(found: Inspection, format_name: str) -> Table:
@@ -62,8 +51,8 @@ def _rows(found: Inspection) -> list[tuple[str, str]]:
         ("odometry rate (Hz)", _number(found.odometry_rate_hz, 2)),
         ("pictures", ", ".join(f"{count} {kind}" for kind, count in found.pictures.items()) or "none"),
         ("cameras", ", ".join(found.cameras) or "none described"),
-        ("way by odometry (m)", _number(found.distance_odometry_m, 2)),
-        ("way by truth (m)", _number(found.distance_truth_m, 2)),
+        ("distance by odometry (m)", _number(found.distance_odometry_m, 2)),
+        ("distance by truth (m)", _number(found.distance_truth_m, 2)),
         ("pictures with truth", "-" if found.truth_share is None else f"{found.truth_share:.0%}"),
         ("kinds of events", events),
         ("survey or library", survey + ("" if found.survey_found is not False else ", which is not there")),

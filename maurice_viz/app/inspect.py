@@ -1,0 +1,122 @@
+"""What a recording holds, what is wrong with it and what fixes it, and which formats can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
+from maurice_loaders.formats.registry import formats as all_formats
+from maurice_loaders.inspection.doctor import Diagnosis, mended
+from maurice_loaders.inspection.doctor import diagnose as diagnose_recording
+from maurice_loaders.inspection.overview import Inspection, inspect_recording, inspect_session
+from maurice_loaders.io.files import expect_absent
+from maurice_loaders.libraries.store import open_library
+from maurice_loaders.reading import ReadingOptions, write_reading
+from maurice_loaders.recorded_session import RecordedSession
+from maurice_mcl.library import Library
+
+from .listener import SILENT, Listener, progress_of
+
+EXTRAS = {"ros": "rosbags"}  # the module that tells whether an extra is installed
+
+
+@dataclass(frozen=True, slots=True)
+class FormatInfo:
+    """A format of recordings."""
+
+    name: str
+    what: str  # in a few words
+    extra: str | None  # of this package, that reading it needs
+    installed: bool  # whether it can be read here
+
+
+def formats(path: str | Path | None = None) -> list[FormatInfo]:
+    """Return the formats that can be read, or the one that a file or folder is detected as.
+
+    Raises InputError where there is no such file, or it has no known format.
+
+        >>> [found] = mv.formats("session.log")
+        >>> found.name
+        'session-log'
+    """
+    found = list(all_formats().values()) if path is None else [chosen(Path(path), ReadingOptions())]
+    return [
+        FormatInfo(
+            one.name,
+            one.what,
+            one.extra,
+            one.extra is None or find_spec(EXTRAS.get(one.extra, one.extra)) is not None,
+        )
+        for one in found
+    ]
+
+
+def inspect(session: str | Path, *, options: ReadingOptions | None = None) -> tuple[str, Inspection]:
+    """Return the name of a recording's format, and what it holds: counts, rates, distances, problems.
+
+    Distances are in meters, rates in Hz; broken records are counted, not raised. Raises InputError where the
+    recording cannot be read at all.
+
+        >>> format_name, found = mv.inspect("session.log")
+        >>> found.records["image"]
+        14
+    """
+    path, options = Path(session), replace(options or ReadingOptions(), keep_going=True)
+    one = chosen(path, options)
+    if one.name == NATIVE and options.as_it_is:
+        return one.name, inspect_session(path)
+    recording = open_recording(path, replace(options, format=one.name))
+    return one.name, inspect_recording(RecordedSession(recording, options))
+
+
+def diagnose(
+    session: str | Path,
+    library: str | Path | None = None,
+    *,
+    pictures: bool = True,
+    options: ReadingOptions | None = None,
+    to: str | Path | None = None,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> Diagnosis:
+    """Find wrong signs, units, frames, clocks and cameras in a recording, and the options that fix them.
+
+    Pictures are compared with the `library`, or the one that the recording names if there is one, unless
+    `pictures` is False. `Diagnosis.mended` are the options that fix everything; `to` writes them to a
+    reading file (.toml), if there is anything to fix. Raises InputError where the recording or the library
+    cannot be read, or the file exists (unless `force`).
+
+        >>> diagnosis = mv.diagnose("session.log")
+        >>> len(diagnosis.complaints)
+        0
+    """
+    path, options = Path(session), options or ReadingOptions()
+    if to is not None:
+        expect_absent(Path(to), force=force)
+    wanted = None if library is None else Path(library)
+    references = _library(path, wanted, options, listener) if pictures else None
+    found = diagnose_recording(path, options, references, progress_of(listener, "pictures"))
+    if to is not None and found.mended != options:
+        write_reading(to, found.mended, force=force)
+    return found
+
+
+def fixes(diagnosis: Diagnosis, options: ReadingOptions) -> Sequence[ReadingOptions]:
+    """Return, for each complaint, the options that fix it alone, as far as options can."""
+    return [mended(options, [one]) for one in diagnosis.complaints]
+
+
+def _library(
+    session: Path, library: Path | None, options: ReadingOptions, listener: Listener
+) -> Library | None:
+    """Open the library that was asked for; the one that the header names only where it is there."""
+    path = library or open_recording(session, options).info.survey
+    if path is None or (library is None and not path.exists()):
+        return None
+    if not path.exists():
+        raise InputError(path, "found no such library or survey; name it with --library")
+    return open_library(path, progress=progress_of(listener, "library"), warn=listener.warning)
