@@ -1,1 +1,63 @@
-"""Files in, sessions out: the session log, libraries on disk, imports."""
+"""Files in, sessions out; runs to disk and back.
+
+The chapters are
+
+* `reading`: how a recording is read; `recording`: records in time order, which every format is read into
+* `formats`: one file a format, and the registry that detects it; `bags`: ROS bags and MCAP
+* `session_log`: our own format, read and written
+* `transforms`: recordings corrected, aligned in time, thinned, with odometry made
+* `recorded_session`: a recording as a session; `live`: a source that is read while it grows
+* `libraries`: built from surveys and drives; `runs`: saved runs
+* `export`, `importing`, `calibration`, `inspection`: files for and from other programs, and their contents
+* `config_files`: configuration as TOML; `io`: files, fields, pictures; `errors`: what bad input raises
+
+A new format is one file in `formats` and one line in its registry.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .errors import InputError
+    from .formats.registry import open_session
+    from .libraries.store import build_library, open_library
+    from .reading import ReadingOptions, read_reading, write_reading
+    from .runs.store import open_run
+    from .session_log.writer import SessionWriter
+
+__all__ = [
+    "InputError",
+    "ReadingOptions",
+    "SessionWriter",
+    "build_library",
+    "open_library",
+    "open_run",
+    "open_session",
+    "read_reading",
+    "write_reading",
+]
+
+_HOME = {
+    "InputError": ".errors",
+    "ReadingOptions": ".reading",
+    "SessionWriter": ".session_log.writer",
+    "build_library": ".libraries.store",
+    "open_library": ".libraries.store",
+    "open_run": ".runs.store",
+    "open_session": ".formats.registry",
+    "read_reading": ".reading",
+    "write_reading": ".reading",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name of the front page when it is asked for."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name], __name__), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -42,6 +42,10 @@ class ReadingOptions:
     """How a recording is read; the defaults detect what they can and change nothing.
 
     Meters, radians, seconds. `FIELDS` holds the meaning of each.
+
+        >>> from maurice_loaders import ReadingOptions
+        >>> ReadingOptions(turn_scale=-1.0, camera_yaw_rad=1.5707963).corrections
+        ('--turn-scale -1', '--camera-yaw 89.9999985')
     """
 
     format: Annotated[
@@ -153,7 +157,8 @@ def read_reading(path: str | Path) -> ReadingOptions:
     The path of `table` counts from the file's folder. Raises InputError for a file that is no such TOML and
     for unknown keys or bad values.
 
-        >>> write_reading("reading.toml", ReadingOptions(turn_scale=-1.0))
+        >>> from maurice_loaders import ReadingOptions, read_reading, write_reading
+        >>> write_reading("reading.toml", ReadingOptions(turn_scale=-1.0), force=True)
         >>> read_reading("reading.toml").turn_scale
         -1.0
     """
@@ -179,9 +184,10 @@ def write_reading(path: str | Path, options: ReadingOptions, *, force: bool = Fa
 
     Raises InputError for a file that exists, unless `force`, or cannot be written.
 
-        >>> write_reading("reading.toml", ReadingOptions(camera="left", truth_scale=0.001))
-        >>> print(Path("reading.toml").read_text().splitlines()[-2])
-        camera = "left"
+        >>> from maurice_loaders import ReadingOptions, read_reading, write_reading
+        >>> write_reading("reading.toml", ReadingOptions(camera="left"), force=True)
+        >>> read_reading("reading.toml") == ReadingOptions(camera="left")
+        True
     """
     path, usual = Path(path), ReadingOptions()
     lines = ["# How a recording is read; use it with --reading.", f"[{TABLE}]"]

@@ -2,12 +2,33 @@
 
 import doctest
 import importlib
+from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
-FRONT_PAGES = ("maurice_mcl",)  # and what each exports in `__all__`
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.session import SessionInfo
+
+FRONT_PAGES = ("maurice_mcl", "maurice_loaders")  # and what each exports in `__all__`
 EXAMPLES = [(page, name) for page in FRONT_PAGES for name in importlib.import_module(page).__all__]
+
+
+@pytest.fixture(autouse=True)
+def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Change to a folder with the files that examples read: a session and a survey of two pictures."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "session").mkdir()
+    image = np.full((4, 6, 3), 100, np.uint8)
+    with SessionWriter(tmp_path / "session.log", SessionInfo(name="session")) as log:
+        log.image(0.0, image)
+        log.odometry(0.1, (0.05, 0.0, 0.0))
+        log.image(0.2, image)
+    with SessionWriter(tmp_path / "survey.log", SessionInfo(name="survey"), "survey") as log:
+        log.image(0.0, image, pose=(0.0, 0.0, 0.0))
+        log.image(0.2, image, pose=(1.0, 0.0, 0.0))
 
 
 def _export(page: str, name: str) -> object:

@@ -9,6 +9,7 @@ from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from shlex import quote
+from typing import Any
 
 from ..errors import InputError
 from ..io.files import expect_regular
@@ -83,9 +84,21 @@ def open_recording(path: Path, options: ReadingOptions | None = None) -> Recordi
     return _opened(chosen(path, options), path, options)
 
 
-def open_session(path: Path, options: ReadingOptions | None = None) -> SessionLog | RecordedSession:
-    """Open any recording as a session; a native log as it is as a SessionLog."""
-    options = options or ReadingOptions()
+def open_session(
+    path: str | Path, options: ReadingOptions | None = None, **changes: Any
+) -> SessionLog | RecordedSession:
+    """Open a recording of any format as a session, whose `moments()` are what a robot saw and did.
+
+    Keyword arguments are fields of `ReadingOptions`, over those of `options`. Only the header is read; every
+    moment holds a picture (H, W, 3) uint8 RGB, motions (M, 3) in meters and radians, and the true pose (3,)
+    or None. Raises InputError for an unknown format, and where reading goes wrong.
+
+        >>> from maurice_loaders import open_session
+        >>> session = open_session("session.log", turn_scale=-1.0, keep_going=True)
+        >>> [moment.frame.image.shape for moment in session.moments()]
+        [(4, 6, 3), (4, 6, 3)]
+    """
+    path, options = Path(path), replace(options or ReadingOptions(), **changes)
     one = chosen(path, options)
     if one.name == NATIVE and options.as_it_is:
         return SessionLog(path, keep_going=options.keep_going, camera=options.camera)

@@ -30,7 +30,7 @@ Warn = Callable[[str], None]
 
 
 def build_library(
-    survey: Path,
+    survey: str | Path,
     channels: Sequence[str] | None = None,
     *,
     keep_going: bool = False,
@@ -39,16 +39,24 @@ def build_library(
     log: Survey | None = None,
     yaw_rad: float = 0.0,
 ) -> Library:
-    """Measure the pictures of a survey log, or of the survey given as `log`; its poses become the library's.
+    """Measure the pictures of a survey log, or of the survey given as `log`, by every channel.
 
-    `yaw_rad` is how far, counter-clockwise, the robot's camera looks off where the survey's looked at the
-    same heading.
+    The library has the survey's L poses (L, 3) and one descriptor (L, D) a channel; all channels unless some
+    are named. `yaw_rad` is the counter-clockwise angle from the survey camera's direction to the robot
+    camera's at the same heading. `progress` gets pictures done and in all, `warn` gets warnings.
 
-    The noise floor is the mean of the covered-lens pictures (zeros, with a warning, when there are none),
-    the relevance the maximum of each bin over the library (thesis 3.3). Without a map in the survey all is
-    free. Pictures are held one at a time. InputError for a broken survey, one without any picture, or
-    poses too far apart (see `check_span`). A third-party channel that fails is left out, with a warning.
+    The noise floor is the mean of the pictures with the lens covered (zeros, with a warning, without any),
+    the relevance the maximum of each bin over the library (thesis 3.3). Without a map everything is free
+    space. Pictures are held one at a time. A third-party channel that fails is left out, with a warning.
+
+    Raises InputError for a broken survey, one without any picture, or poses too far apart.
+
+        >>> from maurice_loaders import build_library
+        >>> library = build_library("survey.log", channels=["color"])
+        >>> library.size, list(library.index)
+        (2, ['color'])
     """
+    survey = Path(survey)
     log = log or SessionLog(survey, keep_going=keep_going)
     rows = _Rows(chosen_channels(channels), yaw_rad)
     total = log.count_pictures() if progress else 0
@@ -151,7 +159,7 @@ __all__ = ["build_library", "library_key", "load_library", "open_library", "save
 
 
 def open_library(
-    path: Path,
+    path: str | Path,
     channels: Sequence[str] | None = None,
     *,
     keep_going: bool = False,
@@ -161,8 +169,15 @@ def open_library(
     """Read a library folder, or build a survey log's library unless the cache has it.
 
     The cache knows a library by the content of log and pictures and by the channels' parameters; what is
-    damaged there is built again. InputError for anything that is neither library nor survey.
+    damaged there is built again. Its folder: MAURICE_CACHE, or the user's cache. Arguments as for
+    `build_library`. Raises InputError for anything that is neither library nor survey.
+
+        >>> from maurice_loaders import open_library
+        >>> library = open_library("survey.log", channels=["color"])
+        >>> library.poses.shape
+        (2, 3)
     """
+    path = Path(path)
     if path.is_dir():
         return load_library(path)
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)

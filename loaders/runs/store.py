@@ -69,17 +69,30 @@ def open_runs(path: Path) -> list[SavedRun]:
     """Open a saved run, or all runs of a comparison, in order. InputError, one line, for what is neither."""
     found = read_object(path, FORMAT, COMPARISON)
     if found["format"] == FORMAT:
-        return [_open_run(path)]
+        return [open_run(path)]
     try:
         labels = [str(label) for label in items(found.get("runs"), "runs")]
     except FieldError as problem:
         raise InputError(path / MANIFEST, f"{problem}; is it damaged?") from None
     if not labels or any(not label or "/" in label or label == ".." for label in labels):
         raise InputError(path / MANIFEST, "found no list of runs, expected their folders; is it damaged?")
-    return [_open_run(path / label) for label in labels]
+    return [open_run(path / label) for label in labels]
 
 
-def _open_run(folder: Path) -> SavedRun:
+def open_run(folder: str | Path) -> SavedRun:
+    """Open the folder of a saved run; only its manifest and configuration are read yet.
+
+    `steps()` then gives update after update, `arena()` the map. Raises InputError for anything but a whole
+    run of one filter; `open_runs` opens the runs of a comparison.
+
+        >>> from maurice_loaders import InputError, open_run
+        >>> try:
+        ...     open_run("session")
+        ... except InputError as error:
+        ...     print(error)
+        session: found no manifest.json in it, expected a saved run's folder; make one with --run
+    """
+    folder = Path(folder)
     manifest = read_manifest(folder)
     file = folder / CONFIGURATION
     if not file.is_file() or hash_file(file) != manifest.configuration_sha256:

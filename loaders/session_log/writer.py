@@ -23,16 +23,25 @@ Numbers = F64 | Sequence[float]
 
 
 class SessionWriter:
-    """Writes one log; every line is flushed whole. Use it as a context manager.
+    """A session log or survey log being written; every line is flushed whole. Use it as a context manager.
 
-    Pictures go to `pictures/` beside the log, named after the log and a number, never after a pose.
-    InputError when the log or a picture exists already and `force` is not given; ValueError for values that
-    no log may hold (NaN, numbers too large, a time before the last one, a survey's picture without its pose).
+    Times in seconds, meters, radians. Pictures (H, W, 3) uint8 RGB go to `pictures/` beside the log, named
+    after the log and a number, never after a pose. Raises InputError when the log or a picture exists,
+    unless `force`, and ValueError for values that no log may hold (NaN, numbers too large, a time before the
+    last one, a survey's picture without its pose).
+
+        >>> from maurice_loaders import SessionWriter
+        >>> from maurice_mcl.session import SessionInfo
+        >>> with SessionWriter("new.log", SessionInfo(name="new"), force=True) as log:
+        ...     log.odometry(0.1, (0.05, 0.0, 0.0))
     """
 
-    def __init__(self, path: Path, info: SessionInfo, kind: Kind = "session", *, force: bool = False) -> None:
+    def __init__(
+        self, path: str | Path, info: SessionInfo, kind: Kind = "session", *, force: bool = False
+    ) -> None:
         if kind not in KINDS:
             raise ValueError(f"found kind {kind!r}, expected one of {KINDS}")
+        path = Path(path)
         self._path, self._kind, self._force = path, kind, force
         self._last_t_s = -np.inf
         self._pictures = 0

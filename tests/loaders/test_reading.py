@@ -5,7 +5,14 @@ from pathlib import Path
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.reading import CORRECTIONS, FIELDS, ReadingOptions, read_reading, write_reading
+from maurice_loaders.reading import (
+    CORRECTIONS,
+    FIELDS,
+    ReadingOptions,
+    option_name,
+    read_reading,
+    write_reading,
+)
 
 CHANGED = ReadingOptions(
     camera="left",
@@ -83,3 +90,10 @@ def test_a_missing_file_is_reported(tmp_path: Path) -> None:
 def test_every_option_has_a_meaning_and_corrections_are_a_group_of_their_own() -> None:
     assert all(meaning.text.endswith((".", "]")) for meaning in FIELDS.values())
     assert len(CORRECTIONS) == 11
+
+
+def test_the_documentation_lists_every_option() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "reading.md").read_text(encoding="utf-8")
+    for name, meaning in FIELDS.items():
+        assert f"| `{name}` | `{option_name(name)}` |" in text
+        assert f"| {meaning.text}" in text
