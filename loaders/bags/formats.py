@@ -7,11 +7,11 @@ from pathlib import Path
 from ..formats.registry import Format
 from ..reading import ReadingOptions
 from ..recording import Recording
-from .mcap import open_mcap
+from .mcap import is_mcap, open_mcap
 from .recording import BagRecording
 from .ros1 import open_ros1
-from .ros2 import PACKED, is_bag_folder, is_mcap, open_ros2, starts_with
-from .source import OpenBag
+from .ros2 import COMPRESSED, is_bag_folder, open_ros2
+from .source import OpenBag, starts_with
 
 ROS1_MAGIC = b"#ROSBAG V"  # of any version
 SQLITE_MAGIC = b"SQLite format 3\0"
@@ -26,19 +26,19 @@ def _opening(name: str) -> Format:
 
 
 def looks_like_rosbag1(path: Path) -> bool:
-    """Tell whether a file begins as ROS 1 bags do, or is named like one."""
+    """Return whether a file begins as ROS 1 bags do, or is named like one."""
     return starts_with(path, ROS1_MAGIC) or (path.suffix == ".bag" and path.is_file())
 
 
 def looks_like_rosbag2(path: Path) -> bool:
-    """Tell whether a folder is a ROS 2 bag, or a file is its database."""
+    """Return whether a folder is a ROS 2 bag, or a file is its database."""
     if path.is_dir():
         return is_bag_folder(path)
-    return path.name.endswith((".db3", *PACKED)) or starts_with(path, SQLITE_MAGIC)
+    return path.name.endswith((".db3", *COMPRESSED)) or starts_with(path, SQLITE_MAGIC)
 
 
 def looks_like_mcap(path: Path) -> bool:
-    """Tell whether a file begins as MCAP does, or is named like it."""
+    """Return whether a file begins as MCAP does, or is named like it."""
     return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
 
 

@@ -6,16 +6,17 @@ in a message of its own, at nearly the same time.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
+from maurice_mcl.arrays import F64, U8, Bool
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
@@ -24,9 +25,8 @@ from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.time_alignment import Aligner, Steps, as_rows
-from .map import GRID, arena_of
 from .messages import CLOUDS, POSE_WITH_COVARIANCE, cloud_of, pose_of, use_recorded
-from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_parts, time_s
+from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_bag, time_s
 from .recording import BagRecording, peek
 from .source import BagSource, Message, OpenBag, Topic
 from .topics import listed, readable
@@ -52,7 +52,7 @@ class CloudReader(OneTopic):
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the cloud of one message."""
         del number
-        if self.hears(message):
+        if self.accepts(message):
             found = message.decode()
             yield Cloud(time_s(found, message.log_ns, recorded=recorded), *cloud_of(found))
 
@@ -75,7 +75,7 @@ class LocalizerPoseReader(OneTopic):
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Give the pose of one message."""
         del number
-        if self.hears(message):
+        if self.accepts(message):
             found = message.decode()
             variances = np.asarray(found.pose.covariance, np.float64)[[0, 7, 35]]
             sd = np.sqrt(np.where(variances > 0, variances, 0))
@@ -127,8 +127,8 @@ class RecordedLocalizer:
     def __init__(self, path: Path, open_bag: OpenBag, options: ReadingOptions) -> None:
         self.path = path
         self._options = options
-        self._drive = BagRecording(path, open_bag, options, nothing_will_do=True)
-        with open_bag(path, keep_going=options.keep_going) as bag:
+        self._drive = BagRecording(path, open_bag, options, may_be_empty=True)
+        with open_bag(path) as bag:
             self.cloud = _cloud_topic(path, bag.topics)
             self.pose = _pose_topic(bag.topics)
             self._map = _map_of(bag)
@@ -183,20 +183,14 @@ class RecordedLocalizer:
         return Overview(count, truth, most, self._map or open_arena(np.stack([low, high])))
 
     def _stream(self, notes: ReadingNotes) -> Iterator[Timed]:
-        parts = [*self._drive.parts(), CloudReader(self.cloud.name)]
+        readers = [*self._drive.readers(), CloudReader(self.cloud.name)]
         if self.pose is not None:
-            parts.append(LocalizerPoseReader(self.pose.name))
-        late: list[int] = [0]
-
-        def leave_out(_: Timed) -> None:
-            late[0] += 1
-
-        keep_going = self._options.keep_going
-        opening = self._drive.open_bag
-        going = read_parts(self.path, opening, parts, notes, keep_going=keep_going, recorded=self._recorded)
-        yield from in_order(going, leave_out)
-        if late[0]:
-            notes.warning(f"{late[0]} messages were left out: their times fall by more than {WINDOW_S:g} s")
+            readers.append(LocalizerPoseReader(self.pose.name))
+        late: list[float] = []
+        records = read_bag(self.path, self._drive.open_bag, readers, notes, recorded=self._recorded)
+        yield from in_order(records, lambda record: late.append(record.t_s))
+        if late:
+            notes.warning(f"{len(late)} messages were left out: their times fall by more than {WINDOW_S:g} s")
 
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
@@ -258,3 +252,65 @@ def _map_of(bag: BagSource) -> Arena | None:
             except (InputError, *MESSAGE_ERRORS):
                 continue
     return None
+
+
+# The map of a bag, an occupancy grid, as walls.
+
+OCCUPIED = 65  # percent; map_server's occupied_thresh
+MOST_WALLS = 20_000  # segments; a finer grid is made coarser
+MOST_CELLS = 2**28
+GRID = "nav_msgs/OccupancyGrid"
+
+
+def arena_of(grid: Any) -> Arena:
+    """Give the map of an OccupancyGrid: walls run along the edges of occupied cells. ValueError for none."""
+    info = grid.info
+    width, height, side_m = int(info.width), int(info.height), float(info.resolution)
+    if not (0 < width * height <= MOST_CELLS and math.isfinite(side_m) and side_m > 0):
+        raise ValueError(f"found a map of {width} x {height} cells of {side_m} m, expected a grid")
+    cells = np.asarray(grid.data, np.int16)
+    if len(cells) != width * height:
+        raise ValueError(f"found {len(cells)} cells, expected {width} x {height}")
+    at, q = info.origin.position, info.origin.orientation
+    heading = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
+    occupied = cells.reshape(height, width) >= OCCUPIED
+    while len(edges := _edges(occupied)) > MOST_WALLS:
+        occupied, side_m = _coarser(occupied), 2 * side_m
+    corners = np.array([[0, 0, width, 0], [width, height, 0, height]], np.float64) * float(info.resolution)
+    walls, frame = (_placed(part, float(at.x), float(at.y), heading) for part in (edges * side_m, corners))
+    x, y = frame[:, 0::2], frame[:, 1::2]
+    return Arena((float(x.min()), float(y.min()), float(x.max()), float(y.max())), walls)
+
+
+def _edges(occupied: Bool) -> F64:
+    """Give the borders between occupied cells and others as segments (W, 4), each as long as it runs."""
+    padded = np.pad(occupied, 1)
+    level = _runs(padded[1:, 1:-1] != padded[:-1, 1:-1])
+    upright = _runs((padded[1:-1, 1:] != padded[1:-1, :-1]).T)
+    lying = np.column_stack([level[:, 1], level[:, 0], level[:, 2], level[:, 0]])
+    return np.concatenate(
+        [lying, np.column_stack([upright[:, 0], upright[:, 1], upright[:, 0], upright[:, 2]])]
+    )
+
+
+def _runs(border: Bool) -> F64:
+    """Give the runs (K, 3) of a border: its row, where it begins, where it ends."""
+    steps = np.diff(np.pad(border, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    row, begin = np.nonzero(steps == 1)
+    _, end = np.nonzero(steps == -1)
+    return np.column_stack([row, begin, end]).astype(np.float64)
+
+
+def _coarser(occupied: Bool) -> Bool:
+    """Join cells two by two; one that holds anything occupied is."""
+    height, width = occupied.shape
+    even = np.pad(occupied, ((0, height % 2), (0, width % 2)))
+    return np.asarray(even.reshape(even.shape[0] // 2, 2, -1, 2).any(axis=(1, 3)))
+
+
+def _placed(segments: F64, x_m: float, y_m: float, heading: float) -> F64:
+    """Turn and move segments (W, 4) from the grid's frame into the map's."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    x, y = segments[:, 0::2], segments[:, 1::2]
+    turned = np.stack([x_m + x * cos - y * sin, y_m + x * sin + y * cos], axis=2)
+    return turned.reshape(-1, 4)

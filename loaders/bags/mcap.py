@@ -1,60 +1,124 @@
-"""MCAP files as bags: ROS 2 (CDR), ROS 1, JSON and protobuf messages, whatever profile the file names."""
+"""MCAP files of any profile, through `mcap`: ROS 2 (CDR), ROS 1, JSON and protobuf messages."""
 
 from __future__ import annotations
 
-import json
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
-from .mcap_container import Channel, McapFile
-from .mcap_proto import decode_proto
-from .ros_types import bag_errors, decode_cdr, decode_ros1, long_type, require_ros
-from .source import BagSource, FileDamage, Message, Topic, short_type, sorted_topics
+from ..errors import InputError
+from .decoding import ENCODINGS, MOST_BYTES, decode
+from .source import BagSource, Message, Topic, bag_errors, require_ros, short_type, sorted_topics, starts_with
 
-ENCODINGS = ("json", "cdr", "ros1", "protobuf")
-FORMS = {"ros2msg": "msg", "ros2idl": "idl", "omgidl": "idl"}
+if TYPE_CHECKING:
+    from mcap.reader import McapReader
+    from mcap.records import Channel, Schema
+    from mcap.records import Message as McapMessage
+    from mcap.summary import Summary
+
+    Record: TypeAlias = tuple[Schema | None, Channel, McapMessage]
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a file begins as MCAP does."""
+    return starts_with(path, MAGIC)
+
+
+def mcap_repair(name: str) -> str:
+    """Return the command that repairs an MCAP file."""
+    return f"repair it with `mcap recover {name} -o repaired.mcap`"
 
 
 @contextmanager
-def open_mcap(path: Path, *, keep_going: bool = False) -> Iterator[BagSource]:
-    """Open an MCAP file. InputError when it is damaged, or cut and not kept going."""
+def open_mcap(path: Path) -> Iterator[BagSource]:
+    """Open an MCAP file. InputError when it is damaged or cut."""
     require_ros(path)
-    with McapFile(path, keep_going=keep_going) as file:
-        yield _McapBag(file)
+    if not is_mcap(path):
+        raise InputError(path, "found no MCAP file, expected one; is it another format?")
+    with path.open("rb") as file:
+        with bag_errors(path, mcap_repair(path.name)):
+            bag = _McapBag(path, file)
+        yield bag
 
 
-class _McapBag(FileDamage):
-    """An open MCAP file."""
+class _McapBag:
+    """An open MCAP file. Without a chunk index it is read from its beginning, in the order of writing."""
 
-    _file: McapFile
-
-    def __init__(self, file: McapFile) -> None:
-        self._file = file
-        self.topics = sorted_topics([self._topic(channel) for channel in file.channels.values()])
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        self._path, self._file = path, file
+        file.seek(-len(MAGIC), 2)
+        if file.read() != MAGIC:
+            raise ValueError(f"it ends at byte {file.tell()} without its footer")
+        summary = self._reader().get_summary()
+        if summary is not None and not _complete(summary):
+            summary = None
+        self._indexed = summary is not None and bool(summary.chunk_indexes)
+        if summary is None or summary.statistics is None:
+            found = self._counted()
+        else:
+            counts = summary.statistics.channel_message_counts
+            pairs = [(one, summary.schemas.get(one.schema_id)) for one in summary.channels.values()]
+            found = [_topic(schema, channel, counts.get(channel.id, 0)) for channel, schema in pairs]
+        self.topics = sorted_topics(found)
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Give the messages of these topics by the time of recording."""
-        wanted = {number for number, channel in self._file.channels.items() if channel.topic in names}
-        for channel, log_ns, data in self._file.messages(wanted):
-            decode = partial(self._decode, channel, data)
-            yield Message(channel.topic, short_type(channel.schema.name), log_ns, decode)
+        """Yield the messages of these topics by recording time."""
+        if not names:
+            return
+        with bag_errors(self._path, mcap_repair(self._path.name)):
+            for schema, channel, record in self._records(names):
+                kind = "" if schema is None else schema.name
+                decode_one = partial(self._decode, schema, channel, record.data)
+                yield Message(channel.topic, short_type(kind), record.log_time, decode_one)
 
-    def _topic(self, channel: Channel) -> Topic:
-        known = channel.encoding in ENCODINGS
-        why = "" if known else f"its messages are encoded as {channel.encoding!r}"
-        return Topic(channel.topic, short_type(channel.schema.name), self._file.counts[channel.id], why)
+    def _reader(self) -> McapReader:
+        from mcap.reader import SeekingReader
 
-    def _decode(self, channel: Channel, data: bytes) -> Any:
-        with bag_errors(self._file.path):
-            if channel.encoding == "json":
-                return json.loads(data, object_hook=lambda found: SimpleNamespace(**found))
-            if channel.encoding == "protobuf":
-                return decode_proto(data, channel.schema.name, channel.schema.data)
-            kind, definition = long_type(channel.schema.name), channel.schema.data.decode()
-            if channel.encoding == "ros1":
-                return decode_ros1(data, kind, definition)
-            return decode_cdr(data, kind, definition, FORMS.get(channel.schema.encoding, "msg"))
+        self._file.seek(0)
+        return SeekingReader(self._file, validate_crcs=True, record_size_limit=MOST_BYTES)
+
+    def _records(self, names: Collection[str] | None) -> Iterator[Record]:
+        """Yield messages; the library would read a file without an index whole to sort it."""
+        from mcap.reader import NonSeekingReader
+
+        if self._indexed:
+            return self._reader().iter_messages(names)
+        self._file.seek(0)
+        reader = NonSeekingReader(self._file, validate_crcs=True, record_size_limit=MOST_BYTES)
+        return reader.iter_messages(names, log_time_order=False)
+
+    def _counted(self) -> list[Topic]:
+        """Count the messages of a file without statistics."""
+        found = dict[int, Topic]()
+        counts = Counter[int]()
+        for schema, channel, _ in self._records(None):
+            counts[channel.id] += 1
+            found[channel.id] = _topic(schema, channel, counts[channel.id])
+        return list(found.values())
+
+    def _decode(self, schema: Schema | None, channel: Channel, data: bytes) -> Any:
+        named = ("", b"", "") if schema is None else (schema.name, schema.data, schema.encoding)
+        with bag_errors(self._path):
+            return decode(data, channel.message_encoding, *named)
+
+
+def _complete(summary: Summary) -> bool:
+    """Return whether a summary repeats all channels and schemas, which writers may leave out."""
+    if any(one.uncompressed_size > MOST_BYTES for one in summary.chunk_indexes):
+        raise ValueError(f"a chunk of more than {MOST_BYTES} bytes")
+    used = {number for one in summary.chunk_indexes for number in one.message_index_offsets}
+    if summary.statistics is not None:
+        used |= summary.statistics.channel_message_counts.keys()
+    schemas = {one.schema_id for one in summary.channels.values()} - {0}
+    return bool(summary.channels) and used <= summary.channels.keys() and schemas <= summary.schemas.keys()
+
+
+def _topic(schema: Schema | None, channel: Channel, count: int) -> Topic:
+    known = channel.message_encoding in ENCODINGS
+    unreadable = "" if known else f"its messages are encoded as {channel.message_encoding!r}"
+    return Topic(channel.topic, short_type("" if schema is None else schema.name), count, unreadable)

@@ -1,4 +1,4 @@
-"""Bag messages as records: pictures, poses and texts from the topics that were chosen, in time order."""
+"""Bag messages as records, in time order: pictures, poses, motions and texts of the chosen topics."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import heapq
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
+
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError
+from ..io.fields import read_json
 from ..io.notes import ReadingNotes
-from ..recording import Note, Picture
+from ..recording import Motion, Note, Picture
+from ..session_log.header import header_from_json
 from .images import picture_of
 from .messages import (
     PICTURES,
@@ -29,20 +35,17 @@ from .messages import (
     pose_of,
     stamp_ns,
 )
-from .source import Message, OpenBag
+from .source import BagSource, Message, OpenBag
 from .topics import PoseTopic, readable
 from .video import VideoStream, codec_of
 
-# What the messages of a bag become: pictures, poses and texts, each from the topics it listens to.
+MESSAGE_ERRORS = (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError)
 
-MESSAGE_ERRORS = (
-    ValueError,
-    TypeError,
-    AttributeError,
-    KeyError,
-    IndexError,
-    OverflowError,
-)  # of odd messages
+# Our own MCAP files hold what ROS has no message for (a start pose, motion parameters, a survey), and motions
+# to the last bit: a path of poses neither separates motions between two pictures nor keeps those bits.
+HEADER = "/session/header"  # std_msgs/String: the first line of the native log
+MOTIONS = "/session/motions"  # of the type VECTOR: forward_m, left_m, turn_rad
+VECTOR = "geometry_msgs/Vector3Stamped"
 
 
 class Timed(Protocol):
@@ -55,79 +58,68 @@ class Timed(Protocol):
 
 
 class Reader(Protocol):
-    """Makes records of messages."""
+    """Converts messages to records."""
 
     @property
     def topics(self) -> Collection[str]:
-        """The topics that it wants."""
+        """The topics that it reads."""
         ...
 
     @property
     def transforms(self) -> bool:
-        """Whether it wants all transforms as well."""
+        """Whether it reads all transforms as well."""
         ...
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give the records of one message, the so many-th of its topic.
+        """Yield the records of one message, which is the `number`-th of its topic.
 
-        `recorded`: at the time of recording instead of the one that the message carries.
+        `recorded`: use the recording time instead of the message's own.
         """
         ...
 
 
-def read_parts(
-    path: Path,
-    open_bag: OpenBag,
-    parts: Collection[Reader],
-    notes: ReadingNotes,
-    *,
-    keep_going: bool,
-    recorded: bool,
+def read_bag(
+    path: Path, open_bag: OpenBag, readers: Collection[Reader], notes: ReadingNotes, *, recorded: bool
 ) -> Iterator[Timed]:
-    """Read a bag from its beginning and give the records of some parts as they come.
+    """Read a bag from its beginning and yield the records of some readers as they come.
 
-    Messages that make no sense go to `notes`. InputError where the bag itself is damaged.
+    Invalid messages go to `notes`. InputError where the bag itself is damaged.
     """
-    names = {name for part in parts for name in part.topics}
+    names = {name for reader in readers for name in reader.topics}
     if not names:
         return
-    with open_bag(path, keep_going=keep_going) as bag:
-        if any(part.transforms for part in parts):
+    with open_bag(path) as bag:
+        if any(reader.transforms for reader in readers):
             names |= {t.name for t in readable(bag.topics, TRANSFORMS)}
         number = dict.fromkeys(names, 0)
         for message in bag.messages(names):
             number[message.topic] += 1
-            for part in parts:
-                going = part.records(message, number[message.topic], recorded=recorded)
-                yield from _sound(path, going, message, number[message.topic], notes)
-        for text in bag.damaged:
-            notes.damage(InputError(path, text))
-        if bag.cut:
-            notes.warning(f"{bag.cut}: read as far as it goes")
+            for reader in readers:
+                records = reader.records(message, number[message.topic], recorded=recorded)
+                yield from _valid(path, records, message, number[message.topic], notes)
 
 
-def _sound(
-    path: Path, going: Iterator[Timed], message: Message, number: int, notes: ReadingNotes
+def _valid(
+    path: Path, records: Iterator[Timed], message: Message, number: int, notes: ReadingNotes
 ) -> Iterator[Timed]:
-    """Give the records of one message; what is wrong with it goes to `notes`."""
+    """Yield the records of one message; a message that is invalid goes to `notes`."""
     try:
-        found = list(going)
+        found = list(records)
     except MESSAGE_ERRORS as problem:
-        found = []
-        said = str(problem)
+        text = str(problem)
         if isinstance(problem, AttributeError):
-            said = f"found no field {problem.name!r}, expected one"
+            text = f"found no field {problem.name!r}, expected one"
         what = f"message {number} of {message.topic} ({message.type})"
-        notes.problem(InputError(path, f"{what}: {said}"))
+        notes.problem(InputError(path, f"{what}: {text}"))
     except InputError as problem:
-        found = []
         notes.problem(problem)
-    yield from found
+    else:
+        yield from found
 
 
 @dataclass(frozen=True, slots=True)
 class OneTopic:
-    """Looks at the messages of one topic and of some types, and at no transforms."""
+    """Reads the messages of one topic that are of certain types, and no transforms."""
 
     topic: str
     types: ClassVar[Collection[str]] = ()
@@ -139,24 +131,24 @@ class OneTopic:
 
     @property
     def transforms(self) -> bool:
-        """None are wanted."""
+        """None are read."""
         return False
 
-    def hears(self, message: Message) -> bool:
-        """Tell whether a message is meant; a topic may carry other types beside."""
+    def accepts(self, message: Message) -> bool:
+        """Return whether a message is to be read; a topic may carry other types as well."""
         return message.topic == self.topic and known_type(message.type) in self.types
 
 
 @dataclass(frozen=True, slots=True)
 class PictureReader(OneTopic):
-    """Makes pictures of a topic's messages."""
+    """Converts a topic's messages to pictures."""
 
     types: ClassVar[Collection[str]] = PICTURES | VIDEOS
     _video: VideoStream = field(default_factory=VideoStream, compare=False)
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give what one message says; of video only what comes from the first key frame on."""
-        if not self.hears(message):
+        """Yield the picture of one message; video before its first key frame has none."""
+        if not self.accepts(message):
             return
         found, name = message.decode(), f"{self.topic} {number}"
         t_s = time_s(found, message.log_ns, recorded=recorded)
@@ -170,7 +162,7 @@ class PictureReader(OneTopic):
 
 @dataclass(slots=True)
 class PoseReader:
-    """Makes poses of a topic's messages, or of two frames of its transforms."""
+    """Converts a topic's messages, or the transforms between two frames, to poses."""
 
     route: PoseTopic
     make: Callable[[float, F64], Timed]
@@ -184,11 +176,11 @@ class PoseReader:
 
     @property
     def transforms(self) -> bool:
-        """All of them, where two frames are wanted."""
+        """All of them, where the pose is that of two frames."""
         return self.route.frames is not None
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give what one message says."""
+        """Yield the pose of one message."""
         del number
         if self.route.frames is not None:
             if known_type(message.type) in TRANSFORMS:
@@ -199,7 +191,7 @@ class PoseReader:
             yield self.make(t_s + self.offset_s, pose_of(found))
 
     def _moved(self, links: list[Link], log_ns: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give the pose anew when one of the transforms between the two frames was said anew."""
+        """Yield the pose when one of the transforms between the two frames was updated."""
         news = self._tree.news(links, *(self.route.frames or ("", "")))
         if news is not None:
             stamp, matrix = news
@@ -209,25 +201,59 @@ class PoseReader:
 
 @dataclass(frozen=True, slots=True)
 class NoteReader(OneTopic):
-    """Makes events of a topic of texts, which carry no time: when they were recorded."""
+    """Converts a topic's texts to events at their recording times, as they carry no others."""
 
     types: ClassVar[Collection[str]] = (TEXT,)
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give the text of one message."""
+        """Yield the text of one message."""
         del number, recorded
-        if self.hears(message):
+        if self.accepts(message):
             yield Note(message.log_ns / 1e9, str(message.decode().data))
 
 
+@dataclass(frozen=True, slots=True)
+class MotionReader(OneTopic):
+    """Converts the messages of `MOTIONS` to motions."""
+
+    types: ClassVar[Collection[str]] = (VECTOR,)
+    offset_s: float  # added to the times
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Yield the motion of one message."""
+        del number
+        if self.accepts(message):
+            found = message.decode()
+            vector = found.vector
+            t_s = time_s(found, message.log_ns, recorded=recorded) + self.offset_s
+            yield Motion(t_s, np.array([vector.x, vector.y, vector.z], np.float64))
+
+
+def has_motions(bag: BagSource) -> bool:
+    """Return whether a bag holds motions as such."""
+    return any(topic.name == MOTIONS for topic in readable(bag.topics, {VECTOR}))
+
+
+def header_of(path: Path, bag: BagSource) -> SessionInfo | None:
+    """Return the header that our own files carry; None in others'. InputError for a damaged one."""
+    if not any(topic.name == HEADER for topic in readable(bag.topics, {TEXT})):
+        return None
+    for message in islice(bag.messages({HEADER}), 1):
+        try:
+            return header_from_json(read_json(str(message.decode().data)), path)[0]
+        except MESSAGE_ERRORS as problem:
+            raise InputError(path, f"{HEADER}: {problem}; is it damaged?") from None
+    return None
+
+
 def time_s(message: Any, log_ns: int, *, recorded: bool) -> float:
-    """Give the time of a message in seconds: the one it carries, or that of its recording."""
+    """Return the time of a message in seconds: its own, or that of its recording."""
     stamp = None if recorded else stamp_ns(message)
     return (log_ns if stamp is None else stamp) / 1e9
 
 
 def _picture(message: Any) -> U8:
-    """Decode a picture; a message that lacks a field is no picture."""
+    """Decode a picture; PictureError also for a message that lacks a field."""
     try:
         return picture_of(message)
     except PictureError:
@@ -236,20 +262,20 @@ def _picture(message: Any) -> U8:
         raise PictureError(f"found a message without a picture ({problem}), expected one") from None
 
 
-# Putting records in order that were written nearly so: each as soon as nothing earlier can come.
+# Sorting records that were written nearly in order: each is released as soon as nothing earlier can come.
 
-WINDOW_S = 1.0  # a message recorded later than another was measured at most so much earlier
+WINDOW_S = 1.0  # a message recorded later than another was measured at most this much earlier
 MOST_WAITING = 5000  # records held back ...
 MOST_PICTURES = 32  # ... and pictures among them, which are large
 
 
 def in_order(records: Iterable[Timed], late: Callable[[Timed], None]) -> Iterator[Timed]:
-    """Give records by their times; those that come too late for that go to `late` instead."""
+    """Yield records in the order of their times; those that come too late go to `late`."""
     waiting: list[tuple[float, int, Timed]] = []
-    newest_s = given_s = float("-inf")
+    newest_s = released_s = float("-inf")
     number = pictures = 0
     for record in records:
-        if record.t_s < given_s:
+        if record.t_s < released_s:
             late(record)
             continue
         number += 1
@@ -259,7 +285,7 @@ def in_order(records: Iterable[Timed], late: Callable[[Timed], None]) -> Iterato
         while waiting and (
             waiting[0][0] < newest_s - WINDOW_S or len(waiting) > MOST_WAITING or pictures > MOST_PICTURES
         ):
-            given_s, _, first = heapq.heappop(waiting)
+            released_s, _, first = heapq.heappop(waiting)
             pictures -= isinstance(first, Picture)
             yield first
     while waiting:

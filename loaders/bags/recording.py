@@ -1,79 +1,92 @@
-"""A bag of any kind as a recording: pictures, odometry and truth from the topics that were chosen."""
+"""A bag of any kind as a recording, with the camera that its calibration and static transforms describe."""
 
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import InputError
+from ..formats._poses import forward_axis, leaning, planar
 from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, TruthPose
-from .camera import camera_of
-from .messages import TEXT, TRANSFORMS, links_of, recorded_as_measured, stamp_ns, use_recorded
+from .messages import (
+    TEXT,
+    TRANSFORMS,
+    FrameTree,
+    known_type,
+    links_of,
+    recorded_as_measured,
+    stamp_ns,
+    use_recorded,
+)
 from .readers import (
     MESSAGE_ERRORS,
+    MOTIONS,
     WINDOW_S,
+    MotionReader,
     NoteReader,
     PictureReader,
     PoseReader,
     Reader,
     Timed,
+    has_motions,
+    header_of,
     in_order,
-    read_parts,
+    read_bag,
 )
-from .session_topics import MOTIONS, MotionReader, has_motions, header_of
 from .source import BagSource, OpenBag
 from .topics import TopicRequest, choose, nothing_to_read, readable
 
 ROLES = ("image", "odometry", "truth")
-PEEKED = 3  # messages of a topic that are looked at before reading
-TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames there are
+PEEKED = 3  # messages of a topic that are examined before reading
+TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames exist
 
 
 class BagRecording:
-    """A bag as a `Recording`. It is opened anew at every reading. InputError where it is damaged."""
+    """A bag as a `Recording`, opened again for each reading. InputError where it is damaged."""
 
     def __init__(
-        self, path: Path, open_bag: OpenBag, options: ReadingOptions, *, nothing_will_do: bool = False
+        self, path: Path, open_bag: OpenBag, options: ReadingOptions, *, may_be_empty: bool = False
     ) -> None:
         _refuse_tables(path, options)
         self.path = path
         self.open_bag = open_bag
         self._options = options
-        with open_bag(path, keep_going=options.keep_going) as bag:
+        with open_bag(path) as bag:
             self.chosen = choose(path, bag.topics, _wishes(options), _edges(bag))
-            if not self.chosen.topics and not nothing_will_do:
-                cut = f"{bag.cut}; " if bag.cut else ""
-                raise InputError(path, f"{cut}{nothing_to_read(bag.topics)}")
+            if not self.chosen.topics and not may_be_empty:
+                raise InputError(path, nothing_to_read(bag.topics))
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
-            self.recorded_times = use_recorded(first)  # why the times of recording are used; "": they are not
+            self.recorded_times = use_recorded(first)  # why recording times are used; "" where they are not
             self.counts = {t.name: t.count for t in bag.topics}
             camera, looking = camera_of(bag, self.chosen.image)
             self._events = _events_topic(bag) if recorded_as_measured(first) else None
             self._motions = has_motions(bag) and options.odometry_topic is None
-            header = header_of(path, bag)  # of a file that was written here
+            header = header_of(path, bag)  # of a file that we exported
         self._guessed = "; ".join(text for text in (self.chosen.guess, looking) if text)
         notes, cameras = (self._guessed,) if self._guessed else (), (camera,) if camera else ()
         self.info = header or SessionInfo(name=path.stem, cameras=cameras, notes=notes)
-        self._ours = header is not None  # then nothing is guessed, and a time of 0 is one
+        self._ours = header is not None  # then nothing is guessed, and a time of 0 is valid
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Read the chosen topics in time order. Late and broken messages go to `notes`."""
+        """Yield records of the chosen topics in time order. Late and invalid messages go to `notes`."""
         for text in () if self._ours else (self._guessed, self._clock_note()):
             if text:
                 notes.warning(text)
         late: dict[str, int] = {}
 
-        def leave_out(record: Timed) -> None:
+        def skip(record: Timed) -> None:
             late[type(record).__name__] = late.get(type(record).__name__, 0) + 1
 
-        streams = [in_order(self._read(roles, notes), leave_out) for roles in self._passes()]
+        streams = [in_order(self._read(roles, notes), skip) for roles in self._passes()]
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
         for kind, count in late.items():
             notes.warning(
@@ -85,42 +98,41 @@ class BagRecording:
         return f"{why}: the times of recording are used for all topics" if why else ""
 
     def _passes(self) -> list[tuple[str, ...]]:
-        """Tell which roles are read together; apart where offsets would spoil the order."""
+        """Return the roles that are read together: one at a time where offsets would break the order."""
         if self._options.odometry_offset_s or self._options.truth_offset_s:
             return [("image",), ("odometry",), ("truth",)]
         return [ROLES]
 
     def _read(self, roles: tuple[str, ...], notes: ReadingNotes) -> Iterator[Timed]:
-        """Read the topics of some roles as they come."""
-        keep_going, recorded = self._options.keep_going, bool(self.recorded_times)
-        parts = self.parts(roles)
-        return read_parts(self.path, self.open_bag, parts, notes, keep_going=keep_going, recorded=recorded)
+        """Yield the records of some roles as they come."""
+        recorded = bool(self.recorded_times)
+        return read_bag(self.path, self.open_bag, self.readers(roles), notes, recorded=recorded)
 
-    def parts(self, roles: Collection[str] = ROLES) -> list[Reader]:
-        """Give what reads these roles."""
+    def readers(self, roles: Collection[str] = ROLES) -> list[Reader]:
+        """Return the readers of these roles."""
         chosen, options = self.chosen, self._options
-        parts: list[Reader] = []
+        readers: list[Reader] = []
         if "image" in roles and chosen.image:
-            parts.append(PictureReader(chosen.image))
+            readers.append(PictureReader(chosen.image))
         if "odometry" in roles and self._motions:
-            parts.append(MotionReader(MOTIONS, options.odometry_offset_s))
+            readers.append(MotionReader(MOTIONS, options.odometry_offset_s))
         elif "odometry" in roles and chosen.odometry:
-            parts.append(PoseReader(chosen.odometry, OdometryPose, options.odometry_offset_s))
+            readers.append(PoseReader(chosen.odometry, OdometryPose, options.odometry_offset_s))
         if "truth" in roles and chosen.truth:
-            parts.append(PoseReader(chosen.truth, TruthPose, options.truth_offset_s))
+            readers.append(PoseReader(chosen.truth, TruthPose, options.truth_offset_s))
         if "odometry" in roles and self._events:
-            parts.append(NoteReader(self._events))
-        return parts
+            readers.append(NoteReader(self._events))
+        return readers
 
 
 def _refuse_tables(path: Path, options: ReadingOptions) -> None:
-    """Refuse what is about tables of numbers."""
+    """Refuse options of tables."""
     typed = {"--time-unit": options.time_unit, "--table": options.table, "--columns": options.columns}
     for name, value in typed.items():
         if value:
             raise InputError(
                 path,
-                f"found {name}, expected none with a bag, whose messages say what they are; leave it out",
+                f"found {name}, expected none with a bag, whose messages define their content; leave it out",
             )
 
 
@@ -129,29 +141,29 @@ def _wishes(options: ReadingOptions) -> TopicRequest:
 
 
 def _events_topic(bag: BagSource) -> str | None:
-    """Give the topic of texts that is named so, as our own `export --mcap` writes it."""
+    """Return the topic of texts named `events`, as our own `export --mcap` writes it."""
     found = [t.name for t in readable(bag.topics, {TEXT})]
     return next((name for name in found if name.rpartition("/")[2] == "events"), None)
 
 
 def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
-    """Give stamp and time of recording of a topic's first messages."""
+    """Return stamp and recording time of a topic's first messages."""
     stamps = []
     for message in islice(bag.messages({topic}), min(PEEKED, counted(bag, topic))):
         try:
             stamps.append((stamp_ns(message.decode()), message.log_ns))
-        except (InputError, *MESSAGE_ERRORS):  # told of when it is read
+        except (InputError, *MESSAGE_ERRORS):  # reported when it is read
             continue
     return stamps
 
 
 def counted(bag: BagSource, topic: str) -> int:
-    """Count a topic's messages: whoever reads on after the last one reads the whole bag."""
+    """Count a topic's messages: reading on after the last one would read the whole bag."""
     return sum(one.count for one in bag.topics if one.name == topic)
 
 
 def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
-    """Give the parent and child frames of the first transforms."""
+    """Return the parent and child frames of the first transforms."""
     edges: set[tuple[str, str]] = set()
     for topic in readable(bag.topics, TRANSFORMS):
         for message in islice(bag.messages({topic.name}), min(TRANSFORMS_PEEKED, topic.count)):
@@ -160,3 +172,80 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
             except (InputError, *MESSAGE_ERRORS):
                 continue
     return edges
+
+
+# The camera: size and field of view by its calibration, yaw by static transforms.
+
+CALIBRATIONS = ("sensor_msgs/CameraInfo", "foxglove.CameraCalibration")
+BASES = ("base_link", "base_footprint")
+MOST_STATIC = 1000  # messages of static transforms that are examined
+STEEP_RAD = math.radians(60)  # a camera that looks further up or down has no meaningful yaw
+
+
+def camera_of(bag: BagSource, image: str | None) -> tuple[Camera | None, str]:
+    """Return the camera of a topic of pictures, and a remark on its yaw; None and "" where unknown."""
+    if image is None:
+        return None, ""
+    camera, frame = _calibrated(bag, image), _frame_of(bag, image)
+    for base in BASES if frame else ():
+        yaw_rad = _yaw(bag, base, frame)
+        if yaw_rad is not None:
+            remark = f"camera yaw {math.degrees(yaw_rad):.1f} deg by the static transform {base} to {frame}"
+            return replace(camera or Camera(image), yaw_rad=yaw_rad), remark
+    return camera, ""
+
+
+def _calibrated(bag: BagSource, image: str) -> Camera | None:
+    """Read image size and field of view from the calibration topic beside the pictures."""
+    place = image.removesuffix("/compressed").rpartition("/")[0]
+    for topic in bag.topics:
+        if known_type(topic.type) in CALIBRATIONS and topic.name.rpartition("/")[0] == place:
+            for message in _decoded(bag, topic.name, 1):
+                try:
+                    return _camera(image, message)
+                except MESSAGE_ERRORS:
+                    break
+    return None
+
+
+def _camera(name: str, calibration: Any) -> Camera:
+    matrix = calibration.k if hasattr(calibration, "k") else calibration.K
+    width, height, focal = int(calibration.width), int(calibration.height), float(matrix[0])
+    view = 2 * math.atan2(width / 2, focal) if focal > 0 and width > 0 else None
+    return Camera(name, width or None, height or None, view)
+
+
+def _frame_of(bag: BagSource, image: str) -> str:
+    """Return the frame that the first picture names."""
+    for message in _decoded(bag, image, 1):
+        named = getattr(message, "header", message)
+        return str(getattr(named, "frame_id", "")).lstrip("/")
+    return ""
+
+
+def _yaw(bag: BagSource, base: str, frame: str) -> float | None:
+    """Return the viewing direction of a frame in the base that static transforms connect it to."""
+    tree = FrameTree()
+    for topic in readable(bag.topics, TRANSFORMS):
+        if "static" in topic.name:
+            for message in _decoded(bag, topic.name, min(MOST_STATIC, topic.count)):
+                try:
+                    for link in links_of(message):
+                        tree.add(link)
+                except MESSAGE_ERRORS:
+                    continue
+    place = tree.place(base, frame)
+    if place is None:
+        return None
+    turned = place[:3, :3]
+    axis = "z" if "optical" in frame else forward_axis([turned])
+    return None if leaning(turned, axis) > STEEP_RAD else float(planar(place[:3, 3], turned, axis)[2])
+
+
+def _decoded(bag: BagSource, topic: str, most: int) -> Iterator[Any]:
+    """Yield the first messages of a topic; those that cannot be decoded are reported when they are read."""
+    for message in islice(bag.messages({topic}), most):
+        try:
+            yield message.decode()
+        except (InputError, *MESSAGE_ERRORS):
+            continue

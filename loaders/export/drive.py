@@ -15,7 +15,7 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import Moment
 
-from ..bags.session_topics import MOTIONS
+from ..bags.readers import MOTIONS
 from ..errors import InputError
 from ..io.notes import ReadingNotes
 from ..recorded_session import RecordedSession

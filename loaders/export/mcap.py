@@ -10,8 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..bags.ros_types import INSTALL
-from ..bags.session_topics import HEADER, MOTIONS
+from ..bags.readers import HEADER, MOTIONS
+from ..bags.source import INSTALL
 from ..errors import InputError
 from ..io.files import expect_absent
 

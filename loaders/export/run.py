@@ -15,7 +15,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..bags.session_topics import HEADER, MOTIONS
+from ..bags.readers import HEADER, MOTIONS
 from ..recording import motion_between, moved
 from ..runs.rows import weighted_of
 from ..transforms.simplified_path import SimplifiedPath

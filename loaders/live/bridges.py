@@ -16,19 +16,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from ..bags.mcap_proto import decode_proto
-from ..bags.ros_types import decode_cdr, decode_ros1, long_type
+from ..bags.decoding import ENCODINGS, decode, json_object
 from ..bags.source import Message, Topic, short_type, sorted_topics
 from ..errors import FieldError
 from ..io.fields import items, mapping
-from .translation import as_object, json_message
 
 # The Foxglove WebSocket protocol, as a client: topics announced, subscribed to, and their messages.
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 MESSAGE_DATA = 1  # first byte of a binary message
 HEAD = struct.Struct("<BIQ")  # opcode, subscription, time in ns
-ENCODINGS = ("cdr", "json", "ros1", "protobuf")
 MOST_CHANNELS = 5000
 
 
@@ -106,9 +103,7 @@ class Foxglove:
             for key in ("topic", "encoding", "schemaName", "schema", "schemaEncoding")
         )
         topic, encoding, schema, definition, form = words
-        self._channels[number] = _Channel(
-            topic, encoding, schema, definition, "idl" if "idl" in form else "msg"
-        )
+        self._channels[number] = _Channel(topic, encoding, schema, definition, form)
 
 
 def _topic(channel: _Channel) -> Topic:
@@ -117,13 +112,9 @@ def _topic(channel: _Channel) -> Topic:
 
 
 def _decode(channel: _Channel, data: bytes) -> Any:
-    if channel.encoding == "json":
-        return json_message(data)
-    if channel.encoding == "protobuf":
-        return decode_proto(data, channel.schema, base64.b64decode(channel.definition))
-    if channel.encoding == "ros1":
-        return decode_ros1(data, long_type(channel.schema), channel.definition)
-    return decode_cdr(data, long_type(channel.schema), channel.definition, channel.form)
+    binary = channel.encoding == "protobuf"  # whose description is base64
+    definition = base64.b64decode(channel.definition) if binary else channel.definition.encode()
+    return decode(data, channel.encoding, channel.schema, definition, channel.form)
 
 
 # The rosbridge protocol, as a client: topics asked for, subscribed to, and their messages in JSON.
@@ -166,7 +157,7 @@ class Rosbridge:
         if found.get("op") == "publish" and isinstance(name, str) and name in self._subscribed:
             text = json.dumps(found.get("msg"))
             kind = next((topic.type for topic in self._topics if topic.name == name), "")
-            decode = partial(json.loads, text, object_hook=as_object)
+            decode = partial(json.loads, text, object_hook=json_object)
             return Message(name, kind, time.time_ns(), decode)
         if found.get("op") == "service_response" and found.get("id") == ASK:
             self._announce(found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
 import time
 from bisect import insort
@@ -12,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -178,18 +176,6 @@ class _Item:
     stamp_ns: int | None
     log_ns: int
     said: Any  # a picture not encoded yet, or a pose (3,)
-
-
-def json_message(data: bytes | str) -> Any:
-    """Decode a JSON message into an object with its fields."""
-    return json.loads(data, object_hook=as_object)
-
-
-def as_object(found: dict[str, Any]) -> Any:
-    """Give a JSON object as an object with fields; the parts of a ROS 1 time are named as in ROS 2."""
-    if found.keys() == {"secs", "nsecs"}:
-        found = {"sec": found["secs"], "nanosec": found["nsecs"]}
-    return SimpleNamespace(**found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..bags.messages import TRANSFORMS, known_type, links_of
-from ..bags.ros_types import INSTALL
-from ..bags.source import Message, Topic
+from ..bags.source import INSTALL, Message, Topic
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
 from ..errors import FieldError, SourceError
 from ..reading import ReadingOptions

@@ -1,5 +1,8 @@
 """What several tests share. Import it as `from helpers.step_records import made`.
 
+- `bags`: small bags of every kind, by `rosbags` or byte by byte
 - `filter_world`: a small two-room library, and a drive through it with its truth
+- `foxglove_bridge`: a script that serves a drive as a Foxglove bridge
+- `live_peers`: peers that send a live session what a test scripts
 - `step_records`: step records of a few particles, made by hand
 """

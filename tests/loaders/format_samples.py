@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -152,14 +151,9 @@ def bags() -> ModuleType | None:
     """What the tests of bags write them with; None where the extra is not installed."""
     if importlib.util.find_spec("rosbags") is None:
         return None
-    file = Path(__file__).parent / "bags" / "bag_making.py"
-    spec = importlib.util.spec_from_file_location("bag_making_for_formats", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    from helpers import bags as making
+
+    return making
 
 
 def write_bag(kind: str, folder: Path, updates: int, truth: bool) -> Path:

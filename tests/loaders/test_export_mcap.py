@@ -12,7 +12,7 @@ import pytest
 from maurice_loaders.bags.localizer import RecordedLocalizer
 from maurice_loaders.bags.mcap import open_mcap
 from maurice_loaders.bags.messages import matrix_of
-from maurice_loaders.bags.session_topics import HEADER, MOTIONS
+from maurice_loaders.bags.readers import HEADER, MOTIONS
 from maurice_loaders.errors import InputError
 from maurice_loaders.export import mcap as export_mcap
 from maurice_loaders.export.mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file

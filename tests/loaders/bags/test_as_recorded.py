@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import bag_making as making
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-from bag_making import BEGIN_NS, Ros, Said
 from typer.testing import CliRunner
 
+from helpers import bags as making
+from helpers.bags import BEGIN_NS, Ros, Said
 from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate
 from maurice_loaders.errors import InputError
@@ -20,7 +20,7 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
 from maurice_viz.app.as_recorded import AFTER_RESAMPLING
 from maurice_viz.app.output import layout_of
-from maurice_viz.app.recorded import open_as_recorded, playing_of, replay_as_recorded
+from maurice_viz.app.recorded import open_as_recorded, playback_of, replay_as_recorded
 from maurice_viz.cli.app import app
 from maurice_viz.cli.options import OutputOptions
 from maurice_viz.entities import Phase
@@ -137,7 +137,7 @@ def test_no_view_is_of_what_a_bag_does_not_hold(pictures: bool, tmp_path: Path) 
     """References, histograms and likelihoods are our own filter's; a robot may have no camera."""
     said = [one for one in making.amcl_drive(Ros(2)) if pictures or "camera" not in one.topic]
     path = making.write_ros2(tmp_path / "bag", said)
-    playing = playing_of(open_as_recorded(path, ReadingOptions()))
+    playing = playback_of(open_as_recorded(path, ReadingOptions()))
     titles = _titles(layout_of(playing.drawn, playing.scene).root_container)
     assert ("Camera (px)" in titles) == pictures
     assert {"Cloud from near", "What this step did"} <= titles

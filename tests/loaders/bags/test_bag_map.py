@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from maurice_loaders.bags.map import MOST_WALLS, arena_of
+from maurice_loaders.bags.localizer import MOST_WALLS, arena_of
 
 
 def grid(

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import av
-import bag_making as making
 import numpy as np
 import pytest
-from bag_making import BEGIN_NS, Said
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers import bags as making
+from helpers.bags import BEGIN_NS, Said
 from maurice_loaders.bags import video as bag_video
 from maurice_loaders.bags.video import (
     KEYS,

@@ -12,11 +12,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import bag_making as making
 import numpy as np
 import pytest
-from bag_making import BEGIN_NS, Ros, Said
 
+from helpers import bags as making
+from helpers.bags import BEGIN_NS, Ros, Said
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes

@@ -14,8 +14,8 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from live_peers import HEADER, line, log, peer, says, update
 
+from helpers.live_peers import HEADER, line, log, peer, says, update
 from maurice_loaders.errors import InputError
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live.listening import LineCutter, Patience

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_peers import peer
 
+from helpers.live_peers import peer
+from maurice_loaders.bags.decoding import decode_json
 from maurice_loaders.bags.source import Message
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import InputError
@@ -29,7 +30,7 @@ from maurice_loaders.live.bridges import HEAD, SUBPROTOCOLS
 from maurice_loaders.live.listening import Patience
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import live_source
-from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator, json_message
+from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Moment
@@ -50,7 +51,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 @contextmanager
 def robot(encoding: str, port: int = 0, count: int = COUNT) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     pytest.importorskip("foxglove")
-    script = Path(__file__).with_name("bridge_foxglove.py")
+    script = Path(__file__).parents[2] / "helpers" / "foxglove_bridge.py"
     command = [sys.executable, str(script), str(port), encoding, str(count)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
@@ -291,7 +292,7 @@ TOPICS = ChosenTopics("/image/compressed", PoseTopic("/odom"))
 def translated(*messages: str) -> tuple[list[dict[str, Any]], Translator]:
     translator, found = Translator(0.1), []
     for message in map(json.loads, messages):
-        decode = partial(json_message, json.dumps(message["msg"]))
+        decode = partial(decode_json, json.dumps(message["msg"]))
         said = Message(message["topic"], "nav_msgs/Odometry", 5 * 10**9, decode)
         found += list(translator.take(said, TOPICS))
     return found, translator

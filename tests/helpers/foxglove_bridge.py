@@ -1,6 +1,6 @@
 """A robot behind a Foxglove bridge, as a process of its own: drives on a circle until it is ended.
 
-    python bridge_foxglove.py PORT HOW COUNT
+    python foxglove_bridge.py PORT HOW COUNT
 
 HOW is what it speaks: cdr, json, cdr-tf, proto, proto-raw, proto-tf, proto-video, proto-timeless.
 
