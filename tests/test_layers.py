@@ -4,6 +4,7 @@ Every import counts: at the top of a file, inside a function, and under TYPE_CHE
 """
 
 import ast
+import re
 import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -248,3 +249,13 @@ def test_constraints_name_versions_and_nothing_else() -> None:
         assert name, pin
         assert version, pin
         assert " " not in pin, pin
+
+
+def test_files_that_the_architecture_names_exist() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    names = {file.name for _, file in SOURCES} | {file.name for file in (ROOT / "tests").glob("*.py")}
+    files = set(re.findall(r"`(?:[\w/]+/)?(\w+\.py)`", text))
+    assert len(files) > 40
+    assert files <= names
+    folders = set(re.findall(r"`(\w+)/`", text))
+    assert folders <= {part for _, file in SOURCES for part in file.parts}
