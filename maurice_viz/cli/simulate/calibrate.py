@@ -3,36 +3,31 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.table import Table
 
-from maurice_loaders.calibration.covered_pictures import covered_pictures
-from maurice_loaders.calibration.trials import METRES, mishaps, read_trials, trials_from_session, write_trials
-from maurice_loaders.errors import InputError
-from maurice_loaders.formats.odometry_folder import is_odometry_folder, trials_from_folder
-from maurice_loaders.io.files import expect_absent, write_whole
-from maurice_loaders.session_log.records import read_header
-from maurice_mcl.calibration.motion import Calibration, Trials
-from maurice_mcl.calibration.motion import calibrate as fit_trials
-from maurice_mcl.calibration.noise import noise_floor
+from maurice_loaders.calibration.trials import METRES
+from maurice_loaders.io.files import expect_absent
+from maurice_mcl.calibration.motion import Calibration
+from maurice_mcl.calibration.noise import NoiseFloor
+from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread
 
-from ...style import Units, units_named
-from ...text.calibration import motion_json, motion_table, motion_toml, noise_json, noise_table, warnings_of
-from ..console import note, results
+from ...app.calibrate import calibrate_motion, calibrate_noise, figures, make_trials, noise_json
+from ...plots.figure import expect_matplotlib
+from ...style import Units
+from ..console import listening, note, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption
+
+DEG = 180 / math.pi
 
 calibrate = typer.Typer(
     help="Fit the robot's motion or the camera's noise to recorded trials.", no_args_is_help=True
 )
-
-
-def _check_unit(value: str) -> str:
-    if value not in METRES:
-        raise typer.BadParameter(f"a unit of length is one of {', '.join(METRES)}, found {value!r}")
-    return value
 
 
 @calibrate.command()
@@ -53,37 +48,25 @@ def motion(
     ] = None,
     unit: Annotated[
         str,
-        typer.Option(help=f"Of lengths in a CSV: {' | '.join(METRES)}.", callback=_check_unit),
+        typer.Option(help=f"Unit of the lengths in a CSV: {' | '.join(METRES)}."),
     ] = "m",
     force: ForceOption = False,
     json_output: JsonOption = False,
 ) -> None:
     """Fit turn gain, straight error and drift by floor, with intervals, as the thesis did (3.2, 3.3)."""
-    with one_line_errors():
-        if output is not None:
-            expect_absent(output, force=force)
+    with one_line_errors(), listening() as listener:
         if plots is not None:
-            from ...plots.figure import expect_matplotlib
-
             expect_matplotlib(plots)
-        trials, units = _trials(source, unit)
-        fit = _fitted(source, trials)
-        toml = motion_toml(fit, source.name)
-        if output is not None:
-            write_whole(output, toml.encode(), force=force)
+        fitted = calibrate_motion(source, unit=unit, to=output, force=force, listener=listener)
         if plots is not None:
-            from ...plots.calibration import Shown, draw_motion
-
-            drawn = draw_motion(Shown(trials, fit, units), plots, force=force)
+            drawn = figures(fitted, plots, force=force)
             note(f"{len(drawn)} figures written to {plots}")
-    for text in (*_told(source), *warnings_of(fit)):
-        note(f"note: {text}")
     if json_output:
-        results.print_json(json.dumps(motion_json(fit)))
+        results.print_json(json.dumps(fitted.to_json()))
         return
-    results.print(motion_table(fit, units, source.name))
+    results.print(_motion_table(fitted.fit, fitted.units, source.name))
     if output is None:
-        results.print(toml, end="")
+        results.print(fitted.to_toml(), end="")
     else:
         note(f"{output} written; now try: maurice-replay SESSION --motion {output}")
 
@@ -105,24 +88,18 @@ def noise(
     json_output: JsonOption = False,
 ) -> None:
     """Measure the camera's noise floor in pictures taken with the lens covered."""
-    with one_line_errors():
+    with one_line_errors(), listening() as listener:
         if plot is not None:
-            from ...plots.figure import expect_matplotlib
-
             expect_matplotlib(plot)
             expect_absent(plot, force=force)
-        found = noise_floor(covered_pictures(source))
+        found = calibrate_noise(source, listener=listener)
         if plot is not None:
-            from ...plots.calibration import draw_noise
-
-            draw_noise(found, plot, force=force)
+            figures(found, plot, force=force)
             note(f"{plot} written")
-    if found.lit:
-        note(f"note: the mean pixel value is {found.level.mean():.0f}; was the lens covered?")
     if json_output:
         results.print_json(json.dumps(noise_json(found)))
     else:
-        results.print(noise_table(found, source.name))
+        results.print(_noise_table(found, source.name))
 
 
 @calibrate.command()
@@ -132,49 +109,67 @@ def drive(
         typer.Option("-o", "--output", metavar="OUT.csv", help="The table to write.", show_default=False),
     ],
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed gives the same trials.")] = 0,
-    trials: Annotated[
-        int, typer.Option(min=1, max=100_000, help="So many turns, and so many straights.")
-    ] = 41,
+    trials: Annotated[int, typer.Option(min=1, max=100_000, help="Number of turns, and of straights.")] = 41,
     force: ForceOption = False,
 ) -> None:
     """Make a table of calibration trials with the simulated Maurice: turns, and straights on both floors."""
-    from maurice_datasets.robot.calibration_drive import TrialPlan, calibration_drive
-
     with one_line_errors():
-        expect_absent(output, force=force)
-        write_trials(output, calibration_drive(seed, TrialPlan(trials, trials)), force=force)
+        make_trials(output, trials=trials, seed=seed, force=force)
     results.print(f"{output}: {trials} turns, {trials} straights")
     note(f"now try: maurice-replay calibrate motion {output}")
 
 
-def _trials(source: Path, unit: str) -> tuple[Trials, Units]:
-    """Read trials from whatever was named, and say in which units they are shown."""
-    if source.is_dir():
-        return trials_from_folder(_odometry_folder(source)), units_named("m")
-    if source.suffix.lower() == ".csv":
-        return read_trials(source, unit), units_named("in" if unit == "in" else "m")
-    trials = trials_from_session(source)
-    return trials, units_named(read_header(source)[0].display_units)
+def _motion_table(fit: Calibration, units: Units, name: str) -> Table:
+    """List every constant with its interval, angles in degrees and lengths in display units."""
+    table = Table(title=f"motion of {name}", title_justify="left")
+    for heading in ("constant", "value", "95 % interval", "from"):
+        table.add_column(heading, justify="left" if heading in ("constant", "from") else "right")
+    turns, straights, per_m = fit.turns, fit.straights, units.per_m
+    gain_note = f"{turns.count} turns, R² {turns.r_squared:.4f}"
+    table.add_row("turn gain, actual / measured", *_cells(turns.gain, 1, 4), gain_note)
+    table.add_row("slope of figure 5, measured / actual", *_cells(turns.figure_5_slope, 1, 4), "bootstrap")
+    _spread_rows(table, "turn residual (deg)", turns.residual, DEG, 3)
+    wrong = f"{turns.sd_if_multiplied_rad * DEG:.3f}"
+    table.add_row("  sd, gain the wrong way round (deg)", wrong, "", "thesis: multiply or divide")
+    scale_note = f"{straights.count} straights, R² {straights.r_squared:.4f}"
+    table.add_row("straight scale, actual / measured", *_cells(straights.scale, 1, 4), scale_note)
+    _spread_rows(table, f"straight error ({units.name})", straights.error, per_m, 4)
+    for drift in fit.drifts:
+        floor = f" on {drift.floor}" if drift.floor else ""
+        _spread_rows(table, f"drift{floor} (deg/{units.name})", drift.rate, DEG / per_m, 4)
+    return table
 
 
-def _told(source: Path) -> list[str]:
-    """Say what a session log tells of slips and bumps, which are in the constants as well."""
-    if source.is_dir() or source.suffix.lower() == ".csv":
-        return []
-    found = [f"{count} of {word}" for word, count in mishaps(source).items() if count]
-    return [f"the log has events: {', '.join(found)}; these movements are not left out"] if found else []
+def _spread_rows(table: Table, what: str, spread: Spread, factor: float, digits: int) -> None:
+    table.add_row(f"{what}, mean", *_cells(spread.mean, factor, digits), _judged(spread))
+    far = f"; {spread.beyond_3_sd} beyond 3 sd" if spread.beyond_3_sd else ""
+    table.add_row("  sd", *_cells(spread.sd, factor, digits), f"{spread.count} values{far}")
 
 
-def _odometry_folder(folder: Path) -> Path:
-    """Give the folder back, or say which log in it was perhaps meant."""
-    logs = sorted(folder.glob("*.log"))
-    if logs and not is_odometry_folder(folder):
-        raise InputError(folder, f"found a folder without odometry tables; did you mean {logs[0]}?")
-    return folder
+def _cells(fitted: Fitted, factor: float, digits: int) -> tuple[str, str]:
+    value, low, high = (f"{v * factor:.{digits}f}" for v in (fitted.value, fitted.low, fitted.high))
+    return value, f"{low} to {high}"
 
 
-def _fitted(source: Path, trials: Trials) -> Calibration:
-    try:
-        return fit_trials(trials)
-    except ValueError as problem:
-        raise InputError(source, str(problem)) from None
+def _judged(spread: Spread) -> str:
+    if spread.normal_p is None:
+        return "all alike" if spread.count > 2 else "too few to test"
+    return f"{'not ' if spread.normal_p < NOT_NORMAL else ''}normal, p {spread.normal_p:.2g}"
+
+
+def _noise_table(floor: NoiseFloor, name: str) -> Table:
+    """List the peak of each color."""
+    table = Table(title=f"noise of {name}, {floor.frames} covered frames", title_justify="left")
+    columns = ("color", "peak", "sd between frames", "largest sd of a bin", "at pixel values", "mean value")
+    for column in columns:
+        table.add_column(column, justify="left" if column == "color" else "right")
+    for peak, level in zip(floor.peaks(), floor.level, strict=True):
+        values = f"{peak.first_value} to {peak.last_value}"
+        numbers = (f"{peak.count:.2f}", _or_none(peak.sd), _or_none(peak.largest_bin_sd), values)
+        table.add_row(peak.color, *numbers, f"{level:.1f}")
+    table.caption = "peaks are 256 x share of pixels, in bins of 8 values from 16"
+    return table
+
+
+def _or_none(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "-"
