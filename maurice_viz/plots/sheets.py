@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
 from maurice_mcl.library_quality.self_similarity import SelfSimilarity
 from maurice_mcl.map import spacing
 
 from ..drawing.canvas import TEXT, Canvas, draw_ground, long_side
-from ..drawing.raster import put_text
+from ..drawing.raster import jpeg, png, put_text
 from ..panels.world import clipped
-from ..style import DEAD, GROUND, PALE, RGB, WALL, Scale, shade
+from ..style import DEAD, GROUND, PALE, RGB, WALL, Scale, scale_for, shade
+
+if TYPE_CHECKING:
+    from maurice_datasets.worlds.world import World
+
+VIEWS = 24  # on a contact sheet
+SHEET_QUALITY = 80
 
 # The map of expected ambiguity: how many places fit a picture taken at each of a library's places.
 
@@ -78,3 +87,33 @@ def draw_sheet(pictures: Sequence[U8], poses: F64, scale: Scale) -> U8:
         sheet[top : top + rows, left : left + columns] = picture
         put_text(sheet, scale.say_pose(pose), left, top + rows + CAPTION_PX - 4, TEXT_PX, PALE)
     return sheet
+
+
+def write_contact_sheet(
+    path: Path,
+    world: World,
+    seed: int,
+    *,
+    half_resolution: bool = False,
+    force: bool = False,
+    progress: Callable[[int, int, str], None] = lambda done, total, what: None,
+) -> Path:
+    """Write a sheet of 24 views of a simulated world (.png or .jpg) and return its path.
+
+    Raises InputError where the file exists (unless `force`).
+    """
+    from maurice_datasets.render.camera_session import survey_camera
+    from maurice_datasets.surveys import one_thread, views
+
+    expect_absent(path, force=force)
+    poses, pictures = views(world, seed, VIEWS), []
+    with one_thread():
+        camera = survey_camera(world, seed, half_resolution=half_resolution)
+        for number, pose in enumerate(poses, start=1):
+            pictures.append(camera.take(number, pose))
+            progress(number, len(poses), "views")
+    sheet = draw_sheet(pictures, poses, scale_for("in", world.arena))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    packed = png(sheet) if path.suffix == ".png" else jpeg(sheet, SHEET_QUALITY)
+    write_whole(path, packed, force=force)
+    return path

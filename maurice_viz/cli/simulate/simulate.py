@@ -1,21 +1,21 @@
-"""`maurice-replay simulate TASK`: the simulated robot drives, into files or live over a socket."""
+"""`maurice-replay simulate TASK`: a drive of the simulated robot, as files or live over a socket."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..console import note, progress, results
+from maurice_loaders.errors import InputError
+
+from ..console import listening, note, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally
-    from maurice_datasets.simulation import SimulationPlan
 
 MOST_SEED = 2**32 - 1
 
@@ -30,26 +30,30 @@ WorldOption = Annotated[str, typer.Option("--world", help="A world's name, or th
 TierOption = Annotated[str, typer.Option("--tier", help="nominal | dim | hard.")]
 ArenaSeedOption = Annotated[
     int,
-    typer.Option("--arena-seed", min=0, max=MOST_SEED, help="Textures, furniture, lights and the survey."),
+    typer.Option(
+        "--arena-seed", min=0, max=MOST_SEED, help="Seed of textures, furniture, lights and the survey."
+    ),
 ]
 SeedOption = Annotated[
     int,
-    typer.Option(
-        "--seed", min=0, max=MOST_SEED, help="The drive, the session's light, noise; not the survey."
-    ),
+    typer.Option("--seed", min=0, max=MOST_SEED, help="Seed of the drive, the session's light and noise."),
 ]
 UpdatesOption = Annotated[
-    int, typer.Option("--updates", min=1, max=1_000_000, help="How often the robot moves and looks.")
+    int,
+    typer.Option(
+        "--updates", min=1, max=1_000_000, help="Number of times the robot moves and takes a picture."
+    ),
 ]
 KidnapOption = Annotated[
     int | None,
-    typer.Option("--kidnap-at", min=1, help="Carried away after this update. [default: half way]"),
+    typer.Option("--kidnap-at", min=1, help="Carry the robot away after this update. [default: halfway]"),
 ]
 LightsOption = Annotated[
     str, typer.Option("--lights", help="Changes of light, like dim@40,off@60 (docs/conditions.md).")
 ]
 MovedOption = Annotated[
-    int, typer.Option("--moved", min=0, max=1000, help="Pieces of furniture moved after the survey.")
+    int,
+    typer.Option("--moved", min=0, max=1000, help="Number of pieces of furniture moved after the survey."),
 ]
 GainOption = Annotated[str, typer.Option("--gain", help="The session's camera: fixed | auto.")]
 MotionOption = Annotated[
@@ -64,31 +68,27 @@ MotionOption = Annotated[
 HalfOption = Annotated[
     bool,
     typer.Option(
-        "--half-resolution", help="Survey and session read every other column only, as the CMUcam2."
+        "--half-resolution", help="Read only every other column, as the CMUcam2 does, in survey and session."
     ),
 ]
 ServeOption = Annotated[
     str | None,
     typer.Option(
-        "--serve", metavar="tcp://HOST:PORT", help="Write no files: be the live robot at this address."
+        "--serve", metavar="tcp://HOST:PORT", help="Write no files; serve the drive live at this address."
     ),
 ]
 RateOption = Annotated[
     float | None,
-    typer.Option("--rate", min=0, max=1e6, help="With --serve: times real time; 0 never waits. [default: 1]"),
+    typer.Option(
+        "--rate",
+        min=0,
+        max=1e6,
+        help="With --serve: speed as a multiple of real time; 0 never waits. [default: 1]",
+    ),
 ]
 NoTruthOption = Annotated[
-    bool, typer.Option("--no-truth", help="With --serve: say neither truth nor events.")
+    bool, typer.Option("--no-truth", help="With --serve: send neither truth nor events.")
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class Live:
-    """Where and how fast a live robot speaks."""
-
-    address: Address
-    rate: float
-    truth: bool
 
 
 def simulate(
@@ -111,81 +111,58 @@ def simulate(
     force: ForceOption = False,
     json_output: JsonOption = False,
 ) -> None:
-    """Let the simulated robot drive: session log, truth and survey into a folder, or live over a socket."""
+    """Simulate a drive: write session log, truth and survey to a folder, or serve it live over a socket."""
     if (output is None) == (serve is None):
         raise typer.BadParameter("give either -o DIR or --serve tcp://HOST:PORT")
-    from maurice_datasets.render.conditions import parse_lights
-    from maurice_datasets.simulation import SimulationPlan
-    from maurice_datasets.tasks import TASKS
+    if serve is None and (rate is not None or no_truth):
+        raise typer.BadParameter("--rate and --no-truth go with --serve")
+    from maurice_datasets import live, sessions
 
-    if task not in TASKS:
-        raise typer.BadParameter(f"no task called {task!r}; there are {', '.join(TASKS)}")
     try:
-        changes = parse_lights(lights)
-        plan = SimulationPlan(
-            task=TASKS[task],
+        plan = sessions.simulation_plan(
+            task,
             world=world,
             tier=tier,
             arena_seed=arena_seed,
             seed=seed,
             updates=updates,
             kidnap_at=kidnap_at,
-            lights=changes,
+            lights=lights,
             moved=moved,
             gain=gain,
             half_resolution=half_resolution,
             recording=motion_from,
         )
-        live = _live(serve, rate, no_truth)
-    except ValueError as problem:
+        address = None if serve is None else live.parse_address(serve)
+    except (InputError, ValueError) as problem:
         raise typer.BadParameter(str(problem)) from None
-    _run(plan, output, live, force, json_output)
-
-
-def _live(serve: str | None, rate: float | None, no_truth: bool) -> Live | None:
-    from maurice_datasets.live import parse_address
-
-    if serve is None:
-        if rate is not None or no_truth:
-            raise ValueError("--rate and --no-truth go with --serve")
-        return None
-    return Live(parse_address(serve), 1.0 if rate is None else rate, not no_truth)
-
-
-def _run(
-    plan: SimulationPlan, output: Path | None, live: Live | None, force: bool, json_output: bool
-) -> None:
-    with one_line_errors(), progress("arena") as advance:
-        if live is not None:
-            from maurice_datasets.live import serve
-
-            serve(
+    with one_line_errors(), listening() as listener:
+        if address is not None:
+            live.serve(
                 plan,
-                live.address,
-                live.rate,
-                truth=live.truth,
+                address,
+                1.0 if rate is None else rate,
+                truth=not no_truth,
                 ready=_announce,
                 over=_account,
-                progress=advance,
+                progress=listener.progress,
             )
         elif output is not None:
-            from maurice_datasets.sessions import write_simulation
-
-            written = write_simulation(output, plan, force=force, progress=advance)
-            _tell(written.session, written.survey, json_output)
+            made = sessions.write_simulation(output, plan, force=force, progress=listener.progress)
+            _report(made.session, made.survey, json_output)
 
 
 def _announce(address: Address) -> None:
-    """Print where the robot speaks, at once, for whoever waits for that line."""
+    """Print the address at once, for whoever waits for that line."""
     print(address, flush=True)
 
 
 def _account(tally: Tally) -> None:
-    """Say what became of the lines."""
+    """Report how many readers there were and how many lines they missed."""
     note(f"readers: {tally.readers}, lines left out for slow ones: {tally.dropped}")
 
 
-def _tell(session: Path, survey: Path, json_output: bool) -> None:
+def _report(session: Path, survey: Path, json_output: bool) -> None:
     if json_output:
         results.print_json(json.dumps({"session": str(session), "survey": str(survey)}))
     else:

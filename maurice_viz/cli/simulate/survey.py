@@ -5,22 +5,15 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from maurice_loaders.io.files import expect_absent, write_whole
-
-from ..console import Advance, note, progress, results
+from ..console import listening, note, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption
 
-if TYPE_CHECKING:
-    from maurice_datasets.worlds.world import World
-
 MOST_SEED = 2**32 - 1
-VIEWS = 24
-SHEET_QUALITY = 80
 METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
 
 OutputOption = Annotated[
@@ -30,19 +23,21 @@ WorldOption = Annotated[str, typer.Option("--world", help="A world's name, or th
 TierOption = Annotated[str, typer.Option("--tier", help="nominal | dim | hard.")]
 SeedOption = Annotated[
     int,
-    typer.Option("--arena-seed", min=0, max=MOST_SEED, help="Textures, furniture, lights and the survey."),
+    typer.Option(
+        "--arena-seed", min=0, max=MOST_SEED, help="Seed of textures, furniture, lights and the survey."
+    ),
 ]
 SpacingOption = Annotated[
     str | None,
-    typer.Option("--spacing", help="Between nodes, like 18in or 0.6m. [default: what the world says]"),
+    typer.Option("--spacing", help="Distance between nodes, like 18in or 0.6m. [default: the world's]"),
 ]
 HeadingsOption = Annotated[
     int | None,
-    typer.Option("--headings", min=1, max=360, help="References a node. [default: what the world says]"),
+    typer.Option("--headings", min=1, max=360, help="References per node. [default: the world's]"),
 ]
 HalfOption = Annotated[
     bool,
-    typer.Option("--half-resolution", help="Read every other column only, as the CMUcam2 does."),
+    typer.Option("--half-resolution", help="Read only every other column, as the CMUcam2 does."),
 ]
 SheetOption = Annotated[
     Path | None,
@@ -51,7 +46,7 @@ SheetOption = Annotated[
 
 
 def read_length(text: str) -> float:
-    """Read a length like 18in, 0.6m, 45cm or 1.5ft in metres; ValueError for other words."""
+    """Read a length like 18in, 0.6m, 45cm or 1.5ft in meters; ValueError for other words."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|cm|m)\s*", text)
     length = float(found[1]) * METERS[found[2]] if found else 0.0
     if not 0.02 <= length <= 1000:
@@ -82,15 +77,29 @@ def survey(
         raise typer.BadParameter(str(problem)) from None
     from maurice_datasets.surveys import surveyed_world, write_survey_folder
 
+    from ...plots.sheets import write_contact_sheet
+
     made: dict[str, object] = {}
-    with one_line_errors(), progress("arena") as advance:
+    with one_line_errors(), listening() as listener:
         drawn = surveyed_world(world, arena_seed, tier, spacing_m, headings)
         if contact_sheet is not None:
-            _write_sheet(contact_sheet, drawn, arena_seed, half_resolution, force, advance)
+            write_contact_sheet(
+                contact_sheet,
+                drawn,
+                arena_seed,
+                half_resolution=half_resolution,
+                force=force,
+                progress=listener.progress,
+            )
             made["contact_sheet"] = str(contact_sheet)
         if output is not None:
             log = write_survey_folder(
-                output, drawn, arena_seed, half_resolution=half_resolution, force=force, progress=advance
+                output,
+                drawn,
+                arena_seed,
+                half_resolution=half_resolution,
+                force=force,
+                progress=listener.progress,
             )
             made |= {"survey": str(log), "references": len(drawn.nodes) * drawn.headings}
     if json_output:
@@ -99,27 +108,3 @@ def survey(
     results.print("\n".join(str(path) for key, path in made.items() if key != "references"))
     if output is not None:
         note(f"now try: maurice-replay library build {made['survey']} -o LIBRARY")
-
-
-def _write_sheet(
-    path: Path, world: World, seed: int, half_resolution: bool, force: bool, advance: Advance
-) -> None:
-    from maurice_datasets.render.camera_session import survey_camera
-    from maurice_datasets.surveys import one_thread, views
-
-    from ...drawing.raster import jpeg, png
-    from ...plots.sheets import draw_sheet
-    from ...style import scale_for
-
-    expect_absent(path, force=force)
-    poses, pictures = views(world, seed, VIEWS), []
-    with one_thread():
-        camera = survey_camera(world, seed, half_resolution=half_resolution)
-        for number, pose in enumerate(poses, start=1):
-            pictures.append(camera.take(number, pose))
-            advance(number, len(poses), "views")
-    scale = scale_for("in", world.arena)
-    sheet = draw_sheet(pictures, poses, scale)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    packed = png(sheet) if path.suffix == ".png" else jpeg(sheet, SHEET_QUALITY)
-    write_whole(path, packed, force=force)
