@@ -1,4 +1,4 @@
-"""Pictures of ROS and Foxglove messages as RGB, or refused by the name of their encoding.
+"""ROS and Foxglove images as RGB pictures; encodings that are no color picture are refused by name.
 
 Encodings are those of sensor_msgs/image_encodings.hpp.
 """
@@ -18,7 +18,7 @@ from ..errors import PictureError
 from ..io.pictures import decode_picture
 
 _AS_IT_IS = -1
-PLAIN = {  # encoding: channels, bytes a channel, what brings it to RGB
+PLAIN = {  # encoding: channels, bytes per channel, OpenCV's conversion to RGB
     "rgb8": (3, 1, _AS_IT_IS),
     "bgr8": (3, 1, cv2.COLOR_BGR2RGB),
     "8UC3": (3, 1, cv2.COLOR_BGR2RGB),  # OpenCV's own order
@@ -50,7 +50,7 @@ LARGEST = 2**28  # pixels of a picture; no camera has as many
 
 
 def picture_of(message: Any) -> U8:
-    """Give the picture (H, W, 3) RGB of a message, raw or compressed. PictureError says what it is else."""
+    """Return the picture (H, W, 3) RGB of a message, raw or compressed. PictureError when it has none."""
     data = bytes_of(message.data)
     if hasattr(message, "encoding"):
         return raw_picture(data, message)
@@ -61,7 +61,7 @@ def picture_of(message: Any) -> U8:
 
 
 def raw_picture(data: bytes, message: Any) -> U8:
-    """Bring a raw picture to RGB (H, W, 3); 16 bits a channel become 8, Bayer patterns become color."""
+    """Convert a raw picture to RGB (H, W, 3); 16 bits per channel become 8, Bayer patterns are demosaiced."""
     encoding = str(message.encoding)
     if encoding not in PLAIN:
         what = "depth, not color" if encoding in DEPTH else f"none of {', '.join(PLAIN)}"
@@ -83,10 +83,10 @@ def raw_picture(data: bytes, message: Any) -> U8:
 
 
 def _rows(data: bytes, message: Any, pixel: int) -> U8:
-    """Give the rows (H, W * pixel) of a picture without what pads them."""
+    """Return the rows (H, W * pixel) of a picture without their padding."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     if min(height, width) < 1 or height * width > LARGEST:
-        raise PictureError(f"found a picture of {width} x {height} pixels, expected some, and fewer")
+        raise PictureError(f"found a picture of {width} x {height} pixels, expected 1 to {LARGEST}")
     if step < width * pixel or len(data) < step * (height - 1) + width * pixel:
         found = f"found {len(data)} bytes and rows of {step} bytes"
         raise PictureError(f"{found}, expected {width} x {height} pixels of {pixel} bytes")
@@ -97,7 +97,7 @@ def _rows(data: bytes, message: Any, pixel: int) -> U8:
 
 
 def bytes_of(data: Any) -> bytes:
-    """Give a message's bytes, which JSON writes as base64. PictureError for what is none."""
+    """Return a message's bytes, which JSON writes as base64. PictureError when they are invalid."""
     if not isinstance(data, str):
         return bytes(data)
     try:

@@ -1,7 +1,7 @@
-"""Another localizer's output in a bag: its particles and its pose, update by update.
+"""Another localizer's output in a bag: its particles and its pose, update by update; and the bag's map.
 
-AMCL and Beluga publish their cloud after resampling, so that its weights are nearly equal. Their pose comes
-in a message of its own, at nearly the same time.
+AMCL and Beluga publish their cloud after resampling, so its weights are nearly equal. Their pose comes in a
+separate message at nearly the same time.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ from .recording import BagRecording, peek
 from .source import BagSource, Message, OpenBag, Topic
 from .topics import listed, readable
 
-# What a localizer's messages in a bag become: its particles, and its pose with a covariance.
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
@@ -45,12 +43,12 @@ class Cloud:
 
 @dataclass(frozen=True, slots=True)
 class CloudReader(OneTopic):
-    """Makes clouds of a topic's messages."""
+    """Converts a topic's messages to clouds."""
 
     types: ClassVar[Collection[str]] = CLOUDS
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give the cloud of one message."""
+        """Yield the cloud of one message."""
         del number
         if self.accepts(message):
             found = message.decode()
@@ -59,7 +57,7 @@ class CloudReader(OneTopic):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalizerPose:
-    """Where a recorded localizer thought that the robot was."""
+    """The pose that a recorded localizer published."""
 
     t_s: float
     pose: F64  # (3,)
@@ -68,12 +66,12 @@ class LocalizerPose:
 
 @dataclass(frozen=True, slots=True)
 class LocalizerPoseReader(OneTopic):
-    """Makes a localizer's poses of a topic of PoseWithCovarianceStamped."""
+    """Converts a topic of PoseWithCovarianceStamped to a localizer's poses."""
 
     types: ClassVar[Collection[str]] = (POSE_WITH_COVARIANCE,)
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Give the pose of one message."""
+        """Yield the pose of one message."""
         del number
         if self.accepts(message):
             found = message.decode()
@@ -82,10 +80,8 @@ class LocalizerPoseReader(OneTopic):
             yield LocalizerPose(time_s(found, message.log_ns, recorded=recorded), pose_of(found), sd)
 
 
-# What another localizer left in a bag: its particles and its pose, update by update.
-
-NEAR_S = 0.5  # pose and cloud of one update are no further apart
-MAX_DT_S = 1.0  # odometry this near to an update tells how the robot moved
+NEAR_S = 0.5  # most time between pose and cloud of one update
+MAX_DT_S = 1.0  # most time between an update and the odometry used for it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +100,7 @@ class RecordedUpdate:
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """What there will be, from one reading."""
+    """The contents of the whole recording, from one reading."""
 
     updates: int
     has_truth: bool
@@ -114,7 +110,7 @@ class Overview:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _CloudPicture(Picture):
-    """A cloud on its way through the pairing by time, which is made for pictures."""
+    """A cloud disguised as a picture, for which the time alignment is made."""
 
     cloud: Cloud
     pose: LocalizerPose | None
@@ -142,11 +138,11 @@ class RecordedLocalizer:
 
     @property
     def has_pictures(self) -> bool:
-        """Tell whether any are read."""
+        """Whether pictures are read."""
         return self._drive.chosen.image is not None
 
     def updates(self, notes: ReadingNotes) -> Iterator[RecordedUpdate]:
-        """Read all updates from the first, lazily; what is broken goes to `notes`."""
+        """Yield all updates from the first; invalid messages go to `notes`."""
         steps, aligner = Steps(), Aligner(MAX_DT_S)
         for aligned in aligner(_joined(self._stream(notes))):
             one = aligned.picture
@@ -194,7 +190,7 @@ class RecordedLocalizer:
 
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
-    """Join each cloud with the pose nearest in time; of the pictures the last one goes with it."""
+    """Join each cloud with the pose nearest in time and with the last picture before it."""
     held: deque[Timed] = deque()
     last: list[Picture | LocalizerPose | None] = [None, None]  # picture and pose so far
     for record in stream:
@@ -206,7 +202,7 @@ def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
 
 
 def _passed(held: deque[Timed], last: list[Picture | LocalizerPose | None]) -> Iterator[Record]:
-    """Let the first record go; all that is near it in time stands behind it."""
+    """Release the first record; all records near it in time follow it in `held`."""
     record = held.popleft()
     if isinstance(record, Picture):
         last[0] = record
@@ -228,7 +224,7 @@ def _nothing() -> U8:
 
 
 def _cloud_topic(path: Path, topics: tuple[Topic, ...]) -> Topic:
-    """Choose the cloud with the most messages; one with weights before one without."""
+    """Return the cloud with the most messages; clouds with weights come first."""
     found = readable(topics, CLOUDS)
     if not found:
         wanted = "expected a localizer's particles (PoseArray or ParticleCloud)"
@@ -242,7 +238,7 @@ def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
 
 
 def _map_of(bag: BagSource) -> Arena | None:
-    """Give the first map of the bag that makes sense; a costmap is none."""
+    """Return the first valid map of the bag; costmaps are left out."""
     for topic in readable(bag.topics, {GRID}):
         if "costmap" in topic.name:
             continue
@@ -257,13 +253,13 @@ def _map_of(bag: BagSource) -> Arena | None:
 # The map of a bag, an occupancy grid, as walls.
 
 OCCUPIED = 65  # percent; map_server's occupied_thresh
-MOST_WALLS = 20_000  # segments; a finer grid is made coarser
+MOST_WALLS = 20_000  # segments; a finer grid is coarsened
 MOST_CELLS = 2**28
 GRID = "nav_msgs/OccupancyGrid"
 
 
 def arena_of(grid: Any) -> Arena:
-    """Give the map of an OccupancyGrid: walls run along the edges of occupied cells. ValueError for none."""
+    """Return the map of an OccupancyGrid: walls run along the edges of occupied cells. ValueError."""
     info = grid.info
     width, height, side_m = int(info.width), int(info.height), float(info.resolution)
     if not (0 < width * height <= MOST_CELLS and math.isfinite(side_m) and side_m > 0):
@@ -283,7 +279,7 @@ def arena_of(grid: Any) -> Arena:
 
 
 def _edges(occupied: Bool) -> F64:
-    """Give the borders between occupied cells and others as segments (W, 4), each as long as it runs."""
+    """Return the borders between occupied cells and others as segments (W, 4), each as long as it runs."""
     padded = np.pad(occupied, 1)
     level = _runs(padded[1:, 1:-1] != padded[:-1, 1:-1])
     upright = _runs((padded[1:-1, 1:] != padded[1:-1, :-1]).T)
@@ -294,7 +290,7 @@ def _edges(occupied: Bool) -> F64:
 
 
 def _runs(border: Bool) -> F64:
-    """Give the runs (K, 3) of a border: its row, where it begins, where it ends."""
+    """Return the runs (K, 3) of a border: its row, where it begins, where it ends."""
     steps = np.diff(np.pad(border, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, begin = np.nonzero(steps == 1)
     _, end = np.nonzero(steps == -1)
@@ -302,14 +298,14 @@ def _runs(border: Bool) -> F64:
 
 
 def _coarser(occupied: Bool) -> Bool:
-    """Join cells two by two; one that holds anything occupied is."""
+    """Merge cells two by two; a merged cell is occupied if any of its cells is."""
     height, width = occupied.shape
     even = np.pad(occupied, ((0, height % 2), (0, width % 2)))
     return np.asarray(even.reshape(even.shape[0] // 2, 2, -1, 2).any(axis=(1, 3)))
 
 
 def _placed(segments: F64, x_m: float, y_m: float, heading: float) -> F64:
-    """Turn and move segments (W, 4) from the grid's frame into the map's."""
+    """Transform segments (W, 4) from the grid's frame to the map's."""
     cos, sin = math.cos(heading), math.sin(heading)
     x, y = segments[:, 0::2], segments[:, 1::2]
     turned = np.stack([x_m + x * cos - y * sin, y_m + x * sin + y * cos], axis=2)

@@ -15,7 +15,7 @@ import numpy as np
 
 from maurice_mcl.arrays import F64
 
-# What ROS and Foxglove messages say: times, poses in the plane, clouds.
+# The contents of ROS and Foxglove messages: times, poses in the plane, clouds.
 
 ODOMETRY = "nav_msgs/Odometry"
 ODOMETRIES = frozenset((ODOMETRY, "foxglove.Odometry"))
@@ -41,16 +41,16 @@ STAMPS = (("sec", ("nanosec", "nsec")), ("seconds", ("nanos",)))  # ROS and JSON
 
 
 class MessageError(ValueError):
-    """What a message holds makes no sense."""
+    """The content of a message is invalid."""
 
 
 def known_type(name: str) -> str:
-    """Give the name that a type goes by here; ROS messages of Foxglove's types are those of Foxglove."""
+    """Return the name used here for a type: Foxglove's own for its types written as ROS messages."""
     return name.replace("foxglove_msgs/", "foxglove.")
 
 
 def stamp_ns(message: Any) -> int | None:
-    """Give the time that a message says it was measured at; None when it says none, or zero."""
+    """Return the time stamp of a message in ns; None when it has none, or zero."""
     if hasattr(message, "transforms"):
         return stamp_ns(message.transforms[0]) if len(message.transforms) else None
     stamp = getattr(message, "timestamp", None)
@@ -64,7 +64,7 @@ def stamp_ns(message: Any) -> int | None:
 
 
 def pose_of(message: Any) -> F64:
-    """Give the pose (3,) x_m, y_m, heading_rad of any message of `POSES`. MessageError for none."""
+    """Return the pose (3,) x_m, y_m, heading_rad of a message of `POSES`. MessageError when it is invalid."""
     if hasattr(message, "theta"):
         return _checked([message.x, message.y, message.theta])
     inner = message
@@ -74,7 +74,7 @@ def pose_of(message: Any) -> F64:
 
 
 def matrix_of(placed: Any) -> F64:
-    """Give the homogeneous matrix (4, 4) of a pose or a transform."""
+    """Return the homogeneous matrix (4, 4) of a pose or a transform."""
     placed = getattr(placed, "transform", placed)
     at = placed.position if hasattr(placed, "position") else placed.translation
     turned = placed.orientation if hasattr(placed, "orientation") else placed.rotation
@@ -87,12 +87,12 @@ def matrix_of(placed: Any) -> F64:
 
 
 def planar(matrix: F64) -> F64:
-    """Give the pose (3,) in the plane of a matrix (4, 4)."""
+    """Return the pose (3,) in the plane of a matrix (4, 4)."""
     return np.array([matrix[0, 3], matrix[1, 3], math.atan2(matrix[1, 0], matrix[0, 0])])
 
 
 def cloud_of(message: Any) -> tuple[F64, F64 | None]:
-    """Give the poses (N, 3) of a cloud, and the weights (N,) where the message has any."""
+    """Return the poses (N, 3) of a cloud, and the weights (N,) where the message has any."""
     if hasattr(message, "particles"):
         weights = np.array([particle.weight for particle in message.particles], np.float64)
         return _poses([particle.pose for particle in message.particles]), weights
@@ -101,7 +101,7 @@ def cloud_of(message: Any) -> tuple[F64, F64 | None]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """One transform: where a frame stands in its parent."""
+    """One transform: the pose of a frame in its parent."""
 
     parent: str
     child: str
@@ -110,7 +110,7 @@ class Link:
 
 
 def links_of(message: Any) -> list[Link]:
-    """Give the transforms of a message of `TRANSFORMS`; leading slashes, as ROS 1 had them, are dropped."""
+    """Return the transforms of a message of `TRANSFORMS`; leading slashes, as ROS 1 had them, are dropped."""
     parts = message.transforms if hasattr(message, "transforms") else [message]
     return [_link(part) for part in parts]
 
@@ -122,7 +122,7 @@ def _link(part: Any) -> Link:
 
 
 def _poses(placed: Sequence[Any]) -> F64:
-    """Give the poses (N, 3) in the plane of N poses."""
+    """Return the poses (N, 3) in the plane of N poses."""
     values = np.array(
         [
             (p.position.x, p.position.y, p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w)
@@ -139,11 +139,11 @@ def _poses(placed: Sequence[Any]) -> F64:
 
 
 def _rotation(q: Any) -> F64:
-    """Give the rotation (3, 3) of a quaternion, which need not be of length one."""
+    """Return the rotation (3, 3) of a quaternion of any length."""
     x, y, z, w = float(q.x), float(q.y), float(q.z), float(q.w)
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if not length > 1e-6:
-        raise MessageError(f"found a quaternion of length {length:g}, expected 1; was it never filled in?")
+        raise MessageError(f"found a quaternion of length {length:g}, expected 1; was it left unset?")
     x, y, z, w = x / length, y / length, z / length, w / length
     return np.array(
         [
@@ -161,23 +161,23 @@ def _checked(values: Sequence[float]) -> F64:
     return pose
 
 
-# The tree of coordinate frames that a bag's transforms make, as far as it is known so far.
+# The tree of coordinate frames, as far as the transforms so far describe it.
 
-DEEPEST = 100  # links from a frame to the root; more is a ring
+DEEPEST = 100  # links from a frame to the root; more is a cycle
 
 
 class FrameTree:
-    """Where each frame stands in its parent, the latest said."""
+    """The latest pose of each frame in its parent."""
 
     def __init__(self) -> None:
         self._links: dict[str, Link] = {}
 
     def add(self, link: Link) -> None:
-        """Take in one transform."""
+        """Add one transform."""
         self._links[link.child] = link
 
     def chain(self, frame: str, child: str) -> list[Link] | None:
-        """Give the links from a frame down to one below it, the lowest first; None when it is not known."""
+        """Return the links from a frame down to one below it, the lowest first; None when unknown."""
         found: list[Link] = []
         while child != frame:
             link = self._links.get(child)
@@ -191,9 +191,9 @@ class FrameTree:
         return len(self._links)
 
     def news(self, links: Sequence[Link], frame: str, child: str) -> tuple[int | None, F64] | None:
-        """Take in transforms; where they move one frame within the other: the first one's time, and where.
+        """Add transforms, and return the time and pose of one frame in another if they change it; else None.
 
-        The time is in ns, or None where the transform says none; the place is a matrix (4, 4).
+        The time is in ns, or None where the transform has none; the pose is a matrix (4, 4).
         """
         for link in links:
             self.add(link)
@@ -203,7 +203,7 @@ class FrameTree:
         return None if matrix is None else (new[0].stamp_ns, matrix)
 
     def place(self, frame: str, child: str) -> F64 | None:
-        """Give the matrix (4, 4) of a frame within one above it; None when it is not known."""
+        """Return the matrix (4, 4) of a frame in one above it; None when unknown."""
         chain = self.chain(frame, child)
         if chain is None:
             return None
@@ -213,14 +213,14 @@ class FrameTree:
         return matrix
 
 
-# When a message counts as measured: at the time it carries, or where that is of no use, when recorded.
+# The time of a message: its own stamp or, where stamps are of no use, the recording time.
 
-AGREE_S = 1.0  # stamps of two sensors that stray further apart are on different clocks
+AGREE_S = 1.0  # two sensors whose stamps differ by more are on different clocks
 Stamps = Sequence[tuple[int | None, int]]  # of a topic's first messages: the stamp or None, time recorded
 
 
 def use_recorded(first: Mapping[str, Stamps]) -> str:
-    """Tell why the times of recording have to be used; "" when the stamps of the messages serve."""
+    """Return why recording times must be used; "" when the stamps of the messages will do."""
     lag_s = {}
     for topic, stamps in first.items():
         if not stamps:
@@ -239,6 +239,6 @@ def use_recorded(first: Mapping[str, Stamps]) -> str:
 
 
 def recorded_as_measured(first: Mapping[str, Stamps]) -> bool:
-    """Tell whether the times of recording are near those that messages carry, or used for all."""
+    """Return whether recording times are near the stamps of messages, or used for all."""
     lags_s = [(stamp - log) / 1e9 for stamps in first.values() for stamp, log in stamps if stamp is not None]
     return bool(use_recorded(first)) or all(abs(lag_s) <= AGREE_S for lag_s in lags_s)

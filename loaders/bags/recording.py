@@ -174,7 +174,7 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
     return edges
 
 
-# The camera: size and field of view by its calibration, yaw by static transforms.
+# The camera: size and field of view from its calibration, yaw from static transforms.
 
 CALIBRATIONS = ("sensor_msgs/CameraInfo", "foxglove.CameraCalibration")
 BASES = ("base_link", "base_footprint")

@@ -1,4 +1,4 @@
-"""Which topics of a bag are pictures, odometry and truth: as asked, or a guess that is said."""
+"""The topics of a bag that hold pictures, odometry and truth: as requested, or guessed and reported."""
 
 from __future__ import annotations
 
@@ -34,35 +34,35 @@ SHOWN = 12  # topics that an error lists
 
 @dataclass(frozen=True, slots=True)
 class PoseTopic:
-    """Where poses come from: a topic of poses, or two frames of its transforms."""
+    """A source of poses: a topic of poses, or two frames of a topic of transforms."""
 
     topic: str
     frames: tuple[str, str] | None = None  # the pose of the second in the first
 
     def __str__(self) -> str:
-        """Write it as it is typed: `/odom`, `/tf:odom.base_link`."""
+        """Return it as it is typed: `/odom`, `/tf:odom.base_link`."""
         return self.topic if self.frames is None else f"{self.topic}:{'.'.join(self.frames)}"
 
 
 @dataclass(frozen=True, slots=True)
 class TopicChoice:
-    """What is read of a bag."""
+    """The topics to read."""
 
     image: str | None
     odometry: PoseTopic | None
     truth: PoseTopic | None
-    guess: str = ""  # what was guessed, in a line; "" when nothing was
+    guess: str = ""  # what was guessed, in one line; "" when nothing was
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """All topics read, each once."""
+        """All topics to read, without duplicates."""
         names = (self.image, *(route.topic for route in (self.odometry, self.truth) if route))
         return tuple(dict.fromkeys(name for name in names if name))
 
 
 @dataclass(frozen=True, slots=True)
 class TopicRequest:
-    """The topics that were asked for; None: guess. "none" asks for none."""
+    """The requested topics; None: guess one. "none" requests none."""
 
     image: str | None = None
     odometry: str | None = None
@@ -72,24 +72,24 @@ class TopicRequest:
 def choose(
     path: Path, topics: Sequence[Topic], wishes: TopicRequest, edges: Collection[tuple[str, str]] = ()
 ) -> TopicChoice:
-    """Choose what is read; `edges` are the parent and child frames that the bag's transforms hold.
+    """Choose the topics to read; `edges` are the parent and child frames of the bag's transforms.
 
-    InputError for a topic that is not there or has another type.
+    InputError for a topic that does not exist or has another type.
     """
     image = _image(path, topics, wishes.image)
     truth = _route(path, topics, wishes.truth, _guess_truth(topics))
     taken = truth.topic if truth is not None and truth.frames is None else None
     odometry = _route(path, topics, wishes.odometry, _guess_odometry(topics, edges, taken))
-    return TopicChoice(image, odometry, truth, _say(topics, wishes, image, odometry, truth))
+    return TopicChoice(image, odometry, truth, _guess_in_words(topics, wishes, image, odometry, truth))
 
 
 def nothing_to_read(topics: Sequence[Topic]) -> str:
-    """Say that a bag has neither pictures nor poses, and what it has."""
+    """Return the error of a bag with neither pictures nor poses, which lists what it has."""
     wanted = "expected pictures (--image-topic), odometry (--odometry-topic) or truth (--truth-topic)"
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
     more += [advice] if (advice := _video_advice(topics)) else []
-    said = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
-    return "; ".join(said)
+    parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
+    return "; ".join(parts)
 
 
 def listed(topics: Sequence[Topic]) -> str:
@@ -104,7 +104,7 @@ def _why(topic: Topic) -> str:
 
 
 def readable(topics: Sequence[Topic], types: Collection[str]) -> list[Topic]:
-    """Give the topics of these types that hold anything and can be decoded."""
+    """Return the topics of these types that are not empty and can be decoded."""
     return [t for t in topics if known_type(t.type) in types and t.count and not t.unreadable]
 
 
@@ -122,7 +122,7 @@ def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
 
 
 def _video_advice(topics: Sequence[Topic]) -> str:
-    """Say what decodes video where there is some and nothing to decode it; "" elsewhere."""
+    """Return how to install a video decoder where video needs it; else \"\"."""
     found = [] if can_decode() else readable(topics, VIDEOS)
     return _needs_extra(found[0]) if found else ""
 
@@ -132,9 +132,9 @@ def _needs_extra(topic: Topic) -> str:
 
 
 def _first_camera(topic: Topic) -> tuple[bool, bool, bool, int, int, str]:
-    """Order cameras: color before depth, pictures before video, then by count.
+    """Return the sort key of cameras: color before depth, pictures before video, then by count.
 
-    Of a picture sent twice the raw one is taken, for its shorter name.
+    Of a camera published raw and compressed the raw topic comes first, for its shorter name.
     """
     return (
         bool(LAST.search(topic.name)),
@@ -167,7 +167,7 @@ def _route(
 
 
 def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str]) -> Topic:
-    """Find the topic that was asked for."""
+    """Return the requested topic."""
     same = [t for t in topics if t.name.lstrip("/") == name.lstrip("/")]
     if not same:
         raise InputError(path, f"found no topic {name}; it holds {listed(topics)}")
@@ -186,7 +186,7 @@ def _guess_truth(topics: Sequence[Topic]) -> PoseTopic | None:
 def _guess_odometry(
     topics: Sequence[Topic], edges: Collection[tuple[str, str]], taken: str | None
 ) -> PoseTopic | None:
-    """Prefer Odometry, then the transform from odom to the base, then whatever poses there are."""
+    """Prefer Odometry, then the transform from odom to the base, then any other poses."""
     poses = [t for t in readable(topics, POSES) if t.name != taken and not TRUE.search(t.name)]
     odometry = [t for t in poses if known_type(t.type) in ODOMETRIES and not GUESSED.search(t.name)]
     if odometry:
@@ -206,14 +206,14 @@ def _odometry_edge(edges: Collection[tuple[str, str]]) -> tuple[str, str] | None
     return min(found, key=lambda edge: (edge[1].rpartition("/")[2] not in BASE, edge), default=None)
 
 
-def _say(
+def _guess_in_words(
     topics: Sequence[Topic],
     wishes: TopicRequest,
     image: str | None,
     odometry: PoseTopic | None,
     truth: PoseTopic | None,
 ) -> str:
-    """Say what was guessed, what else there is, and how to choose otherwise."""
+    """Return what was guessed, what else there is, and the options to choose otherwise."""
     roles = (
         ("pictures", "--image-topic", wishes.image, image, PICTURES | VIDEOS),
         ("odometry", "--odometry-topic", wishes.odometry, odometry, POSES),
@@ -222,12 +222,12 @@ def _say(
     guessed = [one for one in roles if one[2] is None]
     if not guessed:
         return ""
-    said = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]
+    chosen = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]
     used = {str(taken).partition(":")[0] for *_, taken, _ in roles if taken}
     kinds = PICTURES | VIDEOS | POSES | CLOUDS
     others = [t for t in readable(topics, kinds) if t.name not in used]
     choices = ", ".join(one[1] for one in guessed)
     also = f"also there: {listed(others)}" if others else ""
     video = "" if image else _video_advice(topics)
-    told = (f"guessed {', '.join(said)} ({choices} to choose otherwise)", also, video)
-    return "; ".join(text for text in told if text)
+    parts = (f"guessed {', '.join(chosen)} ({choices} to choose otherwise)", also, video)
+    return "; ".join(text for text in parts if text)

@@ -1,4 +1,4 @@
-"""Video in bags and from bridges: key frames, and decoding up to the picture that is asked for.
+"""Video in bags and from bridges: key frames, and decoding up to the requested picture.
 
 H.264 and H.265 are read in Annex B form (units after 0 0 1), VP9 and AV1 as their specifications have them.
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from av.video.codeccontext import VideoCodecContext
     from av.video.frame import VideoFrame
 
-# Which parts of a video stream can be decoded by themselves: its key frames, by the first bits of each unit.
+# Key frames, by the first bits of each unit. Ours, as the parser of PyAV ends the process at broken data.
 
 _UNIT = re.compile(rb"\x00\x00\x01(.)", re.DOTALL)
 H264_IDR = 5
@@ -38,7 +38,7 @@ AV1_SEQUENCE, AV1_FRAMES = 1, (3, 6)  # a sequence header stands before every ke
 
 
 def is_key(codec: str, data: bytes) -> bool:
-    """Tell whether a part begins anew. False for what makes no sense."""
+    """Return whether a part is a key frame. False for invalid data."""
     return KEYS[codec](data)
 
 
@@ -77,7 +77,7 @@ def _av1(data: bytes) -> bool:
 
 
 def _leb128(data: bytes, at: int) -> tuple[int, int]:
-    """Give a number of seven bits a byte, and where it ends."""
+    """Return a number in LEB128 (seven bits per byte), and where it ends."""
     value = 0
     for count in range(8):
         if at + count >= len(data):
@@ -91,17 +91,17 @@ def _leb128(data: bytes, at: int) -> tuple[int, int]:
 KEYS: dict[str, Callable[[bytes], bool]] = {"h264": _h264, "hevc": _h265, "vp9": _vp9, "av1": _av1}
 
 
-# Video in bags and from bridges: pictures that build upon each other, decoded as far as they are asked for.
+# Frames that depend on each other, decoded as far as they are requested.
 
 INSTALL = "pip install 'maurice-replay[video]'"
-# by a part of what names them
+# by a part of their name
 CODECS = {"264": "h264", "265": "hevc", "hevc": "hevc", "vp9": "vp9", "av1": "av1"}
 DECODERS = {"av1": "libdav1d"}  # the codec's own wants hardware
-MOST_BUILT = 1800  # pictures upon one key frame: a minute at 30 a second
+MOST_BUILT = 1800  # pictures per key frame: a minute at 30 per second
 MOST_BYTES = 2**28  # of them, packed
-MOST_WAITED = 300  # parts before the first key frame; encoders give one at least every 250
-PAUSE = 1.6  # times the usual interval: a message was lost, or the camera paused
-LATELY = 9  # intervals that tell what is usual
+MOST_WAITED = 300  # parts before the first key frame; encoders write one at least every 250
+PAUSE = 1.6  # of the usual interval: a message was lost, or the camera paused
+LATELY = 9  # intervals that define the usual one
 Read = Callable[[], U8]
 
 
@@ -109,12 +109,12 @@ Read = Callable[[], U8]
 class VideoPart:
     """One picture's part of a video."""
 
-    read: Read  # gives the picture (H, W, 3) RGB; PictureError for one that is broken
-    note: str  # what one should know of it; "" for nothing
+    read: Read  # decodes the picture (H, W, 3) RGB; PictureError for a broken one
+    note: str  # a remark for the user; "" for none
 
 
 def can_decode() -> bool:
-    """Tell whether the package that decodes video is installed."""
+    """Return whether the package that decodes video is installed."""
     return importlib.util.find_spec("av") is not None
 
 
@@ -128,7 +128,7 @@ def codec_of(message: Any) -> str | None:
 
 
 class VideoStream:
-    """The messages of one topic, in their order. Holds what came since the last key frame, still packed."""
+    """The video of one topic, message by message. Keeps the packets since the last key frame."""
 
     def __init__(self) -> None:
         self._waited = 0  # messages before the first key frame, which nothing can be made of
@@ -141,9 +141,9 @@ class VideoStream:
         self._group: _Group | None = None
 
     def add(self, message: Any, t_s: float) -> VideoPart | None:
-        """Take in the next message, of this time: gives its part, None before the first key frame.
+        """Add the next message and return its part; None before the first key frame.
 
-        PictureError for what is no video.
+        PictureError for data that is no video.
         """
         codec = codec_of(message)
         if codec is None:
@@ -167,7 +167,7 @@ class VideoStream:
         return VideoPart(partial(self._group.picture, self._group.add(data)), self._note(t_s, key=key))
 
     def _note(self, t_s: float, *, key: bool) -> str:
-        """Say what came too late; no decoder tells that a part is missing that others build upon."""
+        """Return a remark where a part seems to be missing, which decoders do not report."""
         since_s, self._last_s = t_s - self._last_s, t_s
         usual_s = median(self._intervals_s) if len(self._intervals_s) > LATELY // 2 else math.inf
         if since_s > 0:
@@ -184,7 +184,7 @@ class VideoStream:
 
 
 class _Group:
-    """A key frame and what builds upon it; decoded from its beginning, once where it is read in order."""
+    """A key frame and the frames that depend on it; decoded from its beginning, once when read in order."""
 
     def __init__(self, codec: str, first: bytes) -> None:
         self._codec = codec
@@ -197,7 +197,7 @@ class _Group:
         self._latest: tuple[int, U8] | None = None
 
     def add(self, data: bytes) -> int:
-        """Take in one more packet; gives its number."""
+        """Add a packet and return its number."""
         if len(self._packets) >= MOST_BUILT or self._bytes + len(data) > MOST_BYTES:
             found = f"found video without a key frame for {_pictures(len(self._packets))}"
             raise PictureError(f"{found} of {self._bytes} bytes, expected one")
@@ -225,7 +225,7 @@ class _Group:
         return self._latest[1].copy()
 
     def _frame(self, number: int) -> VideoFrame | None:
-        """Decode up to a packet, and give its frame; streams may give it late, in another order."""
+        """Decode up to a packet and return its frame; a stream with B frames may deliver it late."""
         if self._decoder is None or self._next > number:
             self._decoder = self._begun()
         found: VideoFrame | None = None

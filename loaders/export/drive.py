@@ -1,7 +1,7 @@
 """A recording of any format as an MCAP file of ROS 2 messages, record by record at their own times.
 
-Reading the file gives what the filter uses of the recording: header, pictures, motions to the last bit where
-they came as such, poses otherwise; truth and events beside it.
+The file holds what the filter uses of the recording: header, pictures, and motions to the last bit where they
+came as such, poses otherwise; also truth and events.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def convert_to_mcap(
     t_offset_s: float = 0.0,
     force: bool = False,
 ) -> Iterator[Converted]:
-    """Write the pictures that make an update, and all odometry, truth and events; gives counts as they grow.
+    """Write the pictures that make an update, and all odometry, truth and events; yield growing counts.
 
     InputError as for `mcap_file`, as the session's reading raises it, and when there was nothing to write.
     """
@@ -54,13 +54,11 @@ def convert_to_mcap(
 
 
 def _side_by_side(session: RecordedSession) -> Iterator[tuple[Record, Moment | None]]:
-    """Give all records but unused pictures, a used one with its moment.
+    """Yield all records except unused pictures; used pictures with their moments.
 
-    The recording is read twice at once: a session looks ahead for truth, and does not keep what it passed.
+    The recording is read twice in parallel: a session looks ahead for truth, and keeps nothing it passed.
     """
-    records = checked(
-        session.recording, ReadingNotes(keep_going=True)
-    )  # the session itself tells of problems
+    records = checked(session.recording, ReadingNotes(keep_going=True))  # the session itself reports problems
     begin_s: float | None = None
     for moment in session.moments():
         for record in records:
@@ -74,7 +72,7 @@ def _side_by_side(session: RecordedSession) -> Iterator[tuple[Record, Moment | N
 
 
 class DriveWriter:
-    """Writes a drive's records, and the transforms that put the robot where they say."""
+    """Writes a drive's records, and the transforms that place the robot accordingly."""
 
     def __init__(self, mcap: McapWriter, scene: McapScene, kind: PictureKind, *, odometry: bool) -> None:
         self.done = Converted()
@@ -90,7 +88,7 @@ class DriveWriter:
         self._path = new_path()
 
     def begin(self, begin_s: float) -> None:
-        """Write what is told once, and where the robot begins."""
+        """Write the constant content and the initial pose."""
         self._scene.write(self._mcap, begin_s)
         self._due_s = begin_s
 
@@ -105,7 +103,7 @@ class DriveWriter:
             self._mcap.write(MOTIONS, t_s, make.motion(ROBOT, record.motion))
             self._move(t_s, moved(self._odometry, record.motion))
         elif isinstance(record, OdometryPose):
-            if not self._moved:  # the robot stays where it is known to be, wherever its odometry begins
+            if not self._moved:  # the robot keeps its known pose, wherever its odometry begins
                 here, self._odometry = moved(self._correction, self._odometry), record.pose
                 self._place(here)
             self._move(t_s, record.pose)
@@ -130,7 +128,7 @@ class DriveWriter:
         write_paths(self._mcap, begin_s, {TRUE_PATH: self._path})
 
     def _begin_path(self, t_s: float) -> None:
-        """Write where a path of motions begins: of a path's first pose no reader knows how it was reached."""
+        """Write the first pose of a path of motions; readers take motions from pose to pose."""
         if not self._moved:
             self._write_odometry(t_s)
 
@@ -140,7 +138,7 @@ class DriveWriter:
         self.done.motions += 1
 
     def _stand(self, t_s: float) -> None:
-        """Say at a picture that nothing moved since the last motion; other readers pair by time."""
+        """Repeat the odometry at a picture after the last motion; other readers pair by time."""
         if self._in_motions and t_s > self._odometry_s:
             self._write_odometry(t_s)
 
@@ -149,7 +147,7 @@ class DriveWriter:
         self._odometry_s = t_s
 
     def _place(self, pose: F64) -> None:
-        """Put the robot there: odometry's frame in the map follows from its pose in both."""
+        """Place the robot in the map: that gives the pose of the odometry frame."""
         self._correction = moved(pose, motion_between(self._odometry, np.zeros(3)))
 
     def _write_transforms(self) -> None:

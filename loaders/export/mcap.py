@@ -43,12 +43,12 @@ TYPES = {
     POSES: "geometry_msgs/msg/PoseArray",
     CLOUD: "nav2_msgs/msg/ParticleCloud",
 }
-ONCE = (HEADER, GRID, MOUNT, TRUE_PATH, ESTIMATED_PATH)  # latched: who comes late is given them too
+ONCE = (HEADER, GRID, MOUNT, TRUE_PATH, ESTIMATED_PATH)  # latched: late subscribers receive them too
 LATEST_S = 2.0**31 - 1  # seconds of a ROS time stamp are an int32
 
 
 class McapWriter:
-    """An MCAP file that is being written, a message at a time; topics are added by their first message."""
+    """An MCAP file being written, a message at a time; topics are added by their first message."""
 
     def __init__(self, file: Path, writer: Any) -> None:
         from .ros_messages import message_types
@@ -59,7 +59,7 @@ class McapWriter:
         self._connections: dict[str, Any] = {}
 
     def at(self, time_s: float) -> SceneMessages:
-        """Give what makes messages of one time. InputError when no ROS message can hold that time."""
+        """Return the factory of messages of one time. InputError when no ROS message can hold that time."""
         from .ros_messages import SceneMessages
 
         return SceneMessages(self._store, self._nanoseconds(time_s))
@@ -79,7 +79,7 @@ class McapWriter:
         if not 0 <= time_s <= LATEST_S:
             found = f"found t {time_s:.15g}, expected 0 to {LATEST_S:.0f} s in a ROS message"
             raise InputError(self._file, f"{found}; move it with --t-offset")
-        whole = int(time_s)  # apart, or Unix time would lose its last digits
+        whole = int(time_s)  # separately, or Unix time would lose its last digits
         return whole * 10**9 + round((time_s - whole) * 1e9)
 
 

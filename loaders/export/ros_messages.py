@@ -27,8 +27,6 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..io.pictures import encode_jpeg
 from ..session_log.header import header_to_json
 
-# ROS 2 messages, serialized, from poses, clouds and pictures.
-
 PARTICLE = "geometry_msgs/Pose pose\nfloat64 weight\n"
 PARTICLE_CLOUD = "std_msgs/Header header\nnav2_msgs/Particle[] particles\n"
 ENCAPSULATION = 4  # bytes in front of a CDR body; alignment is counted behind them
@@ -38,7 +36,7 @@ Stamp = tuple[int, int]  # seconds, nanoseconds
 
 @cache
 def message_types() -> Typestore:
-    """Give the types that are written: those of ROS 2 Humble, and Nav2's weighted cloud."""
+    """Return the message types: those of ROS 2 Humble, and Nav2's weighted cloud."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(PARTICLE, "nav2_msgs/msg/Particle"))
     store.register(get_types_from_msg(PARTICLE_CLOUD, "nav2_msgs/msg/ParticleCloud"))
@@ -46,23 +44,23 @@ def message_types() -> Typestore:
 
 
 class Messages:
-    """Makes the messages of one time; every method gives serialized bytes (CDR, little endian)."""
+    """Makes the messages of one time; every method returns serialized bytes (CDR, little endian)."""
 
     def __init__(self, store: Typestore, nanoseconds: int) -> None:
         self._store = store
         self._ns = nanoseconds
 
     def pose(self, frame: str, pose: F64) -> bytes:
-        """Give a geometry_msgs/PoseStamped of a pose (3,)."""
+        """Return a geometry_msgs/PoseStamped of a pose (3,)."""
         return self._bytes("geometry_msgs/msg/PoseStamped", self._header(frame), self._pose(pose))
 
     def pose_with_covariance(self, frame: str, pose: F64, covariance: F64) -> bytes:
-        """Give a geometry_msgs/PoseWithCovarianceStamped; `covariance` (3, 3) is of x, y, heading."""
+        """Return a geometry_msgs/PoseWithCovarianceStamped; `covariance` (3, 3) is of x, y, heading."""
         known = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(pose), spread_out(covariance))
         return self._bytes("geometry_msgs/msg/PoseWithCovarianceStamped", self._header(frame), known)
 
     def odometry(self, frame: str, child: str, pose: F64) -> bytes:
-        """Give a nav_msgs/Odometry of a pose (3,); covariances and speeds are not known, and zero."""
+        """Return a nav_msgs/Odometry of a pose (3,); covariances and speeds are unknown, and zero."""
         zero, nothing = np.zeros(36), self._make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
         where = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(pose), zero)
         still = self._make("geometry_msgs/msg/Twist", nothing, nothing)
@@ -70,7 +68,7 @@ class Messages:
         return self._bytes("nav_msgs/msg/Odometry", self._header(frame), child, where, twist)
 
     def transforms(self, *links: tuple[str, str, F64]) -> bytes:
-        """Give a tf2_msgs/TFMessage of links (parent frame, child frame, pose of the child (3,))."""
+        """Return a tf2_msgs/TFMessage of links (parent frame, child frame, pose of the child (3,))."""
         made = []
         for parent, child, pose in links:
             offset = self._make("geometry_msgs/msg/Vector3", float(pose[0]), float(pose[1]), 0.0)
@@ -80,25 +78,25 @@ class Messages:
         return self._bytes("tf2_msgs/msg/TFMessage", made)
 
     def picture(self, frame: str, image: U8) -> bytes:
-        """Give a sensor_msgs/CompressedImage of an RGB picture (H, W, 3): JPEG, quality 95, 4:4:4."""
+        """Return a sensor_msgs/CompressedImage of an RGB picture (H, W, 3): JPEG, quality 95, 4:4:4."""
         return self.encoded_picture(frame, "jpeg", encode_jpeg(image))
 
     def encoded_picture(self, frame: str, kind: str, data: bytes) -> bytes:
-        """Give a sensor_msgs/CompressedImage of what is encoded already, as `jpeg` or `png`."""
+        """Return a sensor_msgs/CompressedImage of an encoded picture, `jpeg` or `png`."""
         held = np.frombuffer(data, np.uint8)
         return self._bytes("sensor_msgs/msg/CompressedImage", self._header(frame), kind, held)
 
     def text(self, text: str) -> bytes:
-        """Give a std_msgs/String."""
+        """Return a std_msgs/String."""
         return self._bytes("std_msgs/msg/String", text)
 
     def pose_array(self, frame: str, poses: F64) -> bytes:
-        """Give a geometry_msgs/PoseArray of poses (N, 3)."""
+        """Return a geometry_msgs/PoseArray of poses (N, 3)."""
         empty = self._bytes("geometry_msgs/msg/PoseArray", self._header(frame), [])
         return with_items(empty, pose_rows(poses))
 
     def particle_cloud(self, frame: str, poses: F64, weights: F64) -> bytes:
-        """Give a nav2_msgs/ParticleCloud of poses (N, 3) and weights (N,)."""
+        """Return a nav2_msgs/ParticleCloud of poses (N, 3) and weights (N,)."""
         empty = self._bytes("nav2_msgs/msg/ParticleCloud", self._header(frame), [])
         return with_items(empty, np.column_stack([pose_rows(poses), weights]))
 
@@ -124,7 +122,7 @@ class Messages:
 
 
 def spread_out(covariance: F64) -> F64:
-    """Put a covariance (3, 3) of x, y, heading into ROS's (36,) of x, y, z, roll, pitch, yaw, row by row."""
+    """Return a covariance (3, 3) of x, y, heading as ROS's (36,) of x, y, z, roll, pitch, yaw, by rows."""
     full = np.zeros((6, 6))
     at = np.array([0, 1, 5])
     full[np.ix_(at, at)] = covariance
@@ -132,7 +130,7 @@ def spread_out(covariance: F64) -> F64:
 
 
 def pose_rows(poses: F64) -> F64:
-    """Give position and quaternion of poses (N, 3) as a geometry_msgs/Pose has them: (N, 7), w last."""
+    """Return position and quaternion of poses (N, 3) as a geometry_msgs/Pose has them: (N, 7), w last."""
     rows = np.zeros((len(poses), 7))
     rows[:, :2] = poses[:, :2]
     rows[:, 5], rows[:, 6] = np.sin(poses[:, 2] / 2), np.cos(poses[:, 2] / 2)
@@ -140,25 +138,25 @@ def pose_rows(poses: F64) -> F64:
 
 
 def with_items(message: bytes, items: F64) -> bytes:
-    """Fill the empty sequence that a serialized message ends with; items (N, K) are K float64 each.
+    """Fill the empty sequence at the end of a serialized message; items (N, K) are K float64 each.
 
-    Thousands of particles as objects, one by one, would take longer than the filter.
+    Serializing thousands of particles as objects would take longer than the filter.
     """
     head = message[:-4] + struct.pack("<I", len(items))
     pad = -(len(head) - ENCAPSULATION) % 8 if len(items) else 0
     return head + bytes(pad) + np.ascontiguousarray(items, "<f8").tobytes()
 
 
-# A map as square cells, free or occupied, as ROS draws maps.
+# A map as an occupancy grid.
 
 CELL_M = 0.025
 MOST_CELLS = 1_000_000  # a larger map has coarser cells
 OCCUPIED = 100  # percent
-SHIFT = 8  # bits behind the point in what OpenCV is given
+SHIFT = 8  # fractional bits of the coordinates for OpenCV
 
 
 def occupancy(arena: Arena) -> tuple[float, NDArray[np.int8]]:
-    """Give the side of a cell in metres, and the cells (rows, columns): 0 or 100.
+    """Return the side of a cell in meters, and the cells (rows, columns): 0 or 100.
 
     The first row is at the smallest y, as in a nav_msgs/OccupancyGrid.
     """
@@ -176,15 +174,15 @@ def occupancy(arena: Arena) -> tuple[float, NDArray[np.int8]]:
 
 
 def _pixels(points: NDArray[np.float64], arena: Arena, cell_m: float) -> NDArray[np.int32]:
-    """Give points (K, 2) as OpenCV wants them: counted from the first cell's center."""
+    """Return points (K, 2) in OpenCV's pixels, whose origin is the first cell's center."""
     counted = (points - arena.bounds[:2]) / cell_m - 0.5
     return np.asarray(np.round(counted * 2**SHIFT), np.int32)
 
 
-# ROS 2 messages of what stands still or is told once: map, camera, paths, and the session's header.
+# Constant messages: map, camera, paths, and the session's header.
 
 NO_TIME = QosTime(0, 0)
-LATCHED = Qos(  # who comes late is given the last message
+LATCHED = Qos(  # late subscribers receive the last message
     QosHistory.KEEP_LAST,
     1,
     QosReliability.RELIABLE,
@@ -199,25 +197,25 @@ PLUMB_BOB = "plumb_bob"  # ROS's name of a pinhole camera, distorted or not
 
 
 class SceneMessages(Messages):
-    """Makes the messages that `Messages` does, and those of the scene."""
+    """Makes those of `Messages`, and those of the scene."""
 
     def header(self, info: SessionInfo, folder: Path) -> bytes:
-        """Give a std_msgs/String with the first line of the session's log, as a log in `folder` has it."""
+        """Return a std_msgs/String with the first line of the session's log, as a log in `folder` has it."""
         return self.text(json.dumps(header_to_json(info, "session", folder), ensure_ascii=False))
 
     def motion(self, frame: str, motion: F64) -> bytes:
-        """Give a geometry_msgs/Vector3Stamped: forward, left and turn of one motion (3,), to the last bit."""
+        """Return a geometry_msgs/Vector3Stamped: forward, left and turn of a motion (3,), exactly."""
         vector = self._make("geometry_msgs/msg/Vector3", *(float(v) for v in motion))
         return self._bytes("geometry_msgs/msg/Vector3Stamped", self._header(frame), vector)
 
     def path(self, frame: str, poses: F64) -> bytes:
-        """Give a nav_msgs/Path of poses (N, 3), all stamped alike."""
+        """Return a nav_msgs/Path of poses (N, 3), all stamped alike."""
         kind, header = "geometry_msgs/msg/PoseStamped", self._header(frame)
         stamped = [self._make(kind, header, self._pose(pose)) for pose in poses]
         return self._bytes("nav_msgs/msg/Path", header, stamped)
 
     def occupancy_grid(self, frame: str, arena: Arena) -> bytes:
-        """Give a nav_msgs/OccupancyGrid: walls and obstacles are occupied, all else is free."""
+        """Return a nav_msgs/OccupancyGrid: walls and obstacles are occupied, all else is free."""
         cell_m, cells = occupancy(arena)
         origin = self._pose(np.array([*arena.bounds[:2], 0.0]))
         header, (rows, columns) = self._header(frame), cells.shape
@@ -225,9 +223,9 @@ class SceneMessages(Messages):
         return self._bytes("nav_msgs/msg/OccupancyGrid", header, about, cells.ravel())
 
     def camera_mount(self, robot: str, frame: str, camera: Camera | None) -> bytes:
-        """Give a tf2_msgs/TFMessage of where the camera is: z along the view, y down (REP 103).
+        """Return a tf2_msgs/TFMessage of the camera's pose: z along the view, y down (REP 103).
 
-        A camera of which nothing is known looks forward, at the floor's height.
+        An unknown camera looks forward, at the height of the floor.
         """
         half = 0.0 if camera is None else camera.yaw_rad / 2
         cos, sin = math.cos(half) / 2, math.sin(half) / 2
@@ -244,7 +242,7 @@ class SceneMessages(Messages):
         )
 
     def camera_info(self, frame: str, shape: tuple[int, ...], fov_rad: float) -> bytes:
-        """Give a sensor_msgs/CameraInfo of pictures (H, W, 3): square pixels, no distortion."""
+        """Return a sensor_msgs/CameraInfo of pictures (H, W, 3): square pixels, no distortion."""
         height, width = shape[:2]
         focal, none = width / 2 / math.tan(fov_rad / 2), np.zeros((3, 1))
         matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])

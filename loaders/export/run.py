@@ -47,21 +47,21 @@ from .tables import ExportStep
 if TYPE_CHECKING:
     from .ros_messages import SceneMessages
 
-# What an MCAP file of ours says once: header, map, the camera's place, and whole paths.
+# The constant content of an exported MCAP file: header, map, camera pose, and whole paths.
 
 MOST_POSES = 5000  # of a path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class McapScene:
-    """What is known before the first record."""
+    """The content that is known before the first record."""
 
-    info: SessionInfo | None  # None where the session is gone
+    info: SessionInfo | None  # None where the session no longer exists
     arena: Arena | None
-    camera: Camera | None  # whose pictures are written; None where nothing is known of it
+    camera: Camera | None  # whose pictures are written; None where it is unknown
 
     def write(self, mcap: McapWriter, begin_s: float) -> None:
-        """Write header, map and the camera's place."""
+        """Write header, map and camera pose."""
         make = mcap.at(begin_s)
         if self.info is not None:
             mcap.write(HEADER, begin_s, make.header(self.info, mcap.folder))
@@ -79,18 +79,18 @@ class McapScene:
 
 
 def scene_of(info: SessionInfo, camera: str | None = None) -> McapScene:
-    """Give the scene of a session, of which one camera's pictures are written: the first unless named."""
+    """Return the scene of a session with the camera whose pictures are written: the first unless named."""
     named = [one for one in info.cameras if camera in (None, one.name)]
     return McapScene(info, info.arena, named[0] if named else None)
 
 
 def new_path() -> SimplifiedPath:
-    """Begin a path that is written whole at the end."""
+    """Return an empty path, to be written at the end."""
     return SimplifiedPath(MOST_POSES)
 
 
 def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, SimplifiedPath]) -> None:
-    """Write whole paths by topic, at the time of the first record: who looks there sees all of them."""
+    """Write whole paths by topic at the time of the first record, so that they are visible from there."""
     for topic, way in paths.items():
         poses = way.poses()
         if len(poses):
@@ -101,7 +101,7 @@ def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, Simplified
 
 
 class RunSink:
-    """Writes all that a saved run knows of an update."""
+    """Writes all content of a saved run's updates."""
 
     def __init__(self, mcap: McapWriter, origin: F64, scene: McapScene) -> None:
         self._mcap, self._origin, self._scene = mcap, origin, scene
@@ -132,7 +132,7 @@ class RunSink:
             write_paths(self._mcap, self._begin_s, self._paths)
 
     def _add_poses(self, step: ExportStep, make: SceneMessages) -> None:
-        """Write truth and estimate, and remember them for their paths."""
+        """Write truth and estimate, and add them to their paths."""
         if step.truth is not None:
             self._put(step, TRUTH, make.pose(MAP, step.truth))
             self._paths[TRUE_PATH].add(step.truth)
@@ -142,7 +142,7 @@ class RunSink:
         self._paths[ESTIMATED_PATH].add(step.estimate)
 
     def _add_clouds(self, step: ExportStep, make: SceneMessages) -> None:
-        """Write the weighted cloud with its weights, and the one that the next update starts from without."""
+        """Write the weighted cloud, and the resampled one that the next update starts from."""
         weighted = weighted_of(step.rows, self._origin)
         poses, renewed = weighted.world_poses, step.rows.renewed
         self._put(step, CLOUD, make.particle_cloud(MAP, poses, weighted.weights))
@@ -156,9 +156,9 @@ class RunSink:
 
 
 def covariance_of(step: ExportStep) -> F64:
-    """Give the covariance (3, 3) of the estimate's x, y and heading: the spread of its particles.
+    """Return the covariance (3, 3) of the estimate's x, y and heading: the spread of its particles.
 
-    Only the variances are known. A heading of which nothing is known has a deviation of pi.
+    Only the variances are known. An unknown heading has a deviation of pi.
     """
     spread = [step.rows.step[f"estimate_{name}"] for name in ("sd_x_m", "sd_y_m", "heading_sd_rad")]
     spread[2] = min(spread[2], math.pi)

@@ -21,7 +21,7 @@ from ..bags.source import Message, Topic, short_type, sorted_topics
 from ..errors import FieldError
 from ..io.fields import items, mapping
 
-# The Foxglove WebSocket protocol, as a client: topics announced, subscribed to, and their messages.
+# The Foxglove WebSocket protocol, as a client: topics, subscriptions and messages.
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 MESSAGE_DATA = 1  # first byte of a binary message
@@ -39,7 +39,7 @@ class _Channel:
 
 
 class Foxglove:
-    """One conversation with a Foxglove bridge."""
+    """A connection to a Foxglove bridge."""
 
     def __init__(self) -> None:
         self._channels: dict[int, _Channel] = {}
@@ -47,11 +47,11 @@ class Foxglove:
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """The topics that are there now."""
+        """The topics that are announced now."""
         return sorted_topics([_topic(one) for one in self._channels.values()])
 
     def greet(self) -> Iterator[str]:
-        """Nothing: the server speaks first."""
+        """Nothing: the server sends first."""
         yield from ()
 
     def subscribe(self, names: tuple[str, ...]) -> Iterator[str]:
@@ -67,7 +67,7 @@ class Foxglove:
             yield json.dumps({"op": "subscribe", "subscriptions": parts})
 
     def hear(self, message: str | bytes) -> Message | None:
-        """Take in a message. FieldError for what is not of the protocol."""
+        """Process a message. FieldError when it violates the protocol."""
         if isinstance(message, str):
             self._hear_text(message)
             return None
@@ -117,14 +117,14 @@ def _decode(channel: _Channel, data: bytes) -> Any:
     return decode(data, channel.encoding, channel.schema, definition, channel.form)
 
 
-# The rosbridge protocol, as a client: topics asked for, subscribed to, and their messages in JSON.
+# The rosbridge protocol, as a client: topics, subscriptions and messages in JSON.
 
 ASK = "/rosapi/topics"
-QUEUE = 10  # messages that the bridge keeps for us
+QUEUE = 10  # messages that the bridge buffers for us
 
 
 class Rosbridge:
-    """One conversation with a rosbridge server."""
+    """A connection to a rosbridge server."""
 
     def __init__(self) -> None:
         self._topics: tuple[Topic, ...] = ()
@@ -132,7 +132,7 @@ class Rosbridge:
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """The topics that the server told of."""
+        """The topics that the server reported."""
         return self._topics
 
     def greet(self) -> Iterator[str]:
@@ -148,7 +148,7 @@ class Rosbridge:
                 yield json.dumps(wish | {"compression": "none"})
 
     def hear(self, message: str | bytes) -> Message | None:
-        """Take in a message. FieldError for what is not of the protocol."""
+        """Process a message. FieldError when it violates the protocol."""
         try:
             found = mapping(json.loads(message), "a message")
         except (ValueError, RecursionError):

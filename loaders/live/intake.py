@@ -1,4 +1,4 @@
-"""Live lines, checked: a header, then records in time order on one clock."""
+"""Validation of live lines: a header, then records in time order on one clock."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ from ..session_log.records import EventRecord, LogLine, PictureRecord, Record, p
 from .listening import Connected, Disconnected, Listening, Malformed
 from .source import LiveSource
 
-# One clock for a session whose source may begin anew: times that do not fall.
+# One clock for a session whose source may restart: times that never decrease.
 
-APART_S = 2.0  # put between two beginnings: truth is not joined over more than 1 s
-SET_BACK = 20  # records running that fall mean that the clock was set back
+APART_S = 2.0  # between two starts: truth is not interpolated over more than 1 s
+SET_BACK = 20  # consecutive records with decreasing times mean that the clock was set back
 
 
 class LiveClock:
-    """Moves the times of a source that begins anew behind those that it said before."""
+    """Shifts the times of a restarted source behind those before."""
 
     def __init__(self) -> None:
-        self.shift_s = 0.0  # added to what the source says
-        self.last_s = -math.inf  # the last time given
+        self.shift_s = 0.0  # added to the source's times
+        self.last_s = -math.inf  # the last time returned
         self._anew = True
         self._falls = 0
 
-    def begin_anew(self) -> None:
-        """Hear that the next time may come from another clock."""
+    def restart(self) -> None:
+        """Note that the next time may come from another clock."""
         self._anew = True
 
     def time(self, t_s: float) -> float:
-        """Give the session's time for the source's. FieldError for one that falls, or is too large.
+        """Return the session's time for the source's. FieldError for one that decreases, or is too large.
 
-        A clock that goes on after a pause keeps its times. One that has begun anew, or that falls for 20
-        records running, is moved to 2 s behind the last time.
+        A clock that continues after a pause keeps its times. One that was restarted, or decreases for 20
+        consecutive records, is shifted to 2 s behind the last time.
         """
         if t_s + self.shift_s < self.last_s:
             self._falls += 1
@@ -60,15 +60,15 @@ class LiveClock:
         return self.last_s
 
 
-# What a live source says, checked line by line: a header, then records in time order.
+# Lines of a live source: a header, then records in time order.
 
-MOST_BROKEN = 100  # lines running that make no sense: a peer is hung up on
-GAP = "gap"  # first word of the event that says so
+MOST_BROKEN = 100  # consecutive invalid lines after which a peer is disconnected
+GAP = "gap"  # first word of the event that reports one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Received:
-    """A record, and the line that it stands in."""
+    """A record and its line."""
 
     record: Record
     line: bytes  # with its end
@@ -76,12 +76,12 @@ class Received:
 
 @dataclass(slots=True)
 class Counts:
-    """What came of a source so far."""
+    """Counts of what a source sent so far."""
 
     records: int = 0
     pictures: int = 0
     broken: int = 0  # lines left out
-    gaps: int = 0  # times that it was away
+    gaps: int = 0  # interruptions
 
 
 class Intake:
@@ -90,7 +90,7 @@ class Intake:
     def __init__(
         self, source: LiveSource, listening: Listening, notes: ReadingNotes, say: Callable[[str], None]
     ) -> None:
-        """Say in a line what people want to know at once through `say`."""
+        """`say` receives one-line remarks that the user should see at once."""
         self.info: SessionInfo | None = None  # from the first header on
         self.counts = Counts()
         self._source, self._listening, self._notes, self._say = source, listening, notes, say
@@ -102,7 +102,7 @@ class Intake:
         self._away_since_s: float | None = None
 
     def __iter__(self) -> Iterator[Received | None]:
-        """Give the records; None when nothing came for a moment, and when a header did."""
+        """Yield the records; None when nothing came for a moment, and for a header."""
         for arrival in self._listening:
             if arrival is None:
                 yield None
@@ -122,7 +122,7 @@ class Intake:
 
     @property
     def away(self) -> bool:
-        """Tell whether the source is away now."""
+        """Whether the source is away now."""
         return self._away_since_s is not None
 
     def _take(self, line: LogLine) -> Iterator[Received | None]:
@@ -149,13 +149,13 @@ class Intake:
         yield heard
 
     def _greet(self, line: LogLine) -> None:
-        """Take in a header; the first one stays, and a later one means that the source has begun anew."""
+        """Process a header; the first one is kept, a later one means that the source restarted."""
         info, kind = header_from_json(parse_object(line), self._folder / "live")
         if kind != "session":
             raise FieldError(f"found a {kind} log, expected a session log")
         self._header_next = False
         self._listening.greeted()
-        self._clock.begin_anew()
+        self._clock.restart()
         if self.info is None:
             self.info = info
         elif (info.name, info.robot, info.cameras) != (self.info.name, self.info.robot, self.info.cameras):
@@ -172,7 +172,7 @@ class Intake:
             self._away_since_s = time.monotonic()
 
     def _mind_the_gap(self, t_s: float) -> Iterator[Received]:
-        """Say by an event that the source was away."""
+        """Yield an event where the source was away."""
         if self._away_since_s is None:
             return
         away_s, self._away_since_s, self._why = time.monotonic() - self._away_since_s, None, ""
@@ -183,16 +183,16 @@ class Intake:
             yield Received(EventRecord(0, t_s, text), _line({"t": t_s, "event": text}))
 
     def _as_recorded(self, record: Record, line: LogLine, t_s: float) -> Received:
-        """Give a record that stands for itself: with its session's time, its picture inside. FieldError."""
+        """Return a self-contained record: with the session's time and its picture inline. FieldError."""
         by_path = isinstance(record, PictureRecord) and record.path is not None
         if not by_path and not self._clock.shift_s:
             return Received(record, line.data + b"\n")
-        said, record = parse_object(line) | {"t": t_s}, replace(record, t_s=t_s)
+        fields, record = parse_object(line) | {"t": t_s}, replace(record, t_s=t_s)
         if by_path and isinstance(record, PictureRecord):
             inline = self._inline(record)
-            said["image"] = {"base64": inline}
+            fields["image"] = {"base64": inline}
             record = replace(record, base64=inline)  # its path stays, for people
-        return Received(record, _line(said))
+        return Received(record, _line(fields))
 
     def _inline(self, record: PictureRecord) -> str:
         if self._source.folder is None:
@@ -207,7 +207,7 @@ class Intake:
         return self._source.folder or Path.cwd()
 
     def _broken(self, line: LogLine, problem: FieldError) -> None:
-        """Count a line that makes no sense; end the connection where nothing else is to be expected."""
+        """Count an invalid line; end the connection where nothing better can be expected."""
         if not line.ended and not line.too_long:
             self._notes.warning(f"{self._source.name}: the last line was cut off and was left out")
             return
@@ -216,7 +216,7 @@ class Intake:
             raise error
         self._count(error)
         if self._source.peer and (self._header_next or self._broken_running >= MOST_BROKEN):
-            self._listening.hang_up(f"does not speak the session log ({problem}); hung up")
+            self._listening.hang_up(f"did not send a session log ({problem}); hung up")
 
     def _count(self, error: SourceError) -> None:
         self.counts.broken += 1
@@ -225,7 +225,7 @@ class Intake:
 
 
 def _is_header(line: LogLine) -> bool:
-    """Tell a header in the middle: a writer that has begun anew in the same file."""
+    """Return whether a line in the middle is a header: a writer has restarted in the same file."""
     if b'"format"' not in line.data[:200] or not line.data.lstrip().startswith(b"{"):
         return False
     return "format" in parse_object(line)

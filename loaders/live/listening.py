@@ -12,16 +12,16 @@ from ..errors import FieldError, InputError
 from ..session_log.records import LogLine
 from .source import ByteStream, LiveSource
 
-# Bytes as they come, cut into lines: a peer that sends an endless line costs no more than a long one.
+# Bytes as they arrive, cut into lines: a peer that sends an endless line costs no more than a long one.
 
 MOST_LINE_BYTES = 16 * 2**20  # a picture of 12 megapixels inline; more is no log
 
 
 class LineCutter:
-    """Takes in bytes in any portions and gives the same lines whatever the portions were."""
+    """Cuts bytes into lines, which do not depend on the portions that the bytes come in."""
 
     def __init__(self, most: int = MOST_LINE_BYTES) -> None:
-        """Hold at most `most` bytes of a line; what is beyond that is dropped, and the line marked."""
+        """Keep at most `most` bytes of a line; the rest is dropped, and the line is marked."""
         self._most = most
         self._held = bytearray()
         self._too_long = False
@@ -29,11 +29,11 @@ class LineCutter:
 
     @property
     def overflowing(self) -> bool:
-        """Tell whether the line that is coming in is too long already."""
+        """Whether the current line is too long already."""
         return self._too_long
 
     def feed(self, data: bytes) -> list[LogLine]:
-        """Take in some bytes; give the lines that end within them."""
+        """Add bytes and return the lines that end within them."""
         lines, begin = [], 0
         while (end := data.find(b"\n", begin)) >= 0:
             self._hold(data[begin:end])
@@ -43,7 +43,7 @@ class LineCutter:
         return lines
 
     def rest(self) -> LogLine | None:
-        """Give the line that has no end, when no more will come; None where the last one had its end."""
+        """Return the last line if it has no line end; None otherwise."""
         return self._take(ended=False) if self._held else None
 
     def _hold(self, piece: bytes) -> None:
@@ -57,46 +57,46 @@ class LineCutter:
         return line
 
 
-# Listening to a live source as long as it makes sense: what goes away is tried again, ever more slowly.
+# Connecting to a live source, and again at growing intervals when it goes away.
 
-POLL_S = 0.25  # how often the one who listens looks whether it is over
+POLL_S = 0.25  # interval of checking whether to stop
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0  # between two attempts
-SENSE_S = 10.0  # a peer that says nothing of sense for so long after a connection is hung up on
+SENSE_S = 10.0  # after a connection, in which a peer must send something valid
 
 
 @dataclass(frozen=True, slots=True)
 class Connected:
-    """A connection stands."""
+    """A connection was made."""
 
 
 @dataclass(frozen=True, slots=True)
 class Disconnected:
-    """The source is away, or was never there."""
+    """The source is away, or was never reached."""
 
     why: str
-    hung_up: bool = False  # by us, because of what it said
+    hung_up: bool = False  # by us, because of what it sent
 
 
 @dataclass(frozen=True, slots=True)
 class Malformed:
-    """Something that no line could be made of."""
+    """Input that could not be converted to a line."""
 
     why: str
 
 
-Arrival: TypeAlias = LogLine | Malformed | Connected | Disconnected | None  # None: nothing came for a moment
+Arrival: TypeAlias = LogLine | Malformed | Connected | Disconnected | None  # None: nothing came yet
 
 
 @dataclass(frozen=True, slots=True)
 class Patience:
     """When listening ends by itself."""
 
-    away_s: float = 30.0  # a source that is away for so long does not come back
-    silent_s: float | None = None  # one that is there and says nothing; None: for ever
+    away_s: float = 30.0  # most time that a source may be away
+    silent_s: float | None = None  # most time that a connected source may be silent; None: forever
 
 
 class Listening:
-    """Gives what arrives, over as many connections as it takes, until told to stop or out of patience."""
+    """Yields what arrives, over any number of connections, until stopped or out of patience."""
 
     def __init__(self, source: LiveSource, stop: Event, patience: Patience | None = None) -> None:
         self.ended = ""  # why, when it has ended by itself
@@ -111,21 +111,21 @@ class Listening:
 
     @property
     def stopped(self) -> bool:
-        """Tell whether it was told to stop."""
+        """Whether it was asked to stop."""
         return self._stop.is_set()
 
     def greeted(self) -> None:
-        """Hear that there was a header, which is sense, but no reason for patience."""
+        """Note a valid header, which does not extend patience."""
         self._sense = self._ever = True
 
     def heard(self) -> None:
-        """Hear that the last line was a record."""
+        """Note that the last line was a valid record."""
         self._heard_s = time.monotonic()
         self._sense = self._ever = True
         self._wait_s = FIRST_WAIT_S
 
     def hang_up(self, why: str) -> None:
-        """End this connection; the next one is tried for after a while."""
+        """End this connection; another one is tried after a while."""
         self._hung_up = why
 
     def __iter__(self) -> Iterator[Arrival]:
@@ -133,7 +133,7 @@ class Listening:
             try:
                 channel = self._source.connect()
             except OSError as problem:
-                yield Disconnected(_said(problem))
+                yield Disconnected(_reason(problem))
             else:
                 yield Connected()
                 yield from self._connection(channel)
@@ -145,7 +145,7 @@ class Listening:
             self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
 
     def _connection(self, channel: ByteStream) -> Iterator[Arrival]:
-        """Give the lines of one connection, and at its end why it did, unless we ended it."""
+        """Yield the lines of one connection and, unless we end it, the reason of its end."""
         cutter, why = LineCutter(), "has hung up"
         self._begun_s, self._sense, self._hung_up = time.monotonic(), False, ""
         try:
@@ -168,25 +168,25 @@ class Listening:
             if not self._hung_up and (rest := cutter.rest()) is not None:
                 yield rest
         except OSError as problem:
-            why = _said(problem)
+            why = _reason(problem)
         finally:
             channel.close()
         if not self._stop.is_set() and not self._source.once and not self.ended:
             yield Disconnected(self._hung_up or why, bool(self._hung_up))
 
     def _judge(self, cutter: LineCutter) -> None:
-        """Hang up on a peer that sends an endless line, or nothing of sense."""
+        """Disconnect a peer that sends an endless line, or nothing valid."""
         if not self._source.peer:
             return
         if cutter.overflowing:
-            self.hang_up(f"sends a line of more than {MOST_LINE_BYTES // 2**20} MiB; hung up")
+            self.hang_up(f"sent a line of more than {MOST_LINE_BYTES // 2**20} MiB; hung up")
         elif not self._sense and time.monotonic() - self._begun_s > SENSE_S:
-            self.hang_up(f"says nothing that makes sense for {SENSE_S:g} s; hung up")
+            self.hang_up(f"sent nothing valid for {SENSE_S:g} s; hung up")
 
     def _silent_too_long(self) -> bool:
         limit = self._patience.silent_s
         if limit is not None and time.monotonic() - self._heard_s > limit:
-            self.ended = f"{self._source.name} has said nothing for {limit:g} s"
+            self.ended = f"{self._source.name} has been silent for {limit:g} s"
         return bool(self.ended)
 
     def _out_of_patience(self) -> bool:
@@ -195,5 +195,5 @@ class Listening:
         return bool(self.ended)
 
 
-def _said(problem: OSError) -> str:
+def _reason(problem: OSError) -> str:
     return str(problem.strerror or problem or type(problem).__name__)

@@ -1,4 +1,4 @@
-"""A live source as a session: one thread listens and records, whoever asks for moments gets the latest."""
+"""A live source as a session: one thread listens and records, moments are taken from it as they come."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ from .intake import Counts, Intake, Received
 from .listening import Listening, Patience
 from .source import LiveSource
 
-# Pictures that wait for the filter, few enough: what cannot be kept up with is left out and counted.
+# Pictures that wait for the filter: those that it cannot keep up with are left out and counted.
 
-ROOM = 4  # pictures that wait; the view is at most so many updates behind
-MOST_MOTIONS = 1000  # kept apart for one picture; more are joined, two by two
-MOST_EVENTS = 1000  # kept for one picture; more are dropped
+ROOM = 4  # pictures that wait: the most updates that the view lags behind
+MOST_MOTIONS = 1000  # per picture; more are joined two by two
+MOST_EVENTS = 1000  # per picture; more are dropped
 
 
 @dataclass(slots=True, eq=False)
 class Waiting:
-    """A picture, and what belongs to it."""
+    """A picture with its truth, and the motions and events since the one before."""
 
     picture: PictureRecord
     truth: F64 | None
@@ -50,16 +50,16 @@ class Waiting:
     events: list[str] = field(default_factory=list)
 
     def follow(self, earlier: Waiting) -> None:
-        """Take over what moved and happened before a picture that was left out."""
+        """Take over motions and events of a picture that was left out."""
         self.motions = joined([*earlier.motions, *self.motions])
         self.events = [*earlier.events, *self.events][:MOST_EVENTS]
 
 
 class Backlog:
-    """Hands pictures from the one who listens to the one who filters.
+    """A queue of pictures from the listening thread to the filter.
 
-    With `keep_up` the oldest that waits is left out when there is no room; its motions and events go to the
-    next one. Otherwise whoever puts waits, which a file or a pipe does not mind.
+    With `keep_up` the oldest is left out when the queue is full; its motions and events go to the next one.
+    Otherwise `put` waits, which is no loss with a file or a pipe.
     """
 
     def __init__(self, *, keep_up: bool, room: int = ROOM) -> None:
@@ -70,7 +70,7 @@ class Backlog:
         self._over = False
 
     def put(self, one: Waiting, stop: Event) -> None:
-        """Add a picture, unless told to stop while waiting for room."""
+        """Add a picture; without `keep_up` wait for room or for `stop`."""
         with self._changed:
             while len(self._waiting) >= self._room and not self._keep_up and not stop.is_set():
                 self._changed.wait(LOOK_S)
@@ -82,7 +82,7 @@ class Backlog:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Say that no more will come; what waits is still given."""
+        """Note that no more will come; what waits is still delivered."""
         with self._changed:
             self._over = True
             self._changed.notify_all()
@@ -100,7 +100,7 @@ class Backlog:
 
 
 def joined(motions: list[F64]) -> list[F64]:
-    """Join neighbors of too many motions: where they lead stays the same."""
+    """Compose neighbors of too many motions; their composition stays the same."""
     while len(motions) > MOST_MOTIONS:
         pairs = zip(motions[::2], motions[1::2], strict=False)
         odd = motions[-1:] if len(motions) % 2 else []
@@ -114,7 +114,7 @@ NAME = "session.log"
 
 
 class LiveRecorder:
-    """Writes `session.log` into a folder, pictures inline; every line is handed to the system at once."""
+    """Writes `session.log` into a folder, pictures inline; every line is passed to the system at once."""
 
     def __init__(self, folder: Path, *, force: bool = False) -> None:
         """Claim the folder. InputError where it holds a session already, or cannot be written to."""
@@ -148,7 +148,7 @@ class LiveRecorder:
             raise self._cannot(problem) from None
 
     def close(self) -> None:
-        """Close the file; a folder made for it that stayed empty goes. Closing twice does no harm."""
+        """Close the file and remove a folder made for it that is empty. Closing twice does no harm."""
         if self._file is not None:
             self._file.close()
         elif self._made:
@@ -159,31 +159,31 @@ class LiveRecorder:
         return InputError(self.path, f"cannot be recorded to: {problem.strerror or problem}")
 
 
-# A live source as a session: one thread listens and records, whoever asks for moments gets the latest.
+# The session.
 
-QUIET = 4  # looks in vain (a second) after which no truth is waited for
+QUIET = 4  # polls without a line (a second) after which truth is not awaited
 LOOK_S = 0.2
-FAREWELL_S = 5.0
-NOTHING_COMES = EventRecord(0, math.inf, "")  # put among the records when nothing has come for a while
+CLOSE_S = 5.0
+NOTHING_COMES = EventRecord(0, math.inf, "")  # inserted among the records when nothing has come for a while
 
 
 @dataclass(frozen=True, slots=True)
 class ListenOptions:
-    """How a source is listened to."""
+    """Options of listening to a source."""
 
-    keep_up: bool | None = None  # leave pictures out when the filter is slower; None: as the source is
+    keep_up: bool | None = None  # leave pictures out when the filter is slower; None: by the kind of source
     patience: Patience = field(default_factory=Patience)
     camera: str | None = None
-    gate: Gate = field(default_factory=Gate)  # which pictures make an update
-    only_record: bool = False  # nobody asks for moments
-    library: Path | None = None  # named in the recorded header in place of the source's own survey
+    gate: Gate = field(default_factory=Gate)  # decides which pictures make an update
+    only_record: bool = False  # no moments are taken
+    library: Path | None = None  # named in the recorded header instead of the source's own survey
 
 
 class LiveSession(HasReadingNotes):
-    """A drive that is going on, as a `maurice_mcl.session.Session` that can be gone through once.
+    """A drive in progress, as a `maurice_mcl.session.Session` that can be iterated once.
 
-    Use it as a context manager: listening ends with it. With a recorder everything that makes sense is
-    written down, whether the filter keeps up or not. InputError when the source is none, or recording fails.
+    Use it as a context manager: listening ends with it. A recorder gets everything that is valid, whether the
+    filter keeps up or not. InputError when the source is no session log, or when recording fails.
     """
 
     kind: Kind = "session"
@@ -219,21 +219,21 @@ class LiveSession(HasReadingNotes):
         self.close()
 
     def close(self) -> None:
-        """Stop listening, and wait until the recording is whole; closing twice does no harm."""
+        """Stop listening, and wait until the recording is complete; closing twice does no harm."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(FAREWELL_S)
+            self._thread.join(CLOSE_S)
         if self._recorder is not None and not self._thread.is_alive():
             self._recorder.close()  # where it was stopped before it began to listen
 
     @property
     def path(self) -> Path:
-        """Where it is recorded; else the source's name."""
+        """The recorded file; without one the source's name."""
         return Path(self.source.name) if self._recorder is None else self._recorder.path
 
     @property
     def info(self) -> SessionInfo:
-        """What the header says; waits for it. InputError when none comes."""
+        """The header; waits for it. InputError when none comes."""
         while not self._greeted.wait(LOOK_S):
             pass
         if self._info is None:
@@ -242,31 +242,31 @@ class LiveSession(HasReadingNotes):
 
     @property
     def info_if_any(self) -> SessionInfo | None:
-        """What the header says, if it came already."""
+        """The header, if it came already."""
         return self._info
 
     @property
     def begun_s(self) -> float:
-        """The time of the first record heard, by the source's own clock; 0 before it comes."""
+        """The time of the first record by the source's own clock; 0 before it comes."""
         return self._begin_s or 0.0
 
     @property
     def counts(self) -> Counts:
-        """What came so far."""
+        """Counts of what came so far."""
         return self._intake.counts
 
     @property
     def skipped(self) -> int:
-        """How many pictures were left out so far because the filter could not keep up."""
+        """The number of pictures left out because the filter could not keep up."""
         return self._backlog.skipped
 
     @property
     def ended(self) -> str:
-        """Why listening ended by itself; nothing while it goes on, and when it was stopped."""
+        """Why listening ended by itself; "" while it goes on, and when it was stopped."""
         return self._listening.ended
 
     def moments(self) -> Iterator[Moment]:
-        """Give updates as they come, once; those left out give their motions and events to the next one."""
+        """Yield updates as they come, once; motions and events of those left out go to the next one."""
         step, earlier = 0, None
         for one in self._backlog:
             if earlier is not None:
@@ -293,7 +293,7 @@ class LiveSession(HasReadingNotes):
             raise self._error
 
     def _run(self) -> None:
-        """Listen, in a thread of its own; whatever goes wrong there is raised where moments are taken."""
+        """Listen, in a separate thread; errors are raised where moments are taken."""
         try:
             self._take_in()
         except Exception as problem:
@@ -307,7 +307,7 @@ class LiveSession(HasReadingNotes):
     def _take_in(self) -> None:
         taken: CameraChoice | None = None
         motions: list[F64] = []
-        way: F64 = np.zeros(3)  # where they lead together
+        way: F64 = np.zeros(3)  # their composition
         events: list[str] = []
         for record, truth in with_truth(self._records()):
             if isinstance(record, OdometryRecord):
@@ -323,7 +323,7 @@ class LiveSession(HasReadingNotes):
                     motions, way, events = [], np.zeros(3), []
 
     def _makes_an_update(self, way: F64) -> bool:
-        """Tell whether a picture is for the filter, by the way (3,) since the last one that was."""
+        """Return whether a picture makes an update, by the motion (3,) since the last one that did."""
         if self._listen.only_record:
             return False
         if self._first or self._listen.gate.open_after(way):
@@ -332,7 +332,7 @@ class LiveSession(HasReadingNotes):
         return False
 
     def _records(self) -> Iterator[Record]:
-        """Record what comes, and pass it on; say when nothing does."""
+        """Record and yield what comes; yield NOTHING_COMES when nothing does."""
         quiet = 0
         for heard in self._intake:
             if self._info is None and self._intake.info is not None:

@@ -27,23 +27,23 @@ WANTED = "expected -, tcp://HOST:PORT, ws://HOST:PORT, or a file with --follow"
 
 @dataclass(frozen=True, slots=True)
 class LiveSource:
-    """A source of session-log lines, and how it behaves."""
+    """A source of session-log lines."""
 
-    name: str  # as people call it
+    name: str  # as the user typed it
     connect: Callable[[], ByteStream]  # OSError where it cannot be reached now, InputError where it never can
-    once: bool = False  # what ended does not come back
-    peer: bool = False  # somebody else, whom we hang up on when he makes no sense
-    folder: Path | None = None  # that pictures given by their path lie in; None: there are none
-    waits: bool = True  # can be left unread for a while without a loss
+    once: bool = False  # it cannot be reopened after its end
+    peer: bool = False  # a remote program, disconnected when it sends invalid data
+    folder: Path | None = None  # of pictures given by their path; None: paths are refused
+    waits: bool = True  # loses nothing when it is not read for a while
 
 
 def is_live(text: Path | str) -> bool:
-    """Tell whether this names a live source, other than a file."""
+    """Return whether this names a live source that is no file."""
     return str(text) == STDIN or bool(_SCHEME.match(str(text)))
 
 
 def live_source(text: Path | str, options: ReadingOptions | None = None) -> LiveSource:
-    """Give the source that was typed; what is no address is a file. SourceError for a broken address."""
+    """Return the source that was typed; text that is no address is a file. SourceError for a bad address."""
     typed = str(text)
     if typed == STDIN:
         connect = partial(PipeStream, sys.stdin.fileno())
@@ -64,7 +64,7 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
 
 
 def _parts(name: str) -> tuple[str, int, str]:
-    """Give host, port and what follows of an address."""
+    """Return host, port and path of an address."""
     try:
         parts = urlsplit(name)
         host, port = parts.hostname, parts.port
@@ -75,22 +75,22 @@ def _parts(name: str) -> tuple[str, int, str]:
     return host, port, parts.path
 
 
-# Where bytes of a live session come from: a socket, standard input, a file that grows.
+# Byte streams of live sources: a socket, standard input, a growing file.
 
 PORTION = 1 << 16  # bytes read at once
 CONNECT_S = 5.0
-LOOK_S = 0.05  # how often a file is looked at for more
+LOOK_S = 0.05  # interval of looking for more in a file
 
 
 class ByteStream(Protocol):
     """One connection, from its beginning to its end."""
 
     def read(self, wait_s: float) -> bytes | None:
-        """Give what has come, waiting at most so long: None for nothing yet, b"" at the end. OSError."""
+        """Return the bytes received within `wait_s`: None for nothing yet, b"" at the end. OSError."""
         ...
 
     def close(self) -> None:
-        """Let go; closing twice does no harm."""
+        """Close the connection; closing twice does no harm."""
         ...
 
 
@@ -98,11 +98,11 @@ class SocketStream:
     """A TCP connection that we opened; nothing is ever sent."""
 
     def __init__(self, host: str, port: int) -> None:
-        """Connect. OSError where nobody answers."""
+        """Connect. OSError where nothing listens."""
         self._socket = socket.create_connection((host, port), CONNECT_S)
 
     def read(self, wait_s: float) -> bytes | None:
-        """Give what has come."""
+        """Return the bytes received."""
         self._socket.settimeout(wait_s)
         try:
             return self._socket.recv(PORTION)
@@ -110,7 +110,7 @@ class SocketStream:
             return None
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         with suppress(OSError):  # is down already
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
@@ -123,7 +123,7 @@ class PipeStream:
         self._descriptor = descriptor
 
     def read(self, wait_s: float) -> bytes | None:
-        """Give what has come. Windows cannot wait for a pipe with a limit, and waits without one."""
+        """Return the bytes received. Windows cannot wait for a pipe with a limit, so it waits without one."""
         if os.name != "nt" and not select.select([self._descriptor], [], [], wait_s)[0]:
             return None
         return os.read(self._descriptor, PORTION)
@@ -133,17 +133,17 @@ class PipeStream:
 
 
 class FileStream:
-    """A file that somebody else is writing. It ends when it is replaced, cut or gone, not at its end."""
+    """A file that another program writes. The stream ends when it is replaced, cut or deleted."""
 
     def __init__(self, path: Path) -> None:
-        """Open it. OSError where it is not there, InputError where it is no regular file."""
-        expect_regular(path, "a log that grows")
+        """Open it. OSError where it does not exist, InputError where it is no regular file."""
+        expect_regular(path, "a growing log")
         self._path = path
         self._file: BinaryIO = path.open("rb")
         self._read = 0
 
     def read(self, wait_s: float) -> bytes | None:
-        """Give what was written since the last time."""
+        """Return what was written since the last call."""
         until = time.monotonic() + wait_s
         while not (data := self._file.read(PORTION)):
             if not self._is_the_same():
@@ -159,7 +159,7 @@ class FileStream:
         self._file.close()
 
     def _is_the_same(self) -> bool:
-        """Tell whether the file by that name is still the one that was opened, and no shorter."""
+        """Return whether the path still names the opened file, and the file is no shorter."""
         try:
             now, opened = self._path.stat(), os.fstat(self._file.fileno())
         except OSError:

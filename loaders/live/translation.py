@@ -1,4 +1,4 @@
-"""Messages of a running robot as lines of a session log."""
+"""Messages of a running robot as lines of a session log: pictures, and the motion between them."""
 
 from __future__ import annotations
 
@@ -36,39 +36,39 @@ from ..io.fields import MOST_T_S, show, up_to
 from ..io.pictures import encode_jpeg
 from ..recording import TruthPose, interpolated, motion_between
 
-# Where a running robot says that it is: what each topic's messages tell, and the poses told lately.
+# Poses of a running robot: from each topic's messages, with a short history of each topic.
 
-MOST_KEPT = 2000  # poses of one topic that pictures are looked up in
+MOST_KEPT = 2000  # poses in the history of one topic
 MOST_FRAMES = 1000  # in a tree of transforms; robots have some tens
 
-MESSAGE_ERRORS = (ArithmeticError, AttributeError, TypeError, ValueError)  # raised by messages that are none
+MESSAGE_ERRORS = (ArithmeticError, AttributeError, TypeError, ValueError)  # raised on invalid messages
 
 
 @dataclass(frozen=True, slots=True)
 class StampedPose:
-    """A pose, and when the message says that it was measured."""
+    """A pose and the stamp of its message."""
 
     stamp_ns: int | None
     pose: F64  # (3,)
 
 
 class PoseExtractor:
-    """Reads the poses that a topic tells, or two frames of the transforms."""
+    """Extracts poses from a topic of poses, or from two frames of the transforms."""
 
     def __init__(self, route: PoseTopic) -> None:
         self._route = route
         self._tree = FrameTree()
 
-    def hears(self, topic: str, kind: str) -> bool:
-        """Tell whether it is concerned with a topic; of transforms it needs all."""
+    def accepts(self, topic: str, kind: str) -> bool:
+        """Return whether it reads a topic; it reads all transforms where it needs frames."""
         if self._route.frames is not None:
             return known_type(kind) in TRANSFORMS
         return topic == self._route.topic
 
-    def tell(self, message: Any, *, static: bool) -> Iterator[StampedPose]:
-        """Give the pose that a message tells, if it tells one. FieldError for a message without sense.
+    def poses(self, message: Any, *, static: bool) -> Iterator[StampedPose]:
+        """Yield the pose of a message, if it has one. FieldError for an invalid message.
 
-        What a topic of `static` transforms says is no movement, and its time is none of a movement.
+        Transforms of a `static` topic are no motion, so they yield no pose.
         """
         try:
             if self._route.frames is None:
@@ -85,7 +85,7 @@ class PoseExtractor:
 
 
 class PoseHistory:
-    """The poses that one topic has told lately, by their times."""
+    """The latest poses of one topic, by their times."""
 
     def __init__(self) -> None:
         self.first: F64 | None = None
@@ -98,7 +98,7 @@ class PoseHistory:
         return self._poses[-1][0] if self._poses else float("-inf")
 
     def add(self, t_s: float, pose: F64) -> None:
-        """Take in a pose, also one that comes a little late."""
+        """Add a pose, also one that comes slightly late."""
         self._number += 1
         self.first = pose if self.first is None else self.first
         if t_s >= self.last_s:
@@ -109,7 +109,7 @@ class PoseHistory:
             self._poses.popleft()
 
     def at(self, t_s: float, max_dt_s: float) -> F64 | None:
-        """Give the pose (3,) at a time: between two that near, or the only one that is."""
+        """Return the pose (3,) at a time, interpolated; only one within `max_dt_s` is taken as it is."""
         before = next((one for one in reversed(self._poses) if one[0] <= t_s), None)
         after = next((one for one in self._poses if one[0] >= t_s), None) if self.last_s >= t_s else None
         if before is not None and before is after:
@@ -121,34 +121,32 @@ class PoseHistory:
 
 
 def time_of(message: Any) -> int | None:
-    """Give the time in ns that a message says it was measured at. ValueError, or one of `MESSAGE_ERRORS`."""
+    """Return the stamp of a message in ns. Raises `MESSAGE_ERRORS` for an invalid one."""
     return in_range(stamp_ns(message))
 
 
 def in_range(stamp: int | None) -> int | None:
-    """Give a time in ns back. FieldError for one that is no time of a session."""
+    """Return a time in ns unchanged. FieldError for one out of range."""
     if stamp is not None and abs(stamp) > MOST_T_S * 10**9:
         raise FieldError(f"found the time {show(stamp)} ns, expected {up_to(MOST_T_S)} in seconds")
     return stamp
 
 
 def short(problem: Exception) -> str:
-    """Say what is wrong in a short line."""
+    """Return what is wrong in one short line."""
     return " ".join(str(problem).split())[:200] or type(problem).__name__
 
 
-# Messages of a running robot as lines of a session log: pictures, and what moved between them.
-
 MOST_PICTURES = 8  # that wait for the odometry after them ...
-LONGEST_S = 1.0  # ... and for how long by our own clock
-MOST_UNDATED = 50  # messages held back until every topic has shown what its times are worth
+LONGEST_S = 1.0  # ... and for how long, by our own clock
+MOST_UNDATED = 50  # messages held back until it is known whether stamps are usable
 COMPRESSED = re.compile(r"jpe?g|png|webp", re.I)
 IMAGE, ODOMETRY, TRUTH = "image", "odometry", "truth"
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenTopics:
-    """What is read: a topic of pictures, and where poses come from."""
+    """The topics to read: one of pictures, and the sources of poses."""
 
     image: str | None
     odometry: PoseTopic | None = None
@@ -157,33 +155,33 @@ class ChosenTopics:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All topics to listen to, each once."""
+        """All topics to subscribe to, without duplicates."""
         poses = [route.topic for route in self.routes.values()]
         return tuple(dict.fromkeys(name for name in (self.image, *poses, *self.transforms) if name))
 
     @property
     def routes(self) -> Mapping[str, PoseTopic]:
-        """Where poses come from, by "odometry" and "truth"."""
+        """The sources of poses, by "odometry" and "truth"."""
         found = {ODOMETRY: self.odometry, TRUTH: self.truth}
         return {role: route for role, route in found.items() if route is not None}
 
 
 @dataclass(frozen=True, slots=True)
 class _Item:
-    """What a message says for one role; the stamp is the message's own."""
+    """The content of a message for one role; the stamp is the message's own."""
 
     role: str
     stamp_ns: int | None
     log_ns: int
-    said: Any  # a picture not encoded yet, or a pose (3,)
+    content: Any  # a picture not encoded yet, or a pose (3,)
 
 
 @dataclass(frozen=True, slots=True)
 class _Unencoded:
-    """A picture as it came."""
+    """A picture as received."""
 
-    encoded: Callable[[], str]  # gives its file as base64. FieldError where it cannot be read
-    note: str = ""  # what one should know of it
+    encoded: Callable[[], str]  # returns its file as base64. FieldError where it cannot be read
+    note: str = ""  # a remark for the user
 
 
 class Translator:
@@ -194,8 +192,8 @@ class Translator:
         self._max_dt_s = max_dt_s
         self._tracks = {ODOMETRY: PoseHistory(), TRUTH: PoseHistory()}
         self._tellers: dict[PoseTopic, PoseExtractor] = {}
-        self._undated: list[_Item] | None = []  # None once it is known what times are worth
-        self._recorded = False  # the times that messages carry are of no use
+        self._undated: list[_Item] | None = []  # None once it is known whether stamps are usable
+        self._recorded = False  # stamps are of no use: recording times count
         self._pictures: deque[tuple[float, float, _Unencoded]] = deque()  # time, our own clock's
         self._last_pose: F64 | None = None
         self._last_s = float("-inf")
@@ -203,7 +201,7 @@ class Translator:
         self._video = VideoStream()
 
     def take(self, message: Message, topics: ChosenTopics) -> Iterator[dict[str, Any]]:
-        """Take in a message. FieldError for one that makes no sense."""
+        """Yield the lines that a message completes. FieldError for an invalid message."""
         self._has_odometry = topics.odometry is not None
         for item in self._items(message, topics):
             if self._undated is None:
@@ -215,12 +213,12 @@ class Translator:
                 yield from self._settle_clock()
 
     def _items(self, message: Message, topics: ChosenTopics) -> Iterator[_Item]:
-        """Give what a message says, for each role that it is read for."""
+        """Yield the content of a message for each role that it serves."""
         tellers = {
             role: self._tellers.setdefault(route, PoseExtractor(route))
             for role, route in topics.routes.items()
         }
-        hearing = {role: one for role, one in tellers.items() if one.hears(message.topic, message.type)}
+        hearing = {role: one for role, one in tellers.items() if one.accepts(message.topic, message.type)}
         if message.topic != topics.image and not hearing:
             return
         found = decoded(message)
@@ -230,21 +228,21 @@ class Translator:
             if picture is not None:
                 yield _Item(IMAGE, stamp, message.log_ns, picture)
         for role, teller in hearing.items():
-            for told in teller.tell(found, static="static" in message.topic):
-                yield _Item(role, told.stamp_ns, message.log_ns, told.pose)
+            for stamped in teller.poses(found, static="static" in message.topic):
+                yield _Item(role, stamped.stamp_ns, message.log_ns, stamped.pose)
 
     def _picture(self, message: Any, t_s: float) -> _Unencoded | None:
-        """Give a message's picture; None for video before its first key frame."""
+        """Return the picture of a message; None for video before its first key frame."""
         if codec_of(message) is None:
             return _Unencoded(_encoded(message))
         try:
             part = self._video.add(message, t_s)
         except MESSAGE_ERRORS as problem:
-            raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None
+            raise FieldError(f"found a picture that cannot be read ({short(problem)})") from None
         return None if part is None else _Unencoded(partial(_as_jpeg, part.read), part.note)
 
     def idle(self) -> Iterator[dict[str, Any]]:
-        """Give what has waited long enough, when nothing comes."""
+        """Yield lines that have waited long enough; to be called when nothing arrives."""
         if self._undated:
             yield from self._settle_clock()
         yield from self._ready()
@@ -269,13 +267,13 @@ class Translator:
         stamp = None if self._recorded else item.stamp_ns
         t_s = (item.log_ns if stamp is None else stamp) / 1e9
         if item.role == IMAGE:
-            self._pictures.append((t_s, time.monotonic(), item.said))
+            self._pictures.append((t_s, time.monotonic(), item.content))
         else:
-            self._tracks[item.role].add(t_s, item.said)
+            self._tracks[item.role].add(t_s, item.content)
         yield from self._ready()
 
     def _ready(self) -> Iterator[dict[str, Any]]:
-        """Give the pictures about which nothing more will be known."""
+        """Yield the lines of pictures whose motion is known, or that waited too long."""
         while self._pictures:
             t_s, since_s, picture = self._pictures[0]
             known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
@@ -289,7 +287,7 @@ class Translator:
                 self.problems.append(problem)
 
     def _lines(self, t_s: float, picture: _Unencoded) -> Iterator[dict[str, Any]]:
-        """Give the lines of one picture: what moved, the truth, the picture."""
+        """Yield the lines of one picture: motion, truth, picture."""
         if t_s < self._last_s:
             raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
         pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
@@ -324,11 +322,11 @@ def _stamp(message: Any) -> int | None:
     try:
         return time_of(message)
     except MESSAGE_ERRORS as problem:
-        raise FieldError(f"found a message whose time makes no sense ({short(problem)})") from None
+        raise FieldError(f"found a message with an invalid time ({short(problem)})") from None
 
 
 def _encoded(message: Any) -> Callable[[], str]:
-    """Give what makes a picture's file as base64: as it came where it is compressed, else as JPEG."""
+    """Return a function that encodes a picture as base64: unchanged if it is compressed, else as JPEG."""
     form = str(getattr(message, "format", ""))
     if hasattr(message, "encoding") or not COMPRESSED.search(form) or "Depth" in form:
         return partial(_as_jpeg, partial(picture_of, message))
@@ -352,4 +350,4 @@ def _usable() -> Iterator[None]:
     try:
         yield
     except MESSAGE_ERRORS as problem:
-        raise FieldError(f"found a picture that cannot be used ({short(problem)})") from None
+        raise FieldError(f"found a picture that cannot be read ({short(problem)})") from None

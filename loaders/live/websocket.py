@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 MOST_MESSAGE_BYTES = 64 * 2**20  # a raw picture of 20 megapixels
 OPEN_S = 5.0
-CHOOSE_S = 5.0  # topics may be announced one after the other for so long, and transforms may name frames
+CHOOSE_S = 5.0  # time in which topics may be announced, and transforms may name frames
 Edges = frozenset[tuple[str, str]]  # parents and children of transforms
-SUPPOSED: Edges = frozenset((("odom", "base_link"),))  # frames that transforms may turn out to hold
+ASSUMED: Edges = frozenset((("odom", "base_link"),))  # frames that transforms may turn out to have
 
 
 class Bridge(Protocol):
-    """What speaks one of the protocols."""
+    """A client of one of the protocols."""
 
     def greet(self) -> Iterator[str]:
-        """Give what is sent first."""
+        """Yield the first messages to send."""
         ...
 
     def hear(self, message: str | bytes) -> Message | None:
-        """Take in a message: gives it when it is of a subscribed topic. FieldError when it is broken."""
+        """Process a message and return it if it is of a subscribed topic. FieldError when it is invalid."""
         ...
 
     @property
@@ -47,12 +47,12 @@ class Bridge(Protocol):
         ...
 
     def subscribe(self, names: tuple[str, ...]) -> Iterator[str]:
-        """Give what is sent to hear these topics, those left out that were asked for before."""
+        """Yield what to send to subscribe to those of the topics that are not subscribed yet."""
         ...
 
 
 def connect_websocket(name: str, options: ReadingOptions) -> WebsocketStream:
-    """Connect to a bridge. OSError where it cannot be reached, SourceError without the packages for it."""
+    """Connect to a bridge. OSError where it cannot be reached, SourceError without the extra."""
     if any(importlib.util.find_spec(package) is None for package in ("websockets", "rosbags")):
         raise SourceError(name, f"listening to a bridge needs an extra; {INSTALL}")
     from websockets.exceptions import InvalidHandshake, InvalidURI
@@ -77,14 +77,14 @@ def connect_websocket(name: str, options: ReadingOptions) -> WebsocketStream:
 
 
 def _quiet() -> logging.Logger:
-    """Give a logger that says nothing: what a peer does wrong is told in our one line, not by a traceback."""
+    """Return a silent logger: errors of a peer are reported in one line, not by a traceback."""
     logger = logging.getLogger("maurice-replay.websockets")
     logger.setLevel(logging.CRITICAL + 1)
     return logger
 
 
 class WebsocketStream:
-    """One connection to a bridge; a `live_channels.Channel`."""
+    """A connection to a bridge, as a `ByteStream` of session-log lines."""
 
     def __init__(
         self, name: str, connection: ClientConnection, close: Callable[[], None], options: ReadingOptions
@@ -99,7 +99,7 @@ class WebsocketStream:
         self._send(self._bridge.greet())
 
     def read(self, wait_s: float) -> bytes | None:
-        """Give the lines that come of what was said, a header first. OSError, FieldError, SourceError."""
+        """Return the lines of what was received, a header first. OSError, FieldError, SourceError."""
         from websockets.exceptions import ConnectionClosed
 
         until = time.monotonic() + wait_s
@@ -114,47 +114,47 @@ class WebsocketStream:
                 return header + b"".join(map(_line, self._translator.idle())) or None
             except ConnectionClosed as problem:
                 if problem.rcvd is None and problem.sent is not None:
-                    raise ConnectionError(0, f"was hung up on: {problem.sent.reason or problem}") from None
+                    raise ConnectionError(0, f"was disconnected: {problem.sent.reason or problem}") from None
                 return b""
             if data := self._take(message):
                 return data
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._close()
 
     def _take(self, message: str | bytes) -> bytes:
-        """Translate a message; the lines that come of it. FieldError for one that makes no sense."""
-        said = self._bridge.hear(message)
-        if said is None:
+        """Return the lines of a message. FieldError for an invalid one."""
+        heard = self._bridge.hear(message)
+        if heard is None:
             return self._choose(late=False)
         learned = b""
-        if known_type(said.type) in TRANSFORMS and (self._topics is None or self._topics.odometry is None):
-            learned = self._learn(said)
+        if known_type(heard.type) in TRANSFORMS and (self._topics is None or self._topics.odometry is None):
+            learned = self._learn(heard)
         if self._topics is None:
             return learned
-        return learned + b"".join(map(_line, self._translator.take(said, self._topics)))
+        return learned + b"".join(map(_line, self._translator.take(heard, self._topics)))
 
-    def _learn(self, said: Message) -> bytes:
-        """Learn from transforms which frames there are, as long as there is no odometry."""
+    def _learn(self, message: Message) -> bytes:
+        """Learn from transforms which frames exist, as long as there is no odometry."""
         try:
-            edges = {(link.parent, link.child) for link in links_of(decoded(said))}
+            edges = {(link.parent, link.child) for link in links_of(decoded(message))}
         except MESSAGE_ERRORS as problem:
-            raise FieldError(f"found transforms that make no sense ({problem})") from None
+            raise FieldError(f"found invalid transforms ({problem})") from None
         if len(self._edges) < MOST_FRAMES and not edges <= self._edges:
             self._edges |= edges
             return self._choose(late=False)
         return b""
 
     def _choose(self, *, late: bool) -> bytes:
-        """Choose topics as they are announced; gives the header once there are pictures to read."""
+        """Choose topics as they are announced; return the header once there are pictures to read."""
         known, taken = self._bridge.topics, self._topics
         if taken is not None and ((known, self._edges) == self._known or (taken.odometry and taken.truth)):
             return b""
         self._known = (known, self._edges)
-        chosen, supposed = self._chosen(known, self._edges, late), self._chosen(known, SUPPOSED, late)
+        chosen, assumed = self._chosen(known, self._edges, late), self._chosen(known, ASSUMED, late)
         transforms = tuple(topic.name for topic in readable(known, TRANSFORMS))
-        if not late and _needs_frames(supposed) and not _needs_frames(chosen):
+        if not late and _needs_frames(assumed) and not _needs_frames(chosen):
             self._send(self._bridge.subscribe(transforms))
             return b""
         if chosen.image is None:
@@ -178,7 +178,7 @@ class WebsocketStream:
             for message in messages:
                 self._connection.send(message)
         except ConnectionClosed as problem:
-            raise ConnectionError(0, f"has hung up ({problem})") from None
+            raise ConnectionError(0, f"closed the connection ({problem})") from None
 
 
 def _needs_frames(chosen: TopicChoice) -> bool:
@@ -186,7 +186,7 @@ def _needs_frames(chosen: TopicChoice) -> bool:
 
 
 def _present(wishes: TopicRequest, known: tuple[Topic, ...]) -> TopicRequest:
-    """Leave out for now what was asked for and is not announced yet."""
+    """Leave out requested topics that are not announced yet."""
     names = {one.name.lstrip("/") for one in known} | {"none"}
     asked = (wishes.image, wishes.odometry, wishes.truth)
     there = [one is None or one.partition(":")[0].lstrip("/") in names for one in asked]

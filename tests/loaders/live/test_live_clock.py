@@ -17,7 +17,7 @@ def test_times_never_fall_whatever_the_source_says(said: list[float | None]) -> 
     clock, given_s = LiveClock(), []
     for t_s in said:
         if t_s is None:
-            clock.begin_anew()
+            clock.restart()
             continue
         with suppress(FieldError):
             given_s.append(clock.time(t_s))
@@ -27,14 +27,14 @@ def test_times_never_fall_whatever_the_source_says(said: list[float | None]) -> 
 def test_times_are_kept_as_long_as_they_rise() -> None:
     clock = LiveClock()
     assert [clock.time(t) for t in (5.0, 5.0, 7.5)] == [5.0, 5.0, 7.5]
-    clock.begin_anew()
+    clock.restart()
     assert clock.time(60.0) == 60.0
 
 
 def test_a_source_that_begins_anew_goes_on_behind_what_it_said() -> None:
     clock = LiveClock()
     clock.time(100.0)
-    clock.begin_anew()
+    clock.restart()
     assert clock.time(0.0) == 100.0 + APART_S
     assert clock.time(3.0) == 103.0 + APART_S
 
@@ -52,6 +52,6 @@ def test_one_time_that_falls_is_refused_and_a_clock_set_back_is_followed() -> No
 def test_a_time_that_no_log_may_hold_is_refused() -> None:
     clock = LiveClock()
     clock.time(4e9)
-    clock.begin_anew()
+    clock.restart()
     with pytest.raises(FieldError, match="up to 4e9"):
         clock.time(0.0)
