@@ -10,11 +10,10 @@ import numpy as np
 
 from maurice_mcl.diagnosis.clocks import clocks_apart, truth_apart
 from maurice_mcl.diagnosis.evidence import doubted_by_pictures
-from maurice_mcl.diagnosis.findings import Finding, RecordedDrive, in_radians
+from maurice_mcl.diagnosis.findings import Evidence, Finding, RecordedDrive, in_radians, turn_finding
 from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
 from maurice_mcl.diagnosis.pictures import ComparedPictures, seen_with_truth
 from maurice_mcl.diagnosis.plausibility import odometry_doubts, time_unit
-from maurice_mcl.diagnosis.words import turn_complaint
 from maurice_mcl.library import Library
 
 from ..formats.registry import chosen
@@ -126,19 +125,15 @@ def _about_reading(found: Gathered) -> list[Finding]:
     """Say what a reader of this log would stumble over."""
     complaints, truth = [], found.drive.truth.poses
     if found.falls:
-        what = f"times fall {found.falls} times"
-        mend = "sort the records by t; if they are of several clocks, put these on one first"
-        complaints.append(Finding("times-fall", what, "every reader refuses a time that falls", mend))
+        complaints.append(Finding("times-fall", (Evidence("falling"),), details={"falls": found.falls}))
     large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (found.drive.odometry.values, truth))
     if large:
-        what = f"{large} records hold numbers of more than {MOST:g}"
-        why = f"a session log may not hold them; truth and odometry are at most {MOST:g} in size"
-        mend = "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out"
-        complaints.append(Finding("too-large", what, why, mend, {"records": large}))
+        most = {"most": MOST}
+        evidence = (Evidence("limits", most),)
+        complaints.append(Finding("too-large", evidence, {"records": large}, details=most))
     if found.skipped:
-        what = f"{found.skipped} records cannot be read"
-        mend = "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out"
-        complaints.append(Finding("broken", what, f"the first: {found.first_problem}", mend))
+        evidence = (Evidence("first-problem", {"problem": found.first_problem}),)
+        complaints.append(Finding("broken", evidence, details={"records": found.skipped}))
     return complaints
 
 
@@ -159,8 +154,8 @@ def _about_pictures(
     asked = in_radians(drive) if in_degrees else drive
     more = doubted_by_pictures(looks, asked, found.info.start)
     if in_degrees and [one.code for one in more] == ["turn-clockwise"]:
-        evidence = f"{doubts[0].evidence}; {more[0].evidence}"
-        both = turn_complaint("clockwise degrees", evidence, **doubts[0].numbers)
+        evidence = (*doubts[0].evidence, *more[0].evidence)
+        both = turn_finding("clockwise degrees", *evidence, **doubts[0].numbers)
         return [both if one is doubts[0] else one for one in known]
     return known + more
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import F64
-from .findings import Finding, RecordedDrive
+from .findings import Evidence, Finding, RecordedDrive
 
 FEW = 0.2  # share of the pictures
 FEWEST = 8  # records
@@ -40,7 +40,7 @@ def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[
 
     `movement_s` is what has to be added to the truth's times so that it moves when the odometry does.
     """
-    complaints: list[Finding] = []
+    findings: list[Finding] = []
     shared = {name: _overlap(times, drive.picture_t_s) for name, times in _others(drive)}
     for name, times in _others(drive):
         ours = drive.picture_t_s
@@ -48,14 +48,16 @@ def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[
             continue
         other = shared["truth" if name == "odometry" else "odometry"]
         moved_s = None if movement_s is None or not other else movement_s
-        late, mend = _late(times, ours, moved_s if name == "odometry" or moved_s is None else -moved_s)
-        evidence = (
-            f"pictures go from {ours.min():.3f} to {ours.max():.3f} s, "
-            f"{name} from {times.min():.3f} to {times.max():.3f} s"
-        )
-        what, options = f"pictures and {name} have no time in common", {f"{name}_offset_s": -round(late, 3)}
-        complaints.append(Finding(f"{name}-clock", what, evidence, mend, {"late_s": late}, options))
-    return complaints
+        late, by = _late(times, ours, moved_s if name == "odometry" or moved_s is None else -moved_s)
+        spans: dict[str, float | str] = {
+            "name": name,
+            "from_s": float(times.min()),
+            "to_s": float(times.max()),
+        }
+        spans |= {"pictures_from_s": float(ours.min()), "pictures_to_s": float(ours.max())}
+        evidence, options = (Evidence("spans", spans),), {f"{name}_offset_s": -round(late, 3)}
+        findings.append(Finding(f"{name}-clock", evidence, {"late_s": late}, options, {"by": by}))
+    return findings
 
 
 def _others(drive: RecordedDrive) -> tuple[tuple[str, F64], ...]:
@@ -67,14 +69,13 @@ def _overlap(times: F64, ours: F64) -> bool:
 
 
 def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
-    """Return how late a clock is, by the best that is known, and by what that is."""
+    """Return how late a clock is, by the best that is known, and what that is: a word for the finding."""
     exact = same_moments(times, ours)
     if exact is not None:
-        return exact, "the offset puts records at the times of pictures"
+        return exact, "pictures"
     if moved_s is not None:
-        return moved_s, "the offset makes odometry and truth move together"
-    mend = "the offset puts their beginnings together; whether they began together is for you to know"
-    return float(times.min() - ours.min()), mend
+        return moved_s, "movement"
+    return float(times.min() - ours.min()), "beginnings"
 
 
 def truth_apart(drive: RecordedDrive) -> list[Finding]:
@@ -90,9 +91,5 @@ def truth_apart(drive: RecordedDrive) -> list[Finding]:
     if known >= FEW:
         return []
     late = float(np.median(pictures - truth.t_s[before]))
-    evidence = (
-        f"{known:.0%} of {len(pictures)} pictures have truth at their time or within {MAX_GAP_S:g} s before "
-        f"and after; the truth before a picture is {late:.2g} s old (median)"
-    )
-    mend = "--truth-offset, or the same in the log, if one of the clocks is late; else more frequent truth"
-    return [Finding("truth-apart", "pictures have no truth", evidence, mend, {"share": known, "age_s": late})]
+    seen = {"share": known, "pictures": len(pictures), "gap_s": MAX_GAP_S, "age_s": late}
+    return [Finding("truth-apart", (Evidence("no-truth", seen),), {"share": known, "age_s": late})]

@@ -16,8 +16,19 @@ from ..filter.resampling import systematic
 from ..geometry import compose
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import Belief, normalize, uniform_log_weights
-from . import words
-from .findings import Finding, RecordedDrive, RecordedOdometry, rotated
+from .findings import (
+    Evidence,
+    Finding,
+    RecordedDrive,
+    RecordedOdometry,
+    direction_finding,
+    frame_finding,
+    gain_finding,
+    picture_delay_finding,
+    rotated,
+    scale_finding,
+    turn_finding,
+)
 from .odometry import Reading, motions_read
 from .pictures import ComparedPictures
 from .plausibility import direction_of
@@ -69,31 +80,25 @@ def doubted_by_pictures(looks: ComparedPictures, drive: RecordedDrive, start: F6
     best, better = max(found, key=lambda one: one[0])
     if best < foreseen + LEAST_NATS:
         return []
-    told = (
-        f"a short localization foresees {len(looks.t_s)} pictures better by {best - foreseen:.2f} nats each "
-        f"({foreseen:.2f} as it stands)"
+    seen = Evidence(
+        "foreseen", {"pictures": len(looks.t_s), "gained": best - foreseen, "as_it_stands": foreseen}
     )
-    spacing = float(np.median(np.diff(looks.t_s)))
-    if better.gain != 1:
-        gain = better.gain * drive.turn_gain
-        return [words.gain_complaint(gain, drive.turn_gain, told)]
-    return [complaint_of(better, told, spacing)]
+    return [finding_of(better, drive, float(np.median(np.diff(looks.t_s))), seen)]
 
 
-def complaint_of(hypothesis: Hypothesis, evidence: str, spacing_s: float) -> Finding:
-    """Put a hypothesis into words."""
+def finding_of(hypothesis: Hypothesis, drive: RecordedDrive, spacing_s: float, seen: Evidence) -> Finding:
+    """Return the finding that a hypothesis stands for; `spacing_s` is the time between two pictures."""
+    if hypothesis.gain != 1:
+        return gain_finding(hypothesis.gain * drive.turn_gain, drive.turn_gain, seen)
     if hypothesis.reading.turn:
-        return words.turn_complaint(hypothesis.reading.turn, evidence)
+        return turn_finding(hypothesis.reading.turn, seen)
     if hypothesis.reading.frame:
-        return words.frame_complaint(hypothesis.reading.frame, evidence, hypothesis.offset_rad)
+        return frame_finding(hypothesis.reading.frame, seen, offset_rad=hypothesis.offset_rad)
     if hypothesis.offset_rad:
-        return words.offset_complaint(hypothesis.offset_rad, evidence)
+        return direction_finding(hypothesis.offset_rad, seen, or_camera=True)
     if hypothesis.late:
-        late_s = hypothesis.late * spacing_s
-        found = words.picture_delay_complaint(late_s, evidence)
-        other = f"or the odometry as much too {'early' if late_s > 0 else 'late'}"
-        return replace(found, what=f"{found.what}, {other}")
-    return words.scale_complaint(hypothesis.scale, evidence)
+        return picture_delay_finding(hypothesis.late * spacing_s, seen, or_odometry=True)
+    return scale_finding(hypothesis.scale, seen)
 
 
 def evidence(

@@ -1,7 +1,6 @@
-"""What people get wrong in a recording: what was recorded as plain arrays, and what a diagnosis says of it.
+"""What a diagnosis looks at, a recording as plain arrays, and what it returns: findings as codes and numbers.
 
-Nothing here reads files. `diagnosis_truth` compares odometry with truth, `diagnosis_plausible` asks whether
-numbers can be what they are called, and `diagnosis_pictures` asks a library.
+Nothing here reads files, and nothing is put into words: `maurice_viz.text.diagnosis` does that.
 """
 
 from __future__ import annotations
@@ -14,18 +13,26 @@ import numpy as np
 from ..arrays import F64, I32
 
 DEGREE = float(np.pi / 180)
+Value = float | str
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """One observation that supports a finding."""
+
+    kind: str  # a key of maurice_viz.text.diagnosis.EVIDENCE
+    values: Mapping[str, Value] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that is wrong, why it is believed, and what mends it."""
+    """One thing that is wrong, why it is believed, and the reading options that fix it."""
 
-    code: str  # a word for machines, see docs/doctor.md
-    what: str  # one sentence
-    evidence: str  # the numbers that speak for it
-    mend: str  # in words, for what wrote the log, or what else can be done
+    code: str  # see docs/doctor.md
+    evidence: tuple[Evidence, ...]
     numbers: Mapping[str, float] = field(default_factory=dict)
-    options: Mapping[str, float | str] = field(default_factory=dict)  # of reading, by field, that mend it
+    options: Mapping[str, Value] = field(default_factory=dict)  # of reading, by field, that fix it
+    details: Mapping[str, Value] = field(default_factory=dict)  # what a description needs besides the numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,3 +128,71 @@ def rotated(x: F64, y: F64, angle_rad: F64 | float) -> tuple[F64, F64]:
 def short_way(angle_rad: F64) -> F64:
     """Bring angles into [-pi, pi)."""
     return np.asarray((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+
+
+# The findings about odometry and camera that several checks can come to.
+
+TURNS = {"": 1.0, "clockwise": -1.0, "degrees": DEGREE, "clockwise degrees": -DEGREE}  # reading to factor
+UNITS = {0.001: "millimeters", 0.01: "centimeters", 0.0254: "inches", 0.3048: "feet", 1000.0: "kilometers"}
+LEAST_FORWARD = np.radians(1)  # of steps along fixed axes
+SAME_SCALE = 0.25  # natural log of a ratio: a slipping robot is not a wrong unit
+SAME_AXIS_DEG = 20  # what is nearly swapped or backward is just that
+
+
+def turn_finding(turn: str, *evidence: Evidence, **numbers: float) -> Finding:
+    """Report that turns are not counter-clockwise radians; `turn` is a key of TURNS."""
+    return Finding(f"turn-{turn.replace(' ', '-')}", evidence, numbers, {"turn_scale": TURNS[turn]})
+
+
+def frame_finding(frame: str, *evidence: Evidence, offset_rad: float = 0.0, **numbers: float) -> Finding:
+    """Report that odometry holds "absolute" poses or steps along the axes of the "world".
+
+    `offset_rad` is the true direction of travel minus that of steps whose heading began at zero.
+    """
+    options: dict[str, Value] = {"odometry_are": {"absolute": "poses", "world": "steps"}[frame]}
+    if abs(offset_rad) > LEAST_FORWARD:
+        options["odometry_forward_rad"] = float(np.radians(round(float(np.degrees(-offset_rad)))))
+    return Finding(f"frame-{frame}", evidence, numbers, options)
+
+
+def direction_finding(
+    offset_rad: float, *evidence: Evidence, or_camera: bool = False, **numbers: float
+) -> Finding:
+    """Report that what odometry calls forward is another direction; with `or_camera`, or the camera's is."""
+    degrees = round(float(np.degrees(offset_rad)))
+    near = 90 * round(degrees / 90)
+    forward = -near if near and abs(degrees - near) <= SAME_AXIS_DEG else -degrees
+    forward = 180 if forward == -180 else forward
+    code = "frame-turned"
+    if abs(abs(degrees) - 90) <= SAME_AXIS_DEG:
+        code = "frame-swapped"
+    elif abs(degrees) >= 180 - SAME_AXIS_DEG:
+        code = "frame-backward"
+    details = {"or": "camera"} if or_camera else {}
+    options = {"odometry_forward_rad": float(np.radians(forward))}
+    return Finding(code, evidence, {"offset_deg": degrees, **numbers}, options, details)
+
+
+def scale_finding(scale: float, *evidence: Evidence, truth: bool = False, **numbers: float) -> Finding:
+    """Report that lengths are not in meters, or over-read by far."""
+    whose = "truth" if truth else "odometry"
+    near = min(UNITS, key=lambda one: abs(np.log(scale / one)))
+    numbers = {"scale": scale, **numbers}
+    if abs(np.log(scale / near)) >= SAME_SCALE:
+        return Finding("scale", evidence, numbers, {f"{whose}_scale": round(scale, 4)}, {"whose": whose})
+    code = "truth-scale" if truth else "scale"
+    details: dict[str, Value] = {"whose": whose, "unit": UNITS[near], "factor": near}
+    return Finding(code, evidence, numbers, {f"{whose}_scale": near}, details)
+
+
+def gain_finding(gain: float, expected: float, *evidence: Evidence) -> Finding:
+    """Report that turns over-read or under-read by far."""
+    options = {"turn_gain": round(gain / expected, 3)}
+    return Finding("turn-gain", evidence, {"gain": gain, "expected": expected}, options)
+
+
+def picture_delay_finding(late_s: float, *evidence: Evidence, or_odometry: bool = False) -> Finding:
+    """Report that the time stamps of pictures are wrong; with `or_odometry`, or those of odometry are."""
+    late = round(late_s, 6)
+    details = {"or": "odometry"} if or_odometry else {}
+    return Finding("picture-delay", evidence, {"delay_s": late}, {"picture_offset_s": -late}, details)

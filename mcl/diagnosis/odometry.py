@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import F64, I32
 from .findings import (
-    DEGREE,
+    TURNS,
     RecordedDrive,
     RecordedOdometry,
     RecordedTruth,
@@ -28,7 +28,6 @@ MOST_SEGMENTS = 400  # spread over the drive
 FEWEST_SEGMENTS = 8
 WORST = 0.15  # share of the legs that slips and jumps of the truth may spoil
 GAINS: F64 = np.geomspace(0.3, 3.3, 200)  # actual over measured turns; skidding wheels over-read by a third
-TURNS = {"": 1.0, "clockwise": -1.0, "degrees": DEGREE, "clockwise degrees": -DEGREE}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,21 @@
-"""What the comparison of odometry with truth says: complaints, and none where all is well."""
+"""What the comparison of odometry with truth says: findings, and none where all is well."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from . import words
-from .findings import DEGREE, Finding, RecordedDrive, short_way
+from .findings import (
+    DEGREE,
+    Evidence,
+    Finding,
+    RecordedDrive,
+    direction_finding,
+    frame_finding,
+    gain_finding,
+    scale_finding,
+    short_way,
+    turn_finding,
+)
 from .odometry import Agreement, Reading, TruthSegments, agreement, readings, segments_of, shifts
 from .plausibility import FASTEST_M_S, direction_of
 
@@ -25,22 +35,22 @@ def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -
     """
     if drive.truth.size < 2 or drive.odometry.size < 2:
         return []
-    complaints: list[Finding] = []
+    findings: list[Finding] = []
     legs, usual = segments_of(drive.truth), None
     if np.abs(drive.truth.poses[:, 2]).max() > WHOLE_TURN:
-        legs, complaints = _in_degrees(drive, legs)
+        legs, findings = _in_degrees(drive, legs)
     usual = agreement(drive.odometry, legs, Reading())
     if usual is None:
-        return complaints
+        return findings
     best = best_agreement(drive, legs, usual)
     if best.unexplained > POOR and movement_s is not None:
         late = agreement(drive.odometry, legs, Reading(), round(movement_s, 1))
         best = late if late and late.unexplained < FAR_BETTER * best.unexplained else best
     if best.unexplained > POOR:
-        return [*complaints, _no_agreement(best)]
+        return [*findings, Finding("disagreement", (_agreement(best),))]
     if best.shift_s:
-        complaints.append(words.delay_complaint(best, usual))
-    return [*complaints, *_about(best, usual, drive)]
+        findings.append(_delay(best, usual))
+    return [*findings, *_about(best, usual, drive)]
 
 
 def best_agreement(drive: RecordedDrive, legs: TruthSegments, usual: Agreement) -> Agreement:
@@ -80,37 +90,53 @@ def _in_degrees(drive: RecordedDrive, legs: TruthSegments) -> tuple[TruthSegment
     if best[1] > FAR_BETTER * best[0]:
         return legs, []
     largest = float(np.abs(drive.truth.poses[:, 2]).max())
-    evidence = (
-        f"headings up to {largest:.0f}; odometry leaves {best[1]:.1%} of the movement unexplained "
-        f"if they are degrees, {best[0]:.0%} if radians"
-    )
-    mend = words.IN_LOG + "multiply the truth's heading by pi / 180"
-    what = "the truth's headings are in degrees"
+    seen = Evidence("degrees", {"largest": largest, "if_degrees": best[1], "if_radians": best[0]})
     options = {"truth_turn_scale": DEGREE}
-    return other, [Finding("truth-degrees", what, evidence, mend, {"largest": largest}, options)]
+    return other, [Finding("truth-degrees", (seen,), {"largest": largest}, options)]
+
+
+def _delay(found: Agreement, usual: Agreement) -> Finding:
+    """Report that odometry's clock is not the truth's."""
+    late = round(found.shift_s, 2)
+    seen = Evidence("moved", {"by_s": -late, "before": usual.unexplained, "after": found.unexplained})
+    return Finding("odometry-delay", (seen,), {"delay_s": late}, {"odometry_offset_s": -late})
+
+
+def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
+    """Return the numbers of a comparison with the truth, and beside them those of the usual reading."""
+    values: dict[str, float | str] = {
+        "segments": found.legs,
+        "gain": found.gain,
+        "scale": found.scale,
+        "turn_unexplained": found.turn_unexplained,
+        "way_unexplained": found.way_unexplained,
+    }
+    if usual is not None and not usual.reading == Reading() == found.reading:
+        values |= {"usual_turn": usual.turn_unexplained, "usual_way": usual.way_unexplained}
+    return Evidence("agreement", values)
 
 
 def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Finding]:
     """Return what the best reading means."""
-    complaints, evidence = [], words.told(best, usual)
+    findings, seen = list[Finding](), _agreement(best, usual)
     if best.reading.turn:
-        complaints.append(words.turn_complaint(best.reading.turn, evidence, unexplained=best.unexplained))
+        findings.append(turn_finding(best.reading.turn, seen, unexplained=best.unexplained))
     if best.reading.frame:
         offset = _offset(best, drive) if best.reading.frame == "world" else 0.0
-        numbers = {"unexplained": best.unexplained}
-        complaints.append(words.frame_complaint(best.reading.frame, evidence, offset, **numbers))
+        found = frame_finding(best.reading.frame, seen, offset_rad=offset, unexplained=best.unexplained)
+        findings.append(found)
     if abs(best.offset_rad) > FAR_OFF and best.reading.frame != "world" and best.way_unexplained < POOR:
-        turned = f"true travel is {np.degrees(best.offset_rad):+.0f} deg off the measured one; {evidence}"
-        complaints.append(words.direction_complaint(_offset(best, drive), turned))
+        travel = Evidence("travel", {"off_deg": float(np.degrees(best.offset_rad))})
+        findings.append(direction_finding(_offset(best, drive), travel, seen))
     if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < POOR:
-        complaints.append(_scale(best, drive, evidence))
-    if not complaints and best.turn_unexplained < POOR and _gains_apart(best, drive):
-        complaints.append(words.gain_complaint(best.gain, drive.turn_gain, evidence))
-    return complaints
+        findings.append(_scale(best, drive, seen))
+    if not findings and best.turn_unexplained < POOR and _gains_apart(best, drive):
+        findings.append(gain_finding(best.gain, drive.turn_gain, seen))
+    return findings
 
 
 def _offset(best: Agreement, drive: RecordedDrive) -> float:
-    """Return where forward is: from the odometry alone if that is near, as it is free of the robot's drift."""
+    """Return where forward is: by the odometry alone if near, as the robot's drift is not in it."""
     own = -direction_of(drive.odometry, best.reading)
     near = own and abs(short_way(np.array(own - best.offset_rad))) < FAR_OFF
     return own if near else best.offset_rad
@@ -120,14 +146,14 @@ def _gains_apart(best: Agreement, drive: RecordedDrive) -> bool:
     return bool(abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN)
 
 
-def _scale(best: Agreement, drive: RecordedDrive, evidence: str) -> Finding:
-    """Say whose lengths are wrong: truth that spans far more than the map is."""
+def _scale(best: Agreement, drive: RecordedDrive, seen: Evidence) -> Finding:
+    """Report whose lengths are wrong: the truth's, where it spans far more than the map is."""
     span = float(np.ptp(drive.truth.poses[:, :2], axis=0).max())
     if best.scale > 1 and (span > 3 * drive.size_m or _too_fast(drive)):
-        map_m = f", the map {drive.size_m:.2f} m" if np.isfinite(drive.size_m) else ""
-        wide = f"truth spans {span:.4g}{map_m}; {evidence}"
-        return words.scale_complaint(1 / best.scale, wide, truth=True)
-    return words.scale_complaint(best.scale, evidence)
+        return scale_finding(
+            1 / best.scale, Evidence("span", {"span": span, "map_m": drive.size_m}), seen, truth=True
+        )
+    return scale_finding(best.scale, seen)
 
 
 def _too_fast(drive: RecordedDrive) -> bool:
@@ -135,10 +161,3 @@ def _too_fast(drive: RecordedDrive) -> bool:
     legs = segments_of(drive.truth)
     speeds = np.hypot(legs.moved[:, 0], legs.moved[:, 1]) / np.maximum(legs.end_s - legs.begin_s, 1e-3)
     return bool(np.median(speeds) > FASTEST_M_S)
-
-
-def _no_agreement(best: Agreement) -> Finding:
-    mend = "check that odometry and truth belong to one drive and one clock"
-    return Finding(
-        "disagreement", "odometry and truth do not describe the same drive", words.told(best), mend
-    )

@@ -14,9 +14,8 @@ import numpy as np
 from ..arrays import F64, Bool
 from ..filter.localizer import Localizer
 from ..records import Comparison
-from . import words
 from .clocks import same_moments
-from .findings import Finding, RecordedTruth, short_way
+from .findings import Evidence, Finding, RecordedTruth, picture_delay_finding, short_way
 
 YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # where the camera may look
 DELAYS = 41
@@ -134,13 +133,25 @@ def seen_with_truth(looks: ComparedPictures, track: RecordedTruth) -> list[Findi
     late = delay is not None and _sure(delay)
     exact = same_moments(looks.t_s, track.t_s)
     if elsewhere and yaw is not None and not (late and delay is not None and delay.nats > yaw.nats):
-        return [words.yaw_complaint(yaw.value, words.told_gain(yaw.nats, yaw.sigmas, yaw.pictures))]
+        return [_yaw(yaw)]
     if late and delay is not None:
-        evidence = words.told_gain(delay.nats, delay.sigmas, delay.pictures)
         near = exact is not None and abs(exact - delay.value) <= STANDS_S
-        return [words.picture_delay_complaint(exact if near and exact else round(delay.value, 2), evidence)]
+        late_s = exact if near and exact else round(delay.value, 2)
+        return [picture_delay_finding(late_s, _explained(delay))]
     return []
 
 
 def _sure(gained: Gained) -> bool:
     return gained.nats >= LEAST_NATS and gained.sigmas >= LEAST_SIGMAS
+
+
+def _yaw(yaw: Gained) -> Finding:
+    """Report that the camera does not look forward."""
+    degrees = round(float(np.degrees(yaw.value)) / 5) * 5
+    options = {"camera_yaw_rad": float(np.radians(degrees))}
+    return Finding("camera-yaw", (_explained(yaw),), {"yaw_deg": degrees}, options)
+
+
+def _explained(found: Gained) -> Evidence:
+    values = {"pictures": found.pictures, "nats": found.nats, "sigmas": found.sigmas}
+    return Evidence("explained", values)

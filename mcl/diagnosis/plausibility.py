@@ -5,9 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import F64
-from . import words
-from .findings import Finding, RecordedDrive, RecordedOdometry, motions_of, rotated
-from .odometry import TURNS, Reading, motions_read, readings
+from .findings import (
+    TURNS,
+    Evidence,
+    Finding,
+    RecordedDrive,
+    RecordedOdometry,
+    direction_finding,
+    frame_finding,
+    motions_of,
+    rotated,
+    scale_finding,
+    turn_finding,
+)
+from .odometry import Reading, motions_read, readings
 
 SLOWEST_M_S, FASTEST_M_S = 0.002, 12.0  # what a robot that looks about drives at, as the 95th percentile
 FASTEST_RAD_S = 12.0  # two turns a second
@@ -46,14 +57,10 @@ def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
         return 1.0, []
     unit = min(PER_SECOND, key=lambda one: abs(np.log(way * PER_SECOND[one] / USUAL_M_S)))
     factor = PER_SECOND[unit]
-    evidence = (
-        f"the robot would go at {way:.2g} m/s and turn at {turn:.2g} rad/s; "
-        f"in {unit} it is {way * factor:.2g} m/s and {turn * factor:.2g} rad/s"
-    )
+    seen = Evidence("slow", {"m_s": way, "rad_s": turn, "unit": unit, "per_s": factor})
     short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
-    mend, numbers = f"{words.IN_LOG}divide times by {factor:.0e}", {"per_s": factor}
-    what, options = f"times are in {unit}", {"time_unit": short}
-    return 1 / factor, [Finding("time-unit", what, evidence, mend, numbers, options)]
+    found = Finding("time-unit", (seen,), {"per_s": factor}, {"time_unit": short}, {"unit": unit})
+    return 1 / factor, [found]
 
 
 def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
@@ -61,30 +68,24 @@ def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
     odometry = drive.odometry
     if odometry.size < FEWEST:
         return []
-    complaints, reading = [], best_reading(odometry)
+    findings, reading = [], best_reading(odometry)
     way, turn = speeds(odometry)
     aside = aside_share(odometry, Reading())
     if reading.frame or (reading.turn and odometry.poses):
-        evidence = (
-            f"{aside:.0%} of the way would go sideways, and {aside_share(odometry, reading):.0%} does "
-            "if this is so"
-        )
+        seen = Evidence("sideways", {"aside": aside, "then": aside_share(odometry, reading)})
         if reading.frame:
             offset = -direction_of(odometry, reading) if reading.frame == "world" else 0.0
-            complaints.append(words.frame_complaint(reading.frame, evidence, offset))
-        complaints += [words.turn_complaint(reading.turn, evidence)] if reading.turn else []
+            findings.append(frame_finding(reading.frame, seen, offset_rad=offset))
+        findings += [turn_finding(reading.turn, seen)] if reading.turn else []
     elif turn > FASTEST_RAD_S:
-        evidence = f"the robot would turn at {turn:.3g} rad/s; in degrees it is {turn * TURNS['degrees']:.2g}"
-        complaints.append(words.turn_complaint("degrees", evidence, rad_s=turn))
+        seen = Evidence("spins", {"rad_s": turn, "in_degrees": turn * TURNS["degrees"]})
+        findings.append(turn_finding("degrees", seen, rad_s=turn))
     elif abs(np.sin(side := direction_of(odometry, Reading()))) > np.sin(OFF_RAD):
-        evidence = (
-            f"nearly all of the way goes {np.degrees(side):+.0f} deg off what is called forward, "
-            f"{aside:.0%} of it sideways; a robot that can do so on purpose is well"
-        )
-        complaints.append(words.direction_complaint(-side, evidence, aside=aside))
+        seen = Evidence("one-way", {"off_deg": float(np.degrees(side)), "aside": aside})
+        findings.append(direction_finding(-side, seen, aside=aside))
     if way > FASTEST_M_S and reading.frame != "absolute":
-        complaints.append(_too_fast(way, drive.size_m))
-    return complaints
+        findings.append(_too_fast(way, drive.size_m))
+    return findings
 
 
 def best_reading(odometry: RecordedOdometry) -> Reading:
@@ -138,6 +139,5 @@ def main_direction(motions: F64) -> float:
 def _too_fast(way: float, size_m: float) -> Finding:
     """Say that lengths are no meters."""
     scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
-    wide = f", on a map of {size_m:.1f} m" if np.isfinite(size_m) else ""
-    evidence = f"the robot would go at {way:.3g} m/s{wide}; so it is {way * scale:.2g} m/s"
-    return words.scale_complaint(scale, evidence, m_s=way)
+    seen = Evidence("fast", {"m_s": way, "map_m": size_m, "then_m_s": way * scale})
+    return scale_finding(scale, seen, m_s=way)

@@ -14,6 +14,7 @@ from maurice_loaders.inspection.doctor import Diagnosis
 from maurice_loaders.reading import ReadingOptions
 
 from ...app.inspect import diagnose, fixes
+from ...text.diagnosis import describe, evidence_for, fix_for
 from ..console import listening, note, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption, LibraryOption, SessionArgument
@@ -92,9 +93,9 @@ def _json(found: Diagnosis, options: Options) -> dict[str, object]:
         "complaints": [
             {
                 "code": one.code,
-                "what": one.what,
-                "evidence": one.evidence,
-                "mend": one.mend,
+                "what": describe(one),
+                "evidence": evidence_for(one),
+                "mend": fix_for(one),
                 "options": list(fixing),
                 "numbers": dict(one.numbers),
             }
@@ -117,11 +118,11 @@ def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> It
     for text in found.said:
         yield f"the reader reports: {text}"
     for number, (one, fixing) in enumerate(zip(found.complaints, options, strict=False), 1):
-        yield f"{number}. {one.what} [{one.code}]"
-        yield f"   why: {one.evidence}"
+        yield f"{number}. {describe(one)} [{one.code}]"
+        yield f"   why: {evidence_for(one)}"
         if fixing:
             yield f"   fix: {_command('maurice-replay', found.path, [*fixing, *beside])}"
-        yield f"   {'or' if fixing else 'fix'}: {one.mend}"
+        yield f"   {'or' if fixing else 'fix'}: {fix_for(one)}"
     if options[-1]:
         kept = shlex.join(["FIXED.log", *options[-1]])
         yield f"try: {_command('maurice-replay doctor', found.path, [*options[-1], *beside])}"

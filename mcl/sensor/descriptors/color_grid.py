@@ -26,7 +26,7 @@ class ColorGrid:
     unit: str = "share"
 
     def describe(self, image: U8) -> F32:
-        """Return (288,) shares of all pixels: 12 cells row by row, each with 8 bins of R, G, B (16 to 240)."""
+        """Return (288,) shares of all pixels: 12 cells row by row, each 8 bins of R, G, B (16 to 240)."""
         rows, columns = image.shape[:2]
         parts = [
             image[

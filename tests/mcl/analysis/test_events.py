@@ -297,7 +297,7 @@ def test_events_of_one_step_come_in_the_order_of_the_kinds() -> None:
 
 
 def test_every_kind_and_state_is_documented() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "events.md").read_text(encoding="utf-8")
     for name in KINDS:
         assert f"| `{name}` |" in text
     for name in STATES:

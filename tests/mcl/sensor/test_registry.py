@@ -75,8 +75,8 @@ def test_it_is_used_by_name_wherever_channels_are(tmp_path):
 import numpy as np
 from maurice_mcl.map import Arena
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.selection import nearest_reference
-from maurice_mcl.sensor import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
 poses = np.array([[0.5, 0.5, 0.0], [1.5, 0.5, 0.0]])
 references = np.array([[10, 20, 30], [40, 50, 60]], np.float32)
 index = ChannelIndex(references, np.zeros(3, np.float32), references.max(axis=0))
