@@ -32,7 +32,7 @@ def read_config(path: Path) -> Layer:
 
 
 def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
-    """Give a layer for each variable that starts with MAURICE_FILTER_; two underscores stand for a dot."""
+    """Return a layer for each variable that starts with MAURICE_FILTER_; two underscores stand for a dot."""
     return [
         Layer(name, {name.removeprefix(PREFIX).lower().replace("__", "."): value})
         for name, value in sorted(environment.items())

@@ -108,7 +108,7 @@ class RecordedSession(HasReadingNotes):
         return count, updates.truths > 0
 
     def glances(self, notes: ReadingNotes) -> Iterator[Glance]:
-        """Give what is known of every moment without its picture; decodes none."""
+        """Yield what is known of every moment without its picture; decodes none."""
         updates = _Updates(self, notes)
         for update in updates:
             updates.used(update)
@@ -120,14 +120,14 @@ class RecordedSession(HasReadingNotes):
         return sum(isinstance(record, Picture) for record in records)
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Give the used pictures whose true pose is known, as a survey; those without one are left out."""
+        """Yield the used pictures whose true pose is known, as a survey; those without one are left out."""
         for moment in self.moments():
             if moment.truth is not None:
                 yield SurveyPicture(None, moment.frame.image, moment.truth, covered=False)
 
     @cached_property
     def odometry(self) -> type[OdometryPose] | type[Motion] | None:
-        """Tell how odometry comes, if at all; stops at its first record."""
+        """Return how odometry comes, if at all; stops at its first record."""
         for record in checked(self.recording, ReadingNotes(keep_going=True)):
             if isinstance(record, OdometryPose | Motion):
                 return type(record)
@@ -170,7 +170,7 @@ class _Updates:
         self._used = True
 
     def events_taken(self) -> list[str]:
-        """Give the events since the last picture used."""
+        """Return the events since the last picture used."""
         events, self._events = self._events, []
         return events
 
@@ -194,7 +194,7 @@ class _Updates:
         )
 
     def _tell(self) -> None:
-        """Say at the end how pairing went. InputError where no picture found its odometry."""
+        """Report at the end how the alignment went. InputError where no picture found its odometry."""
         pictures, odometry = self._spans["pictures"], self._spans["odometry"]
         if pictures.count and self._session.odometry is None:
             self._notes.warning(
@@ -215,7 +215,7 @@ class _Updates:
 
 
 def begin_of(session: SessionLog | RecordedSession) -> float:
-    """Give the time in seconds of the first record; 0 where there is none.
+    """Return the time in seconds of the first record; 0 where there is none.
 
     InputError as reading raises it.
     """
@@ -231,7 +231,7 @@ def begin_of(session: SessionLog | RecordedSession) -> float:
 
 
 def first_truth(recording: Recording) -> F64 | None:
-    """Give the true pose (3,) at which the motions begin; None without truth.
+    """Return the true pose (3,) at which the motions begin; None without truth.
 
     That is the first true pose. What odometry saw before it is undone, so that a filter which is moved by
     all of it comes to that pose in time.
@@ -249,7 +249,7 @@ def first_truth(recording: Recording) -> F64 | None:
 
 
 def before(pose: F64, motion: F64) -> F64:
-    """Give the pose (3,) from which a motion (3,) leads to a pose (3,)."""
+    """Return the pose (3,) from which a motion (3,) leads to a pose (3,)."""
     heading = float(pose[2] - motion[2])
     cos, sin = np.cos(heading), np.sin(heading)
     x = pose[0] - (motion[0] * cos - motion[1] * sin)

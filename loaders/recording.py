@@ -1,6 +1,6 @@
 """A recorded drive as a stream of records in time order: what every format is read into.
 
-Metres, radians, seconds; x forward, y left, headings counter-clockwise (docs/session-log.md).
+Meters, radians, seconds; x forward, y left, headings counter-clockwise (docs/session-log.md).
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Recording(Protocol):
 
 
 def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:
-    """Give a recording's records; times that fall and numbers that no log may hold go to `notes`."""
+    """Yield a recording's records; times that fall and numbers that no log may hold go to `notes`."""
     last_t_s = -math.inf
     for record in recording.records(notes):
         fault = _fault(record, last_t_s)
@@ -104,7 +104,7 @@ def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:
 
 
 def motion_between(before: F64, after: F64) -> F64:
-    """Give the motion (3,) that leads from one pose (3,) to another, in the frame of the first.
+    """Return the motion (3,) that leads from one pose (3,) to another, in the frame of the first.
 
     The turn is the short way round.
     """
@@ -119,7 +119,7 @@ def moved(pose: F64, motion: F64) -> F64:
 
 
 def together(first: F64, second: F64) -> F64:
-    """Give the motion (3,) that leads where two (3,) lead one after the other; its turn is their sum.
+    """Return the motion (3,) that leads where two (3,) lead one after the other; its turn is their sum.
 
     So a robot that turned once around has turned by 2 pi, not by nothing.
     """
@@ -133,7 +133,7 @@ def short_way(angle_rad: float) -> float:
 
 
 def interpolated(before: OdometryPose | TruthPose, after: OdometryPose | TruthPose, t_s: float) -> F64:
-    """Give the pose (3,) at a time between two poses, the heading the short way round."""
+    """Return the pose (3,) at a time between two poses, the heading the short way round."""
     step = after.pose - before.pose
     step[2] = short_way(float(step[2]))
     share = (t_s - before.t_s) / (after.t_s - before.t_s) if after.t_s > before.t_s else 0.0
@@ -143,7 +143,7 @@ def interpolated(before: OdometryPose | TruthPose, after: OdometryPose | TruthPo
 
 
 def _fault(record: Record, last_t_s: float) -> str:
-    """Say what is wrong with a record; nothing when all is well."""
+    """Return what is wrong with a record; nothing when all is well."""
     if not abs(record.t_s) <= MOST_T_S:
         return f"expected a finite time, {up_to(MOST_T_S)}"
     if record.t_s < last_t_s:

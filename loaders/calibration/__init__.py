@@ -1,1 +1,1 @@
-"""calibration."""
+"""Recordings that calibration measures: `trials` of movements, and `covered_pictures`."""

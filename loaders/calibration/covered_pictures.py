@@ -25,7 +25,7 @@ def covered_pictures(path: Path) -> Iterator[U8]:
 
 
 def _log_of(folder: Path) -> Path | None:
-    """Give survey.log, or the only log of a folder; None when it holds no log."""
+    """Return survey.log, or the only log of a folder; None when it holds no log."""
     logs = sorted(folder.glob("*.log"))
     named = folder / "survey.log"
     if named in logs:

@@ -64,7 +64,7 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
 
 
 def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
-    """Write trials as a table that `read_trials` reads, lengths in metres; whole or not at all.
+    """Write trials as a table that `read_trials` reads, lengths in meters; whole or not at all.
 
     InputError when the file exists and `force` is not given.
     """
@@ -80,7 +80,7 @@ def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
     write_whole(file, text.getvalue().encode(), force=force)
 
 
-def _rows(file: Path, table: csv.DictReader[str], metres: float) -> Iterator[_Row]:
+def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[_Row]:
     _check_columns(file, table.fieldnames or [])
     for row in table:
         line = table.line_num
@@ -90,7 +90,7 @@ def _rows(file: Path, table: csv.DictReader[str], metres: float) -> Iterator[_Ro
         if kind not in KINDS:
             raise InputError(file, f"found kind {show(row['kind'])}, expected turn or straight", line)
         straight = kind == "straight"
-        unit = metres if straight else math.pi / 180
+        unit = meters if straight else math.pi / 180
         measured, actual = (number_in(file, line, name, row[name]) * unit for name in ("measured", "actual"))
         if measured == 0:
             raise InputError(file, "found measured 0, expected a movement", line)
@@ -186,7 +186,7 @@ def mishaps(path: Path) -> dict[str, int]:
 
 
 def plain(leg: MotionSegment) -> MotionSegment | None:
-    """Give a leg whose movements are turns or straights and never both; None for arcs.
+    """Return a leg whose movements are turns or straights and never both; None for arcs.
 
     A movement by itself that is nearly a turn counts as one, and one that is nearly a straight as a straight
     that drifted by what its odometry did not see. What an arc did cannot be told apart.

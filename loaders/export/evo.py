@@ -25,7 +25,7 @@ TITLE = "APE w.r.t. translation part (m)\n(not aligned)"
 
 
 def error_statistics(errors_m: F64) -> dict[str, float]:
-    """Give evo's seven statistics of some errors (N,), N > 0, by its names."""
+    """Return evo's seven statistics of some errors (N,), N > 0, by its names."""
     squared = np.square(errors_m)
     return {
         "rmse": float(np.sqrt(squared.mean())),
@@ -56,7 +56,7 @@ class EvoSink:
         return np.array(self._numbers, np.float64).reshape(-1, 7)
 
     def statistics(self) -> dict[str, float]:
-        """Give the statistics of the position errors so far; nothing where no truth was known."""
+        """Return the statistics of the position errors so far; nothing where no truth was known."""
         return error_statistics(self._errors()) if self._numbers else {}
 
     def save(self, file: Path) -> None:
@@ -84,7 +84,7 @@ class EvoSink:
 
 
 def _way(poses: F64) -> F64:
-    """Give the way driven up to each pose (N,), from poses (N, 3)."""
+    """Return the way driven up to each pose (N,), from poses (N, 3)."""
     steps = np.diff(poses[:, :2], axis=0)
     return np.concatenate([[0.0], np.hypot(steps[:, 0], steps[:, 1]).cumsum()])
 

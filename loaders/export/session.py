@@ -65,7 +65,7 @@ def encode_picture(image: U8, kind: PictureKind) -> bytes:
 def convert_to_log(
     session: Session, file: Path, *, kind: PictureKind = "png", t_offset_s: float = 0.0, force: bool = False
 ) -> Iterator[Converted]:
-    """Write a native log, pictures in `<stem>-pictures` beside it; gives the counts after every picture.
+    """Write a native log, pictures in `<stem>-pictures` beside it; return the counts after every picture.
 
     Both appear when all went well. InputError when they exist and `force` is not given, or as the session's
     reading and `SessionWriter` raise it.
@@ -110,7 +110,7 @@ def _expect_pictures(done: Converted, file: Path) -> None:
 
 
 def beside(info: SessionInfo, file: Path) -> SessionInfo:
-    """Give a header's facts with the survey's path as seen from the log that will be at `file`."""
+    """Return a header's facts with the survey's path as seen from the log that will be at `file`."""
     survey = header_to_json(info, "session", file.parent).get("survey")
     return info if survey is None else replace(info, survey=Path(survey))
 
@@ -128,7 +128,7 @@ def _check_targets(file: Path, pictures: Path, force: bool) -> None:
 
 @contextmanager
 def _filling(file: Path) -> Iterator[Path]:
-    """Give a new folder beside the file, gone afterwards. InputError when there is no room for it.
+    """Return a new folder beside the file, gone afterwards. InputError when there is no room for it.
 
     Where nothing came of it the file's own folder is gone as well, if it was made here.
     """
@@ -154,7 +154,7 @@ def _filling(file: Path) -> Iterator[Path]:
 def records_to_log(
     recording: Recording, file: Path, notes: ReadingNotes, *, t_offset_s: float = 0.0, force: bool = False
 ) -> Iterator[Converted]:
-    """Write odometry, truth and events of a recording as a native log; gives the counts after every record.
+    """Write odometry, truth and events of a recording as a native log; return the counts after every record.
 
     Odometry poses become the motions between them. Pictures are left out. InputError as for `filling`, and
     when there was nothing to write.
@@ -176,7 +176,7 @@ def records_to_log(
 def _write_line(
     log: SessionWriter, record: Record, t_s: float, last: F64 | None, done: Converted
 ) -> F64 | None:
-    """Write one record; gives the last odometry pose."""
+    """Write one record; return the last odometry pose."""
     if isinstance(record, OdometryPose):
         if last is not None:
             log.odometry(t_s, motion_between(last, record.pose))

@@ -46,11 +46,11 @@ class ExportStep:
 
     @property
     def scored(self) -> bool:
-        """Tell whether this project's tables count it: all but the first three are."""
+        """Return whether this project's tables count it: all but the first three are."""
         return int(self.rows.step["step"]) >= FIRST_SCORED
 
     def pose(self, path: str) -> F64 | None:
-        """Give the pose of one of `PATHS`."""
+        """Return the pose of one of `PATHS`."""
         return {"estimate": self.estimate, "truth": self.truth, "odometry": self.odometry}[path]
 
 
@@ -79,7 +79,7 @@ def _pose(rows: StepRows, kind: str) -> F64:
 
 @contextmanager
 def filling(target: Path, *, force: bool) -> Iterator[Path]:
-    """Give a name to fill beside the target; it becomes the target when all went well.
+    """Return a name to fill beside the target; it becomes the target when all went well.
 
     Where nothing was written nothing appears, and what `force` replaces is gone. InputError when the target
     exists and `force` is not given, or when it cannot be written.
@@ -108,7 +108,7 @@ GROUP_ROWS = 2000  # of a Parquet file are written at once; no more are held
 
 
 def table_columns(channels: Sequence[str]) -> dict[str, type]:
-    """Give names and Python types of the columns, for a run with these channels."""
+    """Return names and Python types of the columns, for a run with these channels."""
     kinds = {pl.Int32: int, pl.Float64: float, pl.String: str}
     kept = {name: kinds[kind] for name, kind in steps_schema(channels).items() if name not in LEFT_OUT}
     odometry = {f"odometry_{name}": float for name in ("x_m", "y_m", "heading_rad")}
@@ -116,7 +116,7 @@ def table_columns(channels: Sequence[str]) -> dict[str, type]:
 
 
 def table_row(step: ExportStep) -> dict[str, Any]:
-    """Give one row, by the names of `table_columns`; None where a value is not known."""
+    """Return one row, by the names of `table_columns`; None where a value is not known."""
     row = dict(step.rows.step) | {"time_s": step.time_s}
     odometry = zip(("x_m", "y_m", "heading_rad"), step.odometry.tolist(), strict=True)
     row |= {f"odometry_{name}": value for name, value in odometry}
@@ -183,7 +183,7 @@ Line = Callable[[float, F64], str]
 
 
 def tum_line(time_s: float, pose: F64) -> str:
-    """Write one pose (3,) as TUM has it: seconds, metres, and a quaternion with w last."""
+    """Write one pose (3,) as TUM has it: seconds, meters, and a quaternion with w last."""
     x, y, heading = (float(v) for v in pose)
     return _joined(time_s, x, y, 0.0, 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
 

@@ -33,7 +33,7 @@ class PictureList:
     unit: str | None = None  # of the times, which stand in the column before; None: told from them
 
     def pictures(self, notes: ReadingNotes) -> Iterator[Picture]:
-        """Give the pictures in the file's order, not opened; broken rows and times that fall are problems."""
+        """Yield the pictures in file order, not opened; broken rows and falling times are problems."""
         last_t_s = -float("inf")
         for row in self._rows():
             try:
@@ -66,7 +66,7 @@ class PictureList:
                 yield row
 
     def _words(self, row: Row) -> list[str]:
-        """Give time and name."""
+        """Return time and name."""
         if self.column is None:
             return words_of(row.text, 1)
         return words_of(row.text)[self.column - 1 : self.column + 1]

@@ -29,7 +29,7 @@ LEANING_RAD = math.radians(30)  # more than that off the plane is worth saying
 
 
 def rotation(quaternion_wxyz: F64) -> F64:
-    """Give the rotation matrix (3, 3) of a quaternion (4,). ValueError when its length is not about 1."""
+    """Return the rotation matrix (3, 3) of a quaternion (4,). ValueError when its length is not about 1."""
     length = float(np.linalg.norm(quaternion_wxyz))
     if not 0.9 < length < 1.1:
         raise ValueError(f"found a quaternion of length {length:.3g}, expected 1")
@@ -44,7 +44,7 @@ def rotation(quaternion_wxyz: F64) -> F64:
 
 
 def forward_axis(rotations: Iterable[F64]) -> str:
-    """Tell which axis of a body looks forward, "x" or "z", by the one that stands upright in a z-up world.
+    """Return which axis of a body looks forward, "x" or "z", by the one that stands upright in a z-up world.
 
     A robot's z is up and its x forward (REP-103); a camera's y is down and its z forward (optical frame),
     and so it is with a camera whose x is up (EuRoC).
@@ -54,13 +54,13 @@ def forward_axis(rotations: Iterable[F64]) -> str:
 
 
 def planar(position: F64, turned: F64, axis: str) -> F64:
-    """Give x, y and the heading of the forward axis (3,) of a pose in a z-up world."""
+    """Return x, y and the heading of the forward axis (3,) of a pose in a z-up world."""
     ahead = turned[:, 0 if axis == "x" else 2]
     return np.array([position[0], position[1], math.atan2(ahead[1], ahead[0])])
 
 
 def leaning(turned: F64, axis: str) -> float:
-    """Tell how far, in radians, the forward axis points out of the plane."""
+    """Return how far, in radians, the forward axis points out of the plane."""
     return abs(math.asin(max(-1.0, min(1.0, float(turned[2, 0 if axis == "x" else 2])))))
 
 
@@ -90,7 +90,7 @@ class PoseFile:
     offset_s: float = 0.0  # added to the times
 
     def poses(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose]:
-        """Give the poses in the plane, in the file's order; broken rows and times that fall are problems."""
+        """Yield the poses in the plane, in the file's order; broken rows and times that fall are problems."""
         last_t_s, steepest = -np.inf, 0.0
         for row in self._rows():
             try:
@@ -117,7 +117,7 @@ class PoseFile:
         return span
 
     def track(self) -> tuple[F64, F64]:
-        """Give the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
+        """Return the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
         found = list(islice(self.poses(ReadingNotes(keep_going=True)), MOST))
         return np.array([one.t_s for one in found]), np.array([one.pose for one in found]).reshape(-1, 3)
 
@@ -191,19 +191,19 @@ def pose_file(
     offset_s: float,
     layout: Layout | None = None,
 ) -> PoseFile | None:
-    """Give a file of poses; None where there is none."""
+    """Return a file of poses; None where there is none."""
     if file is None or not file.is_file():
         return None
     return PoseFile(file, kind, layout or Layout(), unit, offset_s)
 
 
 def first_file(folder: Path, names: Sequence[str]) -> Path | None:
-    """Give the first of some files that a folder has."""
+    """Return the first of some files that a folder has."""
     return next((folder / name for name in names if (folder / name).is_file()), None)
 
 
 def layout_of(names: Sequence[str]) -> Layout | None:
-    """Tell by the columns' names where position and quaternion stand; None where they are not there."""
+    """Return the columns of position and quaternion by their names; None without them."""
     lower = [name.partition("[")[0].strip().lower() for name in names]
     position = [_ending(lower, axis) for axis in "xyz"]
     after = (position[2] or 0) + 1
@@ -262,7 +262,7 @@ class TimedFolder:
         return heapq.merge(*streams, key=lambda record: record.t_s)
 
     def _one_clock(self, truth: PoseFile, notes: ReadingNotes) -> bool:
-        """Tell whether truth is of the time of pictures or odometry; say what would help when it is not."""
+        """Return whether truth is of the time of pictures or odometry; say what would help when it is not."""
         main = self.pictures or self.odometry
         if main is None or not main.span.count or main.span.overlaps(truth.span, SLACK_S):
             return True
@@ -273,7 +273,7 @@ class TimedFolder:
         return False
 
     def _offset(self, truth: PoseFile, main: TimeSpan) -> str:
-        """Say what would bring the truth's clock to the other: by the movement, else by the beginnings."""
+        """Return what would bring the truth's clock to the other: by the movement, else by the beginnings."""
         odometry = self.odometry
         if odometry is not None and (odometry.span.overlaps(main, SLACK_S)):
             found = offset_between(*odometry.track(), *truth.track())

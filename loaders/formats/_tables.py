@@ -41,7 +41,7 @@ def open_bytes(file: Path) -> BinaryIO:
 
 
 def begin_of(file: Path, size: int = 4096) -> bytes:
-    """Give a file's first bytes, unpacked; nothing where it cannot be read."""
+    """Return a file's first bytes, unpacked; nothing where it cannot be read."""
     try:
         if not file.is_file():
             return b""
@@ -52,7 +52,7 @@ def begin_of(file: Path, size: int = 4096) -> bytes:
 
 
 def begin_lines(file: Path, size: int = 4096) -> list[str]:
-    """Give the first whole lines of a text file; none where it is no text."""
+    """Return the first whole lines of a text file; none where it is no text."""
     data = begin_of(file, size)
     try:
         text = data.decode("utf-8-sig")
@@ -65,7 +65,7 @@ def begin_lines(file: Path, size: int = 4096) -> list[str]:
 
 
 def rows(file: Path) -> Iterator[Row]:
-    """Give all lines that are not empty. InputError for what is no text, cut (gzip) or not there."""
+    """Yield all lines that are not empty. InputError for what is no text, cut (gzip) or not there."""
     expect_regular(file, "a table")
     number = 0
     try:
@@ -96,13 +96,13 @@ def words_of(text: str, most: int = -1) -> list[str]:
 
 
 def names_columns(text: str) -> bool:
-    """Tell whether a row names columns: it begins with a word, not with a number."""
+    """Return whether a row names columns: it begins with a word, not with a number."""
     first = words_of(text)[0]
     return first[:1].isalpha() and not is_number(first) and not any(one.isdigit() for one in first)
 
 
 def is_number(word: str) -> bool:
-    """Tell whether a word is a finite number."""
+    """Return whether a word is a finite number."""
     try:
         return math.isfinite(float(word))
     except ValueError:
@@ -213,7 +213,7 @@ _UNIT = re.compile(r"^(.+?)(?:[_ ]+|\s*[\[(])(ns|us|ms|s|m|cm|mm|in|deg|rad)[\])
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Where a role's values stand, and what makes them metres, radians or seconds."""
+    """Where a role's values stand, and what makes them meters, radians or seconds."""
 
     at: int
     name: str
@@ -221,7 +221,7 @@ class Column:
 
 
 def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dict[str, Column]:
-    """Give the column of each role: the one that was asked for, or the first whose name tells it.
+    """Return the column of each role: the one that was asked for, or the first whose name tells it.
 
     `asked` is column or column:unit by role. InputError for a role or column that is not there, and for
     angles without a unit.
@@ -243,7 +243,7 @@ def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dic
 
 
 def factor(role: str, column: Column) -> float:
-    """Give what a role's values are multiplied by; lengths without a unit are metres."""
+    """Return what a role's values are multiplied by; lengths without a unit are meters."""
     return ANGLES.get(column.unit or "", 1.0) if role in ANGULAR else LENGTHS.get(column.unit or "", 1.0)
 
 

@@ -117,7 +117,7 @@ class CarmenRecording:
 
 
 def _set_anew(before: _Pose | None, found: _Pose, last_t_s: float) -> bool:
-    """Tell whether odometry was set to the pose of a scan, without a time of its own."""
+    """Return whether odometry was set to the pose of a scan, without a time of its own."""
     untimed = found.t_s < last_t_s - MOST_BACK_S or found.t_s < NO_TIME_S < last_t_s
     after_scan = before is not None and before.word == "FLASER" and found.word == "ODOM"
     return untimed and after_scan and before is not None and np.array_equal(before.pose, found.pose)
@@ -131,7 +131,7 @@ class _Continuous:
         self._pose: F64 | None = None
 
     def take(self, raw: F64, *, set_anew: bool) -> F64:
-        """Give the pose (3,) in the frame of the log's first one."""
+        """Return the pose (3,) in the frame of the log's first one."""
         if self._raw is None or self._pose is None:
             self._pose = raw
         elif not set_anew:
@@ -161,7 +161,7 @@ def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
 
 
 def _time(file: Path, row: Row, words: list[str]) -> float:
-    """Give the logger's time, which stands last; it is of one clock throughout."""
+    """Return the logger's time, which stands last; it is of one clock throughout."""
     if len(words) < 4:
         raise InputError(file, f"found {show(row.text)}, expected pose, times and host", row.number)
     return number_of(file, row, words[-1], "time", MOST_T_S)
@@ -191,7 +191,7 @@ def open_carmen(path: Path, options: ReadingOptions) -> CarmenRecording:
 
 
 def looks_carmen(path: Path) -> bool:
-    """Tell a log by the words that its lines begin with."""
+    """Recognize a log by the words that its lines begin with."""
     lines = [line for line in begin_lines(path, 16384) if line.strip()]
     if any(line.startswith("# message formats defined") for line in lines[:3]):
         return True

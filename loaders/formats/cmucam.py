@@ -57,7 +57,7 @@ def frames(data: bytes, at: int = 0, *, last: bool = True) -> Iterator[Found]:
 
 
 def decode_frame(data: bytes) -> U8:
-    """Give the picture (H, W, 3) of one frame, 01 to 03. PictureError when bytes are missing or too many."""
+    """Return the picture (H, W, 3) of one frame, 01 to 03. PictureError for missing or surplus bytes."""
     found = next(frames(data), None)
     if found is None or found.fault:
         raise PictureError(found.fault if found else "found no frame, expected one that begins with 01")
@@ -83,7 +83,7 @@ def _sized(data: bytes, begin: int) -> Found | None:
 
 
 def _fits(body: bytes, width: int, height: int, markers: int) -> bool:
-    """Tell whether the markers stand where they belong."""
+    """Return whether the markers stand where they belong."""
     line = 3 * width
     if markers == height:
         return body[:: line + 1] == LINE * height
@@ -107,7 +107,7 @@ def _marked(data: bytes, begin: int) -> Found:
 
 
 def _pixels(frame: bytes) -> tuple[bytes, int]:
-    """Give the values of a frame, and its width in triplets. PictureError when lines are unequal."""
+    """Return the values of a frame, and its width in triplets. PictureError when lines are unequal."""
     sized = _sized(frame, 0)
     if sized is not None:
         return _without_markers(frame), frame[1]
@@ -155,7 +155,7 @@ class DumpRecording:
     info: SessionInfo
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give the frames in order, a second apart; only some of a file is held."""
+        """Yield the frames in order, a second apart; only some of a file is held."""
         notes.warning("frames carry no times: one a second is taken")
         number = count()
         for file in _files(self.path):
@@ -173,7 +173,7 @@ def open_dump(path: Path, options: ReadingOptions) -> DumpRecording:
 
 
 def looks_like_dump(path: Path) -> bool:
-    """Tell a dump by a whole frame at its beginning, after at most some lines of text."""
+    """Recognize a dump by a whole frame at its beginning, after at most some lines of text."""
     if path.is_dir():
         return any(_begins_with_frame(file) for file in _files(path)[:1])
     return _begins_with_frame(path)
@@ -195,7 +195,7 @@ def _begins_with_frame(path: Path) -> bool:
 
 
 def _files(path: Path) -> list[Path]:
-    """Give the dumps of a folder in natural order, or the file itself."""
+    """Return the dumps of a folder in natural order, or the file itself."""
     if not path.is_dir():
         return [path]
     return natural_order(one for one in path.iterdir() if one.is_file() and one.suffix.lower() in ENDINGS)

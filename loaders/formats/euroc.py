@@ -49,7 +49,7 @@ def camera_of(file: Path, name: str, poses: PoseFile | None) -> Camera:
 
 
 def yaw_on_body(camera_to_body: F64, poses: PoseFile) -> float:
-    """Tell where a camera looks, counter-clockwise from the forward axis that the poses' headings have.
+    """Return where a camera looks, counter-clockwise from the forward axis that the poses' headings have.
 
     Which way is up on the body the poses tell: on a flying robot (EuRoC) it is x, on a driving one z.
     """
@@ -102,7 +102,7 @@ class _Sensor:
 
     @property
     def has_places(self) -> bool:
-        """Tell a tracker's positions, which come without a quaternion (EuRoC's leica0)."""
+        """Recognize a tracker's positions, which come without a quaternion (EuRoC's leica0)."""
         return (
             self.layout is None
             and [name[-2:] for name in self.columns[1:4]] == ["_x", "_y", "_z"]
@@ -111,7 +111,7 @@ class _Sensor:
 
     @property
     def layout(self) -> Layout | None:
-        """Tell where position and quaternion stand; None where they are not there."""
+        """Return where position and quaternion stand; None where they are not there."""
         return layout_of(self.columns)
 
 
@@ -145,7 +145,7 @@ def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
 
 
 def looks_euroc(path: Path) -> bool:
-    """Tell an EuRoC folder by a data.csv with times below it."""
+    """Recognize an EuRoC folder by a data.csv with times below it."""
     return bool(_sensors(path)) if path.is_dir() else False
 
 
@@ -162,7 +162,7 @@ def _sensors(path: Path) -> list[_Sensor]:
 
 
 def _columns(file: Path) -> list[str]:
-    """Give the names of a table's columns, the usual ones where it has no header; none for other tables."""
+    """Return the names of a table's columns, the usual ones where it has no header; none for other tables."""
     first = next(iter(begin_lines(file)), "")
     words = words_of(first) if first else [""]
     if "time" in words[0].lower():
@@ -203,7 +203,7 @@ def _pose_file(
 
 
 def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
-    """Say which way is forward on a body whose z is not up, and of a camera that looks elsewhere."""
+    """Return which way is forward on a body whose z is not up, and of a camera that looks elsewhere."""
     said = []
     if poses is not None and poses.body[0][2]:
         said.append(f"{poses.file}: on this body x or y is up, so that headings are those of its z axis")
@@ -220,7 +220,7 @@ def _remarks(
     sensors: Sequence[_Sensor],
     used: set[_Sensor | None],
 ) -> tuple[str, ...]:
-    """Say which camera is used, which poses are not, and what holds no poses."""
+    """Return which camera is used, which poses are not, and what holds no poses."""
     others = [one.name for one in cameras if one is not camera]
     said = []
     if others and camera is not None:

@@ -99,7 +99,7 @@ class KittiRecording:
             return number_of(file, row, row.text, "time", MOST_T_S)
 
     def _untimed(self) -> Iterator[Row]:
-        """Give a row a picture, as long as there are any."""
+        """Yield a row a picture, as long as there are any."""
         number = 0
         while self.pictures is not None and self._file(number).is_file():
             number += 1
@@ -118,7 +118,7 @@ class KittiRecording:
 
 
 def planar_pose(file: Path, row: Row) -> F64:
-    """Give the pose (3,) of a row of twelve numbers. InputError for anything else."""
+    """Return the pose (3,) of a row of twelve numbers. InputError for anything else."""
     words = words_of(row.text)
     if len(words) != NUMBERS:
         found = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
@@ -150,7 +150,7 @@ def open_sequence(path: Path, options: ReadingOptions) -> KittiRecording:
 
 
 def poses_beside(path: Path) -> list[Path]:
-    """Give a sequence's poses where KITTI has them, none where they are not there."""
+    """Return a sequence's poses where KITTI has them, none where they are not there."""
     whole = path.resolve()
     file = whole.parent.parent / "poses" / f"{whole.name}.txt"
     return [file] if file.is_file() else []
@@ -170,18 +170,18 @@ def open_poses(path: Path, options: ReadingOptions) -> KittiRecording:
 
 
 def times_beside(path: Path) -> list[Path]:
-    """Give the times of poses alone, beside them or in their sequence, whichever are there."""
+    """Return the times of poses alone, beside them or in their sequence, whichever are there."""
     sequence = path.parent.resolve().parent / "sequences" / path.stem / "times.txt"
     return [file for file in (path.parent / "times.txt", sequence) if file.is_file()]
 
 
 def looks_like_sequence(path: Path) -> bool:
-    """Tell a sequence by the folders of its cameras."""
+    """Recognize a sequence by the folders of its cameras."""
     return any((path / name).is_dir() for name in (*CAMERAS, *RAW))
 
 
 def looks_like_poses(path: Path) -> bool:
-    """Tell poses alone by twelve numbers in each of the first rows."""
+    """Recognize poses alone by twelve numbers in each of the first rows."""
     found = [words_of(line) for line in begin_lines(path)[:5] if line.strip()]
     try:
         return bool(found) and all(len(words) == NUMBERS and [float(w) for w in words] for words in found)

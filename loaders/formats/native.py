@@ -57,7 +57,7 @@ class NativeRecording:
 
 
 def looks_native(path: Path) -> bool:
-    """Tell a session or survey log by its first line, and a file ending in .log that is JSON at all."""
+    """Recognize a session or survey log by its first line, and a file ending in .log that is JSON at all."""
     try:
         with path.open("rb") as file:
             begin = file.read(LOOKED_AT)

@@ -44,7 +44,7 @@ class AlignedDrive:
 
 
 def is_odometry_folder(folder: Path) -> bool:
-    """Say whether a folder holds the three files."""
+    """Return whether a folder holds the three files."""
     return all((folder / name).is_file() for name in FILES)
 
 
@@ -101,7 +101,7 @@ def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
 
 
 def _believed(moved: F64, went: F64, turning: bool, cutting: Cutting) -> bool:
-    """Tell whether a movement, by odometry and by truth (3,), is large enough, and the truth no jump."""
+    """Return whether a movement, by odometry and by truth (3,), is large enough, and the truth no jump."""
     if turning:
         return bool(cutting.least_rad <= abs(moved[2]) and abs(went[2]) < cutting.jump * abs(moved[2]))
     way, really = (float(np.hypot(*step[:2])) for step in (moved, went))
@@ -109,7 +109,7 @@ def _believed(moved: F64, went: F64, turning: bool, cutting: Cutting) -> bool:
 
 
 def _kinds(odometry: F64, cutting: Cutting) -> NDArray[np.int64]:
-    """Tell for every step (n - 1,) what the robot is doing: STANDING, TURNING, FORWARD or BACKWARD."""
+    """Return for every step (n - 1,) what the robot does: STANDING, TURNING, FORWARD or BACKWARD."""
     steps = np.diff(odometry, axis=0)
     way, arc = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) * cutting.turning_m
     ahead = steps[:, 0] * np.cos(odometry[:-1, 2]) + steps[:, 1] * np.sin(odometry[:-1, 2])
@@ -118,7 +118,7 @@ def _kinds(odometry: F64, cutting: Cutting) -> NDArray[np.int64]:
 
 
 def jumps(drive: AlignedDrive, cutting: Cutting) -> Bool:
-    """Tell the steps (n - 1,) in which the truth goes or turns further than the wheels ever could."""
+    """Return the steps (n - 1,) in which the truth goes or turns further than the wheels ever could."""
     wheels, truth = (np.abs(np.diff(rows, axis=0)) for rows in (drive.odometry, drive.truth))
     most_m = cutting.jump * float(np.hypot(wheels[:, 0], wheels[:, 1]).max())
     most_rad = max(cutting.jump * float(wheels[:, 2].max()), cutting.noise_rad)

@@ -57,7 +57,7 @@ def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
 
 
 def looks_openloris(path: Path) -> bool:
-    """Tell an OpenLORIS folder by a list of pictures with something else of it beside."""
+    """Recognize an OpenLORIS folder by a list of pictures with something else of it beside."""
     listed = [path / name for name in PICTURES if (path / name).is_file()]
     return bool(listed and begin_lines(listed[0])) and any((path / name).is_file() for name in OTHERS)
 
@@ -85,7 +85,7 @@ def _described(file: Path, name: str, sensor: str) -> Camera:
 
 
 def _yaw(file: Path, sensor: str) -> float:
-    """Tell where the camera looks, from its frame on the robot: the optical axis is z."""
+    """Return where the camera looks, from its frame on the robot: the optical axis is z."""
     storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ) if file.is_file() else None
     pairs = None if storage is None else storage.getNode("trans_matrix")
     for at in range(0 if pairs is None else pairs.size()):

@@ -124,7 +124,7 @@ class TableRecording:
         return Picture(t_s, partial(read_picture, file, file.name), file.name)
 
     def _vector(self, group: tuple[str, ...], row: Row, words: list[str]) -> F64 | None:
-        """Give a pose (3,); None where the table has none, or the row leaves it empty."""
+        """Return a pose (3,); None where the table has none, or the row leaves it empty."""
         turned = [role for role in QUATERNIONS[group] if role in self.roles]
         roles = [*group[:2], *(turned or group[2:])]
         if not all(role in self.roles for role in roles):
@@ -147,7 +147,7 @@ class TableRecording:
         return number_of(self.table, row, word, f"{column.name}", 1e9) * factor(role, column)
 
     def _number(self, role: str, row: Row, words: list[str]) -> str:
-        """Give a word that is a number; where no comma separates, it may be a decimal one."""
+        """Return a word that is a number; where no comma separates, it may be a decimal one."""
         word = self._word(role, row, words)
         return word if self.head.separator == "," else word.replace(",", ".")
 
@@ -204,7 +204,7 @@ def open_table(path: Path, options: ReadingOptions) -> TableRecording:
 
 
 def looks_like_table(path: Path) -> bool:
-    """Tell a table by the names of its columns: a file's, or those of the one table in a folder."""
+    """Recognize a table by the names of its columns: a file's, or those of the one table in a folder."""
     table = _table_of(path)
     lines = [] if table is None else begin_lines(table)
     head = head_of(Row(number, line) for number, line in enumerate(lines, 1) if line.strip())
@@ -218,7 +218,7 @@ def looks_like_table(path: Path) -> bool:
 
 
 def _table_of(path: Path) -> Path | None:
-    """Give the table itself, or the only one of a folder; None where there is none or there are several."""
+    """Return the table itself, or the only one of a folder; None where there is none or there are several."""
     try:
         if path.is_dir():
             found = [one for one in path.iterdir() if one.suffix.lower() in TABLES]
@@ -236,7 +236,7 @@ def _is_file(file: Path) -> bool:
 
 
 def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
-    """Give what rows are paired with by number, where the table names no files."""
+    """Return what rows are paired with by number, where the table names no files."""
     if named:
         return None
     if path.is_dir():
@@ -261,7 +261,7 @@ class FolderRecording:
     info: SessionInfo
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give the pictures."""
+        """Yield the pictures."""
         notes.warning("found pictures without a table: one a second is taken; see --table")
         tables = [one.name for one in self.path.iterdir() if one.suffix.lower() in TABLES]
         if tables:
@@ -281,7 +281,7 @@ def open_folder(path: Path, options: ReadingOptions) -> TableRecording | FolderR
 
 
 def looks_like_pictures(path: Path) -> bool:
-    """Tell a folder by a picture in it."""
+    """Recognize a folder by a picture in it."""
     try:
         return path.is_dir() and any(one.suffix.lower() in PICTURES for one in path.iterdir())
     except OSError:

@@ -39,7 +39,7 @@ MODULES = (  # in the order in which they are asked whether a file looks like th
 
 
 def nothing_beside(path: Path) -> Sequence[Path]:
-    """Say that a recording is all in one place, as nearly all are."""
+    """Return no files: nearly all recordings are in one place."""
     return ()
 
 
@@ -58,14 +58,14 @@ class Format:
 
 @cache
 def formats() -> dict[str, Format]:
-    """Give all formats by name, in the order in which they are asked."""
+    """Return all formats by name, in the order in which they are asked."""
     package = __name__.rpartition(".")[0]
     found = [one for module in MODULES for one in import_module(module, package).FORMATS]
     return {one.name: one for one in found}
 
 
 def guess(path: Path) -> Format:
-    """Tell the format of a file or folder. InputError says what was found, and which formats there are."""
+    """Return the format of a file or folder. InputError says what was found, and which formats there are."""
     one = _guess(path)
     if one is None:
         found, names = describe(path, _known, BARE), ", ".join(formats())
@@ -114,7 +114,7 @@ def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:
 
 
 def chosen(path: Path, options: ReadingOptions) -> Format:
-    """Give the format that was named, or the guess. InputError for a name that is none."""
+    """Return the format that was named, or the guess. InputError for a name that is none."""
     if options.format is None:
         if not (options.table or options.columns):
             return guess(path)
@@ -135,7 +135,7 @@ def _expect_there(path: Path) -> None:
 
 
 def _known(path: Path) -> str | None:
-    """Give the name of the format that a path looks like; None for what is none, or cannot be opened."""
+    """Return the name of the format that a path looks like; None for what is none, or cannot be opened."""
     try:
         one = _guess(path)
     except InputError:
@@ -164,7 +164,7 @@ Known = Callable[[Path], str | None]  # the name of the format that a path looks
 
 
 def describe(path: Path, known: Known, bare: Sequence[str]) -> str:
-    """Say what a path is. Formats that are `bare` are not meant where a folder holds others."""
+    """Return what a path is. Formats that are `bare` are not meant where a folder holds others."""
     if not path.is_dir():
         return _describe_file(path)
     names = sorted((entry.name for entry in path.iterdir()), key=lambda name: (name.startswith("."), name))
@@ -189,7 +189,7 @@ def _describe_file(path: Path) -> str:
 
 
 def _below(path: Path, known: Known) -> dict[Path, str]:
-    """Give what looks like a recording in a folder, or in the folders there, and its format."""
+    """Return what looks like a recording in a folder, or in the folders there, and its format."""
     level = [path]
     for _ in range(DEPTH):
         inside = sorted(islice((one for folder in level for one in _entries(folder)), MOST_LOOKED_AT))
@@ -214,7 +214,7 @@ def _did_you_mean(found: Sequence[Path]) -> str:
 
 
 def table_hint(path: Path) -> str:
-    """Say how a table is read whose columns have names of its own; empty where there is none."""
+    """Return a hint at `--columns` for a table with column names of its own; "" without a table."""
     tables = sorted(path.glob("*.[ct]sv")) if path.is_dir() else [path]
     if not tables or tables[0].suffix.lower() not in (".csv", ".tsv"):
         return ""

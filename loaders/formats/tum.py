@@ -49,12 +49,12 @@ def open_trajectory(path: Path, options: ReadingOptions) -> TimedFolder:
 
 
 def looks_tum(path: Path) -> bool:
-    """Tell a TUM RGB-D folder by its rgb.txt or associated.txt."""
+    """Recognize a TUM RGB-D folder by its rgb.txt or associated.txt."""
     return _listed(path) is not None
 
 
 def looks_like_trajectory(path: Path) -> bool:
-    """Tell a trajectory by its first rows: eight numbers each, or more where columns are named."""
+    """Recognize a trajectory by its first rows: eight numbers each, or more where columns are named."""
     if not path.is_file():
         return False
     names = _names(path)
@@ -76,7 +76,7 @@ def _listed(path: Path) -> Path | None:
 
 
 def _color_column(listed: Path) -> int | None:
-    """Tell which column names the pictures in a list of pairs: that of the color folder, else the first."""
+    """Return which column names the pictures in a list of pairs: that of the color folder, else the first."""
     if listed.name == PICTURES:
         return None
     lines = [line for line in begin_lines(listed) if not line.startswith("#")]
@@ -86,13 +86,13 @@ def _color_column(listed: Path) -> int | None:
 
 
 def _names(path: Path) -> list[str]:
-    """Give the names of a file's columns, where its first line has them between commas."""
+    """Return the names of a file's columns, where its first line has them between commas."""
     first = next(iter(begin_lines(path)), "").lstrip("#%").strip()
     return words_of(first) if first and names_columns(first) and len(words_of(first)) > 7 else []
 
 
 def _is_poses(names: list[str]) -> bool:
-    """Tell whether columns are a time and one pose, not a table of pictures or odometry as well."""
+    """Return whether columns are a time and one pose, not a table of pictures or odometry as well."""
     others = [name for name in names if name.lower() in NAMES["image"] or name.lower().startswith("odom")]
     return not others and ("time" in names[0].lower() or names[0].lower() in NAMES["time"])
 

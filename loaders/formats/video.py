@@ -33,7 +33,7 @@ class Frames:
         self._at = -1  # the frame that the reader holds
 
     def times(self, notes: ReadingNotes) -> Iterator[tuple[int, float]]:
-        """Give number and time in seconds of every frame; a file that ends early is a problem."""
+        """Yield number and time in seconds of every frame; a file that ends early is a problem."""
         video = _opened(self.path)
         promised = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
         rate = video.get(cv2.CAP_PROP_FPS)
@@ -70,7 +70,7 @@ class VideoRecording:
         self.info = SessionInfo(path.stem)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give the frames in order."""
+        """Yield the frames in order."""
         if self.path.suffix.lower() in ROW_OF_JPEGS:
             notes.warning("found JPEG pictures one after the other, without times: 25 a second are taken")
         reading = Frames(self.path)
@@ -96,7 +96,7 @@ def open_video(path: Path, options: ReadingOptions) -> VideoRecording:
 
 
 def looks_like_video(path: Path) -> bool:
-    """Tell a video by the first bytes: MP4 and MOV, AVI, Matroska and WebM, MPEG."""
+    """Recognize a video by the first bytes: MP4 and MOV, AVI, Matroska and WebM, MPEG."""
     begin = begin_of(path, 16)
     riff = begin[:4] == b"RIFF" and begin[8:12] == b"AVI "
     if begin[:3] == b"\xff\xd8\xff":

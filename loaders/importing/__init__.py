@@ -1,1 +1,1 @@
-"""importing."""
+"""Files of other programs as our session and survey logs: `pictures` with a `pose_table`."""

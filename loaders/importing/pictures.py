@@ -36,14 +36,14 @@ class Split:
     guarded_runs: int  # left out of the library because of the guard
 
     def nearest_reference_m(self) -> F64:
-        """Give the distance (S,) of every session picture to the nearest library pose."""
+        """Return the distance (S,) of every session picture to the nearest library pose."""
         return nearest_m(xy_of(self.session), xy_of(self.library))
 
 
 def split_runs(
     runs: Sequence[Run], every: int, guard_m: float, session_pictures: int, library_pictures: int
 ) -> Split:
-    """Give every so many-th run to the session, beginning with the first, and the rest to the library.
+    """Return every so many-th run to the session, beginning with the first, and the rest to the library.
 
     A library run within `guard_m` of any session pose is dropped, wherever it looks: in one pass the
     neighboring frames are almost the same picture, and a filter that finds them proves nothing.
@@ -67,13 +67,13 @@ def spread(run: Run, most: int) -> list[PoseRow]:
 
 
 def nearest_m(from_xy: F64, to_xy: F64) -> F64:
-    """Give the distance (A,) of each point (A, 2) to the nearest of (B, 2); infinite when there is none."""
+    """Return the distance (A,) of each point (A, 2) to the nearest of (B, 2); infinite when there is none."""
     apart = [float(np.hypot(*(to_xy - point).T).min(initial=np.inf)) for point in from_xy]
     return np.array(apart)
 
 
 def xy_of(rows: Sequence[PoseRow]) -> F64:
-    """Give the positions (K, 2) of rows."""
+    """Return the positions (K, 2) of rows."""
     return np.array([row.pose[:2] for row in rows], np.float64).reshape(-1, 2)
 
 
@@ -228,7 +228,7 @@ class _Copier:
         self._out = out
 
     def __call__(self, row: PoseRow) -> str:
-        """Give the copy's path relative to the logs; its name is the row's number and tells no pose."""
+        """Return the copy's path relative to the logs; its name is the row's number and tells no pose."""
         source = next((p / row.image for p in self._places if (p / row.image).is_file()), None)
         if source is None:
             tried = self._places[0] / row.image

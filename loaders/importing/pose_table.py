@@ -29,8 +29,8 @@ class Columns:
     """Which columns of the table hold what."""
 
     image: str = "image"  # a path, relative to the folder of pictures or to the table
-    x: str = "x_m"  # metres
-    y: str = "y_m"  # metres
+    x: str = "x_m"  # meters
+    y: str = "y_m"  # meters
     heading: str = "heading_deg"  # counter-clockwise from +x; its unit by the name's ending ...
     heading_unit: str | None = None  # ... unless given here: "deg" or "rad"
 
@@ -72,7 +72,7 @@ def pose_runs(rows: list[PoseRow]) -> list[list[PoseRow]]:
 
 
 def heading_unit(file: Path, columns: Columns) -> str:
-    """Tell the heading's unit from the option or the column's name."""
+    """Return the heading's unit from the option or the column's name."""
     unit = columns.heading_unit or columns.heading.rsplit("_", 1)[-1]
     if unit not in UNITS:
         advice = "say whether it is in deg or rad"
@@ -105,7 +105,7 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
 
 
 def _expect_commas(file: Path, found: Sequence[str]) -> None:
-    """Say it when all names are one, since something else stands between them."""
+    """Report when all names are one column, which another separator explains."""
     for separator, name in OTHER_SEPARATORS.items():
         if len(found) == 1 and separator in found[0]:
             advice = "save the table with commas between columns"

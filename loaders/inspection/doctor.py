@@ -122,7 +122,7 @@ def _lacking(drive: RecordedDrive) -> str:
 
 
 def _about_reading(found: Gathered) -> list[Finding]:
-    """Say what a reader of this log would stumble over."""
+    """Return what a reader of this log would stumble over."""
     complaints, truth = [], found.drive.truth.poses
     if found.falls:
         complaints.append(Finding("times-fall", (Evidence("falling"),), details={"falls": found.falls}))
@@ -180,7 +180,7 @@ def mendable(complaint: Finding, format_name: str) -> Finding:
 
 
 def mended(options: ReadingOptions, complaints: Iterable[Finding]) -> ReadingOptions:
-    """Give options that read a recording as it should have been, by what was found reading it with others."""
+    """Return the options with what fixes the complaints, found in reading with these options."""
     for complaint in complaints:
         options = _with(options, complaint.options)
     return options

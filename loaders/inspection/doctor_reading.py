@@ -107,7 +107,7 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
-    """Give what the truth's times need to move when the odometry does; None where that cannot be told."""
+    """Return what the truth's times need to move when the odometry does; None where that cannot be told."""
     truth, odometry = drive.truth, drive.odometry
     if truth.size < 2 or odometry.size < 2 or (np.diff(odometry.t_s) < 0).any() or truth.part.any():
         return None
@@ -117,7 +117,7 @@ def movement_apart(drive: RecordedDrive) -> float | None:
 
 
 def raw_records(path: Path, options: ReadingOptions, notes: ReadingNotes) -> Iterator[Record]:
-    """Give a recording's records without checking that their numbers may be what they are."""
+    """Yield a recording's records without checking that their numbers may be what they are."""
     return opened(path, options).records(notes)
 
 
@@ -141,7 +141,7 @@ class _RawLog:
         self._per_s = PER_SECOND[options.time_unit or "s"]
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give what can be read at all, in the order of the lines."""
+        """Yield what can be read at all, in the order of the lines."""
         taken = CameraChoice(self._camera, notes)
         for line in read_lines(self.path):
             if line.number == 1 or not line.data.strip():
@@ -193,7 +193,7 @@ def _three(value: object) -> F64:
 
 
 def _gain(path: Path, info: SessionInfo) -> float:
-    """Give the gain of turns that the header's motion model corrects for."""
+    """Return the gain of turns that the header's motion model corrects for."""
     if not info.motion or info.motion.get("model", "maurice") != "maurice":
         return 1.0
     try:
@@ -247,7 +247,7 @@ def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
 
 
 def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:
-    """Give time and pixels of every first, second, ... picture; those that cannot be read are left out."""
+    """Yield time and pixels of every first, second, ... picture; those that cannot be read are left out."""
     records = raw_records(path, options, ReadingNotes(keep_going=True))
     pictures = (record for record in records if isinstance(record, Picture))
     for picture in islice(pictures, 0, None, stride):

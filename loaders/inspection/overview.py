@@ -217,7 +217,7 @@ def inspect_recording(session: RecordedSession) -> Inspection:
 
 
 def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -> float | None:
-    """Give the share of pictures that have a true pose, and say how pairing went."""
+    """Return the share of pictures that have a true pose, and say how pairing went."""
     if not pictures:
         return None
     kept = RecordedSession(session.recording, session.options)

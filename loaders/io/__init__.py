@@ -1,1 +1,6 @@
-"""io."""
+"""Files and values.
+
+* `files`: atomic writes, the cache, pictures in folders; `pictures`: encoding and decoding
+* `fields`: checks of values from JSON and tables; `toml`: values as TOML
+* `notes`: problems and warnings of one reading
+"""

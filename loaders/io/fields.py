@@ -11,12 +11,12 @@ from ..errors import FieldError, InputError
 
 # Checks of values that came out of JSON: each gives the value with its type known, or says what is wrong.
 
-MOST = 1e9  # metres, radians, pixels: more is a slip, and squares of it still fit into float32
+MOST = 1e9  # meters, radians, pixels: more is a slip, and squares of it still fit into float32
 MOST_T_S = 4e9  # Unix time until 2096; the time between any two is still one that the viewer can count
 
 
 def read_json(data: bytes | str) -> Any:
-    """Give the value of a JSON text. ValueError for what is none, also where it is nested too deeply."""
+    """Return the value of a JSON text. ValueError for what is none, also where it is nested too deeply."""
     try:
         return json.loads(data)
     except RecursionError:
@@ -32,7 +32,7 @@ def show(value: Any) -> str:
 
 
 def number(value: Any, what: str, most: float = MOST) -> float:
-    """Give a finite number at most so far from zero; true and false are none."""
+    """Return a finite number at most so far from zero; true and false are none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
         raise FieldError(f"found {what} {show(value)}, expected a finite number")
     if abs(value) > most:
@@ -48,19 +48,19 @@ def whole(value: Any, what: str) -> int:
 
 
 def up_to(most: float = MOST) -> str:
-    """Say how large a number may be."""
+    """Return how large a number may be."""
     return f"a number up to {most:g} in size".replace("e+0", "e")
 
 
 def numbers(value: Any, count: int, what: str) -> list[float]:
-    """Give a list of exactly so many numbers, each of them as `number` takes it."""
+    """Return a list of exactly so many numbers, each of them as `number` takes it."""
     if not isinstance(value, list) or len(value) != count:
         raise FieldError(f"found {what} {show(value)}, expected a list of {count} numbers")
     return [number(v, what) for v in value]
 
 
 def text(value: Any, what: str) -> str:
-    """Give a text that is not empty."""
+    """Return a text that is not empty."""
     if not isinstance(value, str) or not value:
         raise FieldError(f"found {what} {show(value)}, expected a text")
     if any("\ud800" <= character <= "\udfff" for character in value):
@@ -69,21 +69,21 @@ def text(value: Any, what: str) -> str:
 
 
 def flag(value: Any, what: str) -> bool:
-    """Give true or false."""
+    """Return true or false."""
     if not isinstance(value, bool):
         raise FieldError(f"found {what} {show(value)}, expected true or false")
     return value
 
 
 def items(value: Any, what: str) -> list[Any]:
-    """Give a list of anything."""
+    """Return a list of anything."""
     if not isinstance(value, list):
         raise FieldError(f"found {what} {show(value)}, expected a list")
     return value
 
 
 def mapping(value: Any, what: str) -> dict[str, Any]:
-    """Give an object."""
+    """Return an object."""
     if not isinstance(value, dict):
         raise FieldError(f"found {what} {show(value)}, expected an object")
     return value

@@ -44,7 +44,7 @@ PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")  # endings, in lower case
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """Give the pictures of a folder in natural order."""
+    """Return the pictures of a folder in natural order."""
     return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
 
 
@@ -78,14 +78,14 @@ def expect_absent(file: Path, *, force: bool) -> None:
 
 
 def cache_root() -> Path:
-    """Give the folder for what can be made again: MAURICE_CACHE, or the user's cache."""
+    """Return the folder for what can be made again: MAURICE_CACHE, or the user's cache."""
     named = os.environ.get("MAURICE_CACHE")
     return Path(named) if named else Path(platformdirs.user_cache_dir("maurice-replay"))
 
 
 @contextmanager
 def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
-    """Give a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
+    """Return a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
 
     InputError when `target` exists already or has no name. With `force` an old folder is replaced, but only
     one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.

@@ -45,7 +45,7 @@ def read_every(text: str) -> Spacing:
 
 
 def sharpness(image: U8) -> F64:
-    """Give the logarithm (2,) of the share of a picture's detail (H, W, 3) that blurring it takes away.
+    """Return the logarithm (2,) of the share of a picture's detail (H, W, 3) that blurring it takes away.
 
     After Crete et al. (2007): what is blurred already loses little by being blurred again, whatever it shows.
     Down and across count apart, as motion blurs one of them; noise is smoothed away first.
@@ -56,7 +56,7 @@ def sharpness(image: U8) -> F64:
 
 
 def _lost(gray: NDArray[Any], axis: int) -> float:
-    """Give the share of the changes along an axis that go when the picture is blurred along it."""
+    """Return the share of the changes along an axis that go when the picture is blurred along it."""
     size = (BLUR_PX, 1) if axis else (1, BLUR_PX)
     before, after = (np.abs(np.diff(one, axis=axis)) for one in (gray, cv2.blur(gray, size)))
     return float(np.maximum(before - after, 0).sum() / max(float(before.sum()), 1e-6))
@@ -72,13 +72,13 @@ def blurred(sharpnesses: F64) -> Bool:
 
 
 def _deviations(values: F64) -> F64:
-    """Give how many robust standard deviations values (n,) are above their median, by median deviation."""
+    """Return how many robust standard deviations values (n,) are above their median, by median deviation."""
     above = values - np.median(values)
     return np.asarray(above / max(1.4826 * float(np.median(np.abs(above))), LEAST_SD))
 
 
 def choose(poses: F64, sharpnesses: F64, every: Spacing) -> NDArray[np.intp]:
-    """Choose among poses (n, 3), the sharpest first, none near a chosen one; gives numbers (k,), rising."""
+    """Choose among poses (n, 3), the sharpest first, none near a chosen one; return numbers (k,), rising."""
     cells: dict[tuple[int, int], list[int]] = {}
     chosen: list[int] = []
     for number in np.argsort(-sharpnesses, kind="stable"):
@@ -103,7 +103,7 @@ def _around(cell: tuple[int, int]) -> Iterator[tuple[int, int]]:
 
 
 def _same(a: F64, b: F64, every: Spacing) -> bool:
-    """Tell whether two poses are nearer than asked, in place and in heading."""
+    """Return whether two poses are nearer than asked, in place and in heading."""
     turned = abs((float(a[2] - b[2]) + np.pi) % (2 * np.pi) - np.pi)
     apart = float(np.hypot(a[0] - b[0], a[1] - b[1]))
     return apart < every.distance_m * (1 - 1e-9) and turned < every.angle_rad * (1 - 1e-9)

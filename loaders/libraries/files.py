@@ -33,7 +33,7 @@ def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
     """Raise InputError when poses (L, 2 or 3) and map are together over 10 km wide or deep."""
     xy = poses[:, :2]
     span_m = _span(xy)
-    expected = f"expected at most {MOST_SPAN_M:g} m; are they in metres?"
+    expected = f"expected at most {MOST_SPAN_M:g} m; are they in meters?"
     if span_m > MOST_SPAN_M:
         off = np.abs(xy - np.median(xy, axis=0)).max(axis=1).argmax()
         at = ", ".join(f"{v:.15g}" for v in xy[off])
@@ -45,12 +45,12 @@ def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
 
 
 def _span(points: F64) -> float:
-    """Give the larger of width and depth of points (K, 2)."""
+    """Return the larger of width and depth of points (K, 2)."""
     return float(np.ptp(points, axis=0).max())
 
 
 def _corners(arena: Arena) -> F64:
-    """Give all points (K, 2) that a map names."""
+    """Return all points (K, 2) that a map names."""
     regions = (*arena.obstacles, *arena.floors, *arena.rooms)
     borders = np.array(arena.bounds).reshape(2, 2)
     return np.concatenate([borders, arena.walls.reshape(-1, 2), *(region.polygon for region in regions)])
@@ -134,12 +134,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def manifest_warnings(folder: Path) -> tuple[str, ...]:
-    """Give what was worth saying when the library in this folder was built."""
+    """Return what was worth saying when the library in this folder was built."""
     return tuple(text(w, "warnings") for w in items(read_manifest(folder).get("warnings", []), "warnings"))
 
 
 def parameter_hash(channel: str) -> str:
-    """Give 12 characters that change with a channel's parameters."""
+    """Return 12 characters that change with a channel's parameters."""
     return hashlib.sha256(_canonical(CHANNELS[channel].parameters())).hexdigest()[:12]
 
 
@@ -186,7 +186,7 @@ def _manifest(
 
 
 def hash_file(file: Path) -> str:
-    """Give a file's SHA-256 in hexadecimal."""
+    """Return a file's SHA-256 in hexadecimal."""
     with file.open("rb") as data:
         return hashlib.file_digest(data, "sha256").hexdigest()
 

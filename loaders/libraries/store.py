@@ -122,7 +122,7 @@ class _Rows:
 
 
 def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:
-    """Give the named channels, or all; ValueError for a name that is none."""
+    """Return the named channels, or all; ValueError for a name that is none."""
     unknown = [name for name in names or () if name not in CHANNELS]
     if unknown:
         raise ValueError(f"found channel {unknown[0]!r}, expected one of {', '.join(CHANNELS)}")

@@ -55,11 +55,11 @@ class Survey(Protocol):
         ...
 
     def count_pictures(self) -> int:
-        """Say how many pictures there are to measure."""
+        """Return how many pictures there are to measure."""
         ...
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Give them, one at a time."""
+        """Yield them, one at a time."""
         ...
 
 
@@ -106,7 +106,7 @@ def _with_poses(drive: SessionLog | RecordedSession) -> Iterator[SurveyPicture]:
 
 
 def _file_of(drive: SessionLog | RecordedSession, moment: Moment) -> Path | None:
-    """Give the file that a picture was read from; None where it is inside something else."""
+    """Return the file that a picture was read from; None where it is inside something else."""
     name = moment.frame.picture
     for folder in (drive.path.parent, drive.path, Path()):
         if name and len(name) < 1000 and (folder / name).is_file():
@@ -154,11 +154,11 @@ class SelectedSurvey:
         return (f"{self.path}: {self.chosen}", *self._source.warnings)
 
     def count_pictures(self) -> int:
-        """Say how many pictures were chosen, covered ones counted."""
+        """Return how many pictures were chosen, covered ones counted."""
         return int(self._taken.sum())
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Give the chosen pictures, and those with the lens covered, in order."""
+        """Yield the chosen pictures, and those with the lens covered, in order."""
         for number, (picture, taken) in enumerate(zip(self._pictures(), self._taken, strict=False)):
             if taken:
                 yield self._kept(picture, number)

@@ -37,7 +37,7 @@ class Bookmarks:
 
 
 def bookmarks_file(folder: Path) -> Path:
-    """Give the file of a saved run's bookmarks; it need not be there."""
+    """Return the file of a saved run's bookmarks; it need not be there."""
     return folder / BOOKMARKS
 
 

@@ -62,7 +62,7 @@ class RunManifest:
 
 
 def library_hash(library: Library, channels: Sequence[str]) -> str:
-    """Give a SHA-256 of poses, walls and measurements: two libraries of one hash give the same run."""
+    """Return a SHA-256 of poses, walls and measurements: two libraries of one hash give the same run."""
     digest = sha256(repr(library.arena.bounds).encode())
     arrays: list[NDArray[Any]] = [
         library.poses,
@@ -92,7 +92,7 @@ def write_manifest(folder: Path, manifest: RunManifest) -> None:
 
 
 def ended(manifest: RunManifest, state: str, steps: int) -> RunManifest:
-    """Say how a run ended and how far it got."""
+    """Return the manifest of a run that ended, with how and how far."""
     return replace(manifest, state=state, steps=steps)
 
 

@@ -27,7 +27,7 @@ _SPREAD = ("sd_x_m", "sd_y_m", "heading_sd_rad", "mass", "confidence", "converge
 
 
 def steps_schema(channels: Sequence[str]) -> dict[str, Any]:
-    """Give names and types of the columns of `steps`, for a run with these channels."""
+    """Return names and types of the columns of `steps`, for a run with these channels."""
     floats = [f"{kind}_{name}" for kind in ("estimate", "mean") for name in (*_POSE, *_SPREAD)]
     floats += ["effective_sample_size", "log_evidence", "calibrated_evidence"]
     floats += [f"evidence_{name}" for name in channels] + [f"truth_{name}" for name in _POSE]
@@ -72,7 +72,7 @@ def _step_row(moment: Moment, record: StepRecord) -> dict[str, Any]:
 
 
 def picture_hash(image: U8) -> str:
-    """Give the SHA-256 of a decoded picture (H, W, 3), its shape included."""
+    """Return the SHA-256 of a decoded picture (H, W, 3), its shape included."""
     digest = hashlib.sha256(str(image.shape).encode())
     digest.update(np.ascontiguousarray(image).data)
     return digest.hexdigest()
@@ -109,7 +109,7 @@ def _renewed_rows(record: StepRecord) -> pl.DataFrame:
 
 
 def moment_of(rows: StepRows, image: U8) -> Moment:
-    """Give the moment back, with a picture from elsewhere."""
+    """Return the moment back, with a picture from elsewhere."""
     row = rows.step
     motions = np.array(row["motions"], np.float64).reshape(-1, 3)
     frame = Frame(row["step"], row["time_s"], motions, image, row["picture"])
@@ -119,12 +119,12 @@ def moment_of(rows: StepRows, image: U8) -> Moment:
 
 
 def weighted_of(rows: StepRows, origin: F64) -> Belief:
-    """Give the weighted cloud back."""
+    """Return the weighted cloud back."""
     return _belief_of(rows.particles, origin)
 
 
 def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64) -> StepRecord:
-    """Give the record back, with a sighting from elsewhere: of that, a run keeps only the best few."""
+    """Return the record back, with a sighting from elsewhere: of that, a run keeps only the best few."""
     row, weighted = rows.step, weighted_of(rows, origin)
     carried = rows.particles["carried_log_weight"].to_numpy()
     renewed, evidences = rows.renewed, [v for name, v in row.items() if name.startswith("evidence_")]

@@ -26,7 +26,7 @@ class Source:
     sha256: str  # see `source_hash`
 
     def find(self, folder: Path) -> Path | None:
-        """Give where it is now; None when it is in neither place."""
+        """Return where it is now; None when it is in neither place."""
         places = (Path(self.path), folder / self.beside)
         return next((place for place in places if place.exists()), None)
 
@@ -42,7 +42,7 @@ def source_of(path: Path, folder: Path, others: Sequence[Path] = ()) -> Source:
 
 
 def source_hash(path: Path, others: Sequence[Path] = ()) -> str:
-    """Give the SHA-256 of a file, of a library folder's manifest, or of what a recording's folder holds.
+    """Return the SHA-256 of a file, of a library folder's manifest, or of what a recording's folder holds.
 
     Of a folder: names and content of all that a recording can be read from, of pictures names and sizes;
     each step of a run has its picture's own hash. A run that is saved in that very folder changes nothing.

@@ -61,7 +61,7 @@ class SavedRun:
 
 
 def is_saved(path: Path) -> bool:
-    """Tell whether a path looks like a saved run, a broken one as well."""
+    """Return whether a path looks like a saved run, a broken one as well."""
     return (path / MANIFEST).is_file()
 
 
@@ -173,7 +173,7 @@ class RunDifference:
 
 
 def first_difference(stored: StepRows, now: StepRows) -> RunDifference | None:
-    """Give the first field that differs, clouds first, as everything else follows from them; None when none.
+    """Return the first field that differs, clouds first, since the rest follows from them; None if equal.
 
     What a step took is no part of what must repeat.
     """
@@ -209,7 +209,7 @@ def _of_cloud(step: int, table: str, stored: pl.DataFrame, now: pl.DataFrame) ->
 
 
 def same(a: Any, b: Any) -> bool:
-    """Tell whether two values are the same to the last bit: 0.0 and -0.0 are not."""
+    """Return whether two values are the same to the last bit: 0.0 and -0.0 are not."""
     if isinstance(a, list) and isinstance(b, list):
         return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, float) and isinstance(b, float):

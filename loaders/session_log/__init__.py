@@ -1,1 +1,5 @@
-"""session_log."""
+"""The session log, our own format (docs/session-log.md).
+
+* `header`: the first line; `records`: the other lines; `truth`: true poses at the pictures' times
+* `reader`: sessions and surveys; `writer`: written line by line
+"""

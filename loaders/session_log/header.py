@@ -19,7 +19,7 @@ from ..io.fields import items, mapping, number, numbers, show, text
 
 
 def arena_to_json(arena: Arena) -> dict[str, Any]:
-    """Give the header's `map` object: `bounds_m`, `walls_m`, `obstacles`, `floors`, `rooms`."""
+    """Return the header's `map` object: `bounds_m`, `walls_m`, `obstacles`, `floors`, `rooms`."""
     return {
         "bounds_m": [float(v) for v in arena.bounds],
         "walls_m": arena.walls.tolist(),
@@ -71,7 +71,7 @@ UNITS = ("m", "in")
 
 
 def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any]:
-    """Give the header object of a log in `folder`; what is unknown is left out.
+    """Return the header object of a log in `folder`; what is unknown is left out.
 
     An absolute `info.survey` is written relative to the folder; a relative one is taken to be so already.
     """

@@ -140,7 +140,7 @@ class SessionLog(HasReadingNotes):
 
 
 class CameraChoice:
-    """Says whose pictures are read: the named camera's, or that of the first one seen."""
+    """Decides whose pictures are read: the named camera's, or that of the first one seen."""
 
     def __init__(self, name: str | None, notes: ReadingNotes) -> None:
         self._name = name
@@ -158,7 +158,7 @@ class CameraChoice:
 
 
 def picture_bytes(record: PictureRecord, log: Path) -> bytes:
-    """Give a picture's encoded bytes, from its file or its line. PictureError when they are not there."""
+    """Return a picture's encoded bytes, from its file or its line. PictureError when they are not there."""
     if record.base64 is not None:
         try:
             return base64.b64decode(record.base64, validate=True)

@@ -56,7 +56,7 @@ def read_lines(path: Path) -> Iterator[LogLine]:
 
 
 def parse_object(line: LogLine) -> dict[str, Any]:
-    """Give the JSON object of a line. Raises FieldError for anything else, NaN and Infinity included."""
+    """Return the JSON object of a line. Raises FieldError for anything else, NaN and Infinity included."""
     if line.too_long:
         raise FieldError(f"found a line of more than {MAX_LINE_BYTES // 2**20} MiB, expected shorter ones")
     try:

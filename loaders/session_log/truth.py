@@ -18,7 +18,7 @@ Answered = tuple[Record, F64 | None]
 
 
 def with_truth(records: Iterable[Record]) -> Iterator[Answered]:
-    """Give every record in order, and beside each picture the truth at its time, (3,) or None.
+    """Yield every record in order, and beside each picture the truth at its time, (3,) or None.
 
     A truth record at the same time counts as it stands; otherwise the pose is interpolated between two
     truth records at most 1 s apart, the heading the short way round, and never across a kidnapping.
@@ -43,7 +43,7 @@ def with_truth(records: Iterable[Record]) -> Iterator[Answered]:
 
 
 def truth_between(before: TruthRecord | None, after: TruthRecord, t_s: float) -> F64 | None:
-    """Give the pose (3,) at a time between two truth records, or None when they are over 1 s apart."""
+    """Return the pose (3,) at a time between two truth records, or None when they are over 1 s apart."""
     if after.t_s == t_s:
         return after.pose
     if before is None or after.t_s - before.t_s > MAX_GAP_S + 1e-9:  # decimal seconds are not exact
@@ -56,7 +56,7 @@ def truth_between(before: TruthRecord | None, after: TruthRecord, t_s: float) ->
 
 
 def is_kidnapping(record: Record) -> bool:
-    """Say whether a record tells that the robot was carried away."""
+    """Return whether a record tells that the robot was carried away."""
     return isinstance(record, EventRecord) and record.text.startswith("kidnapped")
 
 
@@ -71,7 +71,7 @@ def _answer(
 
 
 def _in_vain(waiting: deque[Record], before: TruthRecord | None, record: Record) -> bool:
-    """Say whether no truth from this record on can tell anything about the pictures that wait."""
+    """Return whether no truth from this record on can tell anything about the pictures that wait."""
     first_s = waiting[0].t_s
     until_s = first_s if before is None else max(first_s, before.t_s + MAX_GAP_S + 1e-9)
     return record.t_s > until_s or len(waiting) >= MAX_WAITING

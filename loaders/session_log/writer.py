@@ -69,7 +69,7 @@ class SessionWriter:
         camera: str | None = None,
         name: str | None = None,
     ) -> str:
-        """Save an RGB picture (H, W, 3) as JPEG (quality 95, 4:4:4), then its line; gives the relative path.
+        """Save an RGB picture (H, W, 3) as JPEG (quality 95, 4:4:4), then its line; return the relative path.
 
         `name` is the file's name without folder and ending; by default the log's name and a number.
         """
@@ -160,7 +160,7 @@ def _create(file: Path, found: str, force: bool) -> BinaryIO:
 
 @contextmanager
 def _clear_errors(file: Path) -> Iterator[None]:
-    """Say in one line what the system refuses: a full disk, a place without permission."""
+    """Return in one line what the system refuses: a full disk, a place without permission."""
     try:
         yield
     except OSError as problem:

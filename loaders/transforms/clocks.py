@@ -34,12 +34,12 @@ class TimeSpan:
         self.count += 1
 
     def overlaps(self, other: TimeSpan, slack_s: float = 0.0) -> bool:
-        """Tell whether two spans have a time in common, or nearly so."""
+        """Return whether two spans have a time in common, or nearly so."""
         return self.first_s <= other.last_s + slack_s and other.first_s <= self.last_s + slack_s
 
 
 def detect_unit(stamps: Sequence[str]) -> str:
-    """Tell the unit of a column of time stamps: "s", "ms", "us" or "ns".
+    """Return the unit of a column of time stamps: "s", "ms", "us" or "ns".
 
     By size where they count from 1970, else by the median step, which is taken to be at most 5 s. A decimal
     point means seconds unless the size speaks against it.
@@ -59,13 +59,13 @@ def detect_unit(stamps: Sequence[str]) -> str:
 
 
 def unit_in(name: str) -> str | None:
-    """Give the unit that the name of a column holds, as in "timestamp [ns]"."""
+    """Return the unit that the name of a column holds, as in "timestamp [ns]"."""
     unit = name.partition("[")[2].rstrip("] ")
     return unit if unit in PER_SECOND else None
 
 
 def seconds(stamp: str, unit: str) -> float:
-    """Give a stamp in seconds; whole numbers of nanoseconds keep all the digits that a float can hold."""
+    """Return a stamp in seconds; whole numbers of nanoseconds keep all the digits that a float can hold."""
     per_s = PER_SECOND[unit]
     try:
         return int(stamp) / per_s
@@ -74,7 +74,7 @@ def seconds(stamp: str, unit: str) -> float:
 
 
 def clock_s(text: str) -> float:
-    """Give Unix seconds of a date and time of day, UTC unless it says otherwise. ValueError for others."""
+    """Return Unix seconds of a date and time of day, UTC unless it says otherwise. ValueError for others."""
     if ":" not in text:
         raise ValueError(f"found {text!r:.60}, expected a date and a time of day")
     whole, dot, rest = text.strip().partition(".")
@@ -85,7 +85,7 @@ def clock_s(text: str) -> float:
 
 
 def apart(name: str, span: TimeSpan, other_name: str, other: TimeSpan) -> str:
-    """Say where two clocks stand, and what would bring the second's beginning to the first's."""
+    """Return where two clocks stand, and what would bring the second's beginning to the first's."""
     spans = f"{name} go from {span.first_s:.3f} to {span.last_s:.3f} s"
     others = f"{other_name} from {other.first_s:.3f} to {other.last_s:.3f} s"
     return f"{spans}, {others}; their beginnings are {span.first_s - other.first_s:.3f} s apart"
@@ -134,7 +134,7 @@ def offset_between(t_s: F64, poses: F64, other_t_s: F64, other: F64) -> ClockOff
 
 
 def _moves(poses: F64) -> bool:
-    """Tell whether there is enough movement to go by."""
+    """Return whether there is enough movement to go by."""
     if len(poses) < 2:
         return False
     span = np.ptp(poses[:, :2], axis=0).max()
@@ -142,7 +142,7 @@ def _moves(poses: F64) -> bool:
 
 
 def _rates(t_s: F64, poses: F64) -> F64:
-    """Give speed, less its mean, and turn rate (k, 2) at even times from the first one on."""
+    """Return speed, less its mean, and turn rate (k, 2) at even times from the first one on."""
     if not PERIOD_S < t_s[-1] - t_s[0] < LONGEST_S:
         return np.zeros((0, 2))
     at = np.arange(t_s[0], t_s[-1], PERIOD_S)
@@ -156,7 +156,7 @@ def _rates(t_s: F64, poses: F64) -> F64:
 
 
 def _correlations(ours: F64, theirs: F64) -> F64:
-    """Give how alike two courses (k, 2), (m, 2) are for every shift of the second; 0 where few meet."""
+    """Return how alike two courses (k, 2), (m, 2) are for every shift of the second; 0 where few meet."""
     from scipy.signal import correlate  # slow to import, and every command would wait for it
 
     both = sum(correlate(ours[:, c], theirs[:, c]) for c in (0, 1))

@@ -55,7 +55,7 @@ class Corrected(RecordingWrapper):
         return replace(info, cameras=cameras, start=start)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give the records put right, in time order.
+        """Yield the records put right, in time order.
 
         The recording is read once for every clock, so that no more is held than without offsets.
         """
@@ -106,7 +106,7 @@ def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
 
 
 def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record], ...]]]:
-    """Give the kinds of records that are moved in time alike; what comes with pictures is last.
+    """Return the kinds of records that are moved in time alike; what comes with pictures is last.
 
     So at the same time poses come before pictures, as in every format.
     """
@@ -139,13 +139,13 @@ class _Wheels:
         self._heading_rad = 0.0  # by the steps so far
 
     def motion(self, values: F64) -> F64:
-        """Give the robot's motion (3,) of what was written in its place (3,)."""
+        """Return the robot's motion (3,) of what was written in its place (3,)."""
         forward, left, turn = (float(v) for v in self._as_motion(values * self._units))
         forward, left = _turned(forward, left, -self._ahead_rad)
         return np.array([forward, left, turn * self._gain])
 
     def pose(self, values: F64) -> F64:
-        """Give the odometry's pose (3,) of what was written (3,)."""
+        """Return the odometry's pose (3,) of what was written (3,)."""
         if self._are == "steps":
             found = "found odometry that is poses, and --odometry-are steps is for motions"
             raise InputError(self._path, f"{found}; leave it out")
@@ -172,7 +172,7 @@ class _Wheels:
         return values
 
     def _between(self, before: F64, after: F64) -> F64:
-        """Give the motion (3,) between poses (3,), the turn as it was counted where headings go on and on."""
+        """Return the motion (3,) between poses (3,); headings beyond half a turn give the turn as counted."""
         motion, turn = motion_between(before, after), float(after[2] - before[2])
         self._counted_on |= max(abs(float(before[2])), abs(float(after[2]))) > math.pi
         counted = self._counted_on and abs(turn) < 1.5 * math.pi  # not so where they begin anew at a turn

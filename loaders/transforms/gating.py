@@ -22,7 +22,7 @@ class Gate:
     min_angle_rad: float = 0.0  # turned since the last picture that was used
 
     def open_after(self, way: F64) -> bool:
-        """Tell whether a way (3,) makes an update: far enough, or turned enough, of what is asked.
+        """Return whether a way (3,) makes an update: far enough, or turned enough, of what is asked.
 
         `way` is all that moved since, as `recording.together` joins it.
         """
@@ -41,7 +41,7 @@ class FewerPictures(RecordingWrapper):
     stride: int
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give the recording's records but the pictures between."""
+        """Yield the recording's records but the pictures between."""
         pictures = 0
         for record in self.measured.records(notes):
             if isinstance(record, Picture):

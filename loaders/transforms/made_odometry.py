@@ -37,19 +37,19 @@ class OdometryNoise:
 
     way_share: float = 0.05  # sd of a straight's length, as a share of it
     turn_share: float = 0.05  # sd of a turn, as a share of it
-    drift_rad_per_m: float = 0.05  # sd of the heading gained on a straight, radians a metre
+    drift_rad_per_m: float = 0.05  # sd of the heading gained on a straight, radians a meter
 
     def describe(self, seed: int) -> str:
-        """Say it in a sentence, for the header's notes."""
+        """Return the noise in a sentence, for the header's notes."""
         return (
             f"odometry is synthetic: made from the steps between labelled poses, with noise of "
             f"{self.way_share:g} of a way, {self.turn_share:g} of a turn and "
-            f"{self.drift_rad_per_m:g} rad a metre of way (standard deviations), seed {seed}"
+            f"{self.drift_rad_per_m:g} rad a meter of way (standard deviations), seed {seed}"
         )
 
 
 def synthetic_motions(before: F64, after: F64, noise: OdometryNoise, seed: int, step: int) -> list[F64]:
-    """Give the movements (3,) that a robot would have measured from one pose (3,) to the next.
+    """Return the movements (3,) that a robot would have measured from one pose (3,) to the next.
 
     First the straight, in the frame of `before`, then the turn on the spot; what is zero is left out.
     The noise is drawn at the address of this step.
@@ -92,13 +92,13 @@ class MadeOdometry(RecordingWrapper):
         noise = self.noise
         return (
             f"ODOMETRY IS NOT MEASURED but made from the truth, with noise of {noise.way_share:g} of a way, "
-            f"{noise.turn_share:g} of a turn and {noise.drift_rad_per_m:g} rad a metre of way "
+            f"{noise.turn_share:g} of a turn and {noise.drift_rad_per_m:g} rad a meter of way "
             f"(standard deviations, drawn once a movement of {MOVEMENT_M:g} m or "
             f"{math.degrees(MOVEMENT_RAD):g} degrees), seed {self.seed}"
         )
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give the recording's records; odometry comes before the true pose of the same time."""
+        """Yield the recording's records; odometry comes before the true pose of the same time."""
         notes.warning(self.said)
         wheels = _Wheels(self.noise, self.seed)
         for record in checked(self.measured, notes):
@@ -135,7 +135,7 @@ class _Wheels:
         self._errors = self._drawn()
 
     def go_to(self, truth: F64) -> F64:
-        """Give the odometry's pose (3,) when the robot has come to a true pose (3,)."""
+        """Return the odometry's pose (3,) when the robot has come to a true pose (3,)."""
         if self._at is not None:
             self._pose = moved(self._pose, self._measured(motion_between(self._at, truth)))
         self._at = truth

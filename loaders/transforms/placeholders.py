@@ -33,7 +33,7 @@ class Placeholders(RecordingWrapper):
     """A recording without pictures that has a gray one at its beginning and whenever the robot has moved."""
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Give the recording's records, and gray pictures by whichever tells of movement first."""
+        """Yield the recording's records, and gray pictures by whichever tells of movement first."""
         moved = _Moved()
         for record in self.measured.records(notes):
             yield record
@@ -42,7 +42,7 @@ class Placeholders(RecordingWrapper):
 
 
 class _Moved:
-    """Tells when the robot has moved enough, by one kind of record: odometry or truth."""
+    """Detects when the robot has moved enough, by one kind of record: odometry or truth."""
 
     def __init__(self) -> None:
         self._kind: type[Record] | None = None

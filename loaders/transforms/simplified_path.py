@@ -29,7 +29,7 @@ class SimplifiedPath:
         self._last = pose
 
     def poses(self) -> F64:
-        """Give what is kept, and the last pose: (N, 3)."""
+        """Return what is kept, and the last pose: (N, 3)."""
         kept = self._kept
         if self._last is not None and kept[-1] is not self._last:
             kept = [*kept, self._last]

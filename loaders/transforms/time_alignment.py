@@ -48,7 +48,7 @@ class Aligned:
     truth: _Known
 
     def odometry_at(self, max_dt_s: float) -> F64 | None:
-        """Give the odometry's pose (3,): between the poses before and after, or the only one so near."""
+        """Return the odometry's pose (3,): between the poses before and after, or the only one so near."""
         t_s, near = self.picture.t_s, max_dt_s + ROUNDING_S
         before, after = self.odometry.before, self.odometry.after
         before = before if before is not None and t_s - before.t_s <= near else None
@@ -59,7 +59,7 @@ class Aligned:
         return None if one is None else one.pose
 
     def truth_at(self) -> F64 | None:
-        """Give the true pose (3,): exact, or between two at most a second apart."""
+        """Return the true pose (3,): exact, or between two at most a second apart."""
         t_s, before, after = self.picture.t_s, self.truth.before, self.truth.after
         for known in (before, after):
             if known is not None and known.t_s == t_s:
@@ -82,7 +82,7 @@ class Aligner:
         self._events: list[str] = []
 
     def __call__(self, records: Iterable[Record]) -> Iterator[Aligned]:
-        """Give every picture in order, as soon as all is known about it."""
+        """Yield every picture in order, as soon as all is known about it."""
         for record in records:
             yield from self._outdated(record.t_s)
             if isinstance(record, Picture):
@@ -92,7 +92,7 @@ class Aligner:
         yield from self._waiting
 
     def _outdated(self, now_s: float) -> Iterator[Aligned]:
-        """Give the pictures that nothing from this time on can tell more about."""
+        """Yield the pictures that nothing from this time on can tell more about."""
         while self._waiting and self._ready(self._waiting[0], now_s):
             yield self._waiting.popleft()
 
@@ -152,7 +152,7 @@ class Steps:
         self._pending_way: F64 = np.zeros(3)
 
     def add(self, motions: list[F64], pose: F64 | None, first: F64 | None) -> list[F64]:
-        """Take in what came up to a picture; gives all motions (3,) since the last picture used.
+        """Take in what came up to a picture; return all motions (3,) since the last picture used.
 
         The way from the `first` odometry pose to the first picture counts as well.
         """
