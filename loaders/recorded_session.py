@@ -10,23 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import compose
+from maurice_mcl.geometry import compose, motion_between, wrap_angle
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from .errors import InputError, PictureError
 from .io.notes import HasReadingNotes, ReadingNotes
 from .reading import ReadingOptions
-from .recording import (
-    Motion,
-    OdometryPose,
-    Picture,
-    Record,
-    Recording,
-    TruthPose,
-    checked,
-    motion_between,
-    short_way,
-)
+from .recording import Motion, OdometryPose, Picture, Record, Recording, TruthPose, checked
 from .session_log.header import Kind
 from .session_log.reader import SessionLog, SurveyPicture
 from .session_log.records import read_records
@@ -254,4 +244,4 @@ def before(pose: F64, motion: F64) -> F64:
     cos, sin = np.cos(heading), np.sin(heading)
     x = pose[0] - (motion[0] * cos - motion[1] * sin)
     y = pose[1] - (motion[0] * sin + motion[1] * cos)
-    return np.array([x, y, short_way(heading)])
+    return np.array([x, y, wrap_angle(heading)])

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import compose
+from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
 
 from .errors import InputError
@@ -103,42 +103,13 @@ def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:
         yield record
 
 
-def motion_between(before: F64, after: F64) -> F64:
-    """Return the motion (3,) that leads from one pose (3,) to another, in the frame of the first.
-
-    The turn is the short way round.
-    """
-    dx, dy, turn = (float(v) for v in after - before)
-    cos, sin = math.cos(before[2]), math.sin(before[2])
-    return np.array([dx * cos + dy * sin, dy * cos - dx * sin, short_way(turn)])
-
-
-def moved(pose: F64, motion: F64) -> F64:
-    """Move a pose (3,) by a motion (3,): the inverse of `motion_between`."""
-    return compose(pose, motion)
-
-
-def together(first: F64, second: F64) -> F64:
-    """Return the motion (3,) that leads where two (3,) lead one after the other; its turn is their sum.
-
-    So a robot that turned once around has turned by 2 pi, not by nothing.
-    """
-    x, y, _ = moved(first, second)
-    return np.array([x, y, first[2] + second[2]])
-
-
-def short_way(angle_rad: float) -> float:
-    """Bring an angle into [-pi, pi)."""
-    return (angle_rad + math.pi) % (2 * math.pi) - math.pi
-
-
 def interpolated(before: OdometryPose | TruthPose, after: OdometryPose | TruthPose, t_s: float) -> F64:
     """Return the pose (3,) at a time between two poses, the heading the short way round."""
     step = after.pose - before.pose
-    step[2] = short_way(float(step[2]))
+    step[2] = wrap_angle(float(step[2]))
     share = (t_s - before.t_s) / (after.t_s - before.t_s) if after.t_s > before.t_s else 0.0
     pose: F64 = before.pose + step * share
-    pose[2] = short_way(float(pose[2]))
+    pose[2] = wrap_angle(float(pose[2]))
     return pose
 
 

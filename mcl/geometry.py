@@ -1,4 +1,4 @@
-"""Poses in the plane: wrapping, composing, circular means.
+"""Poses in the plane: wrapping, composing, motions between poses, circular means.
 
 Headings are radians, counter-clockwise from +x (REP-103); poses are (..., 3): x_m, y_m, heading_rad.
 """
@@ -36,6 +36,14 @@ def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
     return np.maximum(turned, -pi, out=turned)
 
 
+Angle = TypeVar("Angle", float, F64)
+
+
+def wrap_angle(angle_rad: Angle) -> Angle:
+    """Bring angles into [-pi, pi) by one modulo: for a few of them, and where rounding may show."""
+    return (angle_rad + math.pi) % (2 * math.pi) - math.pi
+
+
 def angle_between(a_rad: float, b_rad: float) -> float:
     """Return the unsigned angle from one heading to the other, in [0, pi]."""
     return abs((a_rad - b_rad + np.pi) % (2 * np.pi) - np.pi)
@@ -53,6 +61,25 @@ def compose(pose: F64, motion: F64) -> F64:
     moved = [x + forward * cos - left * sin, y + forward * sin + left * cos, heading + turn]
     moved[2] = (moved[2] + np.pi) % (2 * np.pi) - np.pi
     return np.array(moved)
+
+
+def compose_motions(first: F64, second: F64) -> F64:
+    """Return the motion (3,) of two motions (3,) one after the other; its turn is their sum.
+
+    So a robot that turned once around has turned by 2 pi, not by nothing.
+    """
+    x, y, _ = compose(first, second)
+    return np.array([x, y, first[2] + second[2]])
+
+
+def motion_between(before: F64, after: F64) -> F64:
+    """Return the motion (3,) from one pose (3,) to another, in the frame of the first; its turn is wrapped.
+
+    The inverse of `compose`.
+    """
+    dx, dy, turn = (float(v) for v in after - before)
+    cos, sin = math.cos(before[2]), math.sin(before[2])
+    return np.array([dx * cos + dy * sin, dy * cos - dx * sin, wrap_angle(turn)])
 
 
 def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float, float]:

@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Moment
 
 from ..bags.readers import MOTIONS
 from ..errors import InputError
 from ..io.notes import ReadingNotes
 from ..recorded_session import RecordedSession
-from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, checked, motion_between, moved
+from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, checked
 from .mcap import EVENTS, MAP, ODOM, ODOMETRY, ROBOT, TF, TRUE_PATH, TRUTH, McapWriter, mcap_file
 from .run import McapScene, new_path, scene_of, write_paths
 from .session import Converted, PictureKind
@@ -101,10 +102,10 @@ class DriveWriter:
             self._begin_path(t_s)
             self._in_motions = True
             self._mcap.write(MOTIONS, t_s, make.motion(ROBOT, record.motion))
-            self._move(t_s, moved(self._odometry, record.motion))
+            self._move(t_s, compose(self._odometry, record.motion))
         elif isinstance(record, OdometryPose):
             if not self._moved:  # the robot keeps its known pose, wherever its odometry begins
-                here, self._odometry = moved(self._correction, self._odometry), record.pose
+                here, self._odometry = compose(self._correction, self._odometry), record.pose
                 self._place(here)
             self._move(t_s, record.pose)
         elif isinstance(record, TruthPose):
@@ -148,7 +149,7 @@ class DriveWriter:
 
     def _place(self, pose: F64) -> None:
         """Place the robot in the map: that gives the pose of the odometry frame."""
-        self._correction = moved(pose, motion_between(self._odometry, np.zeros(3)))
+        self._correction = compose(pose, motion_between(self._odometry, np.zeros(3)))
 
     def _write_transforms(self) -> None:
         if self._due_s is not None:

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.map import Arena
 from maurice_mcl.session import Camera, SessionInfo
 
 from ..bags.readers import HEADER, MOTIONS
-from ..recording import motion_between, moved
 from ..runs.rows import weighted_of
 from ..transforms.simplified_path import SimplifiedPath
 from .mcap import (
@@ -117,7 +117,7 @@ class RunSink:
         for motion in step.rows.step["motions"]:
             self._put(step, MOTIONS, make.motion(ROBOT, np.array(motion, np.float64)))
         self._put(step, ODOMETRY, make.odometry(ODOM, ROBOT, step.odometry))
-        correction = moved(step.estimate, motion_between(step.odometry, np.zeros(3)))
+        correction = compose(step.estimate, motion_between(step.odometry, np.zeros(3)))
         self._put(step, TF, make.transforms((MAP, ODOM, correction), (ODOM, ROBOT, step.odometry)))
         if image is not None:
             self._scene.write_picture(self._mcap, step.time_s, image, "jpeg")

@@ -18,13 +18,14 @@ from typing import Literal
 import cv2
 
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import motion_between
 from maurice_mcl.session import Moment, Session, SessionInfo
 
 from ..errors import InputError
 from ..io.files import discard, expect_absent
 from ..io.notes import ReadingNotes
 from ..io.pictures import encode_jpeg
-from ..recording import Motion, Note, OdometryPose, Record, Recording, TruthPose, checked, motion_between
+from ..recording import Motion, Note, OdometryPose, Record, Recording, TruthPose, checked
 from ..session_log.header import header_to_json
 from ..session_log.writer import SessionWriter
 from .tables import filling

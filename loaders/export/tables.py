@@ -22,10 +22,10 @@ import pyarrow.parquet as pq  # type: ignore[import-untyped]  # has no types
 
 from maurice_mcl.analysis.metrics import FIRST_SCORED
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import compose
 
 from ..errors import InputError
 from ..io.files import expect_absent
-from ..recording import moved
 from ..runs.rows import StepRows, steps_schema
 from ..runs.store import SavedRun
 
@@ -67,7 +67,7 @@ def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportSt
     odometry = np.zeros(3)
     for rows in run.steps():
         for motion in rows.step["motions"]:
-            odometry = moved(odometry, np.array(motion, np.float64))
+            odometry = compose(odometry, np.array(motion, np.float64))
         truth = None if rows.step["truth_x_m"] is None else _pose(rows, "truth")
         time_s = rows.step["time_s"] + t_offset_s
         yield ExportStep(rows, time_s, _pose(rows, "estimate"), truth, odometry)

@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
 from ..io.fields import MOST_T_S, show
 from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
-from ..recording import OdometryPose, Record, TruthPose, motion_between, moved
+from ..recording import OdometryPose, Record, TruthPose
 from ._tables import Row, begin_lines, number_of, rows
 from .registry import Format
 
@@ -135,7 +136,7 @@ class _Continuous:
         if self._raw is None or self._pose is None:
             self._pose = raw
         elif not set_anew:
-            self._pose = moved(self._pose, motion_between(self._raw, raw))
+            self._pose = compose(self._pose, motion_between(self._raw, raw))
         self._raw = raw
         return self._pose
 

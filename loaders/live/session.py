@@ -16,13 +16,13 @@ from typing import BinaryIO, Self
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import compose, compose_motions
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from ..errors import InputError, PictureError, SourceError
 from ..io.files import expect_absent
 from ..io.notes import HasReadingNotes, ReadingNotes
 from ..io.pictures import decode_picture
-from ..recording import moved, together
 from ..session_log.header import Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
 from ..session_log.records import EventRecord, OdometryRecord, PictureRecord, Record
@@ -104,7 +104,7 @@ def joined(motions: list[F64]) -> list[F64]:
     while len(motions) > MOST_MOTIONS:
         pairs = zip(motions[::2], motions[1::2], strict=False)
         odd = motions[-1:] if len(motions) % 2 else []
-        motions = [moved(first, second) for first, second in pairs] + odd
+        motions = [compose(first, second) for first, second in pairs] + odd
     return motions
 
 
@@ -312,7 +312,7 @@ class LiveSession(HasReadingNotes):
         for record, truth in with_truth(self._records()):
             if isinstance(record, OdometryRecord):
                 motions.append(record.motion)
-                way = together(way, record.motion)
+                way = compose_motions(way, record.motion)
                 motions = joined(motions) if len(motions) > 2 * MOST_MOTIONS else motions
             elif isinstance(record, EventRecord) and record is not NOTHING_COMES:
                 events = [*events[-MOST_EVENTS:], record.text]

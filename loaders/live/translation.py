@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import motion_between
 
 from ..bags.images import picture_of
 from ..bags.messages import (
@@ -34,7 +35,7 @@ from ..bags.video import VideoStream, codec_of
 from ..errors import FieldError
 from ..io.fields import MOST_T_S, show, up_to
 from ..io.pictures import encode_jpeg
-from ..recording import TruthPose, interpolated, motion_between
+from ..recording import TruthPose, interpolated
 
 # Poses of a running robot: from each topic's messages, with a short history of each topic.
 

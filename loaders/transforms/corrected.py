@@ -11,24 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose, motion_between, wrap_angle
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
 from ..io.notes import ReadingNotes
 from ..reading import MOTIONS_ARE, ReadingOptions
-from ..recording import (
-    Motion,
-    Note,
-    OdometryPose,
-    Picture,
-    Record,
-    Recording,
-    RecordingWrapper,
-    TruthPose,
-    motion_between,
-    moved,
-    short_way,
-)
+from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, RecordingWrapper, TruthPose
 
 # A recording with what is wrong in it put right while it is read: units, signs, frames, clocks.
 
@@ -91,7 +80,7 @@ class Corrected(RecordingWrapper):
         c = self.correction
         right: F64 = pose * [c.truth_scale, c.truth_scale, c.truth_turn_scale]
         if c.camera_yaw_rad:
-            right[2] = short_way(float(right[2]) + c.camera_yaw_rad)
+            right[2] = wrap_angle(float(right[2]) + c.camera_yaw_rad)
         return right
 
 
@@ -156,7 +145,7 @@ class _Wheels:
         if before is None:
             self._at = pose
         else:
-            self._at = moved(self._at, motion_between(before, pose) * [1.0, 1.0, self._gain])
+            self._at = compose(self._at, motion_between(before, pose) * [1.0, 1.0, self._gain])
         return self._at
 
     def _as_motion(self, values: F64) -> F64:

@@ -9,24 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import wrap
+from maurice_mcl.geometry import compose, motion_between, wrap
 from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
 from ..io.notes import ReadingNotes
-from ..recording import (
-    Motion,
-    Note,
-    OdometryPose,
-    Record,
-    Recording,
-    RecordingWrapper,
-    TruthPose,
-    checked,
-    motion_between,
-    moved,
-)
+from ..recording import Motion, Note, OdometryPose, Record, Recording, RecordingWrapper, TruthPose, checked
 
 # Odometry for drives that come without: made from the steps between known poses, plus stated noise.
 
@@ -44,7 +33,7 @@ class OdometryNoise:
         return (
             f"odometry is synthetic: made from the steps between labelled poses, with noise of "
             f"{self.way_share:g} of a way, {self.turn_share:g} of a turn and "
-            f"{self.drift_rad_per_m:g} rad a meter of way (standard deviations), seed {seed}"
+            f"{self.drift_rad_per_m:g} rad a metre of way (standard deviations), seed {seed}"
         )
 
 
@@ -92,7 +81,7 @@ class MadeOdometry(RecordingWrapper):
         noise = self.noise
         return (
             f"ODOMETRY IS NOT MEASURED but made from the truth, with noise of {noise.way_share:g} of a way, "
-            f"{noise.turn_share:g} of a turn and {noise.drift_rad_per_m:g} rad a meter of way "
+            f"{noise.turn_share:g} of a turn and {noise.drift_rad_per_m:g} rad a metre of way "
             f"(standard deviations, drawn once a movement of {MOVEMENT_M:g} m or "
             f"{math.degrees(MOVEMENT_RAD):g} degrees), seed {self.seed}"
         )
@@ -137,7 +126,7 @@ class _Wheels:
     def go_to(self, truth: F64) -> F64:
         """Return the odometry's pose (3,) when the robot has come to a true pose (3,)."""
         if self._at is not None:
-            self._pose = moved(self._pose, self._measured(motion_between(self._at, truth)))
+            self._pose = compose(self._pose, self._measured(motion_between(self._at, truth)))
         self._at = truth
         return self._pose
 

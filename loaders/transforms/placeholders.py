@@ -9,19 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import compose_motions, motion_between
 
 from ..io.notes import ReadingNotes
-from ..recording import (
-    Motion,
-    Note,
-    OdometryPose,
-    Picture,
-    Record,
-    RecordingWrapper,
-    TruthPose,
-    motion_between,
-    together,
-)
+from ..recording import Motion, Note, OdometryPose, Picture, Record, RecordingWrapper, TruthPose
 from .gating import Gate
 
 PLACEHOLDER = "no picture"
@@ -55,10 +46,10 @@ class _Moved:
             return False
         first, self._kind = self._kind is None, type(record)
         if isinstance(record, Motion):
-            self._way = together(self._way, record.motion)
+            self._way = compose_motions(self._way, record.motion)
         elif isinstance(record, OdometryPose | TruthPose):
             if self._pose is not None:
-                self._way = together(self._way, motion_between(self._pose, record.pose))
+                self._way = compose_motions(self._way, motion_between(self._pose, record.pose))
             self._pose = record.pose
         if not first and not GATE.open_after(self._way):
             return False

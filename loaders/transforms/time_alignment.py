@@ -10,18 +10,9 @@ from functools import reduce
 import numpy as np
 
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose_motions, motion_between
 
-from ..recording import (
-    Motion,
-    Note,
-    OdometryPose,
-    Picture,
-    Record,
-    TruthPose,
-    interpolated,
-    motion_between,
-    together,
-)
+from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, interpolated
 from ..session_log.truth import MAX_GAP_S
 
 MOST_WAITING = 64  # pictures held back while poses after them are awaited; a second of a fast camera
@@ -157,12 +148,12 @@ class Steps:
         The way from the `first` odometry pose to the first picture counts as well.
         """
         self._pending += motions
-        self.way = self._pending_way = reduce(together, motions, self._pending_way)
+        self.way = self._pending_way = reduce(compose_motions, motions, self._pending_way)
         self._last = first if self._last is None else self._last
         if pose is None or self._last is None or np.array_equal(pose, self._last):
             return list(self._pending)
         motion = motion_between(self._last, pose)
-        self.way = together(self._pending_way, motion)
+        self.way = compose_motions(self._pending_way, motion)
         return [*self._pending, motion]
 
     def used(self, pose: F64 | None) -> None:

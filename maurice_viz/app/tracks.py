@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maurice_loaders.recording import moved
 from maurice_mcl.analysis.events import EventDetector, RunEvent
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
@@ -76,7 +76,7 @@ class Track:
             return truth
         pose = start if not self.rows else self._odometry
         for motion in motions:
-            pose = None if pose is None else moved(pose, motion)
+            pose = None if pose is None else compose(pose, motion)
         return pose
 
     def column(self, name: str) -> F64:

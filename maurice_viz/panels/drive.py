@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 import rerun as rr
 
-from maurice_loaders.recording import motion_between, moved, together
 from maurice_loaders.transforms.placeholders import PLACEHOLDER
 from maurice_loaders.transforms.simplified_path import SimplifiedPath
 from maurice_mcl.arrays import F32, F64
+from maurice_mcl.geometry import compose, compose_motions, motion_between
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
 from maurice_mcl.sensor.descriptors import CHANNELS
@@ -89,11 +89,11 @@ def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
     for one in known:
         count, events, moves = count + 1, events + len(one.events), moves or len(one.motions) > 0
         for motion in one.motions:
-            own = moved(own, motion)
+            own = compose(own, motion)
         measured.add(own)
         if one.truth is not None:
             true.add(one.truth)
-            begins = moved(one.truth, motion_between(own, np.zeros(3))) if begins is None else begins
+            begins = compose(one.truth, motion_between(own, np.zeros(3))) if begins is None else begins
     if not moves:
         return DrivePaths(count, events, False, begins, np.zeros((0, 2)), _points(true))
     begins = np.zeros(3) if begins is None else begins
@@ -241,10 +241,10 @@ class _Pen:
         scale, motions, truth = self.drive.scale, moment.frame.motions, moment.truth
         if self._pose is not None and self.drive.ways.moves:
             for motion in motions:
-                self._pose = moved(self._pose, motion)
+                self._pose = compose(self._pose, motion)
             self._measured.draw(self.rec, self._pose, scale, self._arrow)
         if len(motions):
-            self._draw_way("odometry", reduce(together, motions))
+            self._draw_way("odometry", reduce(compose_motions, motions))
         if truth is None:
             return
         self._true.draw(self.rec, truth, scale, self._arrow)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..arrays import F64, I32
+from ..geometry import wrap_angle
 
 DEGREE = float(np.pi / 180)
 Value = float | str
@@ -109,7 +110,7 @@ def motions_between(poses: F64) -> F64:
     step = np.diff(poses, axis=0, prepend=poses[:1])
     before = np.concatenate([poses[:1, 2], poses[:-1, 2]])
     ahead, aside = rotated(step[:, 0], step[:, 1], -before)
-    return np.column_stack([ahead, aside, short_way(step[:, 2])])
+    return np.column_stack([ahead, aside, wrap_angle(step[:, 2])])
 
 
 def joined(motions: F64) -> F64:
@@ -123,11 +124,6 @@ def rotated(x: F64, y: F64, angle_rad: F64 | float) -> tuple[F64, F64]:
     """Turn vectors counter-clockwise."""
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     return x * cos - y * sin, x * sin + y * cos
-
-
-def short_way(angle_rad: F64) -> F64:
-    """Bring angles into [-pi, pi)."""
-    return np.asarray((angle_rad + np.pi) % (2 * np.pi) - np.pi)
 
 
 # The findings about odometry and camera that several checks can come to.

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import F64, I32
+from ..geometry import wrap_angle
 from .findings import (
     TURNS,
     RecordedDrive,
@@ -20,7 +21,6 @@ from .findings import (
     motions_between,
     motions_of,
     rotated,
-    short_way,
 )
 
 SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a leg is as long as it takes to go or turn so far
@@ -76,7 +76,7 @@ def segments_of(track: RecordedTruth, turn: float = 1.0) -> TruthSegments:
             begin = k
             continue
         step = poses[k] - poses[begin]
-        if np.hypot(step[0], step[1]) >= SEGMENT_M or abs(short_way(step[2])) >= SEGMENT_RAD:
+        if np.hypot(step[0], step[1]) >= SEGMENT_M or abs(wrap_angle(step[2])) >= SEGMENT_RAD:
             first.append(begin)
             last.append(k)
             begin = k
@@ -84,7 +84,7 @@ def segments_of(track: RecordedTruth, turn: float = 1.0) -> TruthSegments:
     a, b = np.array(first, int)[chosen], np.array(last, int)[chosen]
     step = poses[b] - poses[a]
     ahead, aside = rotated(step[:, 0], step[:, 1], -poses[a, 2])
-    return TruthSegments(track.t_s[a], track.t_s[b], np.column_stack([ahead, aside, short_way(step[:, 2])]))
+    return TruthSegments(track.t_s[a], track.t_s[b], np.column_stack([ahead, aside, wrap_angle(step[:, 2])]))
 
 
 def readings(odometry: RecordedOdometry) -> list[Reading]:
@@ -149,7 +149,7 @@ def _fit_turns(measured: F64, actual: F64) -> tuple[float, float]:
     whole = _best_part(actual**2)
     if not whole.sum() > 1e-9:
         return 1.0, 0.0
-    errors = short_way(actual - GAINS[:, None] * measured) ** 2
+    errors = wrap_angle(actual - GAINS[:, None] * measured) ** 2
     shares = np.sort(errors, axis=1)[:, : len(whole)].sum(axis=1) / whole.sum()
     best = int(shares.argmin())
     return float(GAINS[best]), float(min(shares[best], 2.0))
@@ -175,7 +175,7 @@ def _middle_direction(ratios: object) -> float:
     angles = np.angle(units)
     tried = np.linspace(-np.pi, np.pi, 73)[:-1]
     best = tried[np.cos(angles[:, None] - tried).clip(0.5).sum(axis=0).argmax()]
-    near = np.abs(short_way(angles - best)) < np.pi / 4
+    near = np.abs(wrap_angle(angles - best)) < np.pi / 4
     return float(np.angle(units[near].sum())) if near.any() else float(best)
 
 

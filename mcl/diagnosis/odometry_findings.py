@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..geometry import wrap_angle
 from .findings import (
     DEGREE,
     Evidence,
@@ -13,7 +14,6 @@ from .findings import (
     frame_finding,
     gain_finding,
     scale_finding,
-    short_way,
     turn_finding,
 )
 from .odometry import Agreement, Reading, TruthSegments, agreement, readings, segments_of, shifts
@@ -138,7 +138,7 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
 def _offset(best: Agreement, drive: RecordedDrive) -> float:
     """Return where forward is: by the odometry alone if near, as the robot's drift is not in it."""
     own = -direction_of(drive.odometry, best.reading)
-    near = own and abs(short_way(np.array(own - best.offset_rad))) < FAR_OFF
+    near = own and abs(wrap_angle(np.array(own - best.offset_rad))) < FAR_OFF
     return own if near else best.offset_rad
 
 

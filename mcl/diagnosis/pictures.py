@@ -13,9 +13,10 @@ import numpy as np
 
 from ..arrays import F64, Bool
 from ..filter.localizer import Localizer
+from ..geometry import wrap_angle
 from ..records import Comparison
 from .clocks import same_moments
-from .findings import Evidence, Finding, RecordedTruth, picture_delay_finding, short_way
+from .findings import Evidence, Finding, RecordedTruth, picture_delay_finding
 
 YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # where the camera may look
 DELAYS = 41
@@ -42,7 +43,7 @@ class ComparedPictures:
         """Return the log-likelihood (n, k) of each picture at k poses of its own, (n, k, 3); nan outside."""
         origin = self.localizer.library.origin
         local = (poses - np.append(origin, 0)).astype(np.float32)
-        local[..., 2] = short_way(poses[..., 2])
+        local[..., 2] = wrap_angle(poses[..., 2])
         pairs = zip(self.comparisons, local, strict=True)
         found = np.array([self.localizer.sensor.at(c, p).log_likelihood for c, p in pairs], np.float64)
         return np.where(np.isfinite(found), found, np.nan)
@@ -89,7 +90,7 @@ def truth_at(track: RecordedTruth, t_s: F64) -> F64:
     share = np.clip((t_s - track.t_s[before]) / np.where(gap > 0, gap, 1), 0, 1)
     share = np.where((gap <= MAX_GAP_S) & (track.part[after] == track.part[before]), share, share.round())
     step = track.poses[after] - track.poses[before]
-    step[:, 2] = short_way(step[:, 2])
+    step[:, 2] = wrap_angle(step[:, 2])
     return np.asarray(track.poses[before] + step * share[:, None])
 
 
@@ -106,8 +107,8 @@ def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
     if circular:
         middle, values = len(values) // 2, np.roll(values, len(values) // 2 - top)
         turned = np.roll(mean, middle - top)
-        around = values[middle] + short_way(values - values[middle])
-        value = float(short_way(np.array(around[_run(turned, middle)].mean())))
+        around = values[middle] + wrap_angle(values - values[middle])
+        value = float(wrap_angle(np.array(around[_run(turned, middle)].mean())))
     else:
         high = values[_run(mean, top)]
         value = float(high[0] + high[-1]) / 2

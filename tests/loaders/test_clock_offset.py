@@ -12,9 +12,9 @@ import pytest
 from maurice_loaders.formats.odometry_folder import read_aligned
 from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.io.notes import ReadingNotes
-from maurice_loaders.recording import moved
 from maurice_loaders.transforms.clocks import offset_between
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "thymio"
 
@@ -25,7 +25,7 @@ def drive(seconds: int, seed: int = 0) -> tuple[F64, F64]:
     speed, turn = (np.repeat(chance.uniform(-1, 1, seconds // 3 + 1), 30)[: 10 * seconds] for _ in range(2))
     poses = [np.zeros(3)]
     for v, w in zip(speed, turn, strict=True):
-        poses.append(moved(poses[-1], np.array([0.05 * max(v, 0), 0, 0.1 * w])))
+        poses.append(compose(poses[-1], np.array([0.05 * max(v, 0), 0, 0.1 * w])))
     return np.arange(len(poses)) / 10, np.array(poses)
 
 
@@ -33,7 +33,7 @@ def drive(seconds: int, seed: int = 0) -> tuple[F64, F64]:
 def test_a_part_of_the_drive_in_another_frame_and_clock_is_found(seed: int) -> None:
     t_s, poses = drive(120, seed)
     chance = np.random.default_rng(seed)
-    truth = np.array([moved(np.array([9.0, -3, 2.5]), pose) for pose in poses[300:900]])
+    truth = np.array([compose(np.array([9.0, -3, 2.5]), pose) for pose in poses[300:900]])
     truth += chance.normal(0, [0.003, 0.003, 0.01], truth.shape)
     found = offset_between(t_s + 1.7e9, poses, t_s[300:900] - 50, truth)
     assert found is not None

@@ -18,19 +18,11 @@ from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.recorded_session import RecordedSession
-from maurice_loaders.recording import (
-    Motion,
-    Note,
-    OdometryPose,
-    Picture,
-    Record,
-    TruthPose,
-    motion_between,
-    moved,
-)
+from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms.corrected import Corrected, corrected
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Camera, SessionInfo
 
 from .conftest import WriteLog
@@ -59,7 +51,7 @@ def motions() -> F64:
 def poses_of(steps: F64, begin: Sequence[float] = (0, 0, 0)) -> F64:
     found = [np.array(begin, float)]
     for step in steps:
-        found.append(moved(found[-1], step))
+        found.append(compose(found[-1], step))
     return np.array(found[1:])
 
 
@@ -143,7 +135,7 @@ def test_a_cameras_headings_move_as_the_camera_does() -> None:
     camera = read(poses_of(right), TruthPose, camera_yaw_rad=yaw)
     moves = read(right, Motion, camera_yaw_rad=yaw)
     for k in range(19):
-        there = moved(camera[k], moves[k + 1])
+        there = compose(camera[k], moves[k + 1])
         np.testing.assert_allclose(there[:2], camera[k + 1][:2], atol=1e-9)
         assert math.cos(there[2] - camera[k + 1][2]) == pytest.approx(1)
     np.testing.assert_allclose(read(poses_of(right), OdometryPose, camera_yaw_rad=yaw)[:, :2], camera[:, :2])

@@ -32,9 +32,9 @@ from maurice_loaders.export.tables import (
     table_columns,
     tum_line,
 )
-from maurice_loaders.recording import moved
 from maurice_loaders.runs.rows import StepRows
 from maurice_loaders.runs.store import open_runs
+from maurice_mcl.geometry import compose
 
 CHANNELS = ("color", "edges")
 POSE = st.tuples(*[st.floats(-1e6, 1e6)] * 2, st.floats(-3.14159, 3.14159)).map(np.array)
@@ -134,7 +134,7 @@ def test_steps_are_those_that_were_saved(save_run: Save) -> None:
     odometry = np.zeros(3)
     for step, (moment, record) in zip(steps, played, strict=True):
         for motion in moment.frame.motions:
-            odometry = moved(odometry, motion)
+            odometry = compose(odometry, motion)
         assert step.time_s == moment.frame.time_s + 100
         assert step.estimate.tolist() == record.estimate.pose.tolist()
         assert step.truth is not None

@@ -17,18 +17,10 @@ from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, before, first_truth
-from maurice_loaders.recording import (
-    Motion,
-    Note,
-    OdometryPose,
-    Record,
-    Recording,
-    TruthPose,
-    motion_between,
-    moved,
-)
+from maurice_loaders.recording import Motion, Note, OdometryPose, Record, Recording, TruthPose
 from maurice_loaders.transforms.made_odometry import NAMED, MadeOdometry, OdometryNoise, odometry_from_truth
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import SessionInfo
 from maurice_viz.cli.app import app
 
@@ -61,7 +53,7 @@ def odometry(recording: Recording) -> F64:
 def circle(count: int, way_m: float, turn_rad: float) -> F64:
     poses = [np.array([3.0, -2.0, 1.0])]
     for _ in range(count):
-        poses.append(moved(poses[-1], np.array([way_m, 0, turn_rad])))
+        poses.append(compose(poses[-1], np.array([way_m, 0, turn_rad])))
     return np.array(poses)
 
 
@@ -99,7 +91,9 @@ def test_the_noise_is_what_it_says_however_often_truth_comes(steps: int) -> None
 
 def test_wheels_do_not_see_that_the_robot_is_carried() -> None:
     a, b = np.array([0.0, 0, 0]), np.array([50.0, 9, 2])
-    drive = Given(TruthPose(0, a), Note(1, "kidnapped"), TruthPose(2, b), TruthPose(3, moved(b, np.ones(3))))
+    drive = Given(
+        TruthPose(0, a), Note(1, "kidnapped"), TruthPose(2, b), TruthPose(3, compose(b, np.ones(3)))
+    )
     found = odometry(MadeOdometry(drive, 0, QUIET))
     np.testing.assert_allclose(found, [[0, 0, 0], [0, 0, 0], [1, 1, 1]], atol=1e-9)
 
@@ -160,7 +154,7 @@ def test_a_drive_begins_at_its_first_true_pose() -> None:
     steps = [Motion(k, np.array([0.5, 0, 0.4])) for k in range(3)]
     np.testing.assert_allclose(first_truth(Given(*steps, TruthPose(3, poses[3]))), poses[0], atol=1e-9)  # type: ignore[arg-type]
     assert first_truth(Given(Note(0, "on"))) is None
-    np.testing.assert_allclose(moved(before(poses[3], np.ones(3)), np.ones(3)), poses[3])
+    np.testing.assert_allclose(compose(before(poses[3], np.ones(3)), np.ones(3)), poses[3])
 
 
 def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path) -> None:

@@ -17,19 +17,11 @@ from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
-from maurice_loaders.recording import (
-    Motion,
-    Note,
-    OdometryPose,
-    Picture,
-    Record,
-    TruthPose,
-    motion_between,
-    moved,
-)
+from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import U8
+from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Moment, SessionInfo
 
 INFO = SessionInfo("given")
@@ -217,7 +209,7 @@ poses = st.tuples(lengths, lengths, angles).map(np.array)
 
 @given(poses, poses)
 def test_a_motion_leads_from_one_pose_to_the_other(before: np.ndarray, after: np.ndarray) -> None:
-    np.testing.assert_allclose(moved(before, motion_between(before, after)), after, atol=1e-9)
+    np.testing.assert_allclose(compose(before, motion_between(before, after)), after, atol=1e-9)
 
 
 record = st.one_of(

@@ -16,8 +16,8 @@ from typer.testing import CliRunner, Result
 from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recorded_session import Glance, RecordedSession
-from maurice_loaders.recording import moved
 from maurice_loaders.transforms.placeholders import PLACEHOLDER, Placeholders
+from maurice_mcl.geometry import compose
 from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_viz.app import drive as drive_alone
@@ -153,7 +153,7 @@ def test_perfect_odometry_lies_on_the_truth(start: np.ndarray, steps: list[np.nd
     """Wherever the truth begins to be known."""
     poses = [start]
     for step in steps:
-        poses.append(moved(poses[-1], step))
+        poses.append(compose(poses[-1], step))
     known = min(known, len(steps))
     glances = [
         Glance(np.array(motions).reshape(-1, 3), pose if k >= known else None, ())

@@ -10,8 +10,8 @@ import typer
 from typer.testing import CliRunner
 
 from maurice_loaders.formats.registry import formats as all_formats
-from maurice_loaders.recording import moved
 from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.geometry import compose
 from maurice_viz.cli.app import app
 from maurice_viz.cli.convert.formats import formats
 from maurice_viz.cli.reading import columns_of
@@ -29,7 +29,7 @@ def as_table(session: Path) -> Path:
     pose = None
     for moment in log.moments():
         for motion in moment.frame.motions:
-            pose = motion * 0 if pose is None else moved(pose, motion)
+            pose = motion * 0 if pose is None else compose(pose, motion)
         assert pose is not None
         assert moment.truth is not None
         numbers = ",".join(f"{v:.9f}" for v in (*pose, *moment.truth))

@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 
 from maurice_loaders.errors import FieldError, InputError
 from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
-from maurice_loaders.recording import moved
 from maurice_loaders.runs.manifest import read_manifest
 from maurice_loaders.runs.sources import source_hash
 from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.geometry import compose
 from maurice_viz.app import compare as side_by_side
 from maurice_viz.cli.app import app
 
@@ -50,7 +50,7 @@ def views(session: Path, folder: Path) -> tuple[Path, Path]:
     for number, moment in enumerate(SessionLog(session).moments()):
         cv2.imwrite(str(folder / f"v{number}.png"), moment.frame.image[..., ::-1])
         for motion in moment.frame.motions:
-            pose = motion * 0 if pose is None else moved(pose, motion)
+            pose = motion * 0 if pose is None else compose(pose, motion)
         assert pose is not None
         rows.append(f"{500 * number};{pose[0]};{pose[1]};{pose[2]}")
     table = folder.with_name("beside.csv")

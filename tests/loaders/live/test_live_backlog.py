@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.live.session import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
-from maurice_loaders.recording import moved
 from maurice_loaders.session_log.records import PictureRecord
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import compose
 
 NEVER = threading.Event()
 
@@ -22,7 +22,7 @@ def waiting(number: int, motions: int = 1) -> Waiting:
 def end(motions: list[F64]) -> F64:
     pose = np.zeros(3)
     for motion in motions:
-        pose = moved(pose, motion)
+        pose = compose(pose, motion)
     return pose
 
 
