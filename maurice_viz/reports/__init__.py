@@ -1,1 +1,9 @@
-"""The report: one page about a saved run that stands alone."""
+"""Reports: one self-contained HTML page about a saved run.
+
+- `make`: `report`, from a saved run to the page
+- `choosing`: which events are listed, and which steps get a picture
+- `charts`, `map`: where lines and marks lie in the drawings
+- `shots`: pictures of a step
+- `facts`: session, library, versions, configuration
+- `templates/`: the page, its drawings and its style
+"""

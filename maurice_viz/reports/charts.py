@@ -1,4 +1,4 @@
-"""Line charts as inline SVG: both axes with a unit, events as numbered lines."""
+"""Line charts over the steps: where their lines, ticks and events lie; `drawings.html` writes the SVG."""
 
 from __future__ import annotations
 
@@ -10,30 +10,66 @@ import numpy as np
 
 from maurice_mcl.arrays import F64
 
-from .markup import Markup, joined, number, tag
-
 WIDTH, HEIGHT = 520.0, 250.0
-LEFT, RIGHT, TOP, BOTTOM = 52.0, 10.0, 46.0, 38.0  # of the plot, inside the drawing
-MOST_POINTS = 1600  # a longer line is drawn by the lowest and highest of each of so many halves
+LEFT, RIGHT, TOP, BOTTOM = 52.0, 10.0, 46.0, 38.0  # margins of the plot inside the drawing
+MAX_POINTS = 1600  # a longer line keeps the lowest and the highest point of each of half as many stretches
 X_TICKS, Y_TICKS = 7, 5
-DASHES = (None, "7 3", "2 3", "9 3 2 3")  # so that runs are told apart without color as well
-CIRCLE = 8.5  # radius of an event's number
-ROWS = 3  # numbers that would touch stand in so many rows
+DASHES = ("", "7 3", "2 3", "9 3 2 3")  # tell runs apart without color as well
+BADGE = 8.5  # radius of an event's number
+ROWS = 3  # numbers that would overlap go to different rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Line:
+class Axes:
+    """The box of a plot in a drawing, and the values at its edges."""
+
+    x: tuple[float, float]  # at left and right
+    y: tuple[float, float]  # at bottom and top
+    left: float  # of the box, in px
+    top: float
+    width: float
+    height: float
+
+    @property
+    def right(self) -> float:
+        """Right edge in px."""
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> float:
+        """Lower edge in px."""
+        return self.top + self.height
+
+    def at(self, xy: F64) -> F64:
+        """Return points (K, 2) in px, y pointing down."""
+        across = (xy[:, 0] - self.x[0]) / (self.x[1] - self.x[0] or 1.0)
+        up = (xy[:, 1] - self.y[0]) / (self.y[1] - self.y[0] or 1.0)
+        return np.column_stack([self.left + across * self.width, self.bottom - up * self.height])
+
+    def points(self, xy: F64) -> str:
+        """Return points (K, 2) as SVG writes them."""
+        return " ".join(f"{px(x)},{px(y)}" for x, y in self.at(xy).tolist())
+
+
+def px(value: float) -> str:
+    """Return a coordinate with at most two decimals, the same on every machine."""
+    text = f"{value:.2f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChartLine:
     """One run's values over its steps; NaN leaves a gap."""
 
     label: str
-    run: int  # number of the run, which says its color and its dashes
+    run: int  # number of the run: chooses color and dashes
     x: F64  # (S,)
     y: F64  # (S,)
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """An event on the step axis: a number where there is a picture of it, else a small tick."""
+    """An event on the step axis: a number where it has a picture, else a small tick."""
 
     step: int
     text: str
@@ -47,68 +83,86 @@ class Chart:
     title: str
     unit: str
     text: str  # what it means, in a sentence
-    top: float | None = None  # of the axis, where it is fixed; the axis then begins at 0
+    top: float | None = None  # of the y axis, where it is fixed
     from_zero: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Axes:
-    """From values to the drawing's coordinates."""
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnChart:
+    """A chart as the template writes it."""
 
-    x: tuple[float, float]
-    y: tuple[float, float]
+    chart: Chart
+    lines: Sequence[ChartLine]
+    marks: Sequence[Mark]
+    width: float = WIDTH
+    height: float = HEIGHT
 
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Place a point."""
-        across = (x - self.x[0]) / (self.x[1] - self.x[0])
-        up = (y - self.y[0]) / (self.y[1] - self.y[0])
-        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - TOP - BOTTOM)
+    @property
+    def axes(self) -> Axes:
+        """The plot's box; its y axis holds all values."""
+        x, y = (np.concatenate([getattr(line, name) for line in self.lines]) for name in "xy")
+        y = y[np.isfinite(y)]
+        low, high = (float(y.min()), float(y.max())) if len(y) else (0.0, 1.0)
+        low = min(low, 0.0) if self.chart.from_zero else low
+        high = high if self.chart.top is None else self.chart.top
+        room = 0.06 * (high - low) or 0.5
+        y_axis = (low if self.chart.from_zero else low - room, high if self.chart.top else high + room)
+        x_axis = (float(x.min()) - 0.5, float(x.max()) + 0.5)
+        return Axes(x_axis, y_axis, LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM)
 
+    @property
+    def y_ticks(self) -> list[tuple[float, str]]:
+        """Height in px and label of each tick."""
+        values = np.array(ticks(*self.axes.y, Y_TICKS))
+        places = self.axes.at(np.column_stack([np.zeros(len(values)), values]))[:, 1]
+        return [(y, f"{value:.6g}") for y, value in zip(places.tolist(), values.tolist(), strict=True)]
 
-def draw_chart(chart: Chart, lines: Sequence[Line], marks: Sequence[Mark]) -> Markup:
-    """Draw a chart as a figure with a caption."""
-    axes = _axes(chart, lines)
-    parts = [*_grid(axes, chart.unit), *_marks(axes, marks)]
-    parts += [tag("g", _line(axes, line), class_=f"run{line.run}") for line in lines]
-    svg = tag(
-        "svg",
-        parts,
-        viewBox=f"0 0 {number(WIDTH)} {number(HEIGHT)}",
-        role="img",
-        aria_label=f"{chart.title} in {chart.unit} over the steps. {_said(lines)}",
-    )
-    caption = tag("figcaption", tag("strong", f"{chart.title} ({chart.unit})"), f" {chart.text}")
-    return tag("figure", svg, caption, class_="chart")
+    @property
+    def x_ticks(self) -> list[tuple[float, str]]:
+        """Position in px and label of each tick: steps are integers."""
+        values = [value for value in ticks(*self.axes.x, X_TICKS) if value == round(value)]
+        return [(self._across(value), f"{value:.0f}") for value in values]
 
+    @property
+    def small_marks(self) -> list[tuple[float, Mark]]:
+        """Events without a number, and their position in px."""
+        return [(self._across(mark.step), mark) for mark in self.marks if mark.number is None]
 
-def _said(lines: Sequence[Line]) -> str:
-    """Say in words what the lines show, for those who do not see them."""
-    said = []
-    for line in lines:
-        known = line.y[np.isfinite(line.y)]
-        if len(known):
-            said.append(
-                f"{line.label}: from {known.min():.3g} to {known.max():.3g}, mean {known.mean():.3g}."
-            )
-    return " ".join(said)
+    @property
+    def numbered_marks(self) -> Iterator[tuple[float, float, Mark]]:
+        """Events with a number, and where the number's center is; close ones alternate between rows."""
+        taken = [-math.inf] * ROWS
+        for mark in sorted((m for m in self.marks if m.number is not None), key=lambda m: m.step):
+            x = self._across(mark.step)
+            row = min(range(ROWS), key=lambda k: (taken[k] + 2 * BADGE > x, taken[k]))
+            taken[row] = x
+            yield x, BADGE + row * (2 * BADGE - 1), mark
 
+    def parts(self, line: ChartLine) -> Iterator[str]:
+        """Yield the points of each stretch of a line without gaps."""
+        axes, xy = self.axes, np.column_stack(thin_chart(line.x, line.y))
+        known = np.flatnonzero(np.isfinite(xy[:, 1]))
+        for part in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+            if len(part):
+                yield axes.points(xy[part])
 
-def _axes(chart: Chart, lines: Sequence[Line]) -> Axes:
-    x = np.concatenate([line.x for line in lines])
-    y = np.concatenate([line.y for line in lines])
-    y = y[np.isfinite(y)]
-    low, high = (float(y.min()), float(y.max())) if len(y) else (0.0, 1.0)
-    low = min(low, 0.0) if chart.from_zero else low
-    high = high if chart.top is None else chart.top
-    room = 0.06 * (high - low) or 0.5
-    return Axes(
-        (float(x.min()) - 0.5, float(x.max()) + 0.5),
-        (low if chart.from_zero else low - room, high if chart.top else high + room),
-    )
+    @property
+    def label(self) -> str:
+        """What the lines show, in words, for readers who do not see them."""
+        known = [(line.label, line.y[np.isfinite(line.y)]) for line in self.lines]
+        ranges = [
+            f"{label}: from {y.min():.3g} to {y.max():.3g}, mean {y.mean():.3g}."
+            for label, y in known
+            if len(y)
+        ]
+        return f"{self.chart.title} in {self.chart.unit} over the steps. {' '.join(ranges)}"
+
+    def _across(self, step: float) -> float:
+        return float(self.axes.at(np.array([[step, 0.0]]))[0, 0])
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Give round values, 1, 2 or 5 times a power of ten apart, at most so many."""
+    """Return about `most` round values: multiples of 1, 2 or 5 times a power of ten."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(k * power for k in (1, 2, 5, 10) if k * power >= rough * (1 - 1e-9))
@@ -116,79 +170,12 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def _grid(axes: Axes, unit: str) -> Iterator[Markup]:
-    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
-    for value in ticks(*axes.y, Y_TICKS):
-        _, y = axes.at(axes.x[0], value)
-        yield tag("line", x1=LEFT, x2=right, y1=y, y2=y, class_="grid")
-        yield tag("text", f"{value:.6g}", x=LEFT - 6, y=y + 4.5, text_anchor="end")
-    for value in ticks(*axes.x, X_TICKS):
-        if value == round(value):
-            x, _ = axes.at(value, axes.y[0])
-            yield tag("line", x1=x, x2=x, y1=bottom, y2=bottom + 4, class_="axis")
-            yield tag("text", f"{value:.0f}", x=x, y=bottom + 17, text_anchor="middle")
-    yield tag("line", x1=LEFT, x2=right, y1=bottom, y2=bottom, class_="axis")
-    yield tag("text", "step", x=right, y=bottom + 33, text_anchor="end", class_="name")
-    yield tag("text", unit, x=LEFT - 6, y=TOP - 10, text_anchor="end", class_="name")
-
-
-def _marks(axes: Axes, marks: Sequence[Mark]) -> Iterator[Markup]:
-    """Draw ticks first, numbers over them; numbers that are close take turns in rows."""
-    bottom = HEIGHT - BOTTOM
-    for mark in marks:
-        x, _ = axes.at(mark.step, 0)
-        if mark.number is None:
-            line = tag("line", x1=x, x2=x, y1=bottom, y2=bottom - 6, class_="tick")
-            yield tag("g", tag("title", f"step {mark.step}: {mark.text}"), line)
-    taken = [-math.inf] * ROWS
-    for mark in sorted((m for m in marks if m.number is not None), key=lambda m: m.step):
-        x, _ = axes.at(mark.step, 0)
-        row = min(range(ROWS), key=lambda k: (taken[k] + 2 * CIRCLE > x, taken[k]))
-        taken[row] = x
-        y = CIRCLE + row * (2 * CIRCLE - 1)
-        yield tag(
-            "g",
-            tag("title", f"step {mark.step}: {mark.text}"),
-            tag("line", x1=x, x2=x, y1=y, y2=bottom, class_="event"),
-            badge(x, y, mark.number or 0),
-        )
-
-
-def badge(x: float, y: float, label: int) -> Markup:
-    """Draw an event's number in a disk, as it stands beside its picture."""
-    disk = tag("circle", cx=x, cy=y, r=CIRCLE, class_="badge")
-    return joined([disk, tag("text", str(label), x=x, y=y + 4, text_anchor="middle", class_="badge")])
-
-
-def _line(axes: Axes, line: Line) -> Markup:
-    shown = [_placed(axes, *part) for part in _parts(*thinned(line.x, line.y))]
-    return joined(
-        tag("polyline", points=points, class_="line", stroke_dasharray=DASHES[line.run % len(DASHES)])
-        if " " in points
-        else tag("circle", cx=points.split(",")[0], cy=points.split(",")[1], r=2.5, class_="dot")
-        for points in shown
-    )
-
-
-def _placed(axes: Axes, x: F64, y: F64) -> str:
-    points = (axes.at(float(a), float(b)) for a, b in zip(x, y, strict=True))
-    return " ".join(f"{number(a)},{number(b)}" for a, b in points)
-
-
-def _parts(x: F64, y: F64) -> Iterator[tuple[F64, F64]]:
-    """Cut a line (S,) at what is not known."""
-    known = np.flatnonzero(np.isfinite(y))
-    for part in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
-        if len(part):
-            yield x[part], y[part]
-
-
-def thinned(x: F64, y: F64) -> tuple[F64, F64]:
-    """Keep of a long line the lowest and the highest of each stretch, in order, so that no peak is lost."""
-    if len(x) <= MOST_POINTS:
+def thin_chart(x: F64, y: F64) -> tuple[F64, F64]:
+    """Keep the lowest and the highest point of each stretch of a long line, in order: no peak is lost."""
+    if len(x) <= MAX_POINTS:
         return x, y
     kept: set[int] = set()
-    for part in np.array_split(np.arange(len(x)), MOST_POINTS // 2):
+    for part in np.array_split(np.arange(len(x)), MAX_POINTS // 2):
         known = part[np.isfinite(y[part])]
         kept |= (
             {int(known[y[known].argmin()]), int(known[y[known].argmax()])} if len(known) else {int(part[0])}

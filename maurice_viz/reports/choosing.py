@@ -1,4 +1,4 @@
-"""Which events of a run are listed, and which get a picture."""
+"""Which events of a run are listed, and which steps get a picture."""
 
 from __future__ import annotations
 
@@ -11,113 +11,97 @@ from maurice_mcl.analysis.events import KINDS, RunEvent
 
 from ..app.tracks import Collected
 
-MOST_PICTURES = 12
-OFTEN = 20  # a kind that happens more often in a run is counted, not listed
+MAX_PICTURES = 12
+MANY = 20  # a kind with more events in a run is counted, not listed
 BY_WEIGHT = (
-    "kidnapped",
-    "lost",
-    "recovered",
-    "parted",
-    "bookmark",
-    "mode-switch",
-    "localized",
-    "lights-changed",
-    "all-weights-zero",
-    "beyond-three-sigma",
-    "session",
-    "expanded",
-    "reseeded",
-    "ess-dip",
-)
-WORST, LAST = "worst", "last"
+    "kidnapped", "lost", "recovered", "parted", "bookmark", "mode-switch", "localized", "lights-changed",
+    "all-weights-zero", "beyond-three-sigma", "session", "expanded", "reseeded", "ess-dip",
+)  # fmt: skip
 RULE = (
-    f"At most {MOST_PICTURES} steps have a picture: the step with the largest position error (without truth: "
+    f"At most {MAX_PICTURES} steps have a picture: the step with the largest position error (without truth: "
     "with the widest cloud), the last step, and then in rounds the next event of each of these kinds: "
     f"{', '.join(BY_WEIGHT)}."
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class ReportedEvent:
     """An event, and the runs in which it happened."""
 
     event: RunEvent
     labels: tuple[str, ...]
 
+    def reason(self, runs: int) -> str:
+        """Return the event in a line, with its runs if it is not one of all `runs`."""
+        who = "" if len(self.labels) == runs else f" ({', '.join(self.labels)})"
+        return f"{self.event.kind}{who}: {self.event.text}"
+
 
 @dataclass(frozen=True, slots=True)
-class Scene:
-    """One step with a picture: its number on this page, and why it has one."""
+class PicturedStep:
+    """A step with a picture: its number on the page, and why it has one."""
 
     number: int
     step: int
     reasons: tuple[str, ...]
 
 
-def happenings(collected: Collected) -> list[Happening]:
-    """Give the events of all runs in order of steps; what happened alike in several runs is said once."""
-    found: dict[tuple[int, str, str], list[str]] = {}
-    events: dict[tuple[int, str, str], RunEvent] = {}
+def events_of(collected: Collected) -> list[ReportedEvent]:
+    """Return the events of all runs in order of steps; the same event of several runs is one."""
+    found: dict[tuple[int, str, str], list[tuple[RunEvent, str]]] = {}
     for track in collected.tracks:
         for event in track.events:
-            key = (event.step, event.kind, event.text)
-            found.setdefault(key, []).append(track.label)
-            events[key] = event
+            found.setdefault((event.step, event.kind, event.text), []).append((event, track.label))
     order = list(KINDS)
     keys = sorted(found, key=lambda key: (key[0], order.index(key[1]) if key[1] in order else len(order)))
-    return [Happening(events[key], tuple(found[key])) for key in keys]
+    return [ReportedEvent(found[key][-1][0], tuple(label for _, label in found[key])) for key in keys]
 
 
-def listed(happened: Sequence[Happening]) -> list[Happening]:
-    """Leave out what is routine, and the kinds that happen too often to be read."""
-    counts = counted([one for one in happened if not one.event.is_routine])
-    few = {kind for kind, steps in counts.items() if len(steps) <= OFTEN}
-    return [one for one in happened if one.event.kind in few and not one.event.is_routine]
+def listed(events: Sequence[ReportedEvent]) -> list[ReportedEvent]:
+    """Leave out what is routine, and the kinds with more than `MANY` events."""
+    notable = [one for one in events if not one.event.is_routine]
+    counts = steps_by_kind(notable)
+    return [one for one in notable if len(counts[one.event.kind]) <= MANY]
 
 
-def counted(happened: Sequence[Happening]) -> dict[str, list[int]]:
-    """Give the steps at which each kind happened, in the order of KINDS."""
+def steps_by_kind(events: Sequence[ReportedEvent]) -> dict[str, list[int]]:
+    """Return the steps at which each kind happened, in the order of KINDS."""
     steps: dict[str, list[int]] = {kind: [] for kind in KINDS}
-    for one in happened:
+    for one in events:
         steps.setdefault(one.event.kind, []).append(one.event.step)
     return {kind: found for kind, found in steps.items() if found}
 
 
-def choose(collected: Collected, happened: Sequence[Happening], most: int = MOST_PICTURES) -> list[Scene]:
+def choose(
+    collected: Collected, events: Sequence[ReportedEvent], most: int = MAX_PICTURES
+) -> list[PicturedStep]:
     """Choose the steps that get a picture, by `RULE`, in order of steps."""
-    picked: dict[int, list[str]] = {}
-    worst = worst_step(collected)
-    picked.setdefault(worst, [])
-    picked.setdefault(int(collected.tracks[0].rows[-1][0]), [])
-    for step in _in_rounds(happened):
+    notable = [one for one in events if not one.event.is_routine]
+    worst, last = worst_step(collected), int(collected.tracks[0].rows[-1][0])
+    picked: dict[int, list[str]] = {worst: [], last: []}
+    for step in _in_rounds(notable):
         if len(picked) >= most:
             break
         picked.setdefault(step, [])
-    for one in happened:
-        if one.event.step in picked and not one.event.is_routine:
-            picked[one.event.step].append(reason(one, len(collected.tracks)))
-    known = np.isfinite(np.concatenate([t.column("position_error_m") for t in collected.tracks])).any()
-    picked[worst].append("largest position error" if known else "widest cloud")
-    picked[int(collected.tracks[0].rows[-1][0])].append("the last step")
-    return [Scene(number, step, tuple(picked[step])) for number, step in enumerate(sorted(picked), start=1)]
+    for one in notable:
+        if one.event.step in picked:
+            picked[one.event.step].append(one.reason(len(collected.tracks)))
+    has_truth = np.isfinite(np.concatenate([t.column("position_error_m") for t in collected.tracks])).any()
+    picked[worst].append("largest position error" if has_truth else "widest cloud")
+    picked[last].append("last step")
+    return [PicturedStep(k, step, tuple(picked[step])) for k, step in enumerate(sorted(picked), start=1)]
 
 
-def reason(one: Happening, runs: int) -> str:
-    """Say an event in a line, with its runs where there are several and it is not of all."""
-    who = "" if len(one.labels) == runs else f" ({', '.join(one.labels)})"
-    return f"{one.event.kind}{who}: {one.event.text}"
-
-
-def _in_rounds(happened: Sequence[Happening]) -> list[int]:
-    """Give steps: the first event of every kind, then the second of every kind, and so on."""
-    known = [one.event for one in happened if not one.event.is_routine]
-    by_kind = {kind: [event.step for event in known if event.kind == kind] for kind in BY_WEIGHT}
-    longest = max((len(steps) for steps in by_kind.values()), default=0)
-    return [steps[k] for k in range(longest) for steps in by_kind.values() if k < len(steps)]
+def _in_rounds(notable: Sequence[ReportedEvent]) -> list[int]:
+    """Return steps: the first event of every kind, then the second of every kind, and so on."""
+    steps = steps_by_kind(notable)
+    by_kind = [steps[kind] for kind in BY_WEIGHT if kind in steps]
+    longest = max((len(found) for found in by_kind), default=0)
+    return [found[k] for k in range(longest) for found in by_kind if k < len(found)]
 
 
 def worst_step(collected: Collected) -> int:
-    """Give the step with the largest position error of any run; without truth that of the widest cloud."""
+    """Return the step with the largest position error of any run; without truth that of the widest cloud."""
     for name in ("position_error_m", "spread_m"):
         values = np.stack([track.column(name) for track in collected.tracks])
         if np.isfinite(values).any():
@@ -125,15 +109,10 @@ def worst_step(collected: Collected) -> int:
     return int(collected.tracks[0].rows[0][0])
 
 
-def said_steps(steps: Sequence[int]) -> str:
-    """Write steps shortly: "3-7, 9"."""
-    numbers = sorted(set(steps))
-    parts: list[list[int]] = []
-    for step in numbers:
-        if parts and parts[-1][-1] == step - 1:
-            parts[-1].append(step)
-        else:
-            parts.append([step])
+def step_ranges(steps: Sequence[int]) -> str:
+    """Return steps as short text: "3-7, 9"."""
+    numbers = np.unique(np.array(steps, int))
+    parts = [part.tolist() for part in np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)]
     return ", ".join(
         f"{part[0]}-{part[-1]}" if len(part) > 2 else ", ".join(map(str, part)) for part in parts
     )

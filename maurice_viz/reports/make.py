@@ -1,47 +1,215 @@
-"""From an opened run to a report: once through all updates for numbers, once more for the pictures."""
+"""From a saved run to a page: once through all updates for numbers, once more for the pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
+from maurice_loaders.io.files import expect_absent, write_whole
+from maurice_mcl.analysis.events import KINDS
+from maurice_mcl.filter.estimate import CONFIDENCE_M
 
+from ..app.listener import SILENT, Listener, progress_of
 from ..app.restoring import Pictures, restored_together
-from ..app.tracks import collect, known_of
-from ..cli.console import progress
-from ..style import scale_for
-from .choosing import choose, happenings
-from .page import Report, page
-from .shots import Photographer, shots
+from ..app.saved import Opened, open_saved
+from ..app.tracks import Collected, collect, known_of
+from ..errors import OptionError
+from ..playback import RunResult
+from ..style import ESTIMATE, LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
+from ..text.summary import to_table
+from .charts import DASHES, Chart, ChartLine, DrawnChart, Mark, px
+from .choosing import (
+    MANY,
+    RULE,
+    PicturedStep,
+    ReportedEvent,
+    choose,
+    events_of,
+    listed,
+    step_ranges,
+    steps_by_kind,
+)
+from .facts import configuration_text, differing, library_facts, run_facts, session_facts
+from .map import DrawnMap
+from .shots import Photographer, Shot, shots
 
-if TYPE_CHECKING:
-    from ..app.saved import Opened
+DARKER = 0.7  # brightness of the colors on white, so that lines stand out
+PICTURE_LINK = Markup('<a href="#picture-{0}">picture {0}</a>')
 
 
-def html_report(opened: Opened, folder: Path) -> str:
-    """Make the page about a saved run, or about all runs of a comparison.
+def report(
+    run: str | Path, to: str | Path = "report.html", *, force: bool = False, listener: Listener = SILENT
+) -> Path:
+    """Write one self-contained HTML page about a saved run, or about all runs of a comparison.
 
-    InputError where the run holds no step. The same run gives the same page, byte for byte.
+    The page needs no network and no script: summary, map, traces, events with pictures, configuration.
+    The same run makes the same page, byte for byte. Returns the file. Raises InputError when the run
+    cannot be read or has no step, or when the file exists and `force` is not given.
+
+        file = mv.report("run", to="report.html")
     """
-    library = opened.scene.library
-    scale = scale_for(opened.scene.info.display_units, library.arena)
+    folder, file = Path(run), Path(to)
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"found {file.name!r}, expected a name that ends in .html")
+    expect_absent(file, force=force)
+    write_whole(file, page_of(open_saved(folder, listener), folder, listener).encode(), force=force)
+    return file
+
+
+def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
+    """Return the page about an opened run. InputError if it has no step."""
+    library, info, runs = opened.scene.library, opened.scene.info, opened.runs
+    scale = scale_for(info.display_units, library.arena)
     known = {one.saved.manifest.label: known_of(one) for one in opened.restored}
-    total = opened.runs[0].manifest.pictures
-    with progress("read") as advance:
-        collected = collect(opened.updates(), known, scale, library.arena.size_m, advance, total)
+    advance, total = progress_of(listener, "read"), runs[0].manifest.pictures
+    collected = collect(opened.updates(), known, scale, library.arena.size_m, advance, total)
     if not collected.steps:
-        raise InputError(folder, "holds no step, so there is nothing to report; replay its session anew")
-    happened = happenings(collected)
-    scenes = choose(collected, happened)
+        raise InputError(folder, "found a run without a step, so there is nothing to report; replay again")
+    events = events_of(collected)
+    pictured = choose(collected, events)
     photographer = Photographer(library.arena, scale, opened.session is not None)
-    drawn = shots(photographer, _quietly(opened), [scene.step for scene in scenes])
-    return page(Report(opened.runs, opened.scene.info, library, scale, collected, happened, scenes, drawn))
+    again = restored_together(opened.restored, Pictures(opened.session, lambda text: None))  # warned before
+    shot = shots(photographer, again, [one.step for one in pictured])
+    charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
+    names, *scores = [
+        [str(cell) for cell in column.cells]
+        for column in to_table(collected.results, scale.units, "").columns
+    ]
+    template = _environment().get_template("page.html")
+    return template.render(
+        info=info,
+        version=version("maurice-replay"),
+        labels=[track.label for track in collected.tracks],
+        summaries=[(result.label, _summary(result, scale)) for result in collected.results],
+        scores=list(zip(names, *scores, strict=True)),
+        map=DrawnMap(library.arena, scale, collected.tracks, [(one.step, one.number) for one in pictured]),
+        charts=charts,
+        unknown=unknown,
+        many=MANY,
+        counts=list(_counts(events)),
+        events=list(_event_rows(listed(events), pictured, len(runs))),
+        rule=RULE,
+        disks=([("truth", TRUTH)] if runs[0].manifest.has_truth else []) + [("estimate", ESTIMATE)],
+        pictures=[_picture(one, shot[one.step], collected, scale) for one in pictured],
+        differing=differing(runs),
+        configurations=[configuration_text(run) for run in runs],
+        session_facts=list(session_facts(info, runs[0], collected, scale)),
+        library_facts=list(library_facts(library, runs, scale)),
+        run_facts=list(run_facts(runs, scale)),
+    )
 
 
-def _quietly(opened: Opened) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
-    """Go through the updates again; what is wrong with pictures was said the first time."""
-    return restored_together(opened.restored, Pictures(opened.session, lambda text: None))
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader(__package__ or ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"px": px, "jpeg_url": _jpeg_url}
+    ramp = [_hex((c >> 24, c >> 16 & 255, c >> 8 & 255)) for c in LUT[::51].tolist()]
+    environment.globals |= {"dashes": DASHES, "light": _colors(DARKER), "dark": _colors(1.0), "ramp": ramp}
+    return environment
+
+
+def _colors(brightness: float) -> dict[str, str]:
+    named = {f"run{k}": color for k, color in enumerate(RUN_COLORS)} | {"estimate": ESTIMATE}
+    return {name: _hex(color, brightness) for name, color in named.items()}
+
+
+def _hex(color: RGB, brightness: float = 1.0) -> str:
+    return "#" + "".join(f"{round(part * brightness):02x}" for part in color)
+
+
+def _jpeg_url(jpeg: bytes) -> str:
+    return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode('ascii')}"
+
+
+def _summary(result: RunResult, scale: Scale) -> str:
+    """Return a run's result in a sentence or two."""
+    score = result.score
+    updates = f"{score.updates} updates over {scale.say(score.distance_m)}"
+    if score.position_error_mean_m is None or score.heading_error_mean_rad is None:
+        return f"{updates}. The truth is not known, so errors are not known."
+    angle = f"{np.degrees(score.heading_error_mean_rad):.1f} deg"
+    when = score.localized_at_update
+    localized = "never localized" if when is None else f"localized from update {when}"
+    lost = f"lost at update {score.lost_at_update}" if score.lost else "never lost"
+    return f"{updates}, mean error {scale.say(score.position_error_mean_m)} and {angle}; {localized}, {lost}."
+
+
+def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[list[DrawnChart], list[str]]:
+    """Return a chart for each trace that is known, and the names of the others."""
+    unit, per_m, per_rad = scale.units.name, scale.units.per_m, 180 / np.pi
+    near = f"Weight within {scale.say(CONFIDENCE_M)} of the estimate."
+    explained = "How well the cloud explained each picture; higher is better."
+    kinds = (
+        (Chart("Position error", unit, "From estimate to truth."), "position_error_m", per_m),
+        (Chart("Heading error", "deg", "Between estimate and truth."), "heading_error_rad", per_rad),
+        (Chart("Spread", unit, "Standard deviation of the complete cloud."), "spread_m", per_m),
+        (Chart("Confidence", "share", near, top=1.0), "confidence", 1.0),
+        (Chart("Effective sample size", "share", "Of all particles.", top=1.0), "effective_share", 1.0),
+        (Chart("Evidence", "nats", explained, from_zero=False), "calibrated_evidence", 1.0),
+    )
+    drawn, unknown = list[DrawnChart](), list[str]()
+    for chart, column, factor in kinds:
+        lines = []
+        for run, track in enumerate(collected.tracks):
+            values = track.column(column) * factor
+            values[~np.isfinite(values)] = np.nan
+            lines.append(ChartLine(track.label, run, track.column("step"), values))
+        if all(np.isnan(line.y).all() for line in lines):
+            unknown.append(chart.title.lower())
+        else:
+            drawn.append(DrawnChart(chart, lines, marks))
+    return drawn, unknown
+
+
+def _marks(pictured: Sequence[PicturedStep], events: Sequence[ReportedEvent], runs: int) -> list[Mark]:
+    numbered = {one.step for one in pictured}
+    marks = [Mark(one.step, "; ".join(one.reasons), one.number) for one in pictured]
+    others = [one for one in listed(events) if one.event.step not in numbered]
+    return marks + [Mark(one.event.step, one.reason(runs)) for one in others]
+
+
+def _counts(events: Sequence[ReportedEvent]) -> Iterator[tuple[str, str, str, str]]:
+    for kind, steps in steps_by_kind(events).items():
+        word = "step" if len(set(steps)) == 1 else "steps"
+        count = "once" if len(steps) == 1 else f"{len(steps)} times"
+        yield kind, count, KINDS.get(kind, ""), f"{word} {step_ranges(steps)}"
+
+
+def _event_rows(
+    shown: Sequence[ReportedEvent], pictured: Sequence[PicturedStep], runs: int
+) -> Iterator[list[str]]:
+    numbers = {one.step: one.number for one in pictured}
+    for one in shown:
+        event = one.event
+        labels = "all runs" if len(one.labels) == runs else ", ".join(one.labels)
+        link = PICTURE_LINK.format(numbers[event.step]) if event.step in numbers else ""
+        who = [labels] if runs > 1 else []
+        yield [str(event.step), f"{event.time_s:.1f} s", *who, event.kind, link, event.text]
+
+
+def _picture(one: PicturedStep, shot: Shot, collected: Collected, scale: Scale) -> Mapping[str, Any]:
+    """Return what the template shows of a step: numbers, camera image, for each run a map with text."""
+    row = int(np.flatnonzero(collected.tracks[0].column("step") == one.step)[0])
+    maps = []
+    for track in collected.tracks:
+        error = float(track.column("position_error_m")[row])
+        off = f", error {scale.say(error)}" if np.isfinite(error) else ""
+        pose = scale.say_pose(track.path("estimate")[row])
+        text = f"{track.label}: estimate {pose}{off}, confidence {track.column('confidence')[row]:.0%}"
+        maps.append((shot.maps[track.label], text))
+    time_s = float(collected.tracks[0].column("time_s")[row])
+    return {"number": one.number, "step": one.step, "reasons": one.reasons, "time_s": time_s,
+            "camera": shot.camera, "maps": maps}  # fmt: skip

@@ -1,4 +1,4 @@
-"""The map with the ways of truth, estimate and odometry, as inline SVG."""
+"""The map with the true, the estimated and the odometry path; `drawings.html` writes the SVG."""
 
 from __future__ import annotations
 
@@ -9,226 +9,166 @@ import numpy as np
 
 from maurice_mcl.analysis.metrics import LOST_M
 from maurice_mcl.arrays import F64
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.map import Arena
 
 from ..app.tracks import Track
-from ..drawing.canvas import ticks as ruler
+from ..drawing.canvas import ticks
 from ..panels.world import clipped
 from ..style import Scale
-from .charts import DASHES, badge
-from .markup import Markup, number, tag
+from .charts import DASHES, Axes
 
-LONGEST = 620.0  # of the map's longer side in the drawing
+LONG_SIDE = 620.0  # of the map in the drawing, in px
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 16.0, 18.0, 34.0
-JUMP_OF_MOTION = 3.0  # a step this many times as long as what the robot measured is no drive but a jump
-MOST_POINTS = 3000
-NAME_PX = 7.2  # width of a letter, about
+JUMP_OF_MOTION = 3.0  # a step this many times as long as the measured motion is a jump
+MAX_POINTS = 3000
+LETTER_PX = 7.2  # average width
 KNOWN_FLOORS = ("wood", "carpet")
 
 
+@dataclass(frozen=True, slots=True)
+class MapPath:
+    """One path on the map: its CSS class, its name in the key, its dashes, and if its ends are marked."""
+
+    kind: str
+    text: str
+    poses: F64  # (S, 3), NaN where not known
+    dashes: str = ""
+    has_ends: bool = True
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """From the map's metres to the drawing's coordinates, y pointing down."""
+class DrawnMap:
+    """The map as the template writes it."""
 
     arena: Arena
     scale: Scale
+    tracks: Sequence[Track]
+    numbered: Sequence[tuple[int, int]]  # step and number of each event with a picture
 
     @property
-    def px_per_m(self) -> float:
-        """Drawn length of a metre."""
-        return LONGEST / max(max(self.arena.size_m), 1e-9)
+    def axes(self) -> Axes:
+        """The map's box, in meters."""
+        x_min, y_min, x_max, y_max = self.arena.bounds
+        width, height = (side * LONG_SIDE / max(max(self.arena.size_m), 1e-9) for side in self.arena.size_m)
+        return Axes((x_min, x_max), (y_min, y_max), LEFT, TOP, width, height)
 
     @property
-    def size(self) -> tuple[float, float]:
-        """Width and height of the whole drawing."""
-        width, height = (side * self.px_per_m for side in self.arena.size_m)
-        return width + LEFT + RIGHT, height + TOP + BOTTOM
+    def width(self) -> float:
+        """Of the drawing, in px."""
+        return self.axes.right + RIGHT
 
-    def at(self, xy_m: F64) -> F64:
-        """Place points (K, 2)."""
-        x_min, _, _, y_max = self.arena.bounds
-        across = (xy_m[:, 0] - x_min) * self.px_per_m + LEFT
-        down = (y_max - xy_m[:, 1]) * self.px_per_m + TOP
-        return np.column_stack([across, down])
+    @property
+    def height(self) -> float:
+        """Of the drawing, in px."""
+        return self.axes.bottom + BOTTOM
 
-    def points(self, xy_m: F64) -> str:
-        """Write places (K, 2) as SVG does."""
-        return " ".join(f"{number(x)},{number(y)}" for x, y in self.at(xy_m).tolist())
+    @property
+    def has_truth(self) -> bool:
+        """Whether the true path is known anywhere."""
+        return any(path.kind == "truth" for path in self.paths)
 
+    @property
+    def floor_kinds(self) -> dict[str, str]:
+        """The CSS class that colors each floor, by its name."""
+        names = dict.fromkeys(floor.name for floor in self.arena.floors)
+        others = [name for name in names if name.lower() not in KNOWN_FLOORS]
+        return {name: f"floor{others.index(name) % 3}" if name in others else name.lower() for name in names}
 
-def draw_plan(plan: Plan, tracks: Sequence[Track], numbered: Sequence[tuple[int, int]]) -> Markup:
-    """Draw the map; `numbered` has step and number of each event with a picture."""
-    width, height = plan.size
-    inside = [*_ways(plan, tracks)]
-    x, y, right, base = _box(plan)
-    svg = tag(
-        "svg",
-        tag("clipPath", tag("rect", x=x, y=y, width=right - x, height=base - y), id="inside"),
-        _ground(plan),
-        tag("g", inside, clip_path="url(#inside)"),
-        _numbers(plan, tracks[0], numbered),
-        viewBox=f"0 0 {number(width)} {number(height)}",
-        role="img",
-        aria_label=_said(plan, tracks),
-        style=f"max-width:{number(1.25 * width)}px",
-    )
-    return tag("figure", svg, tag("figcaption", _caption(plan, tracks, bool(numbered))), class_="plan")
+    @property
+    def walls(self) -> list[list[list[float]]]:
+        """Both ends of each wall in px, cut at the map's edge."""
+        return [
+            self.axes.at(wall.reshape(2, 2)).tolist() for wall in clipped(self.arena.walls, self.arena.bounds)
+        ]
 
+    @property
+    def names(self) -> Iterator[tuple[float, float, str]]:
+        """Center and name of the obstacles whose names fit; the others have a tooltip."""
+        for region in self.arena.obstacles:
+            corners = self.axes.at(region.polygon)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            if LETTER_PX * len(region.name) < 1.25 * (high[0] - low[0]) and high[1] - low[1] > 14:
+                x, y = ((low + high) / 2).tolist()
+                yield x, y, region.name
 
-def has(track: Track, name: str) -> bool:
-    """Tell whether a run's truth or odometry is known anywhere."""
-    return bool(np.isfinite(track.path(name)).any())
+    @property
+    def x_ticks(self) -> list[tuple[float, str]]:
+        """Position in px and label of each tick."""
+        return self._ticks(0, self.axes.left, self.axes.width)
 
+    @property
+    def y_ticks(self) -> list[tuple[float, str]]:
+        """Height in px and label of each tick."""
+        return self._ticks(1, self.axes.bottom, -self.axes.height)
 
-def _said(plan: Plan, tracks: Sequence[Track]) -> str:
-    size = " by ".join(plan.scale.say(side) for side in plan.arena.size_m)
-    runs = ", ".join(track.label for track in tracks)
-    return f"Map of {size} with the estimated way of {runs}" + (
-        " and the true way" if has(tracks[0], "truth") else ""
-    )
+    def _ticks(self, axis: int, start: float, length: float) -> list[tuple[float, str]]:
+        low, high = (self.scale.length(self.arena.bounds[k]) for k in (axis, axis + 2))
+        values = ticks(low, high, self.scale.units.grid)
+        return [(start + (value - low) / (high - low or 1.0) * length, f"{value:g}") for value in values]
 
+    @property
+    def paths(self) -> list[MapPath]:
+        """The paths that are known, the ones below first."""
+        first, single = self.tracks[0], len(self.tracks) == 1
+        odometry = "odometry alone, uncorrected, up to the map's edge"
+        found = [
+            MapPath("odometry", odometry, first.path("odometry"), "1.5 4", has_ends=False),
+            MapPath("truth", "truth", first.path("truth")),
+        ]
+        for run, track in enumerate(self.tracks):
+            kind, text = ("estimate", "estimate") if single else (f"run{run}", track.label)
+            found.append(MapPath(kind, text, track.path("estimate"), DASHES[run % len(DASHES)]))
+        return [path for path in found if np.isfinite(path.poses).any()]
 
-def _caption(plan: Plan, tracks: Sequence[Track], numbered: bool) -> Iterator[str]:
-    yield tag("strong", f"The way ({plan.scale.units.name}).")
-    if has(tracks[0], "truth"):
-        yield _key("truth", "truth")
-    single = len(tracks) == 1
-    for number_, track in enumerate(tracks):
-        kind = "estimate" if single else f"run{number_}"
-        yield _key(kind, "estimate" if single else track.label, None if single else DASHES[number_])
-    if has(tracks[0], "odometry"):
-        yield _key("odometry", "odometry alone, uncorrected, up to the map's edge", "1.5 4")
-    for name, kind in _floor_kinds(plan.arena).items():
-        patch = tag("rect", width=16, height=12, class_=kind)
-        yield tag(
-            "span", tag("svg", patch, viewBox="0 0 16 12", aria_hidden="true"), f" {name}", class_="key"
-        )
-    yield " Way from the ring to the square. Lines are broken where something jumped"
-    yield f" more than {plan.scale.say(LOST_M)} and more than three times what the robot measured."
-    if numbered:
-        yield " Numbers are those of the pictures below."
+    def parts(self, path: MapPath) -> Iterator[str]:
+        """Yield the points of each unbroken part of a path."""
+        for part in unbroken(path.poses[:, :2], self.tracks[0].column("odometry_m")):
+            if len(part) > 1:
+                yield self.axes.points(thin_path(part))
 
+    def ends(self, path: MapPath) -> list[list[float]]:
+        """Return the first and the last known place in px."""
+        known = path.poses[np.isfinite(path.poses[:, 0])]
+        return self.axes.at(known[[0, -1], :2]).tolist() if path.has_ends else []
 
-def _key(kind: str, text: str, dashes: str | None = None) -> Markup:
-    line = tag("line", x1=0, x2=26, y1=6, y2=6, class_="line", stroke_dasharray=dashes)
-    sample = tag("svg", line, viewBox="0 0 26 12", width=26, height=12, aria_hidden="true", class_=kind)
-    return tag("span", sample, f" {text}", class_="key")
+    @property
+    def badges(self) -> Iterator[tuple[float, float, float, float, int]]:
+        """The robot (or its estimate) at each numbered event, a free place beside it, and the number."""
+        truth, estimate = self.tracks[0].path("truth"), self.tracks[0].path("estimate")
+        places = self.axes.at(np.where(np.isfinite(truth), truth, estimate)[:, :2])
+        rows = {int(step): row for row, step in enumerate(self.tracks[0].column("step"))}
+        taken: list[tuple[float, float]] = []
+        for step, number in self.numbered:
+            x, y = places[rows[step]].tolist()
+            taken.append(_free_place(x, y, taken))
+            yield x, y, *taken[-1], number
 
+    @property
+    def jump(self) -> str:
+        """The distance above which a path is broken."""
+        return self.scale.say(LOST_M)
 
-def _box(plan: Plan) -> tuple[float, float, float, float]:
-    (left, base), (right, top) = plan.at(np.reshape(plan.arena.bounds, (2, 2)).astype(float)).tolist()
-    return left, top, right, base
-
-
-def _ground(plan: Plan) -> Iterator[Markup]:
-    arena = plan.arena
-    left, top, right, base = _box(plan)
-    yield tag("rect", x=left, y=top, width=right - left, height=base - top, class_="free")
-    kinds = _floor_kinds(arena)
-    for floor in arena.floors:
-        points = plan.points(floor.polygon)
-        yield tag("polygon", tag("title", floor.name), points=points, class_=kinds[floor.name])
-    for obstacle in arena.obstacles:
-        yield tag(
-            "polygon", tag("title", obstacle.name), points=plan.points(obstacle.polygon), class_="solid"
-        )
-    for wall in clipped(arena.walls, arena.bounds):
-        (x1, y1), (x2, y2) = plan.at(wall.reshape(2, 2)).tolist()
-        yield tag("line", x1=x1, x2=x2, y1=y1, y2=y2, class_="wall")
-    yield from _names(plan, arena.obstacles)
-    yield from _ruler(plan)
-
-
-def _floor_kinds(arena: Arena) -> dict[str, str]:
-    """Give the class that colors each floor, by its name."""
-    names = dict.fromkeys(floor.name for floor in arena.floors)
-    others = [name for name in names if name.lower() not in KNOWN_FLOORS]
-    return {name: f"floor{others.index(name) % 3}" if name in others else name.lower() for name in names}
-
-
-def _names(plan: Plan, regions: Sequence[Region]) -> Iterator[Markup]:
-    """Write names where they fit; a tooltip says the others."""
-    for region in regions:
-        corners = plan.at(region.polygon)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        if NAME_PX * len(region.name) < 1.25 * (high[0] - low[0]) and high[1] - low[1] > 14:
-            x, y = ((low + high) / 2).tolist()
-            yield tag("text", region.name, x=x, y=y + 4, text_anchor="middle", class_="name")
-
-
-def _ruler(plan: Plan) -> Iterator[Markup]:
-    x_min, y_min, x_max, y_max = (plan.scale.length(bound) for bound in plan.arena.bounds)
-    left, top, right, base = _box(plan)
-    per_unit = plan.px_per_m / plan.scale.units.per_m
-    unit, step = plan.scale.units.name, plan.scale.units.grid
-    for value in ruler(x_min, x_max, step):
-        x = left + (value - x_min) * per_unit
-        yield tag("line", x1=x, x2=x, y1=base, y2=base + 5, class_="axis")
-        yield tag("text", f"{value:g}", x=x, y=base + 18, text_anchor="middle")
-    for value in ruler(y_min, y_max, step):
-        y = base - (value - y_min) * per_unit
-        yield tag("line", x1=left - 5, x2=left, y1=y, y2=y, class_="axis")
-        yield tag("text", f"{value:g}", x=left - 8, y=y + 4.5, text_anchor="end")
-    yield tag("text", f"x ({unit})", x=right, y=base + 32, text_anchor="end", class_="name")
-    yield tag("text", f"y ({unit})", x=2, y=top - 2, class_="name")
-
-
-def _ways(plan: Plan, tracks: Sequence[Track]) -> Iterator[Markup]:
-    first, single = tracks[0], len(tracks) == 1
-    moved = first.column("odometry_m")
-    yield from _way(plan, first.path("odometry"), moved, "odometry", "1.5 4")
-    yield from _way(plan, first.path("truth"), moved, "truth", None, ends=True)
-    for run, track in enumerate(tracks):
-        kind = "estimate" if single else f"run{run}"
-        yield from _way(plan, track.path("estimate"), moved, kind, None if single else DASHES[run], ends=True)
-
-
-def _way(
-    plan: Plan, poses: F64, moved_m: F64, kind: str, dashes: str | None, ends: bool = False
-) -> Iterator[Markup]:
-    """Draw one way (S, 3), broken at jumps and where it is not known."""
-    known = np.isfinite(poses[:, 0])
-    if not known.any():
-        return
-    lines = [
-        tag("polyline", points=plan.points(thin(part)), class_="line", stroke_dasharray=dashes)
-        for part in unbroken(poses[:, :2], moved_m)
-        if len(part) > 1
-    ]
-    if ends:
-        (x1, y1), (x2, y2) = plan.at(poses[known][[0, -1], :2]).tolist()
-        lines.append(tag("circle", cx=x1, cy=y1, r=6, class_="ring"))
-        lines.append(tag("rect", x=x2 - 4, y=y2 - 4, width=8, height=8, class_="dot"))
-    yield tag("g", lines, class_=kind)
+    @property
+    def label(self) -> str:
+        """What the map shows, for readers who do not see it."""
+        size = " by ".join(self.scale.say(side) for side in self.arena.size_m)
+        runs = ", ".join(track.label for track in self.tracks)
+        return f"Map of {size} with the estimated path of {runs}{' and the true path' * self.has_truth}"
 
 
 def unbroken(places: F64, moved_m: F64) -> list[F64]:
-    """Cut a way (S, 2) where a step jumps, and leave out what is not known."""
-    far = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
-    jumps = ~(far <= np.maximum(LOST_M, JUMP_OF_MOTION * moved_m[1:]))  # also where it is not known
+    """Cut a path (S, 2) where a step jumps, and leave out what is not known."""
+    distance = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
+    jumps = ~(distance <= np.maximum(LOST_M, JUMP_OF_MOTION * moved_m[1:]))  # also where it is not known
     parts = np.split(places, np.flatnonzero(jumps) + 1)
     return [part for part in parts if np.isfinite(part).all()]
 
 
-def thin(places: F64) -> F64:
-    """Leave out steps of a very long way (S, 2), evenly; the ends stay."""
-    if len(places) <= MOST_POINTS:
+def thin_path(places: F64) -> F64:
+    """Leave out steps of a very long path (S, 2), evenly; the ends stay."""
+    if len(places) <= MAX_POINTS:
         return places
-    return np.asarray(places[np.linspace(0, len(places) - 1, MOST_POINTS).round().astype(int)])
-
-
-def _numbers(plan: Plan, track: Track, numbered: Sequence[tuple[int, int]]) -> Iterator[Markup]:
-    """Put each event's number beside where the robot was, or was thought to be."""
-    truth, estimate = track.path("truth"), track.path("estimate")
-    places = np.where(np.isfinite(truth), truth, estimate)[:, :2]
-    rows = {int(step): row for row, step in enumerate(track.column("step"))}
-    taken: list[tuple[float, float]] = []
-    for step, label in numbered:
-        x, y = plan.at(places[[rows[step]]])[0].tolist()
-        at = _free_place(x, y, taken)
-        taken.append(at)
-        yield tag("line", x1=x, y1=y, x2=at[0], y2=at[1], class_="axis")
-        yield badge(*at, label)
+    return np.asarray(places[np.linspace(0, len(places) - 1, MAX_POINTS).round().astype(int)])
 
 
 def _free_place(x: float, y: float, taken: Sequence[tuple[float, float]]) -> tuple[float, float]:

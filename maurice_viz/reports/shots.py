@@ -1,4 +1,4 @@
-"""Pictures of a step: what the camera saw, and the map with cloud, truth and estimate."""
+"""Pictures of a step: the camera image, and the map with cloud, truth and estimate."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from ..panels.world import clipped
 from ..style import ESTIMATE, GROUND, RGB, TRUTH, WALL, Scale, weight_colors
 
 MAP_PX = 720  # longer side of a map on the page
-CAMERA_PX = 320  # width of a camera's picture on the page, at most
+CAMERA_PX = 320  # maximum width of a camera image on the page
 QUALITY = 82
 FULL = 4  # bits of a pixel that OpenCV draws between pixels
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """What stands on the page for one step: JPEGs; the camera's is None where the picture is not kept."""
+    """The JPEGs of one step; `camera` is None where the camera image is not available."""
 
     camera: bytes | None
     maps: Mapping[str, bytes]  # by the run's label
@@ -40,7 +40,7 @@ class Photographer:
 
     arena: Arena
     scale: Scale
-    has_pictures: bool  # whether frames hold what the camera saw
+    has_pictures: bool  # whether frames hold camera images
     _ground: Canvas | None = None
 
     def shoot(self, moment: Moment, records: Mapping[str, StepRecord]) -> Shot:
@@ -73,7 +73,7 @@ def shots(
     updates: Iterator[tuple[Moment, Mapping[str, StepRecord]]],
     steps: Sequence[int],
 ) -> dict[int, Shot]:
-    """Go through the updates up to the last step wanted, and draw those that are."""
+    """Go through the updates up to the last of `steps`, and draw the pictures of these steps by step."""
     wanted, found = set(steps), dict[int, Shot]()
     for moment, records in updates:
         if moment.frame.step in wanted:
@@ -99,7 +99,7 @@ def _with_walls(ground: Canvas, arena: Arena, scale: Scale) -> Canvas:
 
 
 def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> NDArray[np.int64]:
-    """Give places (K, 2) in sixteenths of a pixel, as OpenCV takes them; far outside is cut."""
+    """Return points (K, 2) in sixteenths of a pixel, as OpenCV takes them; clipped far outside."""
     px = (scale.screen(xy_m) - (canvas.extent.left, canvas.extent.top)) / canvas.unit_per_px
     return np.asarray(np.clip(px * (1 << FULL), -(2**20), 2**20).round(), np.int64)
 

@@ -1,4 +1,4 @@
-"""`maurice-replay report RUN -o report.html`: one page about a saved run that stands alone."""
+"""`maurice-replay report RUN -o report.html`: one self-contained page about a saved run."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from typing import Annotated
 
 import typer
 
-from maurice_loaders.io.files import expect_absent, write_whole
-
-from ..console import results
+from ..console import listening, results
 from ..errors import one_line_errors
 from ..options import ForceOption
 
@@ -20,15 +18,10 @@ RunArgument = Annotated[
 PageOption = Annotated[Path, typer.Option("-o", "--output", metavar="OUT.html", help="The page to write.")]
 
 
-def report(folder: RunArgument, output: PageOption = Path("report.html"), force: ForceOption = False) -> None:
+def report(run: RunArgument, output: PageOption = Path("report.html"), force: ForceOption = False) -> None:
     """Write one self-contained page about a saved run: summary, map, traces, events, configuration."""
-    if output.suffix.lower() not in (".html", ".htm"):
-        raise typer.BadParameter(f"{output.name!r} should end in .html")
-    with one_line_errors():
-        expect_absent(output, force=force)
-        from ...app.saved import open_saved
-        from ...reports.make import html_report
+    from ...reports.make import report as write_report  # jinja2 and the drawings are needed only here
 
-        page = html_report(open_saved(folder), folder)
-        write_whole(output, page.encode(), force=force)
-    results.print(str(output), soft_wrap=True)
+    with one_line_errors(), listening() as listener:
+        file = write_report(run, output, force=force, listener=listener)
+    results.print(str(file), soft_wrap=True)

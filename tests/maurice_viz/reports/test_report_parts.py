@@ -1,4 +1,4 @@
-"""The parts that a report is made of: markup, charts, ways on the map, the choice of pictures."""
+"""The parts that a report is made of: charts, paths on the map, the choice of pictures."""
 
 import numpy as np
 import pytest
@@ -7,26 +7,27 @@ from hypothesis import strategies as st
 
 from maurice_mcl.analysis.events import RunEvent
 from maurice_viz.app.tracks import NOWHERE, NUMBERS, Collected, Track
-from maurice_viz.reports.charts import MOST_POINTS, thinned, ticks
-from maurice_viz.reports.choosing import MOST_PICTURES, Happening, choose, listed, said_steps, worst_step
-from maurice_viz.reports.map import MOST_POINTS as MOST_PLACES
-from maurice_viz.reports.map import thin, unbroken
-from maurice_viz.reports.markup import Markup, number, tag
+from maurice_viz.reports.charts import MAX_POINTS, px, thin_chart, ticks
+from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
+from maurice_viz.reports.make import _environment
+from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
+from maurice_viz.reports.map import thin_path, unbroken
 
 
-def test_text_is_escaped_and_markup_is_not() -> None:
-    inner = tag("b", "a < b & 'c'", title='"q"')
-    assert inner == '<b title="&quot;q&quot;">a &lt; b &amp; &#x27;c&#x27;</b>'
-    assert tag("p", inner, class_="x", id=None) == f'<p class="x">{inner}</p>'
-    assert tag("img", alt="") == '<img alt="">'
-    assert isinstance(inner, Markup)
+def test_text_is_escaped_in_tables_and_attributes() -> None:
+    drawings = _environment().get_template("drawings.html").module
+    row = ("a < b & 'c'", '"q"')
+    table = drawings.table('<b> "title"', [""], [row], 'x" y')  # type: ignore[attr-defined]  # a macro
+    assert "<b>" not in table
+    assert "a &lt; b &amp; &#39;c&#39;" in table
+    assert 'class="x&#34; y"' in table
 
 
 @pytest.mark.parametrize(
     ("value", "text"), [(1.0, "1"), (-0.001, "0"), (2.345, "2.35"), (10.5, "10.5"), (0, "0")]
 )
 def test_numbers_are_short(value: float, text: str) -> None:
-    assert number(value) == text
+    assert px(value) == text
 
 
 @given(
@@ -47,8 +48,8 @@ def test_thinning_keeps_every_peak(size: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     x, y = np.arange(float(size)), rng.normal(size=size)
     y[rng.random(size) < 0.1] = np.nan
-    few_x, few_y = thinned(x, y)
-    assert len(few_x) <= MOST_POINTS
+    few_x, few_y = thin_chart(x, y)
+    assert len(few_x) <= MAX_POINTS
     assert (np.diff(few_x) > 0).all()
     assert all(np.array_equal(y[int(a)], b, equal_nan=True) for a, b in zip(few_x, few_y, strict=True))
     if np.isfinite(y).any():
@@ -56,21 +57,21 @@ def test_thinning_keeps_every_peak(size: int, seed: int) -> None:
         assert np.nanmin(few_y) == np.nanmin(y)
 
 
-def test_a_way_is_broken_at_a_jump_and_where_it_is_not_known() -> None:
+def test_a_path_is_broken_at_a_jump_and_where_it_is_not_known() -> None:
     places = np.array([[0.0, 0], [0.3, 0], [5.0, 0], [5.2, 0], [np.nan, np.nan], [5.4, 0], [5.6, 0]])
     parts = unbroken(places, np.full(7, 0.3))
     assert [len(part) for part in parts] == [2, 2, 2]
-    whole = unbroken(places[:4], np.full(4, 2.0))  # the robot itself measured two metres a step
-    assert [len(part) for part in whole] == [4]
+    joined = unbroken(places[:4], np.full(4, 2.0))  # the robot itself measured two meters in a step
+    assert [len(part) for part in joined] == [4]
     assert [len(part) for part in unbroken(np.zeros((1, 2)), np.zeros(1))] == [1]
 
 
-def test_a_long_way_keeps_its_ends() -> None:
+def test_a_long_path_keeps_its_ends() -> None:
     places = np.random.default_rng(0).normal(size=(20_000, 2))
-    few = thin(places)
-    assert len(few) == MOST_PLACES
+    few = thin_path(places)
+    assert len(few) == MAX_PLACES
     assert (few[[0, -1]] == places[[0, -1]]).all()
-    assert len(thin(places[:50])) == 50
+    assert len(thin_path(places[:50])) == 50
 
 
 def track(label: str, errors: list[float], events: list[RunEvent] | None = None) -> Track:
@@ -86,8 +87,8 @@ def collected(*tracks: Track) -> Collected:
     return Collected(tracks, (), None)
 
 
-def happened(kind: str, *steps: int) -> list[Happening]:
-    return [Happening(RunEvent(step, float(step), kind, "text"), ("a",)) for step in steps]
+def happened(kind: str, *steps: int) -> list[ReportedEvent]:
+    return [ReportedEvent(RunEvent(step, float(step), kind, "text"), ("a",)) for step in steps]
 
 
 def test_the_worst_step_is_that_of_the_largest_error_of_any_run() -> None:
@@ -103,16 +104,16 @@ def test_every_kind_gets_a_picture_before_one_gets_two() -> None:
     )
     scenes = choose(collected(track("a", [1.0] * 50)), events)
     steps = [scene.step for scene in scenes]
-    assert len(steps) == MOST_PICTURES
+    assert len(steps) == MAX_PICTURES
     assert steps == sorted(steps)
     assert {1, 50, 41, 10, 5} <= set(steps)
-    assert [scene.number for scene in scenes] == list(range(1, MOST_PICTURES + 1))
+    assert [scene.number for scene in scenes] == list(range(1, MAX_PICTURES + 1))
     assert "lost: text" in next(scene for scene in scenes if scene.step == 41).reasons
 
 
 def test_a_quiet_run_has_its_worst_and_its_last_step() -> None:
     (one,) = choose(collected(track("a", [3.0])), [])
-    assert one.reasons == ("largest position error", "the last step")
+    assert one.reasons == ("largest position error", "last step")
     assert [s.step for s in choose(collected(track("a", [1.0, 3.0, 2.0])), happened("resampled", 1))] == [
         2,
         3,
@@ -127,5 +128,5 @@ def test_what_happens_all_the_time_is_not_listed() -> None:
 @pytest.mark.parametrize(
     ("steps", "text"), [([], ""), ([3], "3"), ([4, 3, 3], "3, 4"), ([1, 2, 3, 7, 9, 10, 11], "1-3, 7, 9-11")]
 )
-def test_steps_are_written_shortly(steps: list[int], text: str) -> None:
-    assert said_steps(steps) == text
+def test_steps_are_written_as_ranges(steps: list[int], text: str) -> None:
+    assert step_ranges(steps) == text
