@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,6 @@ from maurice_mcl.geometry import compose
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
-from ..cli.console import Advance
 from ..playback import ResultCollector, RunResult
 from ..style import Scale
 from ..text.narration import errors
@@ -121,7 +120,7 @@ def collect(
     known: Mapping[str, Known],
     scale: Scale,
     arena_m: tuple[float, float],
-    advance: Advance,
+    advance: Callable[[int, int], None],
     total: int,
 ) -> Collected:
     """Go through all updates once; `known` has what is known beforehand of each run, by its label."""
