@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import Configuration, Layer, configure, flatten
+from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters
 
 from .errors import InputError
 from .io.files import expect_regular
@@ -18,6 +19,11 @@ from .io.toml import toml_value
 # Configuration files: TOML with the tables and names of `maurice_mcl.config.parameters`, and the environment.
 
 PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
+
+MOTION_MODELS: Mapping[str, Callable[[Mapping[str, Any]], object]] = {
+    "maurice": MauriceParameters.from_header,
+    "odometry": OdometryParameters.from_header,
+}
 
 
 def read_config(path: Path) -> Layer:
@@ -59,6 +65,27 @@ def configuration_of(
     except ValueError as problem:  # its text begins with the origin
         origin, _, what = str(problem).partition(": ")
         raise InputError(Path(origin), what) from None
+
+
+def check_config(file: Path) -> int:
+    """Check a configuration file, without the environment, and return how many values it sets.
+
+    Raises InputError for anything that a run would refuse.
+    """
+    _check_motion(file, configuration_of(None, file, {}, {}).values()["motion"])
+    return len(read_config(file).values)
+
+
+def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
+    if motion is None:
+        return
+    model = motion.get("model", "maurice")
+    if not isinstance(model, str) or model not in MOTION_MODELS:
+        raise InputError(file, f"motion.model: found {model!r}, expected one of {', '.join(MOTION_MODELS)}")
+    try:
+        MOTION_MODELS[model](motion)
+    except ValueError as problem:
+        raise InputError(file, str(problem)) from None
 
 
 def to_toml(configuration: Configuration, *, origins: bool = False) -> str:

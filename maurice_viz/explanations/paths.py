@@ -1,4 +1,4 @@
-"""Where explanations are drawn, and what a column of them is called and colored."""
+"""Entities of explanations, and the names and colors of their columns."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OUTSIDE = "outside free space"
 NOT_KNOWN = "truth not known here"
 KINDS = ("sample", "reference", "cost")  # of bars
 
-Column = tuple[str, Explained | None]  # whose it is; None: the truth is not known at this update
+Column = tuple[str, Explained | None]  # which reference; None: the truth is not known at this update
 
 
 def columns_of(has_truth: bool) -> tuple[str, ...]:
@@ -23,25 +23,25 @@ def columns_of(has_truth: bool) -> tuple[str, ...]:
 
 
 def columns(step: StepExplanation, has_truth: bool) -> list[Column]:
-    """Give what stands in each column, always as many."""
+    """Return the content of each column; their number is always the same."""
     return [(who, step.of(who)) for who in columns_of(has_truth)]
 
 
 def card_path(paths: RunPaths, who: str) -> str:
-    """Give the entity of a column's pictures: one EncodedImage."""
+    """Return the entity of a column's pictures: one EncodedImage."""
     return paths.at("explain", "card", who)
 
 
 def chart_path(paths: RunPaths, kind: str) -> str:
-    """Give the entity of bars: `kind` is one of KINDS, "tints" or "feet"."""
+    """Return the entity of bars: `kind` is one of KINDS, "tints" or "feet"."""
     return paths.at("explain", "chart", kind)
 
 
 def table_path(paths: RunPaths) -> str:
-    """Give the entity of the table: one TextDocument."""
+    """Return the entity of the table: one TextDocument."""
     return paths.at("explain", "table")
 
 
 def marks_path(paths: RunPaths) -> str:
-    """Give the entity of the references on the map: one Arrows2D, one a column."""
+    """Return the entity of the references on the map: one Arrows2D, an arrow per column."""
     return paths.at("explain", "marks")

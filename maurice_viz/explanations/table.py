@@ -22,7 +22,7 @@ from maurice_mcl.analysis.explanation import (
 from ..style import Scale
 from .words import say_offset
 
-# An explanation as a table: a column a reference, a row a figure. Markdown for the viewer's text panel.
+# An explanation as a table in Markdown: one column per reference, one row per number.
 
 TITLES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
 NONE = "outside free space"
@@ -39,7 +39,7 @@ def markdown_table(step: StepExplanation, scale: Scale, order: Sequence[int] | N
 
 
 def _of_all(step: StepExplanation, scale: Scale) -> list[tuple[str, ...]]:
-    """Give the rows of all channels together: what it is, and a cell a reference."""
+    """Return the rows of all channels together: a name, and one cell per reference."""
     rows = [_row(step, f"at ({scale.units.name}), looking", lambda e: _pose(e, scale))]
     if any(e.from_truth for e in step.shown):
         rows.append(_row(step, "away from the truth", lambda e: _from_truth(e, step, scale)))
@@ -87,11 +87,11 @@ def _weighed(explained: Explained) -> str:
     return "" if explained.weighed is None else f"{explained.weighed:.2f}"
 
 
-# An explanation as JSON, in metres, radians and nats.
+# An explanation as JSON, in meters, radians and nats.
 
 
 def to_json(label: str, step: StepExplanation) -> dict[str, Any]:
-    """Give `{"runs": [{"label": ..., "step": ..., "explained": [...]}]}`."""
+    """Return `{"runs": [{"label": ..., "step": ..., "explained": [...]}]}`."""
     explained = [_explained(one, step.winner) for one in step.shown]
     return {"runs": [{"label": label, "step": step.step, "explained": explained}]}
 

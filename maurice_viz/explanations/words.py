@@ -36,7 +36,7 @@ from maurice_mcl.sensor.descriptors.histogram import BINS, HIGH, LOW, WIDTH
 
 from ..style import Scale
 
-# What the elements of a descriptor are called, so that one can say where two pictures differ.
+# Names of the elements of a descriptor, which tell where two pictures differ.
 
 COLORS = ("red", "green", "blue")
 PARTS = color_grid.COLUMNS * color_grid.ROWS
@@ -54,7 +54,7 @@ class Planes:
 
 
 def planes_of(channel: str, size: int) -> Planes:
-    """Give the planes of a channel whose descriptor has so many elements."""
+    """Return the planes of a channel whose descriptor has `size` elements."""
     found = KNOWN.get(channel)
     return found[1] if found and found[0] == size else Planes(1, lambda _, a, b: f"elements {_span(a, b)}")
 
@@ -78,7 +78,7 @@ def _chromaticity(red: int, first: int, last: int) -> str:
 
 
 def _raster(rows: int, columns: int, numbers: int) -> Name:
-    """Name cells of a raster over the picture, row by row, with so many numbers a cell."""
+    """Name cells of a raster over the picture, row by row, with this many numbers per cell."""
 
     def name(row: int, first: int, last: int) -> str:
         at, left, right = f"row {row + 1} of {rows}", first // numbers, last // numbers
@@ -143,8 +143,8 @@ KNOWN: Mapping[str, tuple[int, Planes]] = {
 # Why the winner wins and where others lose, in plain sentences.
 
 LITTLE = 0.05  # nats: less is no reason
-MOST_TOLD = 3  # channels that a sentence lists
-LARGE_FACTOR = 1e6  # beyond it a factor says nothing more
+MOST_LISTED = 3  # channels that a sentence lists
+LARGE_FACTOR = 1e6  # a larger factor is no more informative
 WORDS = {
     TRUTH: "the reference nearest to the truth",
     ESTIMATE: "the reference nearest to the estimate",
@@ -169,35 +169,35 @@ class Where:
 
 
 def say_step(step: StepExplanation, scale: Scale) -> list[str]:
-    """Say in a few sentences, a paragraph each, why the winner wins and where the others lose."""
+    """Return a few sentences, one paragraph each: why the winner wins and where the others lose."""
     winner = step.winner
     others = [e for e in step.shown if e.who != WINNER]
     alike = [WORDS[e.who] for e in others if e.entry is not None and e.entry.entry == winner.entry]
     also = f" It is also {' and '.join(alike)}." if alike else ""
-    says = [_winner(step, scale) + also]
-    told: dict[int, str] = {}
+    found = [_winner(step, scale) + also]
+    named: dict[int, str] = {}
     for explained in others:
         entry = explained.entry
         if entry is None:
-            says.append(
+            found.append(
                 f"{_capital(PLACES[explained.who])} lies outside free space, where no particle can be."
             )
-        elif entry.entry in told:
-            says.append(f"{_capital(WORDS[explained.who])} is the same as {told[entry.entry]}.")
+        elif entry.entry in named:
+            found.append(f"{_capital(WORDS[explained.who])} is the same as {named[entry.entry]}.")
         elif entry.entry != winner.entry:
-            says.append(_other(entry, WORDS[explained.who], winner))
-            told[entry.entry] = WORDS[explained.who]
+            found.append(_other(entry, WORDS[explained.who], winner))
+            named[entry.entry] = WORDS[explained.who]
     weighed = _weighed(step)
-    return [*says, weighed] if weighed else says
+    return [*found, weighed] if weighed else found
 
 
 def where_lost(mine: ChannelExplanation, best: ChannelExplanation) -> Where | None:
     """Find the run of elements in which a reference loses most against another, by one channel.
 
-    All through the run either the picture has more than the reference, or less: what is lost where a color
-    is missing and where another one is in its place are two runs. Of all of them within one plane it is the
-    one with the largest sum over the mean of all elements, so that it ends where little is lost. None where
-    this channel loses nothing.
+    Within a run the picture has either more than the reference throughout, or less: the loss where a color is
+    missing and the loss where another one takes its place are two runs. The run returned is the one, within
+    one plane, with the largest sum above the mean of all elements, so that it ends where little is lost.
+    Returns None where this channel loses nothing.
     """
     more = np.asarray(mine.nats - best.nats, np.float64)
     planes = planes_of(mine.channel, len(more))
@@ -217,7 +217,7 @@ def where_lost(mine: ChannelExplanation, best: ChannelExplanation) -> Where | No
 
 
 def _largest_run(values: F64) -> tuple[int, int, float]:
-    """Give first and last element of the run with the largest sum, and that sum (Kadane)."""
+    """Return the first and last element of the run with the largest sum, and that sum (Kadane)."""
     best, found, total, first = -math.inf, (0, 0), 0.0, 0
     for k, value in enumerate(values.tolist()):
         if total <= 0:
@@ -231,7 +231,7 @@ def _largest_run(values: F64) -> tuple[int, int, float]:
 def _winner(step: StepExplanation, scale: Scale) -> str:
     winner, explained = step.winner, step.of(WINNER)
     by = sorted(winner.channels, key=lambda c: -c.loses)
-    parts = ", ".join(f"{c.channel} {c.loses:.1f}" for c in by[:MOST_TOLD] if c.loses >= LITTLE)
+    parts = ", ".join(f"{c.channel} {c.loses:.1f}" for c in by[:MOST_LISTED] if c.loses >= LITTLE)
     among = f"Of {winner.entries} references entry {winner.entry}"
     among = among if winner.entries > 1 else "The only reference"
     cost = f": it loses {-winner.log_likelihood:.1f} nats{f' ({parts})' if parts and len(by) > 1 else ''}"
@@ -248,7 +248,7 @@ def _other(entry: EntryExplanation, what: str, winner: EntryExplanation) -> str:
 
 
 def say_behind(nats: float) -> str:
-    """Say what a gap in log-likelihood means: "2.3 nats behind the winner: 10 times less likely"."""
+    """Describe a gap in log-likelihood: "2.3 nats behind the winner: 10 times less likely"."""
     factor = math.exp(min(nats, 700.0))
     if factor > LARGE_FACTOR:
         return f"{nats:.1f} nats behind the winner: over a million times less likely"
@@ -271,7 +271,7 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
         text += f", where the picture has {'less' if less else 'more'}"
         text += f" ({_number(picture)} against {_number(reference)}, {unit})"
     more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LITTLE]
-    return f"{text}; {', '.join(more[:MOST_TOLD])}." if more else f"{text}."
+    return f"{text}; {', '.join(more[:MOST_LISTED])}." if more else f"{text}."
 
 
 def _and(channel: str, cost: float) -> str:
@@ -279,7 +279,7 @@ def _and(channel: str, cost: float) -> str:
 
 
 def _weighed(step: StepExplanation) -> str:
-    """Say what a particle on the very pose gets beside what its nearest reference alone would give it."""
+    """Compare the log-likelihood of a particle at each pose with that of its nearest reference alone."""
     parts = []
     for explained in step.shown:
         weight, entry = explained.weighed, explained.entry
@@ -294,7 +294,7 @@ def _weighed(step: StepExplanation) -> str:
 
 
 def say_offset(offset: PoseOffset, scale: Scale) -> str:
-    """Say how far apart two poses are: "4.1 in and 8 deg"."""
+    """Describe the distance between two poses: "4.1 in and 8 deg"."""
     return f"{scale.say(offset.apart_m)} and {math.degrees(offset.turned_rad):.0f} deg"
 
 

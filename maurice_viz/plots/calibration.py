@@ -39,14 +39,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# The thesis's figures 4 to 11 from calibration trials: turns in degrees, ways in display units.
+# The thesis's figures 4 to 11 from calibration trials: turns in degrees, distances in display units.
 
 Whole = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """What the figures are made of."""
+    """The trials, their fit and the units of the figures."""
 
     trials: Trials
     fit: Calibration
@@ -59,13 +59,13 @@ class Shown:
 
     @property
     def residual_deg(self) -> F64:
-        """What the gain leaves of every turn (n,)."""
+        """The residual of every turn after the gain (n,)."""
         measured, actual = self.turns_deg
         return np.asarray(actual - self.fit.turns.gain.value * measured)
 
 
 def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
-    """Write figures 4 to 11 into a folder, which may exist. InputError when one of them is there already."""
+    """Write figures 4 to 11 into a folder. Raises InputError when one of them exists (unless `force`)."""
     files = [folder / f"{name}.png" for name in FIGURES]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -132,7 +132,7 @@ def turn_histogram(shown: Shown) -> Figure:
 
 
 def straight_trials(shown: Shown) -> Figure:
-    """Figure 9: measured and actual way of every straight, by floor."""
+    """Figure 9: measured and actual length of every straight, by floor."""
     unit, s = shown.units, shown.trials.straights
     made, axes = figure("Measured and actual straights", "trial", f"way ({unit.name})")
     trial = np.arange(1, len(s.measured_m) + 1)
@@ -218,7 +218,7 @@ def _band(axes: Axes, spread: Spread, unit: str) -> None:
 
 
 def _floors(shown: Shown) -> list[tuple[str | None, str]]:
-    """Give the floors of the trials in order, with a color each; None: ways across several."""
+    """Return the floors of the trials in order, each with a color; None: straights across several."""
     names = list(dict.fromkeys(shown.trials.straights.floors))
     known = [name for name in names if name is not None]
     colors = {name: FLOORS[k % len(FLOORS)] for k, name in enumerate(known)}
@@ -240,7 +240,7 @@ def _scaled(spread: Spread, factor: float) -> Spread:
 
 
 def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
-    """Write both figures side by side into one PNG. InputError when it exists and `force` is not given."""
+    """Write both figures side by side into one PNG. Raises InputError when it exists (unless `force`)."""
     from matplotlib.figure import Figure
 
     made = Figure(figsize=(11.0, 4.6), layout="constrained")

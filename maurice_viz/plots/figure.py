@@ -1,4 +1,4 @@
-"""Figures for paper: made without any display, legends below the axes, written whole or not at all."""
+"""Figures for print: drawn without a display, legends below the axes, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ EXTRA = "pip install 'maurice-replay[plots]'"
 def expect_matplotlib(target: Path) -> None:
     """Raise InputError with the command that installs it where matplotlib is missing."""
     try:
-        import matplotlib  # noqa: F401 - only to see whether it is there
+        import matplotlib  # noqa: F401 - checks whether it is installed
     except ImportError:
         raise InputError(target, f"cannot be drawn: matplotlib is not installed; {EXTRA}") from None
 
@@ -46,7 +46,7 @@ def figure(title: str, x: str, y: str, size: tuple[float, float] = (8.0, 4.6)) -
 
 
 def dress(axes: Axes, title: str, x: str, y: str) -> None:
-    """Give axes their title, labels and a quiet grid."""
+    """Set the axes' title, labels and a light grid."""
     axes.set_title(title, loc="left", fontsize=12, color=INK)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
@@ -61,7 +61,7 @@ def legend(made: Figure) -> None:
 
 
 def save(made: Figure, file: Path, *, force: bool) -> None:
-    """Write a figure as PNG. InputError when the file exists and `force` is not given."""
+    """Write a figure as PNG. Raises InputError when the file exists (unless `force`)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     expect_absent(file, force=force)

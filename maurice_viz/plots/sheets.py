@@ -28,13 +28,13 @@ SHEET_QUALITY = 80
 
 # The map of expected ambiguity: how many places fit a picture taken at each of a library's places.
 
-MOST_PAIRS = 60  # lines between look-alikes; more would be a tangle
+MOST_PAIRS = 60  # lines between aliases; more cannot be told apart
 DOT = 0.32  # radius, of the distance from a place to the next
-DARKEST = 0.25  # of the scale of colors, so that what is written on a dot can be read
+DARKEST = 0.25  # of the scale of colors, so that the number on a dot stays readable
 
 
 def draw_ambiguity(library: Library, found: SelfSimilarity, scale: Scale) -> U8:
-    """Draw (H, W, 3): walls, a dot a place, brighter the more places fit, and lines between look-alikes."""
+    """Draw (H, W, 3): walls, one dot per place, brighter the more places fit, and lines between aliases."""
     canvas = draw_ground(library.arena, scale)
     image = canvas.image.copy()
     for wall in clipped(library.arena.walls, library.arena.bounds):
@@ -53,7 +53,7 @@ def draw_ambiguity(library: Library, found: SelfSimilarity, scale: Scale) -> U8:
         height = radius * 0.8
         put_text(image, label, x - height * 0.4 * len(label), y + height / 2, height, GROUND)
     text_px = TEXT * long_side(library.arena, scale) / canvas.unit_per_px
-    what = "how many places fit a picture taken here; lines: look-alikes"
+    what = "number of places that fit a picture taken here; lines: aliases"
     put_text(image, what, text_px, 1.6 * text_px, text_px, PALE)
     return image
 
@@ -64,7 +64,7 @@ def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> list[tuple[int, int]]:
 
 
 def _colors(values: F64) -> list[RGB]:
-    """Give each dot a color, from the place with the fewest that fit to that with the most."""
+    """Return the color of each dot, from the place that the fewest fit to the one that the most do."""
     share = np.log(values / values.min()) / max(float(np.log(values.max() / values.min())), 1e-9)
     packed = shade(DARKEST + (1 - DARKEST) * share).tolist()
     return [(one >> 24 & 255, one >> 16 & 255, one >> 8 & 255) for one in packed]
@@ -77,7 +77,7 @@ CAPTION_PX, GAP_PX, TEXT_PX = 16, 6, 8.0
 
 
 def draw_sheet(pictures: Sequence[U8], poses: F64, scale: Scale) -> U8:
-    """Draw pictures (H, W, 3) in rows of four, labelled with their poses (K, 3)."""
+    """Draw pictures (H, W, 3) in rows of four, labeled with their poses (K, 3)."""
     rows, columns = pictures[0].shape[:2]
     high, wide = rows + CAPTION_PX + GAP_PX, columns + GAP_PX
     lines = -(-len(pictures) // COLUMNS)

@@ -1,4 +1,4 @@
-"""Moving the time cursor of a viewer that is open."""
+"""Moving the time cursor of an open viewer."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from maurice_loaders.errors import InputError
 from .open_viewers import open_viewers
 from .spawn import address, is_listening
 
-ANY = ""  # the recording that is in front, whichever that is
+ANY = ""  # the recording in front
 
 
 def move_viewer(folder: Path, session: str, port: int | None, timeline: str, value: int) -> None:
-    """Move the viewer on a port, or the one opened last that shows this session, to a place of a timeline.
+    """Move the viewer on a port, or the last opened one that shows this session, to a value of a timeline.
 
-    InputError in one line where none is open, or what it shows has no such place.
+    Raises InputError where none is open, or its recording has no such timeline.
     """
     recording = ANY
     if port is None:
@@ -41,7 +41,7 @@ def move_viewer(folder: Path, session: str, port: int | None, timeline: str, val
 
 
 def _ours(folder: Path, session: str) -> tuple[int, str]:
-    """Give port and recording of the viewer opened last that shows a session of that name."""
+    """Return port and recording of the last opened viewer that shows a session of that name."""
     viewers = open_viewers()
     for viewer in viewers:
         if viewer.name == session:
@@ -56,7 +56,7 @@ def _how_to_open(folder: Path) -> str:
 
 
 def _recording(state: Any, recording: str) -> Any | None:
-    """Find a recording by its id, or the one in front where it has gone; None where nothing is open."""
+    """Find a recording by its id, else the one in front; None where nothing is open."""
     for known in state.recordings:
         if recording and recording in str(known.store_id):
             return known

@@ -1,4 +1,4 @@
-"""Movies from pictures: VP9 in MP4, which browsers play, or an animated GIF. Whole or not at all.
+"""Movies from pictures: VP9 in MP4, which browsers play, or an animated GIF. Written whole or not at all.
 
 OpenCV's wheel has no H.264 encoder, and its MPEG-4 (`mp4v`) plays in no browser; its VP9 does. GIF frames
 go to the file one by one, so that memory does not grow with the movie.
@@ -23,12 +23,12 @@ from maurice_mcl.arrays import U8
 SUFFIXES = (".mp4", ".gif")
 VP9 = "vp09"
 CENTISECOND_MS = 10  # GIF counts in these
-GIF_COLORS = 255  # and one index for "as it was before"
+GIF_COLORS = 255  # and one index for unchanged pixels
 KEEP = 1  # GIF: the next frame is drawn over this one
 
 
 class Film(Protocol):
-    """Takes pictures one by one."""
+    """A movie that is being written."""
 
     def add(self, picture: U8) -> None:
         """Add a picture (H, W, 3) RGB, of the size of the first."""
@@ -37,9 +37,9 @@ class Film(Protocol):
 
 @contextmanager
 def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
-    """Open a movie for writing; it appears under its name when the block ends well, else not at all.
+    """Open a movie for writing; it appears under its name when the block succeeds, else not at all.
 
-    InputError when the file exists and `force` is not given, or when it cannot be written.
+    Raises InputError when the file exists (unless `force`) or cannot be written.
     """
     expect_absent(path, force=force)
     part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
@@ -63,10 +63,10 @@ def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
 
 
 def from_png(data: bytes) -> U8:
-    """Decode a picture (H, W, 3) RGB that the viewer gave."""
+    """Decode a PNG of the viewer into RGB (H, W, 3)."""
     bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
-        raise ValueError("what the viewer gave is no picture")
+        raise ValueError("the viewer returned no picture")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 
@@ -74,12 +74,12 @@ class Video:
     """VP9 in an MP4 file."""
 
     def __init__(self, file: Path, fps: float) -> None:
-        """Write to this file; it is opened with the first picture, whose size it takes."""
+        """Write to this file, which is opened with the first picture and takes its size."""
         self._file, self._fps = file, fps
         self._writer: cv2.VideoWriter | None = None
 
     def add(self, picture: U8) -> None:
-        """Add a picture; an odd row or column is cut off, as VP9 halves the colors' resolution."""
+        """Add a picture; an odd row or column is cut off, because VP9 halves the resolution of colors."""
         even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
         if self._writer is None:
             size = (even.shape[1], even.shape[0])
@@ -95,7 +95,7 @@ class Video:
 
 
 class Gif:
-    """An endless animated GIF, each frame with its own palette; what did not change is left out."""
+    """An endless animated GIF, each frame with its own palette and only the pixels that changed."""
 
     def __init__(self, file: BinaryIO, fps: float) -> None:
         """Write to this open file."""

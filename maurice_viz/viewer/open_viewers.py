@@ -1,8 +1,8 @@
-"""Which viewers of ours are open: a small file each in the user's state folder, for `maurice-replay jump`.
+"""The open viewers that were started here: one small file each in the user's state folder, for `jump`.
 
-One file a viewer, written whole, so that several commands at once never spoil each other's. A file whose
-viewer is gone is dropped when the list is read. Nothing depends on these files but `jump`: where they cannot
-be written, only that does not find the viewer by itself.
+Each file is written whole, so that commands that run at once do not damage each other's. A file whose viewer
+has ended is removed when the list is read. Only `jump` depends on these files: where they cannot be written,
+it needs --port.
 """
 
 from __future__ import annotations
@@ -39,25 +39,25 @@ class OpenViewer:
 
 
 def state_folder() -> Path:
-    """Give where the files are: the folder that MAURICE_STATE names, else the user's own."""
+    """Return the folder of the files: the one that MAURICE_STATE names, else the user's."""
     named = os.environ.get(STATE)
     return (Path(named) if named else platformdirs.user_state_path("maurice-replay")) / "viewers"
 
 
 def remember(pid: int, port: int) -> None:
-    """Note a viewer that has come up."""
+    """Remember a viewer that has started."""
     _write(OpenViewer(pid, port, time.time()))
 
 
 def remember_recording(port: int, name: str, recording: str) -> None:
-    """Note what a viewer shows, if it is one of ours."""
+    """Remember what a viewer shows, if it was started here."""
     known = _read(_file(port))
     if known is not None:
         _write(replace(known, name=name, recording=recording))
 
 
 def open_viewers() -> list[OpenViewer]:
-    """List the viewers that still listen, the one opened last first; forget the others."""
+    """Return the viewers that still listen, the last opened first, and forget the others."""
     found = []
     with suppress(OSError):
         for file in state_folder().glob("*.json"):
@@ -81,7 +81,7 @@ def _write(viewer: OpenViewer) -> None:
 
 
 def _read(file: Path) -> OpenViewer | None:
-    """Read one file; None where it is gone or is not one of ours."""
+    """Read one file; None where it is gone or invalid."""
     with suppress(OSError, ValueError, TypeError):
         found: Mapping[str, Any] = read_json(file.read_bytes())
         viewer = OpenViewer(**found)
@@ -92,7 +92,7 @@ def _read(file: Path) -> OpenViewer | None:
 
 
 def _is_alive(pid: int) -> bool:
-    """Tell whether a process is there; where that cannot be asked (Windows), yes."""
+    """Return whether a process exists; True where that cannot be asked (Windows)."""
     if os.name == "nt":
         return True
     try:

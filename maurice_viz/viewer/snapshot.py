@@ -24,7 +24,7 @@ from .tabs import LayoutError, maximized, with_layout
 
 PATIENCE_S = 60.0  # for a recording to load, and again for a picture to settle
 LOOK_EVERY_S = 0.2
-ALIKE = 3  # so many equal pictures in a row say that nothing is still being drawn
+ALIKE = 3  # this many equal pictures in a row show that drawing is done
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 ADVICE = "apt-get install mesa-vulkan-drivers libvulkan1"
 
@@ -33,14 +33,14 @@ class Viewer:
     """A running headless viewer with one recording open."""
 
     def __init__(self, client: Any, recording: Any, file: Path) -> None:
-        """Drive a viewer that is there; `file` is what errors name."""
+        """Drive a running viewer; errors name `file`."""
         self._client, self._recording, self._file = client, recording, file
         self._last = b""
 
     def picture(self, timeline: str, value: int, alike: int = ALIKE) -> bytes:
-        """Give a PNG of the whole window at one place of the timeline "step" or "phase".
+        """Return a PNG of the whole window at one value of the timeline "step" or "phase".
 
-        The picture is taken when `alike` in a row were equal, one more where it is still the last one.
+        It is taken once `alike` pictures in a row were equal, plus one if they equal the last one returned.
         """
         if timeline not in (STEP, PHASE):
             raise ValueError(f"pictures are taken on {STEP!r} or {PHASE!r}, found {timeline!r}")
@@ -56,23 +56,23 @@ class Viewer:
         return last
 
     def span(self, timeline: str) -> tuple[int, int]:
-        """Give the first and the last place of a timeline. InputError where the recording has none such."""
+        """Return the first and last value of a timeline. Raises InputError where the recording lacks it."""
         for known in self._recording.timelines:
             if known.name == timeline:
                 return int(known.start), int(known.end)
         raise InputError(self._file, f"found no timeline {timeline!r}; was it made by maurice-replay?")
 
     def show_layout(self, name: str) -> None:
-        """Bring the tab of a layout to the front. InputError with the names there are for any other."""
+        """Bring the tab of a layout to the front. Raises InputError with the known names for any other."""
         try:
             self._arrange(with_layout(self._client.get_blueprint().blueprint, name))
         except LayoutError as problem:
             raise InputError(self._file, str(problem)) from None
 
     def show_only(self, name: str) -> None:
-        """Let one view fill the window, by its title or the beginning of it.
+        """Let one view fill the window, by its title or its beginning.
 
-        InputError with the titles there are where none or several begin so.
+        Raises InputError with the known titles where none or several match.
         """
         views = {str(view.name): str(view.view_id) for view in self._client.get_state().views}
         try:
@@ -85,13 +85,13 @@ class Viewer:
 
 
 def software_driver() -> Path | None:
-    """Find Mesa's software Vulkan driver, on which pictures are the same everywhere."""
+    """Find Mesa's software Vulkan driver, whose pictures are the same on every machine."""
     found = [file for folder in DRIVERS if folder.is_dir() for file in sorted(folder.glob("lvp*.json"))]
     return found[0] if found else None
 
 
 def expect_driver(target: Path) -> Path:
-    """Find the software driver. InputError that names the package where there is none."""
+    """Find the software driver. Raises InputError that names the package to install."""
     driver = software_driver()
     if driver is None:
         raise InputError(target, f"found no software Vulkan driver to draw with; {ADVICE}")
@@ -104,7 +104,7 @@ def headless_viewer(
 ) -> Iterator[Viewer]:
     """Open a recording in a headless viewer, and close the viewer at the end.
 
-    InputError when there is no driver, when the viewer dies, or when nothing is loaded in time.
+    Raises InputError without a driver, when the viewer ends, or when nothing is loaded in time.
     """
     driver = expect_driver(recording)
     with tempfile.TemporaryDirectory(prefix="maurice-viewer-", ignore_cleanup_errors=True) as home:

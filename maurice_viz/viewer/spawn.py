@@ -29,7 +29,7 @@ def free_port() -> int:
 
 
 def address(port: int) -> str:
-    """Give the address that recordings are sent to."""
+    """Return the address that recordings are sent to."""
     return f"rerun+http://{HOST}:{port}/proxy"
 
 
@@ -50,7 +50,7 @@ def start_viewer(
 
 
 def is_listening(port: int) -> bool:
-    """Tell whether somebody listens; asking takes no time where nobody does."""
+    """Return whether a viewer listens; takes no time where none does."""
     with socket.socket() as probe:
         probe.settimeout(PROBE_EVERY_S)
         return probe.connect_ex((HOST, port)) == 0
@@ -67,7 +67,7 @@ def wait_until_listening(viewer: subprocess.Popen[bytes], port: int, patience_s:
 
 
 def ends_within(viewer: subprocess.Popen[bytes], seconds: float) -> bool:
-    """Wait a moment; tell whether the viewer ended in it."""
+    """Wait a moment and return whether the viewer ended."""
     try:
         viewer.wait(seconds)
     except subprocess.TimeoutExpired:

@@ -1,6 +1,6 @@
-"""A viewer's arrangement as a value: which tab is in front, which view fills the window.
+"""A viewer's blueprint as a value: which tab is in front, which view fills the window.
 
-Blueprints are dictionaries as `ViewerClient.get_blueprint` gives them: path, then archetype, then field.
+Blueprints are dictionaries as `ViewerClient.get_blueprint` returns them: path, then archetype, then field.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ Blueprint = dict[str, Any]
 
 
 class LayoutError(ValueError):
-    """No layout or view of that name, or several: says which there are."""
+    """No layout or view of that name, or several; the message lists the known ones."""
 
 
 def with_layout(blueprint: Blueprint, name: str) -> Blueprint:
-    """Bring the tab of that name to the front. LayoutError where the recording has none such."""
+    """Bring the tab of that name to the front. Raises LayoutError where the recording lacks it."""
     changed = copy.deepcopy(blueprint)
     containers = {
         path: fields[CONTAINER] for path, fields in changed.items() if path.startswith("/container/")
@@ -34,7 +34,7 @@ def with_layout(blueprint: Blueprint, name: str) -> Blueprint:
 
 
 def _tabs_under(holder: dict[str, Any], containers: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
-    """Give each named tab with what holds it; a tab without a name is looked into."""
+    """Return each named tab with its container; an unnamed tab is searched."""
     found: dict[str, tuple[Any, str]] = {}
     contents = holder.get("contents", [])
     for member in [contents] if isinstance(contents, str) else contents:
@@ -47,9 +47,9 @@ def _tabs_under(holder: dict[str, Any], containers: Mapping[str, Any]) -> dict[s
 
 
 def maximized(blueprint: Blueprint, views: Mapping[str, str], name: str) -> Blueprint:
-    """Let one view fill the window: `views` are ids by title, `name` is a title or how exactly one begins.
+    """Let one view fill the window: `views` are ids by title, `name` a title or the beginning of exactly one.
 
-    Upper and lower case are alike. LayoutError for anything else.
+    Case does not matter. Raises LayoutError for anything else.
     """
     sought = name.casefold()
     same = [title for title in views if title.casefold() == sought]

@@ -79,7 +79,7 @@ def _helper(name: str) -> Callable[[Path], Path]:
     """Find a helper of the tests' common conftest, which cannot be imported by name."""
     import importlib.util
 
-    spec = importlib.util.spec_from_file_location("common", Path(__file__).parents[1] / "conftest.py")
+    spec = importlib.util.spec_from_file_location("common", Path(__file__).parents[3] / "conftest.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -20,7 +20,7 @@ from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import RULES, Layer, configure, defaults
 from maurice_viz.cli.configure.config import config
 
-DOCS = Path(__file__).parents[2] / "docs" / "configuration.md"
+DOCS = Path(__file__).parents[4] / "docs" / "configuration.md"
 RUNNER = CliRunner()
 
 
