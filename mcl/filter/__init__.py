@@ -1,1 +1,9 @@
-"""filter."""
+"""The particle filter, in the textbook's order.
+
+- `localizer`: the step: propose, measure, weight, estimate, resample, recover; and a run over a session
+- `motion`: motion models and motion outliers
+- `proposal`: initialization, pose sampling, and the mixture proposal
+- `resampling`: schemes, policies, roughening, adaptive size (KLD)
+- `recovery`: strategies that help a lost filter, and the particles that they draw
+- `estimate`: one pose for a cloud, its modes, and the evidence of a picture
+"""

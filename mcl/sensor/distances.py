@@ -1,8 +1,8 @@
 """Distances: how far a picture's descriptor is from every reference's. Chosen by name.
 
 Every function takes a sample (D,) and a channel's index of L references, and returns (L,) float32, >= 0, and
-0 for a reference that equals the sample (or, for "thesis", is within its noise floor). Distances are absolute:
-those of one channel can be compared between pictures.
+0 for a reference that equals the sample (or, for "thesis", is within its noise floor). Distances are
+absolute: those of one channel can be compared between pictures.
 """
 
 from __future__ import annotations
