@@ -12,8 +12,6 @@ from enum import IntEnum
 
 from .style import font_safe
 
-# Every entity path and every timeline, once.
-
 STEP = "step"  # sequence: the number of the picture; on it one sees the weighted cloud
 SESSION = "session"  # duration in seconds since the session's first record
 PHASE = "phase"  # sequence: 6 * step + slot; on it one walks through one update
@@ -49,7 +47,7 @@ class Phase(IntEnum):
 
 
 def phase_number(step: int, slot: Phase) -> int:
-    """Give the place of one phase of one step on the phase timeline."""
+    """Return the place of one phase of one step on the phase timeline."""
     return PHASES_PER_STEP * step + slot
 
 
@@ -69,7 +67,7 @@ class RunPaths:
             raise ValueError(f"a run's label is a word without '/', not one of {RESERVED}: {self.label!r}")
 
     def at(self, *parts: str) -> str:
-        """Give the path of something of this run: `at("belief", "particles")`."""
+        """Return the path of something of this run: `at("belief", "particles")`."""
         return "/".join(("", escaped(self.label), *parts))
 
     @property
@@ -89,7 +87,7 @@ class RunPaths:
 
     @property
     def families(self) -> str:
-        """The ways of a few survivors' ancestors: LineStrips2D, on the phase timeline alone."""
+        """The paths of a few survivors' ancestors: LineStrips2D, on the phase timeline alone."""
         return self.at("belief", "families")
 
     @property
@@ -103,13 +101,13 @@ class RunPaths:
         return self.at("key", "evidence")
 
     @property
-    def rose(self) -> str:
-        """Headings of the cloud: LineStrips2D of the petals, Arrows2D of truth and estimate."""
+    def headings(self) -> str:
+        """The heading histogram: LineStrips2D of the sectors, Arrows2D of truth and estimate."""
         return self.at("rose")
 
     @property
-    def river(self) -> str:
-        """Masses of the modes over the last updates: LineStrips2D."""
+    def modes(self) -> str:
+        """Masses of the modes over the last updates: EncodedImages of the bands and their frame."""
         return self.at("river")
 
     @property

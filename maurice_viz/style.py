@@ -24,8 +24,6 @@ from maurice_mcl.arrays import F32, F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
-# How things look: display units, the one place where y is turned over, colors and sizes.
-
 U32 = NDArray[np.uint32]
 
 RGB = tuple[int, int, int]
@@ -46,7 +44,7 @@ RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
 MOVED: RGB = (86, 180, 233)  # ways of particles in one update
 FAMILY: RGB = (240, 228, 66)  # ways of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
-ROSE: RGB = (86, 180, 233)
+HEADINGS: RGB = (86, 180, 233)
 # Okabe and Ito's orange, sky blue, pink and green; the first two darker, or they would be faint on white
 RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (204, 121, 167), (0, 158, 115))
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
@@ -74,7 +72,7 @@ UNITS = {"in": Units("in", 1 / INCH_M, 1, 12.0, 2.0**-6), "m": Units("m", 1.0, 2
 
 
 def units_named(name: str) -> Units:
-    """Give the units a session's header names."""
+    """Return the units a session's header names."""
     if name not in UNITS:
         raise ValueError(f"display units are one of {sorted(UNITS)}, found {name!r}")
     return UNITS[name]
@@ -125,7 +123,7 @@ def scale_for(display_units: str, arena: Arena) -> Scale:
 
 
 def heading_vector(heading_rad: float, length: float) -> F32:
-    """Give a drawn vector (1, 2) along a heading, y down."""
+    """Return a drawn vector (1, 2) along a heading, y down."""
     return np.array([[np.cos(heading_rad), -np.sin(heading_rad)]], np.float32) * np.float32(length)
 
 
@@ -160,7 +158,7 @@ def shade(share: NDArray[Any]) -> U32:
 
 
 def weight_colors(log_weights: F64, of: int | None = None) -> U32:
-    """Give each particle (N,) a color by its weight against the average, on a log scale.
+    """Return each particle (N,) a color by its weight against the average, on a log scale.
 
     The average is 1/N, or one over the number of particles they are `of`.
 
@@ -171,7 +169,7 @@ def weight_colors(log_weights: F64, of: int | None = None) -> U32:
 
 
 def copy_colors(copies: NDArray[Any]) -> U32:
-    """Give each survivor (N,) a color by how often its parent was copied: the same scale, 1 is average."""
+    """Return each survivor (N,) a color by how often its parent was copied: the same scale, 1 is average."""
     return shade(0.5 + np.log2(np.maximum(copies, 1)) / (2 * WEIGHT_OCTAVES))
 
 

@@ -36,7 +36,7 @@ def advice_for(path: Path, drive: DriveView) -> str:
     """Say how to localize on a drive that has no library."""
     if not drive.pictures:
         return "The drive has no pictures either, and the filter needs them."
-    named = shlex.quote(str(path)) if len(drive.ways.true) else "DRIVE"
+    named = shlex.quote(str(path)) if len(drive.paths.true) else "DRIVE"
     return (
         f"One is made from a drive with true poses: maurice-replay library build {named} -o LIBRARY --every "
         "0.4m,45deg. Then replay another drive with --library LIBRARY."
@@ -45,7 +45,7 @@ def advice_for(path: Path, drive: DriveView) -> str:
 
 def replay_alone(whole: RecordedSession, output: OutputOptions) -> None:
     """Draw a drive by itself. InputError where there is nothing to draw."""
-    from ..layouts.drive import blueprint
+    from ..layouts.drive import drive_blueprint
     from ..panels.drive import DriveView, draw_drive
 
     session, ways = _looked_over(whole)
@@ -54,7 +54,7 @@ def replay_alone(whole: RecordedSession, output: OutputOptions) -> None:
     drive = replace(drive, advice=f"**{MISSING}.** {advice}")
     drawn = _drawn_of(session, ways.moments)
     total = ways.moments if drawn is session else MOST_DRAWN
-    layout = blueprint(drive)
+    layout = drive_blueprint(drive)
     stopped: KeyboardInterrupt | None = None
     with opened(output, session.info.name, layout, keys=f"{NEXT_KEYS}.") as rec, progress("draw") as advance:
         try:

@@ -22,7 +22,7 @@ from ..entities import STEP, RunPaths
 from ..errors import OptionError, SinkError
 from ..explanations.table import to_json
 from ..explanations.words import say_step
-from ..layouts.explanation_screen import full
+from ..layouts.explanation_screen import explanation_blueprint
 from ..panels.explanation_screen import ExplainedUpdate, draw_explanation
 from ..scene import SceneInfo
 from ..style import scale_for
@@ -96,7 +96,7 @@ class Explanation:
     def _layout(self) -> rrb.Blueprint:
         update = self.update
         scene = SceneInfo(update.library.arena, update.scale, update.has_truth)
-        return full(RunPaths(self.label), self.step, scene)
+        return explanation_blueprint(RunPaths(self.label), self.step, scene)
 
 
 def explain(

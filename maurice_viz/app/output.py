@@ -21,7 +21,8 @@ from ..cli.options import OutputOptions
 from ..drawing.contact_sheet import cell_height
 from ..errors import SinkError
 from ..layouts.registry import runs_blueprint
-from ..panels.observer import Detail, Observer, RerunObserver
+from ..panels.detail import Detail
+from ..panels.observer import Observer, RerunObserver
 from ..scene import RunView, SceneInfo
 from ..style import scale_for
 
@@ -89,7 +90,7 @@ def recording(runs: Sequence[RunView], scene: Scene, output: OutputOptions) -> I
     if output.no_recording:
         yield {}
         return
-    from ..panels.observer import Detail
+    from ..panels.detail import Detail
 
     with (
         _sink(runs, scene, output) as rec,
@@ -166,7 +167,7 @@ def _say_written(path: Path, keys: str = KEYS) -> None:
 
 def _say_size(runs: Sequence[RunView], scene: Scene, output: OutputOptions, path: Path) -> None:
     """Say about how large the file will be, where that is known and it is large."""
-    from ..panels.observer import Detail, expected_bytes
+    from ..panels.detail import Detail, expected_bytes
 
     detail = Detail(output.detail)
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]

@@ -148,7 +148,7 @@ def _play(playback: Playback, recording_id: str | None) -> None:
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     """Draw a log that no library goes with."""
     from ..app.log_moments import glances_of, moments_of
-    from ..layouts.drive import blueprint
+    from ..layouts.drive import drive_blueprint
     from ..panels.drive import DriveView, draw_drive, drive_paths
     from ..viewer.sinks import recording
     from .console import note
@@ -160,7 +160,7 @@ def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
         note(f"{log.path}: {advice[0].lower()}{advice[1:]}")
     drive = DriveView(log.info, drive_paths(glances_of(log), log.info), log.count_pictures() > 0, advice)
     rec = recording(log.info.name, recording_id)
-    rec.stdout(default_blueprint=blueprint(drive))
+    rec.stdout(default_blueprint=drive_blueprint(drive))
     draw_drive(rec, drive, moments_of(log))
     _finish(rec)
 

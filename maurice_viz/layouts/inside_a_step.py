@@ -5,41 +5,37 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from ..entities import RunPaths
+from ..panels.ancestry import ancestry_plot
+from ..panels.belief import closeup_view
+from ..panels.camera import camera_view, filmstrip_view
 from ..panels.events import events_view
+from ..panels.headings import headings_view
+from ..panels.modes import modes_view
+from ..panels.references import circles_view, likelihood_views
+from ..panels.traces import evidence_key, evidence_plot, key_share
+from ..panels.words import words_view
 from ..scene import RunView, SceneInfo
-from .plots import evidence_key, evidence_plot, key_share, lineage_plot
-from .views import (
-    camera_view,
-    circles_view,
-    closeup_view,
-    film_view,
-    likelihood_tabs,
-    river_view,
-    rose_view,
-    text_view,
-)
-
-CLOSEUP = "Cloud from near: moves blue, ancestors yellow, died red, new pink"
 
 
-def layout(run: RunView, shown: SceneInfo) -> rrb.Container:
+def layout(run: RunView, scene: SceneInfo) -> rrb.Container:
     """The cloud large; what it was weighed by, which way it looks and whom it comes from beside it."""
     paths = RunPaths(run.label)
     cloud = rrb.Vertical(
-        closeup_view(paths, shown, CLOSEUP),
-        text_view(paths),
+        closeup_view(paths, scene, ": moves blue, ancestors yellow, died red, new pink"),
+        words_view(paths),
         events_view([run.label]),
         row_shares=[2.65, 1.0, 0.95],
     )
+    maps = [*likelihood_views(paths, run.channels, scene), circles_view(paths, scene)]
     middle = rrb.Vertical(
-        rrb.Tabs(*likelihood_tabs(paths, run.channels, shown), circles_view(paths, shown), active_tab=0),
-        rrb.Horizontal(rose_view(paths), camera_view()),
-        lineage_plot(paths),
+        rrb.Tabs(*maps, active_tab=0),
+        rrb.Horizontal(headings_view(paths), camera_view()),
+        ancestry_plot(paths),
         row_shares=[2, 1.25, 1],
     )
     right = rrb.Vertical(
-        film_view(paths, shown),
-        river_view(paths),
+        filmstrip_view(paths, scene),
+        modes_view(paths),
         evidence_plot(paths),
         evidence_key(paths),
         row_shares=[1.12, 0.85, 1.1, key_share(run)],

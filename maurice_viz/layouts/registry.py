@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import rerun.blueprint as rrb
 
-from .. import entities
+from ..panels.views import window
 from ..scene import RunView, SceneInfo
 from ..style import font_safe_names
 from . import compare, explain, inside_a_step, overview, recorded, traces
@@ -19,10 +19,10 @@ FPS = 4.0
 def _a_tab_a_run(one: Callable[[RunView, SceneInfo], rrb.Container]) -> Layout:
     """Make a layout of many runs from one of a single run."""
 
-    def layout(runs: Sequence[RunView], shown: SceneInfo) -> rrb.Container:
+    def layout(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
         if len(runs) == 1:
-            return one(runs[0], shown)
-        tabs = [_named(one(run, shown), run.label) for run in runs]
+            return one(runs[0], scene)
+        tabs = [_named(one(run, scene), run.label) for run in runs]
         return rrb.Tabs(*tabs, active_tab=0)
 
     return layout
@@ -49,25 +49,17 @@ def usual(runs: Sequence[RunView]) -> str:
 
 
 def runs_blueprint(
-    runs: Sequence[RunView], shown: SceneInfo, first: str | None = None, *, live: bool = False
+    runs: Sequence[RunView], scene: SceneInfo, first: str | None = None, *, live: bool = False
 ) -> rrb.Blueprint:
-    """Give a blueprint with a tab a layout; `first` names the one that is open. KeyError for others.
+    """Return a blueprint with a tab a layout; `first` names the one that is open. KeyError for others.
 
-    `live` lets the viewer go along with what comes.
+    `live` makes the viewer follow what comes.
     """
     layouts = LAYOUTS if any(run.channels for run in runs) else RECORDED
     names = [name for name in layouts if name != "compare" or len(runs) > 1]
     chosen = first or usual(runs)
-    tabs = [_named(layouts[name](runs, shown), name) for name in names]
+    tabs = [_named(layouts[name](runs, scene), name) for name in names]
     for tab in tabs:
         font_safe_names(tab)
-    return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=names.index(chosen)),
-        rrb.TimePanel(
-            state="collapsed", timeline=entities.STEP, fps=FPS, play_state="following" if live else "paused"
-        ),
-        rrb.TopPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        auto_views=False,
-    )
+    body = rrb.Tabs(*tabs, active_tab=names.index(chosen))
+    return window(body, play_state="following" if live else "paused", fps=FPS)

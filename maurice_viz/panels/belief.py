@@ -1,4 +1,4 @@
-"""The cloud through one update, and the estimate with its trail."""
+"""The belief on the map: the cloud through one update, seen whole and from near, with estimate and truth."""
 
 from __future__ import annotations
 
@@ -7,12 +7,33 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from maurice_mcl.arrays import F32, F64, I32
+from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 
-from ..style import DEAD, ESTIMATE, RGB, TRUTH, Scale, copy_colors, heading_vector, packed, weight_colors
+from .. import entities
+from ..drawing.canvas import long_side
+from ..drawing.keys import weight_key
+from ..drawing.raster import png
+from ..entities import Phase, RunPaths
+from ..scene import SceneInfo
+from ..style import (
+    DEAD,
+    ESTIMATE,
+    GROUND,
+    RGB,
+    TRUTH,
+    Scale,
+    copy_colors,
+    heading_vector,
+    packed,
+    weight_colors,
+)
+from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .views import MAP, map_view
 
 PARTICLE = 1.75  # radius in points of the screen
 COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
@@ -25,14 +46,53 @@ FEW = 300  # particles where little detail is asked for
 TRAIL = 25  # poses of a trail that are kept: more would bury the cloud, and cost more the longer it runs
 ARROW = 0.055  # length of a heading arrow, as a share of the arena's long side
 
+# the frame of the close view is 2 wide and 2 high
+BARS: dict[str, tuple[float, ...]] = {  # lengths of the bar, by unit
+    "in": (1.0, 2.0, 3.0, 6.0, *(12.0 * 2**k for k in range(10))),
+    "m": (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0),
+}
+BARS_WIDE = 4.0  # the frame reaches so many bars from its middle
+REACH = 3.0  # standard deviations of the cloud that are seen at least
+ASIDE = 0.2  # of the frame: a cloud that is further from its middle brings it along
+LOOSE = 0.35  # of the frame: a smaller cloud brings the frame nearer
+KEY_WIDTH = 1.5  # of the key above, in frames (the frame is 2 wide)
+LEFT, TOP, BOTTOM = -0.96, -0.98, 0.93
+
+
+class CloudPanel(Panel):
+    """Draws the particles: moved, weighted, resampled, reseeded."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._path, self._scale = run.paths.particles, run.scale
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log that the cloud lies over the map and under the markers."""
+        prepare_cloud(rec, self._path)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the cloud in every phase in which it looks different."""
+        moment, record, scale = update.moment, update.record, self._scale
+        set_phase(rec, moment, Phase.PREDICT)
+        draw_cloud(rec, self._path, record.predicted if update.whole else few_of(record.weighted), scale)
+        if not update.whole:
+            return
+        set_phase(rec, moment, Phase.WEIGHT)  # only colors: positions are most of a recording's size
+        rec.log(self._path, rr.Points2D.from_fields(colors=weight_colors(record.weighted.log_weights)))
+        if record.parents is not None:
+            set_phase_only(rec, moment, Phase.RESAMPLE)
+            rec.log(self._path, resampled_points(record))
+        if update.is_reseeded:
+            set_phase_only(rec, moment, Phase.RESEED)
+            rec.log(self._path, reseeded_points(record, scale))
+
 
 def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
-    """Log what does not change: the cloud lies over the map and under the markers."""
+    """Log that the cloud lies over the map and under the markers, static."""
     rec.log(path, rr.Points2D.from_fields(draw_order=20.0), static=True)
 
 
-def draw_predicted(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale) -> None:
-    """Log the moved cloud, colored by the weights it carries over: one color where all are equal."""
+def draw_cloud(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale) -> None:
+    """Log a cloud, colored by its weights: one color where all are equal."""
     equal = bool(np.ptp(belief.log_weights) == 0)
     rec.log(
         path,
@@ -44,13 +104,8 @@ def draw_predicted(rec: rr.RecordingStream, path: str, belief: Belief, scale: Sc
     )
 
 
-def draw_weighted(rec: rr.RecordingStream, path: str, belief: Belief) -> None:
-    """Log the new colors of the same particles: positions are most of a recording's size."""
-    rec.log(path, rr.Points2D.from_fields(colors=weight_colors(belief.log_weights)))
-
-
-def draw_resampled(rec: rr.RecordingStream, path: str, record: StepRecord) -> None:
-    """Log new looks of the weighted particles: sized and colored by their copies, the dead small and red.
+def resampled_points(record: StepRecord) -> rr.Points2D:
+    """Return new looks of the weighted particles: sized and colored by their copies, the dead small and red.
 
     Copies stand where their parent stood, so nothing has moved; fresh particles come in the next phase.
     """
@@ -58,42 +113,36 @@ def draw_resampled(rec: rr.RecordingStream, path: str, record: StepRecord) -> No
     gone = copies == 0
     radii = np.where(gone, DEAD_PARTICLE, np.minimum(COPIED * np.sqrt(copies), MOST_COPIED))
     colors = np.where(gone, np.uint32(packed(DEAD)), copy_colors(copies))
-    rec.log(
-        path,
-        rr.Points2D.from_fields(
-            colors=colors, radii=rr.components.Radius.ui_points(radii.astype(np.float32))
-        ),
+    return rr.Points2D.from_fields(
+        colors=colors, radii=rr.components.Radius.ui_points(radii.astype(np.float32))
     )
 
 
-def draw_reseeded(rec: rr.RecordingStream, path: str, record: StepRecord, scale: Scale) -> None:
-    """Log what the next step starts from: fresh particles stand out, all others are dim."""
+def reseeded_points(record: StepRecord, scale: Scale) -> rr.Points2D:
+    """Return what the next step starts from: fresh particles stand out, all others are dim."""
     fresh = np.zeros(record.belief.size, bool) if record.injected is None else record.injected
     radii = np.where(fresh, FRESH_PARTICLE, PARTICLE).astype(np.float32)
-    rec.log(
-        path,
-        rr.Points2D.from_fields(
-            positions=positions(record.belief, scale),
-            colors=np.where(fresh[:, None], np.array(FRESH, np.uint8), np.array(SETTLED, np.uint8)),
-            radii=rr.components.Radius.ui_points(radii),
-        ),
+    return rr.Points2D.from_fields(
+        positions=positions(record.belief, scale),
+        colors=np.where(fresh[:, None], np.array(FRESH, np.uint8), np.array(SETTLED, np.uint8)),
+        radii=rr.components.Radius.ui_points(radii),
     )
 
 
-def thinned(belief: Belief) -> Belief:
-    """Give a few hundred particles, spread evenly over the numbering, with their weights."""
+def few_of(belief: Belief) -> Belief:
+    """Return a few hundred particles, spread evenly over the numbering, with their weights."""
     size = belief.size
     some = np.linspace(0, size - 1, min(size, FEW)).round().astype(np.int64)
     return Belief(belief.poses[some], belief.log_weights[some] + np.log(size / len(some)), belief.origin)
 
 
 def positions(belief: Belief, scale: Scale) -> F32:
-    """Give the drawn positions (N, 2) of a cloud."""
+    """Return the drawn positions (N, 2) of a cloud."""
     return scale.screen(belief.poses[:, :2] + belief.origin)
 
 
 def copies_of(parents: I32 | None, size: int) -> NDArray[np.int64]:
-    """Give how many copies each of the weighted particles (N,) left; 1 where there was no resampling."""
+    """Return how many copies each weighted particle (N,) left; 1 where there was no resampling."""
     if parents is None:
         return np.ones(size, np.int64)
     return np.bincount(parents[parents >= 0], minlength=size)
@@ -107,6 +156,8 @@ class PoseMarker:
     color: RGB
     radius: float  # in points of the screen
     order: float
+    scale: Scale
+    arrow: float  # length in display units
     _trail: deque[F32] = field(default_factory=lambda: deque(maxlen=TRAIL))
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -117,23 +168,133 @@ class PoseMarker:
         trail = rr.LineStrips2D.from_fields(colors=color, radii=points(0.75), draw_order=self.order - 5)
         rec.log(self.path, disk, arrow, trail, static=True)
 
-    def draw(self, rec: rr.RecordingStream, pose: F64, scale: Scale, arrow: float) -> None:
-        """Log one pose (3,); `arrow` is the arrow's length in display units."""
-        at = scale.screen(pose[None, :2])
+    def draw(self, rec: rr.RecordingStream, pose: F64) -> None:
+        """Log one pose (3,)."""
+        at = self.scale.screen(pose[None, :2])
         self._trail.append(at[0])
         rec.log(  # all in one: a call costs more than what it carries
             self.path,
             rr.Points2D.from_fields(positions=at),
-            rr.Arrows2D.from_fields(origins=at, vectors=heading_vector(float(pose[2]), arrow)),
+            rr.Arrows2D.from_fields(origins=at, vectors=heading_vector(float(pose[2]), self.arrow)),
             rr.LineStrips2D.from_fields(strips=[np.array(self._trail)]),
         )
 
 
-def truth_marker(path: str) -> PoseMarker:
+def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
     """Make the marker of the true pose: white, the larger one, so that it shows under the estimate."""
-    return PoseMarker(path, TRUTH, radius=6.0, order=40.0)
+    return PoseMarker(path, TRUTH, 6.0, 40.0, scale, ARROW * long_side(arena, scale))
 
 
-def estimate_marker(path: str) -> PoseMarker:
+def estimate_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
     """Make the marker of an estimate."""
-    return PoseMarker(path, ESTIMATE, radius=4.5, order=50.0)
+    return PoseMarker(path, ESTIMATE, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
+
+
+class TruthPanel(Panel):
+    """Draws where the robot really is."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._marker = truth_marker(entities.TRUTH, run.library.arena, run.scale)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log the marker's looks."""
+        self._marker.prepare(rec)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the true pose, where it is known."""
+        if update.moment.truth is not None:
+            set_phase(rec, update.moment, Phase.PREDICT)
+            self._marker.draw(rec, update.moment.truth)
+
+
+class EstimatePanel(Panel):
+    """Draws the scored estimate."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._marker = estimate_marker(run.paths.estimate, run.library.arena, run.scale)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log the marker's looks."""
+        self._marker.prepare(rec)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the estimated pose."""
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        self._marker.draw(rec, update.record.estimate.pose)
+
+
+class CloseupPanel(Panel):
+    """Moves the frame of a view that follows the cloud, with a bar that shows the scale.
+
+    What is drawn on the map is seen in it too: only place and size of the frame are logged.
+    """
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._path, self._scale, self._has_truth = run.paths.closeup, run.scale, run.has_truth
+        self._widest = (
+            long_side(run.library.arena, run.scale) / BARS_WIDE
+        )  # the bar with the whole map in view
+        self._bar = 0.0
+        self._at = np.zeros(2, np.float32)  # middle of the frame, as drawn
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log key and bar, static: they move with the frame."""
+        radius = rr.components.Radius.ui_points
+        end = LEFT + 1 / BARS_WIDE
+        bar = np.array([[LEFT, BOTTOM - 0.02], [LEFT, BOTTOM], [end, BOTTOM], [end, BOTTOM - 0.02]])
+        lines = rr.LineStrips2D([bar], colors=[TRUTH], radii=radius(1.25), draw_order=70.0)
+        rec.log(f"{self._path}/bar", lines, static=True)
+        middle = [(LEFT + end) / 2, BOTTOM - 0.1]
+        # no labels yet: static ones would hide all later ones
+        style = rr.Points2D([middle], colors=[TRUTH], radii=radius(0.1), show_labels=True, draw_order=70.0)
+        rec.log(f"{self._path}/length", style, static=True)
+        key = weight_key(self._has_truth)
+        rec.log(
+            f"{self._path}/key",
+            rr.EncodedImage(contents=png(key), media_type="image/png", draw_order=60.0),
+            rr.Transform3D(translation=[LEFT, TOP, 0], scale=KEY_WIDTH / key.shape[1]),
+            static=True,
+        )
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Bring the frame to the cloud, if it does not show it well."""
+        mean = update.record.mean_estimate
+        needed = REACH * self._scale.length(float(np.hypot(*mean.sd_m))) / BARS_WIDE
+        resized = not LOOSE * self._bar < needed <= self._bar
+        at = self._scale.screen(mean.pose[None, :2])[0]
+        if not resized and np.abs(at - self._at).max() < ASIDE * self._bar * BARS_WIDE:
+            return  # a view that stands still is easier to read, and costs nothing
+        set_phase(rec, update.moment, Phase.PREDICT)
+        if resized:
+            unit = self._scale.units.name
+            self._bar = bar_for(min(needed, self._widest), unit)
+            rec.log(f"{self._path}/length", rr.Points2D.from_fields(labels=[f"{self._bar:g} {unit}"]))
+        self._at = at
+        frame = rr.Transform3D.from_fields(translation=[*at.tolist(), 0], scale=[self._bar * BARS_WIDE] * 3)
+        rec.log(self._path, frame)
+
+
+def bar_for(needed: float, unit: str) -> float:
+    """Return the shortest round length of a bar that is at least what is needed, else the longest."""
+    lengths = BARS[unit]
+    return next((length for length in lengths if length >= needed), lengths[-1])
+
+
+def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+    """Show the map with the weighted cloud, the estimate and the truth."""
+    contents = [*MAP, entities.NODES, entities.WEIGHT_KEY, f"{paths.at('belief')}/**"]
+    contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
+    return map_view(f"Belief: particles by weight ({scene.scale.units.name})", contents, scene)
+
+
+def closeup_view(paths: RunPaths, scene: SceneInfo, colors: str = "") -> rrb.Spatial2DView:
+    """Show the cloud from near, with the meaning of `colors` in the title."""
+    contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
+    contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
+    return rrb.Spatial2DView(
+        name=f"Cloud close up{colors}",
+        origin=paths.closeup,
+        contents=contents,
+        background=GROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=(-1, 1), y_range=(-1, 1)),
+    )

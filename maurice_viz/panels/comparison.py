@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from maurice_mcl.analysis.run_comparison import Step, StepComparison
 from maurice_mcl.arrays import F32, F64, I32
@@ -13,33 +14,37 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 from maurice_mcl.session import Moment
 
-from ..drawing.canvas import long_side
+from ..drawing.keys import belief_key, extent_with, key_extent, narrow_circle_key, runs_key
 from ..drawing.raster import jpeg, png
 from ..entities import (
     APART,
     BELIEF_KEY,
     CIRCLE_KEY,
     HEADING_DIFFERENCE,
+    NODES,
     POSITION_DIFFERENCE,
     RESULT,
     RUNS_KEY,
     TEXT,
     Phase,
+    RunPaths,
     camera_of,
     cloud_of,
+    estimate_of,
     parted_of,
     truth_of,
 )
 from ..playback import RunResult
-from ..scene import SceneInfo
-from ..style import RUN_COLORS, Scale, font_safe
-from ..text import comparison as compare_words
-from . import belief as draw_belief
-from . import pictures as draw_pictures
-from .comparison_keys import belief_key, circle_key, key_extent, runs_key
-from .observer import MARKDOWN, set_phase
+from ..scene import RunView, SceneInfo
+from ..style import COLOR_WORDS, RUN_COLORS, Scale, font_safe
+from ..text.comparison import NOT_YET, StepWords, result
+from .belief import PoseMarker, truth_marker
+from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
+from .panel import MARKDOWN, set_phase
 from .traces import LINE
+from .views import MAP, Overrides, picture_view, plane_view, plot
 
+LONGEST = 12  # letters of a label in a title of the shared column
 DOTS = 200  # of each cloud on the shared map: four clouds of thousands would hide each other
 DOT = 1.5  # radius in points of the screen
 
@@ -54,22 +59,21 @@ class ComparisonDrawing:
         self, rec: rr.RecordingStream, labels: Sequence[str], scale: Scale, other_drives: Collection[str] = ()
     ) -> None:
         self._rec, self._labels, self._scale = rec, tuple(labels), scale
-        self._truths = {
-            label: draw_belief.truth_marker(truth_of(label)) for label in labels if label in other_drives
-        }
+        self._other_drives = [label for label in labels if label in other_drives]
         self._clouds = {label: cloud_of(label) for label in labels}
-        self._words: compare_words.StepWords | None = None
-        self._arrow = 0.0
+        self._truths: dict[str, PoseMarker] = {}  # of other drives
+        self._words: StepWords | None = None
 
     def begin(self, arena: Arena, has_truth: bool) -> None:
         """Log all that does not change."""
-        shown = SceneInfo(arena, self._scale, has_truth)
-        self._arrow = draw_belief.ARROW * long_side(arena, self._scale)
-        self._words = compare_words.StepWords(self._labels, self._scale, has_truth)
-        self._draw_keys(shown)
+        self._truths = {
+            label: truth_marker(truth_of(label), arena, self._scale) for label in self._other_drives
+        }
+        self._words = StepWords(self._labels, self._scale, has_truth)
+        self._draw_keys(arena, has_truth)
         for path in (TEXT, RESULT):
             self._rec.log(path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        self._rec.log(RESULT, rr.TextDocument(compare_words.NOT_YET, media_type=MARKDOWN), static=True)
+        self._rec.log(RESULT, rr.TextDocument(NOT_YET, media_type=MARKDOWN), static=True)
         for label, color in zip(self._labels, RUN_COLORS, strict=False):
             self._prepare_run(label, color)
         self._prepare_lines()
@@ -93,18 +97,18 @@ class ComparisonDrawing:
 
     def end(self, results: Sequence[RunResult]) -> None:
         """Log how the runs compare over the whole drive, as far as it went."""
-        text = compare_words.result(results, self._scale.units)
+        text = result(results, self._scale.units)
         self._rec.log(RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
-    def _draw_keys(self, shown: SceneInfo) -> None:
+    def _draw_keys(self, arena: Arena, has_truth: bool) -> None:
         runs = len(self._labels)
         keys = {
-            RUNS_KEY: runs_key(self._labels, shown.has_truth),
-            BELIEF_KEY: belief_key(runs, shown.has_truth),
-            CIRCLE_KEY: circle_key(runs),
+            RUNS_KEY: runs_key(self._labels, has_truth),
+            BELIEF_KEY: belief_key(runs, has_truth),
+            CIRCLE_KEY: narrow_circle_key(runs),
         }
         for path, key in keys.items():
-            extent = key_extent(key, shown)
+            extent = key_extent(key, arena, self._scale)
             self._rec.log(
                 path,
                 rr.EncodedImage(contents=png(key), media_type="image/png", draw_order=-5.0),
@@ -122,7 +126,7 @@ class ComparisonDrawing:
         self._rec.log(parted_of(label), mark, static=True)
         if label in self._truths:
             self._truths[label].prepare(self._rec)
-            draw_pictures.prepare_jpeg(self._rec, camera_of(label))
+            prepare_jpeg(self._rec, camera_of(label))
 
     def _prepare_lines(self) -> None:
         others = self._labels[1:]
@@ -152,16 +156,16 @@ class ComparisonDrawing:
                 self._rec.log(path, rr.Scalars(values))
 
     def _draw_drive(self, label: str, moment: Moment) -> None:
-        draw_pictures.draw_jpeg(self._rec, camera_of(label), jpeg(moment.frame.image))
+        draw_jpeg(self._rec, camera_of(label), jpeg(moment.frame.image))
         if moment.truth is not None:
-            self._truths[label].draw(self._rec, moment.truth, self._scale, self._arrow)
+            self._truths[label].draw(self._rec, moment.truth)
 
     def _dots(self, record: StepRecord) -> F32:
-        return self._scale.screen(_places(record.weighted, thinned(record.weighted.weights, DOTS)))
+        return self._scale.screen(_places(record.weighted, by_weight(record.weighted.weights, DOTS)))
 
 
-def thinned(weights: F64, count: int) -> I32:
-    """Choose at most `count` particles of weights (N,), as densely as the weight lies; no chance in it."""
+def by_weight(weights: F64, count: int) -> I32:
+    """Choose at most `count` particles of weights (N,), as densely as the weight lies, without randomness."""
     ends = np.cumsum(weights)
     chosen = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1])
     return np.asarray(chosen[np.diff(chosen, prepend=-1) > 0], np.int32)  # each once: they are in order
@@ -169,3 +173,70 @@ def thinned(weights: F64, count: int) -> I32:
 
 def _places(belief: Belief, chosen: I32) -> F64:
     return np.asarray(belief.poses[chosen, :2] + belief.origin)
+
+
+def distance_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
+    """Plot how far estimates are from the first run's; of other drives nothing is to be seen."""
+    if all(run.own_drive for run in runs[1:]):
+        return []
+    contents = [APART, *(parted_of(run.label) for run in runs[1:])]
+    return [plot(f"Apart from {first_label(runs)} ({scene.scale.units.name})", contents)]
+
+
+def first_label(runs: Sequence[RunView]) -> str:
+    """Name the first run in a title; a long name would be cut off there."""
+    label = runs[0].label
+    return label if len(label) <= LONGEST else "the first"
+
+
+def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
+    """Show one run's cloud; the title says by which color it is known elsewhere."""
+    contents = [*MAP, NODES, BELIEF_KEY, f"{RunPaths(run.label).at('belief')}/**"]
+    contents += [f"{truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
+    name = f"{run.label}, {COLOR_WORDS[number]}: belief ({scene.scale.units.name})"
+    key = belief_key(count, scene.has_truth)
+    return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
+
+
+def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DView:
+    """Show all clouds on one map, each with its estimate in the run's color."""
+    labels = [run.label for run in runs]
+    contents = [*MAP, NODES, RUNS_KEY]
+    overrides: Overrides = {}
+    for run, color in zip(runs, RUN_COLORS, strict=False):
+        estimate = estimate_of(run.label)
+        contents += [cloud_of(run.label), estimate]
+        contents += [f"{truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
+        overrides[estimate] = [
+            kind.from_fields(colors=[color]) for kind in (rr.Points2D, rr.Arrows2D, rr.LineStrips2D)
+        ]
+    key = runs_key(labels, scene.has_truth)
+    name = f"All on one map ({scene.scale.units.name})"
+    return plane_view(
+        name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale), overrides
+    )
+
+
+def camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
+    """Show what the robot saw; of different drives, each one's camera in place of the edges."""
+    own = [run.label for run in runs if run.own_drive]
+    if not own:
+        return [camera_view(), edges_view()]
+    views = [picture_view(f"{label}: camera (px)", camera_of(label)) for label in own]
+    return [camera_view(f"{runs[0].label}: camera"), *views]
+
+
+def error_difference_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView:
+    """Plot how much larger position errors are than the first run's."""
+    return plot(f"Error minus {first_label(runs)}'s ({scene.scale.units.name})", [POSITION_DIFFERENCE])
+
+
+def heading_difference_plot() -> rrb.TimeSeriesView:
+    """Plot how much larger heading errors are than the first run's."""
+    return plot("Heading diff. (deg)", [HEADING_DIFFERENCE])
+
+
+def comparison_words() -> rrb.Tabs:
+    """Show how the runs compare, at this step and over the whole drive."""
+    this_step = rrb.TextDocumentView(name="This step", origin=TEXT)
+    return rrb.Tabs(this_step, rrb.TextDocumentView(name="Whole drive", origin=RESULT), active_tab=0)

@@ -1,4 +1,4 @@
-"""A drive or survey by itself: pictures, channels, paths; nothing is localized."""
+"""A drive or survey by itself: pictures, what the channels measure in them, paths; nothing is localized."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Protocol
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
 from maurice_loaders.transforms.placeholders import PLACEHOLDER
 from maurice_loaders.transforms.simplified_path import SimplifiedPath
@@ -20,18 +22,17 @@ from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.session import Moment, SessionInfo
 
 from .. import entities
-from ..drawing import keys
-from ..drawing.canvas import long_side
+from ..drawing.canvas import Extent, long_side, map_extent
+from ..drawing.keys import paths_key
 from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
-from ..text import narration as narrate_parts
-from . import belief as draw_belief
-from . import pictures as draw_pictures
-from . import world as draw_world
+from ..text.narration import motion as said_motion
+from .belief import ARROW, PoseMarker, estimate_marker, truth_marker
+from .camera import draw_camera, prepare_camera
+from .views import MAP, bars_view, plane_view, plot
+from .world import draw_key, draw_world
 
-# The whole ways of a drive, by odometry and as they really were, known before anything is drawn.
-
-MOST = 4000  # points of a way that are kept; of a longer one every second, fourth, ... point
-MARGIN = 0.08  # around the ways, as a share of the longer side
+MOST = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
+MARGIN = 0.08  # around the paths, as a share of the longer side
 LEAST_M = 1.0  # free on each side of them
 
 
@@ -61,18 +62,18 @@ class DrivePaths:
     moments: int
     events: int
     moves: bool  # whether there is any odometry
-    begins: F64 | None  # (3,) where the way by odometry begins on the map; None: neither truth nor odometry
+    begins: F64 | None  # (3,) where the path by odometry begins on the map; None: neither truth nor odometry
     measured: F64  # (K, 2) in metres on the map, by odometry alone
     true: F64  # (T, 2)
 
     @property
     def points(self) -> F64:
-        """All points of both ways (K + T, 2)."""
+        """All points of both paths (K + T, 2)."""
         return np.concatenate([self.measured, self.true])
 
     @property
     def arena(self) -> Arena | None:
-        """A bare map around the ways; None where there are none."""
+        """A bare map around the paths; None where there are none."""
         points = self.points
         if not len(points):
             return None
@@ -83,7 +84,7 @@ class DrivePaths:
 
 
 def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
-    """Go through a drive once. The way by odometry is laid so that it meets the truth where that begins."""
+    """Go through a drive once. The path by odometry is laid so that it meets the truth where that begins."""
     own, measured, true = np.zeros(3), SimplifiedPath(MOST), SimplifiedPath(MOST)
     begins, count, events, moves = info.start, 0, 0, False
     for one in known:
@@ -110,17 +111,15 @@ def _laid(points: F64, begins: F64) -> F64:
     return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + begins[:2])
 
 
-# A drive or survey by itself: pictures, what the channels measure in them, ways; nothing is localized.
-
 ODOMETRY = "/session/odometry"
 EVENTS = "/session/events"
 TEXT = "/session/text"
-WAYS = "/world/ways"  # under it truth and odometry, whole and faint
+PATHS = "/world/ways"  # under it truth and odometry, whole and faint
 HISTOGRAM = "/session/histogram"  # under it a channel each, under that a plane each
 TRACE = "/session/trace"
 SHOWN = ("color", "edges")  # channels whose vectors are drawn, of those there are
 NOWHERE = Arena((0.0, 0.0, 10.0, 10.0), np.zeros((0, 4)))  # for the size of arrows only
-FAINT = 90  # opacity of the whole ways, of 255
+FAINT = 90  # opacity of the whole paths, of 255
 PLANE_COLORS: tuple[RGB, ...] = ((200, 60, 50), (50, 160, 80), (60, 110, 230))
 BY_ODOMETRY, BY_TRUTH = RUN_COLORS[0], RUN_COLORS[1]
 LINES: dict[str, RGB] = {
@@ -138,14 +137,14 @@ class DriveView:
     """What is drawn of a drive, known beforehand."""
 
     info: SessionInfo
-    ways: DrivePaths
+    paths: DrivePaths
     pictures: bool  # whether there is a camera
     advice: str = ""  # Markdown: what to do next
 
     @property
     def arena(self) -> Arena | None:
-        """The map, or a bare one around the ways."""
-        return self.info.arena or self.ways.arena
+        """The map, or a bare one around the paths."""
+        return self.info.arena or self.paths.arena
 
     @property
     def scale(self) -> Scale:
@@ -159,8 +158,8 @@ class DriveView:
 
 
 def draw_drive(rec: rr.RecordingStream, drive: DriveView, moments: Iterable[Moment]) -> None:
-    """Log a drive: first what stays, then moment by moment."""
-    _draw_still(rec, drive)
+    """Log a drive: first what does not change, then moment by moment."""
+    _prepare(rec, drive)
     pen = _Pen(rec, drive)
     for moment in moments:
         rec.set_time(entities.STEP, sequence=moment.frame.step)
@@ -168,19 +167,17 @@ def draw_drive(rec: rr.RecordingStream, drive: DriveView, moments: Iterable[Mome
         pen.draw(moment)
 
 
-def _draw_still(rec: rr.RecordingStream, drive: DriveView) -> None:
-    ways, scale = drive.ways, drive.scale
+def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
+    paths, scale = drive.paths, drive.scale
     if drive.arena is not None:
         alone = Library(drive.info.name, np.zeros((0, 3)), (), {}, drive.arena, drive.info.display_units)
-        draw_world.draw_world(rec, alone, scale)
-        draw_world.draw_key(
-            rec, entities.WEIGHT_KEY, keys.way_key(ways.moves, len(ways.true) > 0), drive.arena, scale
-        )
-    for name, points, color in (("odometry", ways.measured, ESTIMATE), ("truth", ways.true, TRUTH)):
+        draw_world(rec, alone, scale)
+        draw_key(rec, entities.WEIGHT_KEY, paths_key(paths.moves, len(paths.true) > 0), drive.arena, scale)
+    for name, points, color in (("odometry", paths.measured, ESTIMATE), ("truth", paths.true, TRUTH)):
         if len(points):
             faint = [(*color, FAINT)]
             rec.log(
-                f"{WAYS}/{name}",
+                f"{PATHS}/{name}",
                 rr.LineStrips2D(
                     [scale.screen(points)],
                     colors=faint,
@@ -194,8 +191,7 @@ def _draw_still(rec: rr.RecordingStream, drive: DriveView) -> None:
     for path in DOTS:  # no line across the gaps that truth may have
         rec.log(f"{TRACE}/{path}", rr.SeriesPoints(colors=[BY_TRUTH], marker_sizes=[2.5]), static=True)
     rec.log(TEXT, rr.TextDocument.from_fields(media_type="text/markdown"), static=True)
-    for path in (entities.CAMERA, entities.EDGES):
-        draw_pictures.prepare_jpeg(rec, path)
+    prepare_camera(rec)
 
 
 @dataclass(slots=True)
@@ -204,25 +200,23 @@ class _Pen:
 
     rec: rr.RecordingStream
     drive: DriveView
-    _arrow: float = field(init=False)
     _pose: F64 | None = field(init=False)  # by odometry, on the map
     _truth_before: F64 | None = field(init=False, default=None)
-    _measured: draw_belief.PoseMarker = field(init=False)
-    _true: draw_belief.PoseMarker = field(init=False)
+    _measured: PoseMarker = field(init=False)
+    _true: PoseMarker = field(init=False)
 
     def __post_init__(self) -> None:
-        scale = self.drive.scale
-        self._arrow = draw_belief.ARROW * long_side(self.drive.arena or NOWHERE, scale)
-        self._pose = self.drive.ways.begins
-        self._measured = draw_belief.estimate_marker(ODOMETRY)
-        self._true = draw_belief.truth_marker(entities.TRUTH)
+        arena, scale = self.drive.arena or NOWHERE, self.drive.scale
+        self._pose = self.drive.paths.begins
+        self._measured = estimate_marker(ODOMETRY, arena, scale)
+        self._true = truth_marker(entities.TRUTH, arena, scale)
         for marker in (self._measured, self._true):
             marker.prepare(self.rec)
 
     def draw(self, moment: Moment) -> None:
         """Log one moment."""
         if moment.frame.picture != PLACEHOLDER:
-            draw_pictures.draw_camera(self.rec, moment.frame.image)
+            draw_camera(self.rec, moment.frame.image)
             self._draw_vectors(moment)
             self._trace("brightness", float(moment.frame.image.mean()))
         self._draw_poses(moment)
@@ -239,21 +233,21 @@ class _Pen:
 
     def _draw_poses(self, moment: Moment) -> None:
         scale, motions, truth = self.drive.scale, moment.frame.motions, moment.truth
-        if self._pose is not None and self.drive.ways.moves:
+        if self._pose is not None and self.drive.paths.moves:
             for motion in motions:
                 self._pose = compose(self._pose, motion)
-            self._measured.draw(self.rec, self._pose, scale, self._arrow)
+            self._measured.draw(self.rec, self._pose)
         if len(motions):
-            self._draw_way("odometry", reduce(compose_motions, motions))
+            self._draw_motion("odometry", reduce(compose_motions, motions))
         if truth is None:
             return
-        self._true.draw(self.rec, truth, scale, self._arrow)
+        self._true.draw(self.rec, truth)
         if self._truth_before is not None:
-            self._draw_way("truth", motion_between(self._truth_before, truth))
-        if self._pose is not None and self.drive.ways.moves:
+            self._draw_motion("truth", motion_between(self._truth_before, truth))
+        if self._pose is not None and self.drive.paths.moves:
             self._trace("apart", scale.length(float(np.hypot(*(self._pose - truth)[:2]))))
 
-    def _draw_way(self, kind: str, motion: F64) -> None:
+    def _draw_motion(self, kind: str, motion: F64) -> None:
         self._trace(f"forward/{kind}", self.drive.scale.length(float(motion[0])))
         self._trace(f"turn/{kind}", float(np.degrees(motion[2])))
 
@@ -265,8 +259,8 @@ class _Pen:
         frame, scale = moment.frame, self.drive.scale
         what = "Picture" if self.drive.pictures else "Moment"
         parts = [f"### {what} {frame.step}, {frame.time_s:.2f} s"]
-        if self.drive.ways.moves:
-            parts.append(f"By odometry the robot {narrate_parts.motion(frame.motions, scale)}.")
+        if self.drive.paths.moves:
+            parts.append(f"By odometry the robot {said_motion(frame.motions, scale)}.")
         if moment.truth is not None:
             parts.append(f"It really was at {scale.say_pose(moment.truth)}.")
         parts += [f"The log says: {text}." for text in moment.events[:3]]
@@ -280,3 +274,62 @@ def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:
     bins = len(values)
     at = plane + (np.arange(bins) + 0.5) / bins
     return rr.BarChart(values, abscissa=at.astype(np.float32), widths=np.full(bins, 1 / bins), color=color)
+
+
+def path_view(drive: DriveView) -> rrb.Spatial2DView:
+    """Show the map with the paths by odometry and in truth."""
+    extent, unit = reach(drive), drive.scale.units.name
+    name = f"Path ({unit}): the whole of it faint, where the robot is now bright"
+    contents = [*MAP, entities.WEIGHT_KEY, f"{PATHS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
+    return plane_view(name, contents, extent)
+
+
+def reach(drive: DriveView) -> Extent:
+    """Return what the map view shows: the map, and the paths where they leave it."""
+    assert drive.arena is not None
+    extent, points = map_extent(drive.arena, drive.scale), drive.scale.screen(drive.paths.points)
+    room = ARROW * long_side(drive.arena, drive.scale)  # for the robot's disk and arrow at the end of a path
+    low = np.minimum(points.min(axis=0, initial=np.inf) - room, (extent.left, extent.top)).tolist()
+    high = np.maximum(points.max(axis=0, initial=-np.inf) + room, (extent.right, extent.bottom)).tolist()
+    return Extent(low[0], high[0], low[1], high[1])
+
+
+def drive_words() -> rrb.TextDocumentView:
+    """Show in words what is known of a moment."""
+    return rrb.TextDocumentView(name="This drive", origin=TEXT)
+
+
+def log_events_view() -> rrb.TextLogView:
+    """Show what the log says."""
+    columns = rrb.TextLogColumns(
+        timeline_columns=[TimelineColumn(entities.STEP)],
+        text_log_columns=[TextLogColumn(TextLogColumnKind.Body)],
+    )
+    return rrb.TextLogView(name="Events of the log", origin=EVENTS, columns=columns)
+
+
+def channel_view(channel: str) -> rrb.BarChartView:
+    """Show what a channel measures in the picture."""
+    name = f"{channel.capitalize()} ({CHANNELS[channel].unit}): red, green, blue from 0, 1, 2"
+    return bars_view(name, [f"{HISTOGRAM}/{channel}"])
+
+
+def motion_plots(drive: DriveView) -> list[rrb.TimeSeriesView]:
+    """Plot what odometry and truth say of each movement: a wrong sign or unit shows at once."""
+    unit, each = drive.scale.units.name, "picture" if drive.pictures else "moment"
+    kinds = [
+        ("odometry", "odometry orange", drive.paths.moves),
+        ("truth", "truth blue dots", len(drive.paths.true)),
+    ]
+    known = [(kind, words) for kind, words, has in kinds if has]
+    who = ", ".join(words for _, words in known)
+    plots = []
+    if known:
+        for quantity, what, of in (("forward", "Forward", unit), ("turn", "Turned left", "deg")):
+            lines = [f"{TRACE}/{quantity}/{kind}" for kind, _ in known]
+            plots.append(plot(f"{what} since the last {each} ({of}): {who}", lines))
+    if len(known) == len(kinds):
+        plots.append(plot(f"Distance of odometry and truth ({unit})", [f"{TRACE}/apart"]))
+    if drive.pictures and len(plots) < len(kinds) + 1:
+        plots.append(plot("Brightness of the picture (mean of 0 to 255)", [f"{TRACE}/brightness"]))
+    return plots

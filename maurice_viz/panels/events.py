@@ -8,7 +8,7 @@ are logged.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -18,19 +18,20 @@ from maurice_mcl.analysis import localization_status as states
 from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 
-from ..entities import RunPaths
+from ..entities import Phase, RunPaths
 from ..style import ESTIMATE, PALE, RGB, RUN_COLORS, packed
+from .panel import DrawnRun, Panel, StepUpdate, set_phase
 
 LOG_LANE = "/session/events"  # what the log says is the same for all runs of a recording
-HOLD_STEPS = 8  # for which the mark of an event goes on, in a run of unknown length
+USUAL_UPDATES = 120  # where nobody knows how many there will be
 LEAST_HOLD = 2
 MARKS_A_RUN = 8  # so many marks would fill a lane: each then has room for a word
 
-DOUBTFUL, ACTS, OWN, GOOD = RUN_COLORS
-LOST, TOLD = ESTIMATE, PALE
+DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
+LOST, NEUTRAL = ESTIMATE, PALE
 LEGEND = "green good, orange doubtful, red lost, blue acts"  # longer ones are cut off in narrow columns
 
-STATE_COLORS: Mapping[str, RGB] = {
+STATUS_COLORS: Mapping[str, RGB] = {
     states.LOCALIZED: GOOD,
     states.SEARCHING: ACTS,
     states.WRONG: DOUBTFUL,
@@ -49,14 +50,14 @@ NOTICED_COLORS: Mapping[str, RGB] = {
     kinds.PARTED: DOUBTFUL,
     RESEEDED: ACTS,
     EXPANDED: ACTS,
-    kinds.BOOKMARK: OWN,
+    kinds.BOOKMARK: NOTE,
 }  # the first of several at one step is shown
 LOG_COLORS: Mapping[str, RGB] = {
     kinds.KIDNAPPED: LOST,
     kinds.LIGHTS_CHANGED: DOUBTFUL,
-    "bump": TOLD,
-    "slip": TOLD,
-    kinds.SESSION: TOLD,
+    "bump": NEUTRAL,
+    "slip": NEUTRAL,
+    kinds.SESSION: NEUTRAL,
 }
 SHORT = {
     kinds.ESS_DIP: "ESS dip",
@@ -87,39 +88,32 @@ class _Lane:
             self._until = None
 
 
-@dataclass(slots=True)
-class EventLane:
-    """Draws the lanes of one run: `/<label>/events/belief` and `.../noticed`, and the log's once for all.
+class EventsPanel(Panel):
+    """Draws the lanes of one run, status and what was noticed; and the log's, once for all runs."""
 
-    `scene` says whether this run also draws the lane of the log, as for the observer.
-    """
-
-    paths: RunPaths
-    scene: bool = True
-    hold_steps: int = HOLD_STEPS  # see `hold_for`
-    _state: str = ""  # drawn last
-    _noticed: _Lane = field(init=False)
-    _log: _Lane = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._noticed = _Lane(noticed_path(self.paths), NOTICED_COLORS, self.hold_steps)
-        self._log = _Lane(LOG_LANE, LOG_COLORS, self.hold_steps)
+    def __init__(self, run: DrawnRun) -> None:
+        hold_steps = hold_for(run.updates or USUAL_UPDATES)
+        self._status_path, self._status = status_path(run.paths), ""  # drawn last
+        self._noticed = _Lane(noticed_path(run.paths), NOTICED_COLORS, hold_steps)
+        self._log = _Lane(LOG_LANE, LOG_COLORS, hold_steps) if run.draws_scene else None
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log names and colors of the states, static."""
-        _configure(rec, belief_path(self.paths), STATE_COLORS)
-        _configure(rec, self._noticed.path, NOTICED_COLORS)
-        if self.scene:
-            _configure(rec, LOG_LANE, LOG_COLORS)
+        """Log names and colors of the states."""
+        _configure(rec, self._status_path, STATUS_COLORS)
+        for lane in (self._noticed, self._log):
+            if lane is not None:
+                _configure(rec, lane.path, lane.colors)
 
-    def draw(self, rec: rr.RecordingStream, step: int, state: str, events: Sequence[RunEvent]) -> None:
-        """Log what changed at a step: `state` is `EventDetector.state`, `events` what its `see` gave."""
-        if state != self._state:
-            rec.log(belief_path(self.paths), rr.StateChange(state=state))
-            self._state = state
-        shown = [event for event in events if not event.is_routine]
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log what changed at an update."""
+        step = update.moment.frame.step
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        if update.status != self._status:
+            rec.log(self._status_path, rr.StateChange(state=update.status))
+            self._status = update.status
+        shown = [event for event in update.events if not event.is_routine]
         self._noticed.draw(rec, step, [event.kind for event in shown])
-        if self.scene:
+        if self._log is not None:
             self._log.draw(rec, step, [_log_name(event) for event in shown])
 
 
@@ -128,13 +122,13 @@ def hold_for(updates: int) -> int:
     return max(LEAST_HOLD, round(updates / MARKS_A_RUN))
 
 
-def belief_path(paths: RunPaths) -> str:
-    """Give the lane of the belief's state."""
+def status_path(paths: RunPaths) -> str:
+    """Return the lane of the localization status."""
     return paths.at("events", "belief")
 
 
 def noticed_path(paths: RunPaths) -> str:
-    """Give the lane of what was noticed of a run."""
+    """Return the lane of what was noticed of a run."""
     return paths.at("events", "noticed")
 
 

@@ -1,29 +1,40 @@
-"""The explanation panel of a replay: the references that matter, side by side.
-
-A chart has one color, so channels are told apart by tints behind the bars, in the order of the table.
+"""The explanation of a step: the references that matter, side by side.
 
 Columns are the reference nearest to the truth (where it is known), the one nearest to the estimate, and the
-winner: each with its picture, all of them in one chart of descriptors, one chart of what each element costs
-and one table, and as arrows on the map.
+winner: each with its picture over its edges, all of them in one chart of descriptors, one chart of what each
+element costs and one table, and as arrows on the map. A chart has one color, so channels are distinguished by
+tints behind the bars, in the order of the table.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
 
+import cv2
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
-from maurice_mcl.analysis.explanation import ESTIMATE, TRUTH, Explained, StepExplanation, explain_step
-from maurice_mcl.arrays import F32, F64
-from maurice_mcl.records import StepRecord
+from maurice_mcl.analysis.explanation import (
+    ESTIMATE,
+    TRUTH,
+    WINNER,
+    Explained,
+    StepExplanation,
+    explain_step,
+)
+from maurice_mcl.arrays import F32, U8
+from maurice_mcl.sensor.descriptors.edges import edge_image
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.session import Moment
 
+from .. import entities
 from ..drawing.arrow import tensor_of
-from ..drawing.contact_sheet import CELL_PX, cell_height
-from ..entities import RunPaths
+from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, Bars, bars_for, place_bars
+from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
+from ..drawing.raster import brightened, jpeg, put_text, text_size
+from ..entities import Phase, RunPaths
 from ..explanations.paths import (
     COLORS,
     KINDS,
@@ -40,13 +51,131 @@ from ..explanations.paths import (
 )
 from ..explanations.table import markdown_table
 from ..explanations.words import say_behind
-from ..style import BAR, RGB, TINTS, Scale
-from .explanation_cards import Bars, bars_for, blank_card, card_height, card_of
-from .histograms import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR
-
-# Charts of explanations at every update: all references in one row of bars, a block a reference.
+from ..scene import SceneInfo
+from ..style import BAR, GROUND, MISSING, PALE, TINTS
+from .camera import draw_jpeg, prepare_jpeg
+from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
+from .views import MAP, bars_view, map_view, picture_view
 
 FOOT_NATS = 0.3  # height of the tints in the chart of costs; higher bars make the chart grow
+ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
+THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows that lie upon each other can all be seen
+LEFT_OUT = "Not drawn at this update (`--detail`)."
+NO_LIBRARY = "What the picture was compared with is not available."
+CARD_PX = 120  # width: with 144 px three of them were 16 kB an update
+CARD_GAP_PX = 4  # between picture and edges
+CARD_QUALITY = 60  # 3.8 kB a card; edges are most of it
+CARD_TEXT_PX = 9.0
+CARD_TITLES = {TRUTH: "Truth's reference", ESTIMATE: "Estimate's reference", WINNER: "Winning reference"}
+MOST_NAMED = 6  # channels that a title lists
+LOSES = "of each channel: nats it loses · distance D · quality · rank"
+SIDES = {2: "left {}, right {}", 3: "left {}, middle {}, right {}"}
+
+
+class ExplanationPanel(Panel):
+    """Draws the explanation of each step. In a saved run without its library it stays empty."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._paths, self._scale, self._has_truth = run.paths, run.scale, run.has_truth
+        self._references = None if run.sensor is None else _References(run.sensor)
+        self._cards: dict[str, bytes] = {}  # last logged, by column
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log kinds of pictures and texts, colors, and where bars stand."""
+        if self._references is None:
+            rec.log(table_path(self._paths), rr.TextDocument(NO_LIBRARY, media_type=MARKDOWN), static=True)
+            return
+        whose = columns_of(self._has_truth)
+        rec.log(table_path(self._paths), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
+        for who in whose:
+            prepare_jpeg(rec, card_path(self._paths, who), order=-10.0)
+        prepare_charts(rec, self._paths, self._references.bars, len(whose))
+        thick = rr.components.Radius.ui_points(THICKNESS[-len(whose) :])
+        colors = [COLORS[who] for who in whose]
+        style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
+        rec.log(marks_path(self._paths), style, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log cards, charts, arrows and table of one update."""
+        record, references = update.record, self._references
+        if not update.whole or references is None or not len(record.sighting.comparison.quality):
+            return
+        step = explain_step(record, references.sensor, update.moment.truth if self._has_truth else None)
+        shown = columns(step, self._has_truth)
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        for who, explained in shown:
+            card = references.card(explained)
+            if self._cards.get(who) != card:  # most of the size, and it often stays
+                draw_jpeg(rec, card_path(self._paths, who), card)
+                self._cards[who] = card
+        draw_charts(rec, self._paths, references.bars, step, shown)
+        self._draw_marks(rec, shown, references.sensor)
+        text = f"{headline(step)}\n\n{markdown_table(step, self._scale)}"
+        rec.log(table_path(self._paths), rr.TextDocument.from_fields(text=text))
+
+    def clear(self, rec: rr.RecordingStream) -> None:
+        """Empty everything."""
+        if self._references is None:
+            return
+        charts = [chart_path(self._paths, kind) for kind in KINDS]
+        cards = [card_path(self._paths, who) for who in columns_of(self._has_truth)]
+        for path in (*charts, *cards, marks_path(self._paths)):
+            rec.log(path, rr.Clear(recursive=False))
+        rec.log(table_path(self._paths), rr.TextDocument.from_fields(text=LEFT_OUT))
+        self._cards.clear()
+
+    def _draw_marks(self, rec: rr.RecordingStream, shown: Sequence[Column], sensor: SensorModel) -> None:
+        entries = [None if explained is None else explained.entry for _, explained in shown]
+        poses = np.array([np.zeros(3) if entry is None else entry.pose for entry in entries])
+        arrow = ARROW * self._scale.length(max(sensor.library.arena.size_m))
+        length = np.where([entry is None for entry in entries], 0.0, arrow)
+        along = np.column_stack([np.cos(poses[:, 2]), -np.sin(poses[:, 2])]) * length[:, None]
+        marks = rr.Arrows2D.from_fields(
+            origins=self._scale.screen(poses[:, :2]), vectors=np.asarray(along, np.float32)
+        )
+        rec.log(marks_path(self._paths), marks)
+
+
+class _References:
+    """The references of a sensor model, as bars and as cards."""
+
+    def __init__(self, sensor: SensorModel) -> None:
+        self.sensor = sensor
+        self.bars = bars_for(tuple(sensor.parameters.weights), sensor.library)
+        self._thumbnail = cell_height(sensor.library.pictures)
+        self._height = max(1, round(CARD_PX * self._thumbnail / CELL_PX))  # of one picture on a card
+
+    def card(self, explained: Explained | None) -> bytes:
+        """Return the card of a reference: its picture over its edges, as a JPEG."""
+        if explained is None or explained.entry is None:
+            return blank_card(self._height, NOT_KNOWN if explained is None else OUTSIDE)
+        return card_of(self.sensor.library.pictures[explained.entry.entry], self._thumbnail, self._height)
+
+
+@lru_cache(maxsize=KEPT)
+def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
+    """Return the card of a reference's picture; gray with words on it where the picture is not to be had."""
+    thumbnail = None if path is None else thumbnail_of(path, cell_height)
+    if thumbnail is None:
+        return blank_card(height, NOT_KEPT)
+    picture = np.asarray(cv2.resize(thumbnail, (CARD_PX, height), interpolation=cv2.INTER_AREA), np.uint8)
+    return jpeg(_stacked(picture, brightened(edge_image(picture))), CARD_QUALITY)
+
+
+@lru_cache(maxsize=8)
+def blank_card(height: int, words: str) -> bytes:
+    """Return a card without a picture that says why."""
+    gray = np.full((height, CARD_PX, 3), MISSING, np.uint8)
+    width, _ = text_size(words, CARD_TEXT_PX)
+    small = min(CARD_TEXT_PX, CARD_TEXT_PX * (CARD_PX - 6) / max(width, 1))
+    worded = gray.copy()
+    put_text(worded, words, 3, height / 2 + small / 2, small, PALE)
+    return jpeg(_stacked(worded, gray), CARD_QUALITY)
+
+
+def _stacked(picture: U8, edges: U8) -> U8:
+    between = np.full((CARD_GAP_PX, picture.shape[1], 3), GROUND, np.uint8)
+    return np.concatenate([picture, between, edges])
 
 
 def prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks: int) -> None:
@@ -67,7 +196,7 @@ def prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks:
         ("sample", SAMPLE, *SAMPLE_BAR),
         ("cost", BAR, 0.0, 1.0),
     ):
-        _place_bars(rec, chart_path(paths, kind), color, lefts + offset * widths, width * widths)
+        place_bars(rec, chart_path(paths, kind), color, lefts + offset * widths, width * widths)
 
 
 def draw_charts(
@@ -96,132 +225,6 @@ def _block(bars: Bars, column: Column) -> tuple[F32, F32]:
     return bars.heights([c.reference for c in channels]), costs
 
 
-def _place_bars(rec: rr.RecordingStream, path: str, color: RGB, lefts: F64, widths: F64) -> None:
-    chart = rr.BarChart(
-        np.zeros(len(lefts), np.float32),
-        color=color,
-        abscissa=np.asarray(lefts, np.float32),
-        widths=np.asarray(widths, np.float32),
-    )
-    # all but the values: static values would hide all later ones, and from_fields() insists on values
-    style = [
-        part
-        for part in chart.as_component_batches()
-        if not part.component_descriptor().component.endswith("values")
-    ]
-    rec.log(path, style, static=True)
-
-
-# The panel of explanations in a replay's recording: the references that matter, side by side.
-
-ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
-THICKNESS = (4.5, 3.0, 1.5)  # radii in points: of arrows that lie upon each other all can be seen
-MARKDOWN = "text/markdown"
-LEFT_OUT = "Not drawn at this update (`--detail`)."
-NO_LIBRARY = "What the picture was compared with is not at hand."
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Tools:
-    """What is made once when a run begins."""
-
-    sensor: SensorModel
-    bars: Bars
-    thumbnail: int  # height of the library's thumbnails in pixels
-    height: int  # of one picture on a card
-    arrow: float  # in display units
-
-
-@dataclass(slots=True)
-class ExplainPanel:
-    """Draws the panel of one run. `sensor` is None for a saved run whose library is gone."""
-
-    paths: RunPaths
-    sensor: SensorModel | None
-    scale: Scale
-    has_truth: bool
-    _tools: _Tools | None = field(init=False, default=None)
-    _cards: dict[str, bytes] = field(init=False, default_factory=dict)  # last logged, a column
-
-    def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what does not change."""
-        if self.sensor is None:
-            rec.log(table_path(self.paths), rr.TextDocument(NO_LIBRARY, media_type=MARKDOWN), static=True)
-            return
-        self._tools = tools = _tools_for(self.sensor, self.scale)
-        whose = columns_of(self.has_truth)
-        rec.log(table_path(self.paths), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        for who in whose:
-            picture = rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0)
-            rec.log(card_path(self.paths, who), picture, static=True)
-        prepare_charts(rec, self.paths, tools.bars, len(whose))
-        thick = rr.components.Radius.ui_points(THICKNESS[-len(whose) :])
-        colors = [COLORS[who] for who in whose]
-        style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
-        rec.log(marks_path(self.paths), style, static=True)
-
-    def draw(self, rec: rr.RecordingStream, moment: Moment, record: StepRecord) -> None:
-        """Log the panel of one update; the time is set."""
-        tools = self._tools
-        if tools is None or not len(record.sighting.comparison.quality):
-            return
-        step = explain_step(record, tools.sensor, moment.truth if self.has_truth else None)
-        shown = columns(step, self.has_truth)
-        for column in shown:
-            self._draw_card(rec, column, tools)
-        draw_charts(rec, self.paths, tools.bars, step, shown)
-        self._draw_marks(rec, shown, tools)
-        text = f"{headline(step)}\n\n{markdown_table(step, self.scale)}"
-        rec.log(table_path(self.paths), rr.TextDocument.from_fields(text=text))
-
-    def draw_left_out(self, rec: rr.RecordingStream) -> None:
-        """Empty the panel where updates are not drawn whole, or it would show an earlier one."""
-        if self._tools is None:
-            return
-        charts = [chart_path(self.paths, kind) for kind in KINDS]
-        cards = [card_path(self.paths, who) for who in columns_of(self.has_truth)]
-        for path in (*charts, *cards, marks_path(self.paths)):
-            rec.log(path, rr.Clear(recursive=False))
-        rec.log(table_path(self.paths), rr.TextDocument.from_fields(text=LEFT_OUT))
-        self._cards.clear()
-
-    def _draw_card(self, rec: rr.RecordingStream, column: Column, tools: _Tools) -> None:
-        who, explained = column
-        card = _card(explained, tools)
-        if self._cards.get(who) != card:  # most of the size, and it often stays
-            rec.log(card_path(self.paths, who), rr.EncodedImage.from_fields(blob=card))
-            self._cards[who] = card
-
-    def _draw_marks(self, rec: rr.RecordingStream, shown: Sequence[Column], tools: _Tools) -> None:
-        entries = [None if explained is None else explained.entry for _, explained in shown]
-        poses = np.array([np.zeros(3) if entry is None else entry.pose for entry in entries])
-        length = np.where([entry is None for entry in entries], 0.0, tools.arrow)
-        along = np.column_stack([np.cos(poses[:, 2]), -np.sin(poses[:, 2])]) * length[:, None]
-        marks = rr.Arrows2D.from_fields(
-            origins=self.scale.screen(poses[:, :2]),
-            vectors=np.asarray(along, np.float32),
-        )
-        rec.log(marks_path(self.paths), marks)
-
-
-def _tools_for(sensor: SensorModel, scale: Scale) -> _Tools:
-    library = sensor.library
-    thumbnail = cell_height(library.pictures)
-    return _Tools(
-        sensor=sensor,
-        bars=bars_for(tuple(sensor.parameters.weights), library),
-        thumbnail=thumbnail,
-        height=card_height(thumbnail, CELL_PX),
-        arrow=ARROW * scale.length(max(library.arena.size_m)),
-    )
-
-
-def _card(explained: Explained | None, tools: _Tools) -> bytes:
-    if explained is None or explained.entry is None:
-        return blank_card(tools.height, NOT_KNOWN if explained is None else OUTSIDE)
-    return card_of(tools.sensor.library.pictures[explained.entry.entry], tools.thumbnail, tools.height)
-
-
 def labels_on_map(shown: Sequence[Column]) -> list[str]:
     """Name each arrow; those of one reference are named together, at the last of them: "all" for all."""
     entries = [None if e is None or e.entry is None else e.entry.entry for _, e in shown]
@@ -248,3 +251,37 @@ def headline(step: StepExplanation) -> str:
     gap = say_behind(rival.entry.behind)
     second = f"The one nearest to the {of}, entry {rival.entry.entry}, is {gap}"
     return f"{first} {second}; {float(costs.max()):.1f} of it by {most.channel}."
+
+
+def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+    """Show where the references of the columns are, over the match circles and under truth and estimate."""
+    contents = [*MAP, entities.EXPLAIN_KEY, paths.circles, marks_path(paths), f"{paths.estimate}/**"]
+    contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
+    return map_view(
+        f"Match circles, and the references explained ({scene.scale.units.name})", contents, scene
+    )
+
+
+def card_view(paths: RunPaths, who: str) -> rrb.Spatial2DView:
+    """Show a reference's picture over its edges."""
+    return picture_view(CARD_TITLES[who], card_path(paths, who))
+
+
+def descriptors_view(paths: RunPaths, whose: Sequence[str]) -> rrb.BarChartView:
+    """Show the descriptors of all references, a block a reference."""
+    sides = SIDES[len(whose)].format(*(NAMES[who] for who in whose))
+    name = f"Descriptors (1: usual top): picture blue, reference orange, both pale; {sides}"
+    return bars_view(name, [chart_path(paths, kind) for kind in ("tints", "reference", "sample")])
+
+
+def costs_view(paths: RunPaths, channels: Sequence[str]) -> rrb.BarChartView:
+    """Show what each element costs each reference."""
+    many = len(channels) > MOST_NAMED
+    names = f"{len(channels)} channels as in the table" if many else ", ".join(channels)
+    name = f"What each element costs (nats; tint {FOOT_NATS:g} high): {names}"
+    return bars_view(name, [chart_path(paths, kind) for kind in ("feet", "cost")])
+
+
+def figures_view(paths: RunPaths) -> rrb.TextDocumentView:
+    """Show the figures of all references in a table."""
+    return rrb.TextDocumentView(name=f"Figures ({LOSES})", origin=table_path(paths))

@@ -6,33 +6,45 @@ from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
-from maurice_mcl.analysis.explanation import ChannelExplanation, Explained, StepExplanation
+from maurice_mcl.analysis.explanation import (
+    ASKED,
+    ESTIMATE,
+    TRUTH,
+    WINNER,
+    ChannelExplanation,
+    Explained,
+    StepExplanation,
+)
 from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.descriptors.edges import edge_image
 from maurice_mcl.session import Moment
 
 from .. import entities
+from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, SMALLEST, bands_of
 from ..drawing.canvas import long_side
 from ..drawing.contact_sheet import NOT_KEPT, read_picture
-from ..drawing.raster import jpeg, put_text
+from ..drawing.raster import EDGE_GAIN, brightened, jpeg, put_text
 from ..entities import Phase, RunPaths
 from ..explanations.paths import COLORS, OUTSIDE, marks_path, table_path
 from ..explanations.table import markdown_table
 from ..explanations.words import say_step
+from ..scene import SceneInfo
 from ..style import BAR, MISSING, PALE, Scale
-from . import belief as draw_belief
-from . import circles as draw_circles
-from . import pictures as draw_pictures
-from . import world as draw_world
+from .belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
+from .camera import draw_camera, prepare_camera
 from .explanation import ARROW, labels_on_map
-from .histograms import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, SMALLEST, bands_of
-from .observer import set_phase
+from .panel import MARKDOWN, set_phase
+from .references import match_circles
+from .views import MAP, bars_view, map_view, picture_view
+from .world import draw_world
 
 GRAY = (144, 176)  # rows and columns of what stands for a picture that is not there
-MARKDOWN = "text/markdown"
+WHO = {TRUTH: "Truth's", ESTIMATE: "Estimate's", WINNER: "Winner", ASKED: "Asked for"}
 NOTES = """
 **Columns**: the references nearest to truth and estimate, and the winner, which matches best.
 
@@ -49,27 +61,27 @@ log-likelihood. One nat less is 2.7 times less likely.
 
 
 def picture_path(paths: RunPaths, who: str) -> str:
-    """Give the entity of a reference's picture."""
+    """Return the entity of a reference's picture."""
     return paths.at("explain", who, "picture")
 
 
 def edges_path(paths: RunPaths, who: str) -> str:
-    """Give the entity of its edge picture."""
+    """Return the entity of its edge picture."""
     return paths.at("explain", who, "edges")
 
 
 def bars_path(paths: RunPaths, who: str, channel: str, kind: str) -> str:
-    """Give the entity of one channel's bars: `kind` is "descriptor" or "cost"."""
+    """Return the entity of one channel's bars: `kind` is "descriptor" or "cost"."""
     return paths.at("explain", who, channel, kind)
 
 
 def words_path(paths: RunPaths) -> str:
-    """Give the entity of the sentences."""
+    """Return the entity of the sentences."""
     return paths.at("explain", "words")
 
 
 def notes_path(paths: RunPaths) -> str:
-    """Give the entity of how to read it all."""
+    """Return the entity of how to read it all."""
     return paths.at("explain", "notes")
 
 
@@ -98,11 +110,10 @@ def costliest_first(step: StepExplanation) -> list[int]:
 
 def draw_explanation(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate) -> None:
     """Log everything, on all three timelines at the update's own place."""
-    draw_world.draw_world(rec, update.library, update.scale)
+    draw_world(rec, update.library, update.scale)
     set_phase(rec, update.moment, Phase.WEIGHT)
-    for path in (entities.CAMERA, entities.EDGES):
-        draw_pictures.prepare_jpeg(rec, path)
-    draw_pictures.draw_camera(rec, update.moment.frame.image)
+    prepare_camera(rec)
+    draw_camera(rec, update.moment.frame.image)
     _draw_map(rec, paths, update)
     for explained in update.step.shown:
         _draw_pictures(rec, paths, explained, update.library)
@@ -117,19 +128,19 @@ def draw_explanation(rec: rr.RecordingStream, paths: RunPaths, update: Explained
 
 def _draw_map(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate) -> None:
     record, scale = update.record, update.scale
-    circles = draw_circles.circles_for(update.library, scale)
+    circles = match_circles(update.library, scale)
     circles.prepare(rec, paths)
     circles.draw(rec, paths, record.sighting.comparison)
-    draw_belief.prepare_cloud(rec, paths.particles)
-    draw_belief.draw_predicted(rec, paths.particles, record.weighted, scale)
-    side = long_side(update.library.arena, scale)
-    markers = [(draw_belief.estimate_marker(paths.estimate), record.estimate.pose)]
+    prepare_cloud(rec, paths.particles)
+    draw_cloud(rec, paths.particles, record.weighted, scale)
+    arena = update.library.arena
+    markers = [(estimate_marker(paths.estimate, arena, scale), record.estimate.pose)]
     if update.moment.truth is not None:
-        markers.append((draw_belief.truth_marker(entities.TRUTH), update.moment.truth))
+        markers.append((truth_marker(entities.TRUTH, arena, scale), update.moment.truth))
     for marker, pose in markers:
         marker.prepare(rec)
-        marker.draw(rec, pose, scale, draw_belief.ARROW * side)
-    _draw_marks(rec, paths, update, ARROW * side)
+        marker.draw(rec, pose)
+    _draw_marks(rec, paths, update, ARROW * long_side(arena, scale))
 
 
 def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate, arrow: float) -> None:
@@ -150,7 +161,7 @@ def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdat
 
 def _draw_pictures(rec: rr.RecordingStream, paths: RunPaths, explained: Explained, library: Library) -> None:
     picture = _picture(explained, library)
-    edges = _gray("") if picture is None else draw_pictures.brightened(edge_image(picture))
+    edges = _gray("") if picture is None else brightened(edge_image(picture))
     if picture is None:
         picture = _gray(OUTSIDE if explained.entry is None else NOT_KEPT)
     for path, image in (
@@ -213,3 +224,41 @@ def _draw_bars(rec: rr.RecordingStream, paths: RunPaths, who: str, mine: Channel
         rec.log(f"{descriptor}/{name}", bars)
     cost = rr.BarChart(mine.nats, abscissa=lefts, widths=wide, color=BAR)
     rec.log(f"{bars_path(paths, who, mine.channel, 'cost')}/nats", cost)
+
+
+def explained_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+    """Show match circles, particles and the references explained."""
+    name = f"Match circles (area: likelihood), particles, references ({scene.scale.units.name})"
+    contents = [*MAP, paths.circles, paths.particles, marks_path(paths), f"{paths.estimate}/**"]
+    contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
+    return map_view(name, contents, scene, paths.particles)
+
+
+def explained_words(paths: RunPaths) -> rrb.TextDocumentView:
+    """Show the sentences."""
+    return rrb.TextDocumentView(name="Why the winner wins", origin=words_path(paths))
+
+
+def explained_notes(paths: RunPaths) -> rrb.TextDocumentView:
+    """Show how to read it all."""
+    return rrb.TextDocumentView(name="How to read this", origin=notes_path(paths))
+
+
+def reference_views(
+    paths: RunPaths, explained: Explained, step: StepExplanation
+) -> list[rrb.View | rrb.Container]:
+    """Show one reference; the channel that costs most has the first tab, the same in all columns."""
+    who, channels = explained.who, [step.channels[k] for k in costliest_first(step)]
+    entry = "none" if explained.entry is None else f"entry {explained.entry.entry}"
+    descriptors = [bars_view(f"{c} ({_unit(c)})", [bars_path(paths, who, c, "descriptor")]) for c in channels]
+    costs = [bars_view(f"{c}, nats", [bars_path(paths, who, c, "cost")]) for c in channels]
+    return [
+        picture_view(f"{WHO[who]}: {entry}", picture_path(paths, who)),
+        picture_view(f"Its edges x {EDGE_GAIN}", edges_path(paths, who)),
+        rrb.Tabs(*descriptors, active_tab=0),
+        rrb.Tabs(*costs, active_tab=0),
+    ]
+
+
+def _unit(channel: str) -> str:
+    return CHANNELS[channel].unit if channel in CHANNELS else "its own unit"

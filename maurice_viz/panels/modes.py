@@ -1,4 +1,4 @@
-"""The river of modes: how the weight was shared among the modes of the cloud over the last updates.
+"""Modes over time: how the weight was shared among the modes of the cloud over the last updates.
 
 Every mode has a color that it keeps as long as it lives; modes are stacked by age, the oldest at the
 bottom, so that a band does not jump when another overtakes it. Weight in no mode stays empty at the top.
@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from maurice_mcl.analysis.modes import TrackedMode
 from maurice_mcl.arrays import U8
 
+from ..drawing.canvas import Extent
 from ..drawing.raster import png, put_text, text_size
+from ..entities import Phase, RunPaths
 from ..style import EMPTY, GROUND, MODE_COLORS, PALE, RULER
+from .panel import DrawnRun, Panel, StepUpdate, set_phase
+from .views import plane_view
 
 LENGTH = 60  # updates that are seen at once, a column each
 HEIGHT = 24  # rows for the whole weight
@@ -27,29 +31,30 @@ FRAME_PX = 16  # pixels a column of the frame's drawing
 TEXT_PX = 18.0
 
 
-@dataclass(slots=True)
-class River:
-    """Draws the river of one run."""
+class ModesPanel(Panel):
+    """Draws the bands of one run."""
 
-    path: str
-    _past: deque[tuple[TrackedMode, ...]] = field(default_factory=lambda: deque(maxlen=LENGTH))
+    def __init__(self, run: DrawnRun) -> None:
+        self._path = run.paths.modes
+        self._past: deque[tuple[TrackedMode, ...]] = deque(maxlen=LENGTH)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the frame with its labels, and what kind of pictures will come; static."""
+        """Log the frame with its labels, and what kind of pictures will come."""
         left, _, top, _ = MARGIN
         rec.log(
-            f"{self.path}/frame",
+            f"{self._path}/frame",
             rr.EncodedImage(contents=png(frame()), media_type="image/png", draw_order=-20.0),
             rr.Transform3D(translation=[-left, -top, 0], scale=1 / FRAME_PX),
             static=True,
         )
         kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
-        rec.log(f"{self.path}/bands", kind, static=True)
+        rec.log(f"{self._path}/bands", kind, static=True)
 
-    def draw(self, rec: rr.RecordingStream, modes: tuple[TrackedMode, ...]) -> None:
-        """Take in an update's modes, and log the river up to it."""
-        self._past.append(modes)
-        rec.log(f"{self.path}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the bands up to this update."""
+        self._past.append(update.modes)
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        rec.log(f"{self._path}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
 
 
 def frame() -> U8:
@@ -73,7 +78,7 @@ def frame() -> U8:
 
 
 def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:
-    """Draw the river (HEIGHT, LENGTH, 3) RGB, the latest update at the right."""
+    """Draw the bands (HEIGHT, LENGTH, 3) RGB, the latest update at the right."""
     image = np.full((HEIGHT, LENGTH, 3), EMPTY, np.uint8)
     for ago, modes in enumerate(reversed(past)):
         mass = 0.0
@@ -82,3 +87,10 @@ def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:
             rows = slice(HEIGHT - round(mass * HEIGHT), HEIGHT - round(base * HEIGHT))
             image[rows, LENGTH - 1 - ago] = MODE_COLORS[mode.identity % len(MODE_COLORS)]
     return image
+
+
+def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show how the weight was shared among the modes of the last updates."""
+    left, right, top, bottom = MARGIN
+    extent = Extent(-left, LENGTH + right, -top, HEIGHT + bottom)
+    return plane_view("Modes: share of the weight (%), a color each", f"{paths.modes}/**", extent)

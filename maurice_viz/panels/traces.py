@@ -2,52 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.library import Library
-from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.filter.estimate import CONFIDENCE_M
 
 from ..drawing.keys import line_key
 from ..drawing.raster import png
-from ..entities import RunPaths
-from ..style import BAR, RGB, RUN_COLORS, Scale, font_safe
+from ..entities import Phase, RunPaths
+from ..scene import RunView, SceneInfo
+from ..style import BAR, COLOR_WORDS, RGB, RUN_COLORS, font_safe
 from ..text.narration import errors
-
-# Which library entry stands for a pose, by the library's own rule.
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class EntryFinder:
-    """The nearest reference of any pose in a map."""
-
-    nearest: NearestReference
-    origin: F64  # (2,)
-
-    def entry_at(self, pose: F64) -> int:
-        """Give the entry that a pose (3,) in the map's frame is nearest to; -1 outside free space."""
-        relative = (pose - np.append(self.origin, 0)).astype(np.float32)
-        return int(self.nearest.entries(relative[None], self.origin)[0])
-
-
-def entry_finder(library: Library) -> EntryFinder:
-    """Make the tables for a library with at least one entry."""
-    return EntryFinder(nearest_reference(library.poses, library.arena), library.origin)
-
-
-# Traces: one number an update, over the session.
+from .ancestry import ANCESTORS, SURVIVORS
+from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
+from .views import picture_view, plot, plot_of_runs
 
 POSITION_ERROR = "position_error"
 HEADING_ERROR = "heading_error"
 SPREAD = "spread"
 CONFIDENCE = "confidence"
 EFFECTIVE = "effective_sample"
-SURVIVORS = "survivors"
-ANCESTORS = "ancestors"
 TRUTH_RATIO = "truth_over_estimate"
 TRUTH_RANK = "truth_rank"
 EVIDENCE = "evidence"  # several lines in one entity: of all channels together, and of each alone
@@ -71,20 +48,72 @@ THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
 LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 
 
-def prepare_traces(rec: rr.RecordingStream, paths: RunPaths, channels: tuple[str, ...] = ()) -> None:
-    """Log names and colors of the lines, static."""
-    for quantity, color in COLORS.items():
-        name = f"{font_safe(paths.label)}: {quantity.replace('_', ' ')}"
-        style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
-        rec.log(paths.trace(quantity), style, static=True)
-    lines = evidence_lines(channels)
-    names, colors, widths = (list(part) for part in zip(*lines, strict=True))
-    rec.log(paths.trace(EVIDENCE), rr.SeriesLines(names=names, colors=colors, widths=widths), static=True)
-    key = rr.EncodedImage(contents=png(line_key(lines)), media_type="image/png")
-    rec.log(paths.line_key, key, static=True)
-    unseen = rr.SeriesPoints(colors=[(0, 0, 0, 0)], marker_sizes=[0.0])
-    for quantity in LABELED_STEPS:
-        rec.log(top_path(paths, quantity), unseen, static=True)
+class TracesPanel(Panel):
+    """Logs one value a line; errors and the rank of the truth only where the truth is known.
+
+    In the end it lets the scales of plots reach a round number: in a small plot that ends between 4 and 10 of
+    anything the viewer labels nothing but zero.
+    """
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._paths, self._scale, self._finder = run.paths, run.scale, run.finder
+        self._channels = tuple(run.distances)
+        self._most: dict[str, float] = {}  # by quantity
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log names and colors of the lines."""
+        for quantity, color in COLORS.items():
+            name = f"{font_safe(self._paths.label)}: {quantity.replace('_', ' ')}"
+            style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
+            rec.log(self._paths.trace(quantity), style, static=True)
+        lines = evidence_lines(self._channels)
+        names, colors, widths = (list(part) for part in zip(*lines, strict=True))
+        style = rr.SeriesLines(names=names, colors=colors, widths=widths)
+        rec.log(self._paths.trace(EVIDENCE), style, static=True)
+        key = rr.EncodedImage(contents=png(line_key(lines)), media_type="image/png")
+        rec.log(self._paths.line_key, key, static=True)
+        unseen = rr.SeriesPoints(colors=[(0, 0, 0, 0)], marker_sizes=[0.0])
+        for quantity in LABELED_STEPS:
+            rec.log(top_path(self._paths, quantity), unseen, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the values of one update."""
+        record, truth, scale = update.record, update.moment.truth, self._scale
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        if truth is not None:
+            distance_m, angle = errors(record.estimate, truth)
+            self._log(rec, POSITION_ERROR, scale.length(distance_m))
+            self._log(rec, HEADING_ERROR, float(np.degrees(angle)))
+        self._log(rec, SPREAD, scale.length(float(np.hypot(*record.mean_estimate.sd_m))))
+        self._log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
+        self._log(rec, CONFIDENCE, record.estimate.confidence)
+        nats = np.append(record.calibrated_evidence, record.channel_evidence)
+        if np.isfinite(nats).all():  # -inf when no particle was in free space
+            rec.log(self._paths.trace(EVIDENCE), rr.Scalars(nats))
+        if self._finder is not None:
+            self._draw_rank(rec, update, self._finder)
+
+    def finish(self, rec: rr.RecordingStream) -> None:
+        """Log where scales end: only now is the largest value known."""
+        for quantity, most in self._most.items():
+            if quantity in LABELED_STEPS:
+                rec.log(top_path(self._paths, quantity), rr.Scalars(round_top(most, LABELED_STEPS[quantity])))
+
+    def _log(self, rec: rr.RecordingStream, quantity: str, value: float) -> None:
+        self._most[quantity] = max(value, self._most.get(quantity, 0.0))
+        rec.log(self._paths.trace(quantity), rr.Scalars(value))
+
+    def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate, finder: EntryFinder) -> None:
+        """Log how well the picture fits the true pose: against the estimate, and among all references."""
+        logs, truth = update.record.sighting.comparison.log_likelihood, update.moment.truth
+        if truth is None or not len(logs):
+            return
+        at_truth, at_estimate = finder.entry_at(truth), finder.entry_at(update.record.estimate.pose)
+        if at_truth < 0:
+            return
+        rec.log(self._paths.trace(TRUTH_RANK), rr.Scalars(float((logs > logs[at_truth]).sum() + 1)))
+        if at_estimate >= 0:
+            rec.log(self._paths.trace(TRUTH_RATIO), rr.Scalars(float(logs[at_truth] - logs[at_estimate])))
 
 
 def evidence_lines(channels: tuple[str, ...]) -> list[tuple[str, RGB, float]]:
@@ -95,81 +124,85 @@ def evidence_lines(channels: tuple[str, ...]) -> list[tuple[str, RGB, float]]:
 
 
 def top_path(paths: RunPaths, quantity: str) -> str:
-    """Give the entity of the unseen point that a plot's scale reaches up to."""
+    """Return the entity of the unseen point that a plot's scale reaches up to."""
     return f"{paths.trace(quantity)}/top"
 
 
-@dataclass(slots=True)
-class Traces:
-    """Logs values, and in the end lets the scales of plots reach a round number.
-
-    In a small plot that ends between 4 and 10 of anything the viewer labels nothing but zero.
-    """
-
-    paths: RunPaths
-    _most: dict[str, float] = field(default_factory=dict)
-
-    def log(self, rec: rr.RecordingStream, quantity: str, value: float) -> None:
-        """Log one value of a quantity."""
-        self._most[quantity] = max(value, self._most.get(quantity, 0.0))
-        rec.log(self.paths.trace(quantity), rr.Scalars(value))
-
-    def draw_tops(self, rec: rr.RecordingStream) -> None:
-        """Log the tops, at the end of a run: only then is the largest value known."""
-        for quantity, most in self._most.items():
-            if quantity in LABELED_STEPS:
-                top = round_top(most, LABELED_STEPS[quantity])
-                rec.log(top_path(self.paths, quantity), rr.Scalars(top))
-
-
 def round_top(most: float, steps: float) -> float:
-    """Give the power of ten above a value that is more than so many of the one below; else the value."""
+    """Return the power of ten above a value that is more than so many of the one below; else the value."""
     if not 0 < most < np.inf:
         return 0.0
     below = 10.0 ** np.floor(np.log10(most))
     return float(10 * below if most > steps * below else most)
 
 
-def draw_traces(
-    rec: rr.RecordingStream, traces: Traces, record: StepRecord, truth: F64 | None, scale: Scale
-) -> None:
-    """Log one value a line; errors only where the truth is known."""
-    if truth is not None:
-        apart, angle = errors(record.estimate, truth)
-        traces.log(rec, POSITION_ERROR, scale.length(apart))
-        traces.log(rec, HEADING_ERROR, float(np.degrees(angle)))
-    traces.log(rec, SPREAD, scale.length(float(np.hypot(*record.mean_estimate.sd_m))))
-    traces.log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
-    traces.log(rec, CONFIDENCE, record.estimate.confidence)
+def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
+    """Plot one run: distances, heading error where the truth is known, shares."""
+    unit = scene.scale.units.name
+    both = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE)]
+    shares = plot("Confidence orange, effective sample blue (share)", both, top=1.1)
+    if not scene.has_truth:
+        return [plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
+    distances = [paths.trace(POSITION_ERROR), paths.trace(SPREAD)]
+    return [
+        plot(f"Position error orange, spread blue ({unit})", distances),
+        plot("Heading error (deg)", [paths.trace(HEADING_ERROR)]),
+        shares,
+    ]
 
 
-def draw_inside(rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, ancestors: int) -> None:
-    """Log shares of survivors and of ancestors, and the evidence of each channel."""
-    rec.log(paths.trace(SURVIVORS), rr.Scalars(survivors(record)))
-    rec.log(paths.trace(ANCESTORS), rr.Scalars(ancestors / record.belief.size))
-    nats = np.append(record.calibrated_evidence, record.channel_evidence)
-    if np.isfinite(nats).all():  # -inf when no particle was in free space
-        rec.log(paths.trace(EVIDENCE), rr.Scalars(nats))
+def error_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
+    """Plot the errors of some runs against the truth."""
+    return [
+        plot_of_runs(POSITION_ERROR, f"Position error ({scene.scale.units.name}){who}", labels),
+        plot_of_runs(HEADING_ERROR, "Heading error (deg)", labels),
+    ]
 
 
-def draw_truth_seen(
-    rec: rr.RecordingStream, paths: RunPaths, record: StepRecord, truth: F64, places: EntryFinder
-) -> None:
-    """Log how well the picture fits where the robot is: against the estimate, and among all references."""
-    seen = record.sighting.comparison
-    at_truth, at_estimate = places.entry_at(truth), places.entry_at(record.estimate.pose)
-    if at_truth < 0:
-        return
-    logs = seen.log_likelihood
-    rec.log(paths.trace(TRUTH_RANK), rr.Scalars(float((logs > logs[at_truth]).sum() + 1)))
-    if at_estimate >= 0:
-        rec.log(paths.trace(TRUTH_RATIO), rr.Scalars(float(logs[at_truth] - logs[at_estimate])))
+def truth_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
+    """Plot how well the pictures of some runs fit the true pose."""
+    return [
+        plot_of_runs(TRUTH_RATIO, "Log-likelihood of truth less estimate (nats)", labels),
+        plot_of_runs(TRUTH_RANK, "Rank of the truth's reference (1 is best)", labels),
+    ]
 
 
-def survivors(record: StepRecord) -> float:
-    """Give the share of the weighted particles that left a copy; 1 where there was no resampling."""
-    if record.parents is None:
-        return 1.0
-    kept = np.zeros(record.weighted.size, bool)
-    kept[record.parents[record.parents >= 0]] = True
-    return float(kept.mean())
+def cloud_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
+    """Plot how the clouds of some runs look."""
+    near = scene.scale.say(CONFIDENCE_M)
+    return [
+        plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who}", labels),
+        plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near})", labels, top=1.1),
+        plot_of_runs(EFFECTIVE, "Effective sample size (share of particles)", labels, top=1.1),
+    ]
+
+
+def survival_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
+    """Plot how many particles of some runs survive, and from how many their clouds descend."""
+    return [
+        plot_of_runs(SURVIVORS, "Survivors of resampling (share)", labels, top=1.1),
+        plot_of_runs(ANCESTORS, "Distinct ancestors ten updates back (share)", labels, top=1.1),
+    ]
+
+
+def who_is_who(labels: Sequence[str]) -> str:
+    """Return what a title says of the colors of several runs; nothing for one."""
+    if len(labels) == 1:
+        return ""
+    return ": " + ", ".join(f"{label} {COLOR_WORDS[k]}" for k, label in enumerate(labels))
+
+
+def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
+    """Plot how well the cloud explained each picture: all channels together, and each alone."""
+    return plot(f"{title}Evidence of each picture (nats)", [paths.trace(EVIDENCE)])
+
+
+def evidence_key(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
+    """Show what the colors of the evidence mean: in the plot a legend would cover lines."""
+    name = f"{title}lines of evidence" if title else "Lines of evidence: channels"
+    return picture_view(name, paths.line_key)
+
+
+def key_share(run: RunView) -> float:
+    """Return how much of a column the key needs: a row for every four channels."""
+    return 0.35 + 0.09 * (len(run.channels) // 4)

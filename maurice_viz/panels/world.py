@@ -14,6 +14,26 @@ from ..drawing import keys
 from ..drawing.canvas import Extent, draw_ground, map_extent
 from ..drawing.raster import png
 from ..style import NODE, WALL, Scale
+from .panel import DrawnRun, Panel
+
+
+class WorldPanel(Panel):
+    """Draws the map and the keys above it, once for all runs."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._run = run
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log everything."""
+        library, scale, has_truth = self._run.library, self._run.scale, self._run.has_truth
+        draw_world(rec, library, scale)
+        for path, strip in (
+            (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
+            (entities.MATCH_KEY, keys.circle_key()),
+            (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
+            (entities.EXPLAIN_KEY, keys.explain_key(has_truth)),
+        ):
+            draw_key(rec, path, strip, library.arena, scale)
 
 
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
@@ -43,28 +63,17 @@ def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 
     Maps often reach further than the part that was surveyed, and would be drawn across ruler and key.
     """
-    start, way = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
-    parallel = way == 0
-    step = np.where(parallel, 1.0, way)
+    parallel = along == 0
+    step = np.where(parallel, 1.0, along)
     first, second = (low - start) / step, (high - start) / step
     enter = np.where(parallel, 0.0, np.minimum(first, second)).max(axis=1, initial=0.0)
     leave = np.where(parallel, 1.0, np.maximum(first, second)).min(axis=1, initial=1.0)
     beside = (parallel & ((start < low) | (start > high))).any(axis=1)
     kept = (enter <= leave) & ~beside
-    ends = [start + at[:, None] * way for at in (enter, leave)]
+    ends = [start + at[:, None] * along for at in (enter, leave)]
     return np.asarray(np.concatenate(ends, axis=1)[kept])
-
-
-def draw_keys(rec: rr.RecordingStream, library: Library, scale: Scale, has_truth: bool) -> None:
-    """Log the keys that stand above the map views, static."""
-    for path, strip in (
-        (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
-        (entities.MATCH_KEY, keys.circle_key()),
-        (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
-        (entities.EXPLAIN_KEY, keys.explain_key(has_truth)),
-    ):
-        draw_key(rec, path, strip, library.arena, scale)
 
 
 def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:
@@ -75,13 +84,13 @@ def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale:
 
 
 def distinct_places(poses: F64) -> F64:
-    """Give the positions (P, 2) of library poses (L, 3), each once (to the millimetre)."""
+    """Return the positions (P, 2) of library poses (L, 3), each once (to the millimeter)."""
     _, first = np.unique(np.round(poses[:, :2] * 1000), axis=0, return_index=True)
     return np.asarray(poses[np.sort(first), :2])
 
 
 def _log_image(rec: rr.RecordingStream, path: str, image: U8, extent: Extent, width: float) -> None:
-    """Log an image whose upper left corner is that of the extent, as wide as said, in drawn units."""
+    """Log an image whose upper left corner is that of the extent, of this width in drawn units."""
     rec.log(
         path,
         rr.EncodedImage(contents=png(image), media_type="image/png", draw_order=-10.0),

@@ -7,8 +7,8 @@ import viz_fakes as fakes
 from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks
-from maurice_viz.drawing.raster import plain, text_size
-from maurice_viz.panels.circles import circles_for, node_spacing, relative_likelihood
+from maurice_viz.drawing.raster import ascii_of, text_size
+from maurice_viz.panels.references import match_circles, node_spacing, relative_likelihood
 from maurice_viz.panels.world import clipped, distinct_places
 from maurice_viz.style import OBSTACLE, scale_for
 
@@ -64,14 +64,14 @@ def test_the_key_speaks_of_truth_only_where_there_is_one() -> None:
 
 
 def test_text_is_brought_to_what_the_font_has() -> None:
-    assert plain("café 床") == "cafe ?"
+    assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
 
 
 def test_circles_stand_off_their_node_along_their_heading() -> None:
     library = fakes.make_library()
     scale = scale_for("in", library.arena)
-    circles = circles_for(library, scale)
+    circles = match_circles(library, scale)
     assert circles.spacing == pytest.approx(18)
     off = (circles.centers - scale.screen(library.poses)) * (1, -1)
     np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)

@@ -19,9 +19,9 @@ from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import INCH_M
 from maurice_viz import entities
 from maurice_viz import entities as paths
+from maurice_viz.drawing.keys import belief_key, key_extent, narrow_circle_key, runs_key
 from maurice_viz.layouts import compare
-from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, thinned
-from maurice_viz.panels.comparison_keys import belief_key, circle_key, key_extent, runs_key
+from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -101,10 +101,10 @@ def test_clouds_are_few_dots_of_the_weighted_particles(usual: tuple[Path, Seen])
 
 def test_dots_lie_as_densely_as_the_weight() -> None:
     weights = np.repeat([0.0, 1.0, 3.0, 0.0], 400)
-    chosen = thinned(weights / weights.sum(), 200)
+    chosen = by_weight(weights / weights.sum(), 200)
     assert np.bincount(chosen // 400, minlength=4).tolist() == [0, 50, 150, 0]
-    assert thinned(np.array([1.0]), 200).tolist() == [0]
-    assert np.array_equal(thinned(np.ones(7) / 7, 200), np.arange(7))
+    assert by_weight(np.array([1.0]), 200).tolist() == [0]
+    assert np.array_equal(by_weight(np.ones(7) / 7, 200), np.arange(7))
 
 
 def test_where_runs_part_is_marked_once_and_said(usual: tuple[Path, Seen]) -> None:
@@ -205,8 +205,8 @@ def test_drives_of_their_own_show_their_own_camera_and_truth() -> None:
 @pytest.mark.parametrize("labels", [["a", "b"], ["a long label", "another one", "größe", "ひと"]])
 def test_keys_stand_above_the_map_and_hold_every_label(labels: list[str]) -> None:
     where = shown()
-    for key in (runs_key(labels, True), belief_key(len(labels), True), circle_key(len(labels))):
-        extent = key_extent(key, where)
+    for key in (runs_key(labels, True), belief_key(len(labels), True), narrow_circle_key(len(labels))):
+        extent = key_extent(key, where.arena, where.scale)
         assert extent.bottom <= 0 - where.scale.length(where.arena.bounds[3]) + 1e-6  # y points down
         assert (key.max(axis=2) > 100).any()
     long = [f"{label}, with many words" for label in labels]

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import rerun.blueprint as rrb
+import viz_fakes as fakes
 import viz_recordings as recordings
 
 from maurice_mcl.analysis.events import KINDS, PARTED, RunEvent
 from maurice_mcl.analysis.localization_status import STATES
 from maurice_mcl.filter.localizer import RESAMPLED
-from maurice_viz import entities
 from maurice_viz.entities import RunPaths
 from maurice_viz.panels import events as draw_events
-from maurice_viz.panels.events import EventLane
+from maurice_viz.panels.panel import StepUpdate
 from maurice_viz.viewer import sinks
 
 PATHS = RunPaths("blended")
@@ -22,13 +22,16 @@ Step = tuple[str, list[tuple[str, str]]]  # state, kinds and texts
 
 def drawn(path: Path, steps: Sequence[Step], *, scene: bool = True, hold: int = 3) -> Path:
     """Draw steps 1, 2, ... into a recording."""
-    lane = EventLane(PATHS, scene, hold)
+    library = fakes.make_library()
+    session = fakes.make_session(library, len(steps))
+    updates = hold * draw_events.MARKS_A_RUN
+    panel = draw_events.EventsPanel(recordings.drawn_run(PATHS, library, draws_scene=scene, updates=updates))
     with sinks.to_file(path, "x", rrb.Blueprint()) as rec:
-        lane.prepare(rec)
-        for step, (state, events) in enumerate(steps, start=1):
-            rec.set_time(entities.STEP, sequence=step)
-            rec.set_time(entities.PHASE, sequence=6 * step + 5)
-            lane.draw(rec, step, state, [RunEvent(step, 0.0, kind, text) for kind, text in events])
+        panel.prepare(rec)
+        for (status, found), (moment, record) in zip(steps, fakes.play(session, "color", 5), strict=True):
+            step = moment.frame.step
+            events = tuple(RunEvent(step, 0.0, kind, text) for kind, text in found)
+            panel.draw(rec, StepUpdate(moment, record, events, status))
     return path
 
 
@@ -40,7 +43,7 @@ def lane_of(path: Path, entity: str) -> list[tuple[int | None, str | None]]:
 def test_the_state_is_logged_where_it_changes(tmp_path: Path) -> None:
     states = ["searching", "searching", "localized", "localized", "lost"]
     path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
-    assert lane_of(path, draw_events.belief_path(PATHS)) == [
+    assert lane_of(path, draw_events.status_path(PATHS)) == [
         (1, "searching"),
         (3, "localized"),
         (5, "lost"),
@@ -89,12 +92,12 @@ def test_what_happens_all_the_time_is_not_shown(tmp_path: Path) -> None:
 
 
 def test_every_state_and_kind_has_a_color_and_a_name(tmp_path: Path) -> None:
-    assert set(draw_events.STATE_COLORS) == set(STATES)
+    assert set(draw_events.STATUS_COLORS) == set(STATES)
     shown = set(draw_events.NOTICED_COLORS) | set(draw_events.LOG_COLORS)
     assert set(KINDS) - shown == {RESAMPLED}
     assert PARTED in draw_events.NOTICED_COLORS
     path = drawn(tmp_path / "a.rrd", [("localized", [])])
-    for lane in (draw_events.belief_path(PATHS), draw_events.noticed_path(PATHS), draw_events.LOG_LANE):
+    for lane in (draw_events.status_path(PATHS), draw_events.noticed_path(PATHS), draw_events.LOG_LANE):
         style = recordings.static(path, lane)
         values = style["StateConfiguration:values"]
         assert (

@@ -22,12 +22,12 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
+from maurice_viz.drawing.bars import MOST, bars_for
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.explanations.paths import card_path, chart_path, marks_path, table_path
 from maurice_viz.layouts import explain
-from maurice_viz.layouts.explanation_screen import full
-from maurice_viz.panels.explanation import ExplainPanel
-from maurice_viz.panels.explanation_cards import CARD_PX, MOST, bars_for, blank_card
+from maurice_viz.layouts.explanation_screen import explanation_blueprint
+from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card
 from maurice_viz.panels.explanation_screen import (
     ExplainedUpdate,
     bars_path,
@@ -35,7 +35,7 @@ from maurice_viz.panels.explanation_screen import (
     picture_path,
     words_path,
 )
-from maurice_viz.panels.observer import set_phase
+from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
@@ -54,18 +54,18 @@ def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | 
     sensor, updates = played
     library = sensor.library
     scale = scale_for("in", library.arena)
-    panel = ExplainPanel(PATHS, sensor, scale, has_truth)
+    panel = ExplanationPanel(recordings.drawn_run(PATHS, library, sensor=sensor, has_truth=has_truth))
     layout = explain.layout(
         RunView(PATHS.label, tuple(sensor.parameters.weights)), SceneInfo(library.arena, scale, has_truth)
     )
     with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
         panel.prepare(rec)
         for moment, record in updates:
-            set_phase(rec, moment, Phase.ESTIMATE)
             if moment.frame.step == left_out:
-                panel.draw_left_out(rec)
+                set_phase(rec, moment, Phase.ESTIMATE)
+                panel.clear(rec)
             else:
-                panel.draw(rec, moment, record)
+                panel.draw(rec, StepUpdate(moment, record))
 
 
 def heights(row: recordings.Row) -> np.ndarray:
@@ -169,12 +169,11 @@ def test_pictures_that_are_not_kept_are_gray(tmp_path: Path) -> None:
 
 
 def test_a_saved_run_without_its_library_says_so(library: Library, tmp_path: Path) -> None:
-    panel = ExplainPanel(PATHS, None, scale_for("in", library.arena), has_truth=True)
+    panel = ExplanationPanel(recordings.drawn_run(PATHS, library))
     _, updates = play(library)
     with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
         panel.prepare(rec)
-        set_phase(rec, updates[0][0], Phase.ESTIMATE)
-        panel.draw(rec, *updates[0])
+        panel.draw(rec, StepUpdate(*updates[0]))
     found = {name for name in recordings.entities_of(tmp_path / "out.rrd") if "explain" in name}
     assert found == {table_path(PATHS)}
 
@@ -249,7 +248,9 @@ def test_the_full_panel_has_every_chart(
     step = explain_step(record, sensor, moment.truth, asked, weigh=True)
     scale = scale_for("in", library.arena)
     path = tmp_path / "Büro.rrd"
-    with sinks.to_file(path, "Büro", full(PATHS, step, SceneInfo(library.arena, scale, has_truth))) as rec:
+    with sinks.to_file(
+        path, "Büro", explanation_blueprint(PATHS, step, SceneInfo(library.arena, scale, has_truth))
+    ) as rec:
         draw_explanation(rec, PATHS, ExplainedUpdate(moment, record, step, library, scale))
     found = recordings.entities_of(path)
     for explained in step.shown:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from maurice_mcl.library import ChannelIndex
-from maurice_viz.panels.histograms import usual_difference
+from maurice_viz.drawing.bars import usual_difference
 
 
 def _index(references: list[list[float]]) -> ChannelIndex:

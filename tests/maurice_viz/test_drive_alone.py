@@ -22,9 +22,8 @@ from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_viz.app import drive as drive_alone
 from maurice_viz.cli.app import app
-from maurice_viz.layouts.drive import reach
 from maurice_viz.panels import drive as drive_ways
-from maurice_viz.panels.drive import DriveView, drive_paths
+from maurice_viz.panels.drive import DriveView, drive_paths, reach
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
 
@@ -196,6 +195,6 @@ def test_the_map_reaches_as_far_as_the_robot_with_room_for_its_arrow() -> None:
     info = SessionInfo("a", arena=small)
     glances = [Glance(np.array([[0.0, 0.0, 0.0]]), None, ()), Glance(np.array([[9.0, 0.0, 0.0]]), None, ())]
     drive = DriveView(info, drive_paths(glances, info), pictures=False)
-    (left, right), (top, bottom) = reach(drive)
-    assert left < 0 < 9 < right
-    assert top < -2 < 0 < bottom
+    seen = reach(drive)
+    assert seen.left < 0 < 9 < seen.right
+    assert seen.top < -2 < 0 < seen.bottom

@@ -19,13 +19,22 @@ from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
-from maurice_viz.panels import headings as draw_rose
-from maurice_viz.panels import traces as draw_traces
-from maurice_viz.panels.filmstrip import COLUMNS
-from maurice_viz.panels.likelihood import names
+from maurice_viz.panels.ancestry import ANCESTORS
+from maurice_viz.panels.camera import COLUMNS
+from maurice_viz.panels.detail import AROUND, Detail, DetailFilter, expected_bytes
+from maurice_viz.panels.headings import outline, shares
 from maurice_viz.panels.modes import HEIGHT, LENGTH, bands
-from maurice_viz.panels.observer import AROUND, Detail, StepUpdate, Thinning, expected_bytes
-from maurice_viz.panels.traces import entry_finder
+from maurice_viz.panels.panel import EntryFinder, StepUpdate
+from maurice_viz.panels.references import map_names
+from maurice_viz.panels.traces import (
+    EVIDENCE,
+    SPREAD,
+    TRUTH_RANK,
+    TRUTH_RATIO,
+    evidence_lines,
+    round_top,
+    top_path,
+)
 from maurice_viz.style import EMPTY, MODE_COLORS
 
 RUN = RunPaths("blended")
@@ -66,27 +75,27 @@ def test_families_are_the_ancestors_ways(drawn: Any) -> None:
         assert [len(strip) for strip in found[0].values["LineStrips2D:strips"]] == [len(w) for w in ways]
 
 
-def test_a_rose_has_the_weights_of_the_headings() -> None:
+def test_the_heading_histogram_has_the_weights_of_the_headings() -> None:
     headings = np.radians([5.0, 5.0, 95.0, -5.0])
     poses = np.column_stack([np.zeros(4), np.zeros(4), headings]).astype(np.float32)
     belief = Belief(poses, np.log([0.1, 0.2, 0.3, 0.4]), np.zeros(2))
-    shares = draw_rose.shares(belief)
-    assert shares[[0, 9, 35]] == pytest.approx([0.3, 0.3, 0.4])
-    assert shares.sum() == pytest.approx(1)
-    outline = draw_rose.petals(belief)
-    assert np.hypot(*outline.T).max() == pytest.approx(1)
-    # the heaviest petal, from -10 to 0 degrees, is drawn below the axis: y points down
-    assert outline[np.hypot(*outline.T).argmax(), 1] >= 0
+    share = shares(belief)
+    assert share[[0, 9, 35]] == pytest.approx([0.3, 0.3, 0.4])
+    assert share.sum() == pytest.approx(1)
+    points = outline(belief)
+    assert np.hypot(*points.T).max() == pytest.approx(1)
+    # the heaviest sector, from -10 to 0 degrees, is drawn below the axis: y points down
+    assert points[np.hypot(*points.T).argmax(), 1] >= 0
 
 
-def test_a_rose_of_one_particle_is_one_petal() -> None:
+def test_headings_of_one_particle_are_one_sector() -> None:
     belief = Belief(np.array([[0, 0, np.pi]], np.float32), uniform_log_weights(1), np.zeros(2))
-    assert draw_rose.shares(belief).max() == pytest.approx(1)
+    assert shares(belief).max() == pytest.approx(1)
 
 
 def test_likelihood_maps_are_brightest_at_the_likeliest_reference(drawn: Any) -> None:
     path, played, library = drawn
-    for name in names(("color", "edges")):
+    for name in map_names(("color", "edges")):
         (row, *_) = recordings.rows(path, RUN.likelihood(name))
         image = np.array(Image.open(io.BytesIO(bytes(row.values["EncodedImage:blob"][0]))).convert("RGB"))
         assert image.shape[0] < image.shape[1] <= 120
@@ -100,7 +109,7 @@ def test_likelihood_maps_are_brightest_at_the_likeliest_reference(drawn: Any) ->
 
 
 def test_one_channel_has_one_map() -> None:
-    assert names(("color",)) == ("all",)
+    assert map_names(("color",)) == ("all",)
 
 
 def _mode(identity: int, mass: float) -> TrackedMode:
@@ -108,7 +117,7 @@ def _mode(identity: int, mass: float) -> TrackedMode:
     return TrackedMode(identity, fakes.changed(weighted_mean(cloud), mass=mass))
 
 
-def test_a_river_stacks_modes_by_age_and_keeps_their_colors() -> None:
+def test_modes_over_time_are_stacked_by_age_and_keep_their_colors() -> None:
     image = bands([(_mode(1, 1.0),), (_mode(2, 0.5), _mode(1, 0.25))])
     assert image.shape == (HEIGHT, LENGTH, 3)
     assert (image[:, LENGTH - 2] == MODE_COLORS[1]).all()
@@ -130,9 +139,9 @@ def test_the_films_newest_column_stands_at_the_right(drawn: Any) -> None:
 
 def test_the_truths_rank_and_ratio(drawn: Any) -> None:
     path, played, library = drawn
-    places = entry_finder(library)
-    ranks = recordings.rows(path, RUN.trace(draw_traces.TRUTH_RANK))
-    ratios = recordings.rows(path, RUN.trace(draw_traces.TRUTH_RATIO))
+    places = EntryFinder.of(library)
+    ranks = recordings.rows(path, RUN.trace(TRUTH_RANK))
+    ratios = recordings.rows(path, RUN.trace(TRUTH_RATIO))
     assert len(ranks) == len(ratios) == STEPS
     for row, ratio, (moment, record) in zip(ranks, ratios, played, strict=True):
         logs = record.sighting.comparison.log_likelihood
@@ -146,11 +155,11 @@ def test_the_truths_rank_and_ratio(drawn: Any) -> None:
 def test_ancestors_and_evidence_are_those_of_the_records(drawn: Any) -> None:
     path, played, _ = drawn
     tree = Ancestry()
-    found = recordings.rows(path, RUN.trace(draw_traces.ANCESTORS))
+    found = recordings.rows(path, RUN.trace(ANCESTORS))
     for row, (_, record) in zip(found, played, strict=True):
         tree.see(record)
         assert row.values["Scalars:scalars"] == [pytest.approx(tree.distinct() / record.belief.size)]
-    rows = recordings.rows(path, RUN.trace(draw_traces.EVIDENCE))
+    rows = recordings.rows(path, RUN.trace(EVIDENCE))
     for row, (_, record) in zip(rows, played, strict=True):
         expected = [record.calibrated_evidence, *record.channel_evidence]
         assert row.values["Scalars:scalars"] == pytest.approx(expected)
@@ -158,13 +167,13 @@ def test_ancestors_and_evidence_are_those_of_the_records(drawn: Any) -> None:
 
 @pytest.mark.parametrize("at", [1, 5, 9])
 def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None:
-    thinning, given = Thinning(Detail.EVENTS), []
+    filter_, given = DetailFilter(Detail.EVENTS), []
     session = fakes.make_session(fakes.make_library(), 9)
     for moment, record in fakes.play(session, "color", 5):
         step = moment.frame.step
         events = [RunEvent(step, 0.0, "resampled", "")] + [RunEvent(step, 0.0, "lost", "")] * (step == at)
-        given += thinning.see(StepUpdate(moment, record, tuple(events)))
-    given += thinning.rest()
+        given += filter_.see(StepUpdate(moment, record, tuple(events)))
+    given += filter_.rest()
     assert [update.moment.frame.step for update in given] == list(range(1, 10))
     assert [u.moment.frame.step for u in given if u.whole] == [
         step for step in range(1, 10) if abs(step - at) <= AROUND
@@ -175,7 +184,7 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None
 def test_full_and_light_do_not_wait(detail: Detail, whole: bool) -> None:
     session = fakes.make_session(fakes.make_library(), 1)
     ((moment, record),) = fakes.play(session, "color", 5)
-    (update,) = Thinning(detail).see(StepUpdate(moment, record))
+    (update,) = DetailFilter(detail).see(StepUpdate(moment, record))
     assert update.whole is whole
 
 
@@ -189,17 +198,17 @@ def test_more_detail_is_expected_to_need_more_room() -> None:
     ("most", "top"), [(0.0, 0.0), (8.8, 10.0), (0.93, 1.0), (4.0, 4.0), (12.0, 12.0), (47.0, 100.0)]
 )
 def test_scales_reach_a_number_that_the_viewer_labels(most: float, top: float) -> None:
-    assert draw_traces.round_top(most, 4.5) == pytest.approx(top)
+    assert round_top(most, 4.5) == pytest.approx(top)
 
 
 def test_the_tops_of_the_scales_are_logged_once_at_the_end(drawn: Any) -> None:
     path, played, _ = drawn
-    (row,) = recordings.rows(path, draw_traces.top_path(RUN, draw_traces.SPREAD))
+    (row,) = recordings.rows(path, top_path(RUN, SPREAD))
     widest = max(float(np.hypot(*record.mean_estimate.sd_m)) for _, record in played) / 0.0254
     assert row.step == STEPS
     assert row.values["Scalars:scalars"][0] >= widest * 0.999
 
 
 def test_lines_of_evidence_are_told_apart_up_to_twelve_channels() -> None:
-    lines = draw_traces.evidence_lines(tuple("abcdefghijkl"))
+    lines = evidence_lines(tuple("abcdefghijkl"))
     assert len({(color, width) for _, color, width in lines}) == len(lines) == 13

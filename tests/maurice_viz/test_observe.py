@@ -14,7 +14,7 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import contributions
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
-from maurice_viz.panels import belief as draw_belief
+from maurice_viz.panels.belief import DEAD_PARTICLE
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.style import scale_for, weight_colors
 from maurice_viz.text import narration as narrate
@@ -73,7 +73,7 @@ def test_particles_walk_through_the_phases(drawn: tuple[Path, recordings.Played]
         assert predict.values["Points2D:colors"] in (carried, carried[:1])
         copies = np.bincount(record.parents, minlength=record.weighted.size)
         radii = np.abs(resample.values["Points2D:radii"])
-        assert ((radii == np.float32(draw_belief.DEAD_PARTICLE)) >= (copies == 0)).all()
+        assert ((radii == np.float32(DEAD_PARTICLE)) >= (copies == 0)).all()
         assert np.diff(radii[np.argsort(copies)])[(copies == 0).sum() :].min(initial=0) >= 0
         for row in (predict, weight):
             assert row.step == moment.frame.step

@@ -13,7 +13,7 @@ from maurice_mcl.records import StepRecord
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels import belief as draw_belief
+from maurice_viz.panels.belief import PARTICLE
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -56,6 +56,6 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
         assert len(everyone.values["Points2D:positions"]) == 40
         assert record.injected is not None
         radii = np.array(everyone.values["Points2D:radii"])
-        assert (np.abs(radii) > draw_belief.PARTICLE).sum() == record.injected.sum() == 40 * SHARE
+        assert (np.abs(radii) > PARTICLE).sum() == record.injected.sum() == 40 * SHARE
         said = narrate.phase(played[step - 1][0], record, Phase.RESEED, scale_for("in", library.arena))
         assert "10 of 40 particles were drawn afresh" in said

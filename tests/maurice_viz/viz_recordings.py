@@ -12,12 +12,15 @@ import pyarrow as pa
 import viz_fakes as fakes
 from rerun.chunk import RrdReader
 
+from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.session import Moment
+from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.panels.panel import DrawnRun
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
@@ -43,6 +46,11 @@ def draw(
                 observer.see(moment, record)
             observer.end()
     return played
+
+
+def drawn_run(paths: RunPaths, library: Library, **known: Any) -> DrawnRun:
+    """Return what panels know of a run, in inches."""
+    return DrawnRun(paths, library, scale_for("in", library.arena), {}, **known)
 
 
 def distances_of(channels: Sequence[str]) -> dict[str, str]:

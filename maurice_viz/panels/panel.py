@@ -1,0 +1,110 @@
+"""What a panel is: it logs once what does not change, then draws every update of its run.
+
+A panel owns the entities that it draws: no other panel logs them. Beside the class, its file holds the view
+(or views) in which layouts show it, with the title.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import rerun as rr
+
+from maurice_mcl.analysis.events import RunEvent
+from maurice_mcl.analysis.modes import TrackedMode
+from maurice_mcl.arrays import F64
+from maurice_mcl.filter.localizer import EXPANDED
+from maurice_mcl.library import Library
+from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.session import Moment
+
+from ..entities import PHASE, SESSION, STEP, Phase, RunPaths, phase_number
+from ..style import Scale
+
+MARKDOWN = "text/markdown"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EntryFinder:
+    """Finds the library entry that stands for a pose, by the library's own rule."""
+
+    nearest: NearestReference
+    origin: F64  # (2,)
+
+    @classmethod
+    def of(cls, library: Library) -> EntryFinder:
+        """Return the finder of a library with at least one entry."""
+        return cls(nearest_reference(library.poses, library.arena), library.origin)
+
+    def entry_at(self, pose: F64) -> int:
+        """Return the entry nearest to a pose (3,) in the map's frame; -1 outside free space."""
+        relative = (pose - np.append(self.origin, 0)).astype(np.float32)
+        return int(self.nearest.entries(relative[None], self.origin)[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnRun:
+    """What the panels of a run know before its first picture."""
+
+    paths: RunPaths
+    library: Library  # of another localizer's run, or of a saved run without it: no entries
+    scale: Scale
+    distances: Mapping[str, str]  # of the sensor model, by channel
+    finder: EntryFinder | None = None  # None: the library has no entries
+    sensor: SensorModel | None = None  # None: nothing can be explained
+    has_truth: bool = True
+    draws_scene: bool = True  # whether this run draws what all runs share: map, camera, truth
+    updates: int = 0  # how many there will be; 0 where that is not known
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepUpdate:
+    """One update of a run as panels draw it."""
+
+    moment: Moment
+    record: StepRecord
+    events: tuple[RunEvent, ...] = ()
+    status: str = ""  # the localization status after this update
+    modes: tuple[TrackedMode, ...] = ()  # heaviest first
+    whole: bool = True  # draw everything; else only what is cheap
+    is_first: bool = False
+
+    @property
+    def is_reseeded(self) -> bool:
+        """Whether this update ended with particles drawn anew, or all moved at random."""
+        return self.record.injected is not None or EXPANDED in self.record.events
+
+
+class Panel(Protocol):
+    """One panel of one run. The defaults do nothing."""
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log what does not change, static."""
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log one update; sets the time of what it logs."""
+
+    def clear(self, rec: rr.RecordingStream) -> None:
+        """Empty what is not drawn until the next whole update, or it would show an earlier one."""
+
+    def finish(self, rec: rr.RecordingStream) -> None:
+        """Log what is known only when the run is over."""
+
+
+def set_phase(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> None:
+    """Set all three timelines to one phase of one update."""
+    rec.set_time(STEP, sequence=moment.frame.step)
+    rec.set_time(SESSION, duration=moment.frame.time_s)
+    rec.set_time(PHASE, sequence=phase_number(moment.frame.step, phase))
+
+
+def set_phase_only(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> None:
+    """Set the phase timeline alone: what is logged now hides nothing on the others."""
+    set_phase(rec, moment, phase)
+    rec.disable_timeline(STEP)
+    rec.disable_timeline(SESSION)

@@ -1,0 +1,272 @@
+"""What the picture was compared with: match circles, the five best references, likelihood over the map.
+
+In a saved run without its library these panels stay empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from scipy.spatial import cKDTree
+
+from maurice_mcl.arrays import F32, F64, I32, U8
+from maurice_mcl.library import Library
+from maurice_mcl.records import Comparison
+from maurice_mcl.sensor.references import NearestReference
+
+from .. import entities
+from ..drawing.canvas import Extent
+from ..drawing.contact_sheet import BEST, ContactSheet, best_matches
+from ..drawing.raster import jpeg
+from ..entities import Phase, RunPaths
+from ..scene import SceneInfo
+from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
+from .camera import draw_jpeg, prepare_jpeg
+from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .views import MAP, SMALL_AND_WHITE, map_view, picture_view, plane_view
+from .world import distinct_places
+
+OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
+LARGEST = 0.13  # radius of the best entry's circle, in node spacings: neighbors just touch
+LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
+SMALLEST = 0.012  # so that every entry can be seen to be there
+SHEET_QUALITY = 70
+MOST_PX = 120  # along the longer side of a map
+ALL_CHANNELS = "all"  # the map of all channels together
+
+
+class MatchCirclesPanel(Panel):
+    """Draws at every library node one circle a heading, its area the likelihood (thesis fig. 34)."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._paths, self._circles = run.paths, match_circles(run.library, run.scale)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log places and colors."""
+        self._circles.prepare(rec, self._paths)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the sizes, and where the five best are."""
+        comparison = update.record.sighting.comparison
+        if update.whole and len(comparison.quality):
+            set_phase(rec, update.moment, Phase.MEASURE)
+            self._circles.draw(rec, self._paths, comparison)
+
+    def clear(self, rec: rr.RecordingStream) -> None:
+        """Leave all circles out."""
+        rec.log(self._paths.circles, rr.Points2D.from_fields(radii=[0.0]))
+        rec.log(self._paths.best, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32), labels=[]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MatchCircles:
+    """Where the circles stand, and how large the largest is; made once from the library."""
+
+    centers: F32  # (L, 2) drawn
+    spacing: float  # between nodes, or what it is drawn as, in display units
+
+    def prepare(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
+        """Log what does not change: places and colors."""
+        circles = rr.Points2D.from_fields(positions=self.centers, colors=[CIRCLE], draw_order=3.0)
+        rec.log(paths.circles, circles, static=True)
+        ranks = [str(rank) for rank in range(1, BEST + 1)]
+        best = rr.Points2D.from_fields(colors=[RANK], labels=ranks, show_labels=True, draw_order=30.0)
+        rec.log(paths.best, best, static=True)
+
+    def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
+        """Log the sizes, and where the five best are."""
+        share = np.sqrt(relative_likelihood(comparison.log_likelihood))  # so that the area is the likelihood
+        radii = np.maximum(share * np.float32(LARGEST), np.float32(SMALLEST))
+        rec.log(paths.circles, rr.Points2D.from_fields(radii=radii * np.float32(self.spacing)))
+        best = comparison.best(BEST)
+        sizes = radii[best] * np.float32(self.spacing)
+        rec.log(paths.best, rr.Points2D.from_fields(positions=self.centers[best], radii=sizes))
+
+
+def match_circles(library: Library, scale: Scale) -> MatchCircles:
+    """Place one circle an entry, off its node along its heading."""
+    spacing_m = max(node_spacing(library.poses), LEAST_SPACING * max(library.arena.size_m))
+    heading = library.poses[:, 2]
+    along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    centers = scale.screen(library.poses[:, :2] + OFFSET * spacing_m * along)
+    return MatchCircles(centers, scale.length(spacing_m))
+
+
+def node_spacing(poses: F64) -> float:
+    """Return the median distance in metres from a node to the next; half a metre when there is only one."""
+    places = distinct_places(poses)
+    if len(places) < 2:
+        return 0.5
+    nearest = np.asarray(cKDTree(places).query(places, k=2)[0])
+    return float(np.median(nearest[:, 1]))
+
+
+def relative_likelihood(log_likelihood: F32) -> F32:
+    """Return each entry's likelihood (L,) as a share of the best one's; all 0 when none is possible."""
+    top = log_likelihood.max()
+    if not np.isfinite(top):
+        return np.zeros_like(log_likelihood)
+    return np.asarray(np.exp(log_likelihood - top), np.float32)
+
+
+class BestReferencesPanel(Panel):
+    """Draws the pictures of the five best references."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._path, self._sheet = run.paths.contact_sheet, ContactSheet(run.library, run.scale)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log what kind of picture will come."""
+        prepare_jpeg(rec, self._path)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the sheet; in the very first phase, in which nothing has been compared, an empty one."""
+        if not update.whole:
+            return
+        if update.is_first:
+            set_phase_only(rec, update.moment, Phase.PREDICT)
+            self.clear(rec)
+        set_phase(rec, update.moment, Phase.MEASURE)
+        sheet = self._sheet.draw(best_matches(update.record.sighting.comparison))
+        draw_jpeg(rec, self._path, jpeg(sheet, SHEET_QUALITY))
+
+    def clear(self, rec: rr.RecordingStream) -> None:
+        """Log an empty sheet."""
+        draw_jpeg(rec, self._path, jpeg(self._sheet.draw(()), SHEET_QUALITY))
+
+
+class LikelihoodPanel(Panel):
+    """Draws for every place how likely the picture is there in its best heading.
+
+    A map a channel, and one of all channels together. Only surveyed references are drawn, each over the part
+    of the map that is nearest to it, so that what is drawn is what was measured.
+    """
+
+    def __init__(self, run: DrawnRun) -> None:
+        assert run.finder is not None  # this panel is only made where the library has entries
+        self._paths, self._names = run.paths, map_names(tuple(run.distances))
+        self._maps = likelihood_maps(run.library, run.finder.nearest, run.scale)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log where the maps lie."""
+        for name in self._names:
+            rec.log(
+                self._paths.likelihood(name),
+                rr.Transform3D(translation=[*self._maps.left_top, 0], scale=self._maps.unit_per_px),
+                rr.EncodedImage.from_fields(media_type="image/png", draw_order=-5.0, opacity=0.85),
+                static=True,
+            )
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log all maps of one update."""
+        comparison = update.record.sighting.comparison
+        if not update.whole or not len(comparison.quality):
+            return
+        set_phase(rec, update.moment, Phase.MEASURE)
+        parts = dict(zip(comparison.channels, -comparison.channel_cost, strict=True))
+        for name in map_names(comparison.channels):
+            logs = comparison.log_likelihood if name == ALL_CHANNELS else parts[name]
+            image = rr.EncodedImage.from_fields(blob=self._maps.encoded(logs))
+            rec.log(self._paths.likelihood(name), image)
+
+    def clear(self, rec: rr.RecordingStream) -> None:
+        """Empty all maps."""
+        rec.log(self._paths.at("likelihood"), rr.Clear(recursive=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LikelihoodMaps:
+    """Tables to draw with: pixels to places, and entries sorted by place."""
+
+    place_of_pixel: I32  # (H, W), -1 outside free space; row 0 on top
+    entries: I32  # (L,) sorted by place
+    first: I32  # (P,) where each place's entries begin
+    left_top: tuple[float, float]  # of the first pixel, in drawn units
+    unit_per_px: float
+
+    def encoded(self, log_likelihood: F32) -> bytes:
+        """Draw log-likelihoods (L,) as a PNG: bright where likely, nothing where a robot cannot be."""
+        best = np.maximum.reduceat(log_likelihood[self.entries], self.first)
+        share = 1 + (best - best.max()) / DEEPEST
+        colors = _BGR[np.clip(share * 255, 0, 255).astype(np.uint8)]
+        image = np.concatenate([colors, _OUTSIDE])[self.place_of_pixel]  # -1 is the last
+        ok, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        assert ok
+        return bytes(data)
+
+
+def _bgr() -> U8:
+    return np.stack([LUT >> 8 & 255, LUT >> 16 & 255, LUT >> 24], axis=1).astype(np.uint8)
+
+
+_BGR = _bgr()
+_OUTSIDE: U8 = np.array([MISSING[::-1]], np.uint8)
+
+
+def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of the maps: all channels together first, then each, unless there is but one."""
+    return (ALL_CHANNELS, *channels) if len(channels) > 1 else (ALL_CHANNELS,)
+
+
+def likelihood_maps(library: Library, nearest: NearestReference, scale: Scale) -> LikelihoodMaps:
+    """Make the tables for a library with at least one entry."""
+    grid = nearest.grid
+    step = max(1, -(-max(grid.shape) // MOST_PX))
+    cells = nearest.place_of_cell[:-1].reshape(grid.shape)
+    cells = cells[step // 2 :: step, step // 2 :: step]
+    place = _place_of_entry(nearest, library.size)
+    by_place = np.argsort(place, kind="stable").astype(np.int32)
+    first = np.searchsorted(place[by_place], np.arange(len(nearest.places))).astype(np.int32)
+    size_m = step * grid.cell_m
+    top_left_m = np.array([[grid.corner[0], grid.corner[1] + len(cells) * size_m]])
+    left, top = scale.screen(top_left_m)[0].tolist()
+    return LikelihoodMaps(
+        np.ascontiguousarray(cells[::-1]), by_place, first, (left, top), scale.length(size_m)
+    )
+
+
+def _place_of_entry(nearest: NearestReference, entries: int) -> I32:
+    place = np.zeros(entries, np.int32)
+    for number, row in enumerate(nearest.entry_of[:-1]):
+        place[np.unique(row)] = number
+    return place
+
+
+def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+    """Show the match circles with the cloud in white over them."""
+    contents = [*MAP, entities.MATCH_KEY, *_circles_of(paths)]
+    return map_view(f"Match circles ({scene.scale.units.name})", contents, scene, paths.particles)
+
+
+def narrow_circles_view(paths: RunPaths, scene: SceneInfo, extent: Extent) -> rrb.Spatial2DView:
+    """Show the match circles with a key for a narrow column; `extent` has room for the key."""
+    contents = [*MAP, entities.CIRCLE_KEY, *_circles_of(paths)]
+    name = f"Match circles ({scene.scale.units.name})"
+    return plane_view(name, contents, extent, {paths.particles: SMALL_AND_WHITE})
+
+
+def _circles_of(paths: RunPaths) -> list[str]:
+    return [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
+
+
+def best_references_view(
+    paths: RunPaths, title: str = "Five best references (q = match quality, 0 to 1)"
+) -> rrb.Spatial2DView:
+    """Show the five best references."""
+    return picture_view(title, paths.contact_sheet)
+
+
+def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo) -> list[rrb.Spatial2DView]:
+    """Show the likelihood over the whole map, all channels together and each alone, under the cloud."""
+    views: list[rrb.Spatial2DView] = []
+    for channel in map_names(tuple(channels)):
+        contents = [*MAP, entities.LIKELIHOOD_KEY, paths.likelihood(channel), paths.particles]
+        contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
+        title = channel if views else f"Likelihood: {channel} ({scene.scale.units.name})"
+        views.append(map_view(title, contents, scene, paths.particles))
+    return views

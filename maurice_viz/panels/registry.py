@@ -1,0 +1,46 @@
+"""All panels of a run, in the order in which they are drawn. A new panel is a new file and one line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .ancestry import AncestryPanel
+from .belief import CloseupPanel, CloudPanel, EstimatePanel, TruthPanel
+from .camera import CameraPanel, FilmstripPanel
+from .events import EventsPanel
+from .explanation import ExplanationPanel
+from .headings import HeadingsPanel
+from .histograms import HistogramsPanel
+from .modes import ModesPanel
+from .panel import DrawnRun, Panel
+from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
+from .traces import TracesPanel
+from .words import WordsPanel
+from .world import WorldPanel
+
+PanelMaker = Callable[[DrawnRun], Panel]
+
+OF_THE_SCENE: tuple[PanelMaker, ...] = (WorldPanel, TruthPanel, CameraPanel)  # drawn once for all runs
+OF_A_RUN: tuple[PanelMaker, ...] = (
+    CloudPanel,
+    CloseupPanel,
+    AncestryPanel,
+    MatchCirclesPanel,
+    BestReferencesPanel,
+    HistogramsPanel,
+    EstimatePanel,
+    HeadingsPanel,
+    ModesPanel,
+    TracesPanel,
+    ExplanationPanel,
+    EventsPanel,
+    WordsPanel,
+)
+OF_REFERENCES: tuple[PanelMaker, ...] = (LikelihoodPanel, FilmstripPanel)  # where the library has entries
+
+
+def panels_of(run: DrawnRun) -> list[Panel]:
+    """Return the panels of a run."""
+    makers = [*(OF_THE_SCENE if run.draws_scene else ()), *OF_A_RUN]
+    makers += OF_REFERENCES if run.library.size else ()
+    return [make(run) for make in makers]

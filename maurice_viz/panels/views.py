@@ -1,0 +1,102 @@
+"""Kinds of views that panels are shown in: the map, a picture, bars, lines; and the whole window."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint.api import VisualizerLike
+from rerun.encodings import EntityPathLike
+
+from ..drawing.canvas import Extent, map_extent
+from ..entities import FLOORS, STEP, WALLS, RunPaths
+from ..scene import SceneInfo
+from ..style import GROUND, RUN_COLORS, TRUTH
+
+Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
+
+MAP = (FLOORS, WALLS)
+SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
+
+
+def map_view(
+    name: str, contents: Sequence[str], scene: SceneInfo, white_cloud: str | None = None
+) -> rrb.Spatial2DView:
+    """Show some entities on the whole map; a cloud can be drawn small and white."""
+    overrides: Overrides = {white_cloud: SMALL_AND_WHITE} if white_cloud else {}
+    return plane_view(name, contents, map_extent(scene.arena, scene.scale), overrides)
+
+
+def plane_view(
+    name: str, contents: Sequence[str] | str, extent: Extent, overrides: Overrides | None = None
+) -> rrb.Spatial2DView:
+    """Show some entities in a part of the plane, all of which is seen."""
+    x_range, y_range = (extent.left, extent.right), (extent.top, extent.bottom)
+    return rrb.Spatial2DView(
+        name=name,
+        origin="/",
+        contents=contents,
+        background=GROUND,
+        overrides=overrides,
+        visual_bounds=rrb.VisualBounds2D(x_range=x_range, y_range=y_range),
+    )
+
+
+def picture_view(name: str, path: str) -> rrb.Spatial2DView:
+    """Show one picture."""
+    return rrb.Spatial2DView(name=name, origin=path, background=GROUND)
+
+
+def bars_view(name: str, paths: Sequence[str]) -> rrb.BarChartView:
+    """Show all bars under some paths in one chart. A legend would cover bars."""
+    return rrb.BarChartView(
+        name=name,
+        origin="/",
+        contents=[f"{path}/**" for path in paths],
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def plot(
+    name: str, contents: Sequence[str], top: float | None = None, overrides: Overrides | None = None
+) -> rrb.TimeSeriesView:
+    """Plot some lines; the scale goes from zero to `top` where that is given, else as far as they need.
+
+    Colors are named in titles: a legend would cover a small plot.
+    """
+    return rrb.TimeSeriesView(
+        name=name,
+        origin="/",
+        contents=[*contents, *(f"{path}/top" for path in contents)],
+        overrides=overrides,
+        axis_y=None if top is None else rrb.ScalarAxis(range=(0.0, top)),
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def plot_of_runs(
+    quantity: str, name: str, labels: Sequence[str], top: float | None = None
+) -> rrb.TimeSeriesView:
+    """Plot one quantity of several runs, each in its own color."""
+    paths = [RunPaths(label).trace(quantity) for label in labels]
+    colors: Overrides = {
+        path: rr.SeriesLines.from_fields(colors=[color])
+        for path, color in zip(paths, RUN_COLORS, strict=False)
+    }
+    return plot(name, paths, top, colors)
+
+
+def window(
+    body: rrb.Container, *, play_state: Literal["paused", "following"] = "paused", fps: float | None = None
+) -> rrb.Blueprint:
+    """Fill the viewer's window: the time panel is collapsed, all others are hidden."""
+    return rrb.Blueprint(
+        body,
+        rrb.TimePanel(state="collapsed", timeline=STEP, fps=fps, play_state=play_state),
+        rrb.TopPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+    )
