@@ -1,8 +1,6 @@
 """Small logs and pictures, made on the spot."""
 
-import importlib.util
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
@@ -26,13 +24,6 @@ from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
-
-for _name in ("format_samples", "dialect_files"):  # what tests import from beside them
-    _spec = importlib.util.spec_from_file_location(_name, Path(__file__).with_name(f"{_name}.py"))
-    assert _spec is not None
-    assert _spec.loader is not None
-    sys.modules[_name] = importlib.util.module_from_spec(_spec)
-    _spec.loader.exec_module(sys.modules[_name])
 
 HEADER = {"format": "maurice-session-log", "version": 1, "kind": "session", "name": "test"}
 PIXEL = "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAIAAAB7QOjdAAAADUlEQVQIHWPkEpEDAgAB2gCYpjaFTAAAAABJRU5ErkJggg=="

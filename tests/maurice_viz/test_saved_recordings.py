@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import shutil
-import sys
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import cv2
 import pytest
 from typer.testing import CliRunner
 
+from helpers import format_samples
 from maurice_loaders.errors import FieldError, InputError
 from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.runs.manifest import read_manifest
@@ -29,18 +28,6 @@ COMMON = ("--no-recording", "--json", "--particles", 100, "--start", "global")
 def maurice(*words: object) -> tuple[int, str, str]:
     done = CliRunner().invoke(app, [str(word) for word in words])
     return done.exit_code, done.stdout, done.stderr
-
-
-def samples() -> ModuleType:
-    """What writes the same small drive in every format."""
-    file = Path(__file__).parents[1] / "loaders" / "format_samples.py"
-    spec = importlib.util.spec_from_file_location("format_samples_for_runs", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def views(session: Path, folder: Path) -> tuple[Path, Path]:
@@ -73,7 +60,7 @@ def kept_and_shown(run: Path, recording: Path, survey: Path, options: Sequence[o
 
 @pytest.mark.parametrize("name", ["tum", "rosbag1", "rosbag2", "euroc", "cmucam"])
 def test_a_run_of_a_recording_is_shown_and_verified(name: str, small_session: Path, tmp_path: Path) -> None:
-    recording = samples().sample(name, tmp_path / "made")
+    recording = format_samples.sample(name, tmp_path / "made")
     kept_and_shown(tmp_path / "kept", recording, small_session.with_name("survey.log"), ("--max-dt", 0.2))
     manifest = read_manifest(tmp_path / "kept")
     assert (manifest.reading.format, manifest.reading.max_dt_s) == (name, 0.2)
@@ -100,7 +87,7 @@ def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(
 
 
 def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: Path, tmp_path: Path) -> None:
-    recording = samples().sample("tum", tmp_path / "made")
+    recording = format_samples.sample("tum", tmp_path / "made")
     survey = small_session.with_name("survey.log")
     kept_and_shown(recording / "kept", recording, survey, ())
     (recording / "odometry.txt").write_text((recording / "odometry.txt").read_text() + "\n# more")
@@ -111,7 +98,7 @@ def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: P
 
 def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_path: Path) -> None:
     (tmp_path / "made").mkdir()
-    recording = samples().sample("kitti", tmp_path / "made")
+    recording = format_samples.sample("kitti", tmp_path / "made")
     (poses,) = tmp_path.rglob("poses/*.txt")
     assert not poses.is_relative_to(recording)
     survey = small_session.with_name("survey.log")
@@ -123,7 +110,9 @@ def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_pat
 
 
 def test_recording_and_run_may_be_moved_together(small_session: Path, tmp_path: Path) -> None:
-    recording = samples().sample("tum", tmp_path / "a" / "made") if (tmp_path / "a").mkdir() is None else None
+    recording = (
+        format_samples.sample("tum", tmp_path / "a" / "made") if (tmp_path / "a").mkdir() is None else None
+    )
     assert recording is not None
     for name in ("survey.log", "pictures"):
         shutil.move(small_session.with_name(name), tmp_path / "a" / name)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from helpers.session_breaking import BREAKS, broken, late, odometry
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
@@ -23,8 +24,7 @@ from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, Reco
 from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
 from maurice_mcl.library import Library
 
-from .conftest import WriteLog
-from .session_breaking import BREAKS, broken, late, odometry
+from ..conftest import WriteLog
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 

@@ -171,7 +171,7 @@ class TestErrors:
             import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, **change))
 
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 OLIN = (ROOT / os.environ.get("MAURICE_DATA", "../shared/data")).resolve() / "olin"
 
 

@@ -11,7 +11,7 @@ import pytest
 from maurice_loaders.errors import InputError
 from maurice_loaders.inspection.overview import inspect_session
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 Pixel = dict[str, Any]
 

@@ -19,7 +19,7 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Motion, OdometryPose, Picture, Record, TruthPose
 from maurice_mcl.arrays import F64
 
-DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "logs"
+DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"
 real = pytest.mark.skipif(not DATA.is_dir(), reason="no recorded data here (MAURICE_DATA)")
 
 

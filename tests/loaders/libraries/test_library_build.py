@@ -13,7 +13,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.references import nearest_reference
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 
 def test_measures_every_picture_with_every_channel(survey: Path) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_samples import sample
 
+from helpers.format_samples import sample
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes
@@ -25,7 +25,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Camera, SessionInfo
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 AHEAD = math.radians(40)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, image, poses, read, write
 
+from helpers.dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, image, poses, read, write
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.recording import Picture, TruthPose

@@ -12,7 +12,7 @@ from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.session_log import records as log_lines
 from maurice_loaders.session_log.records import Record, read_header, read_records
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 
 def read(path: Path, *, keep_going: bool = False) -> list[Record]:

@@ -16,7 +16,7 @@ from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import Frame, Moment, Session, SessionInfo
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 Pixel = dict[str, Any]
 CAMERAS = {"cameras": {"front": {}, "rear": {}}}

@@ -13,7 +13,7 @@ from maurice_loaders.session_log.records import read_header
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 TRIANGLE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.5]])
 ARENA = Arena(

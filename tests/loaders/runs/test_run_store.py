@@ -255,6 +255,6 @@ def test_parts_do_not_show_in_what_is_read(save_run: Save) -> None:
 
 
 def test_every_column_is_documented() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "saved-runs.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "saved-runs.md").read_text(encoding="utf-8")
     for column in [*steps_schema(["<channel>"]), *PARTICLES, *RENEWED]:
         assert f"`{column}`" in text, column

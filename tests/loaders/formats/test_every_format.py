@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_samples import SAMPLES, SMALL, sample
 from typer.testing import CliRunner
 
+from helpers.format_samples import SAMPLES, SMALL, sample
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import formats, guess, open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes

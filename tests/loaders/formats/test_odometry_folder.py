@@ -15,7 +15,7 @@ from maurice_loaders.formats.odometry_folder import (
 from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.motion import calibrate
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 THYMIO = (ROOT / os.environ.get("MAURICE_DATA", "../shared/data")).resolve() / "thymio"
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from format_samples import sample
 from typer.testing import CliRunner
 
+from helpers.format_samples import sample
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes

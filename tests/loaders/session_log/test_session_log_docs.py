@@ -19,7 +19,7 @@ from maurice_mcl.arrays import U8
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "session-log.md").read_text(encoding="utf-8")
 SESSION, SURVEY = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
 SCHEMA = json.loads((DOCS / "session-log.schema.json").read_text(encoding="utf-8"))

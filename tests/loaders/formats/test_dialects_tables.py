@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from dialect_files import COUNTS, QUARTER, counts, image, read, write
 
+from helpers.dialect_files import COUNTS, QUARTER, counts, image, read, write
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.io.notes import ReadingNotes

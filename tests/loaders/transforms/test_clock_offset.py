@@ -16,7 +16,7 @@ from maurice_loaders.transforms.clocks import offset_between
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose
 
-THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "thymio"
+THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "thymio"
 
 
 def drive(seconds: int, seed: int = 0) -> tuple[F64, F64]:
