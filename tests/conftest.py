@@ -15,13 +15,12 @@ from maurice_mcl.geometry import compose
 from maurice_mcl.session import SessionInfo
 from maurice_mcl.typing import F64, U8
 
-# What the tester set for their own terminal and runs, some of it read once when typer is imported. What tests start
-# writes UTF-8, which is what they read.
+# What the tester set for their own terminal and runs; some of it is read only once, when typer is imported.
 OWN = {"COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "PY_COLORS", "CLICOLOR_FORCE", "TERMINAL_WIDTH"}
 OWN |= {"DISPLAY", "WAYLAND_DISPLAY"}  # where no test shall open a window
 for _name in [name for name in os.environ if name in OWN or name.startswith(("TTY_", "MAURICE_FILTER_"))]:
     del os.environ[_name]
-os.environ.setdefault("PYTHONUTF8", "1")
+os.environ.setdefault("PYTHONUTF8", "1")  # what tests start writes what they read
 
 # the same examples on every machine and day, however busy; `pytest --hypothesis-profile=default` draws others
 settings.register_profile("anywhere", derandomize=True, deadline=None)
