@@ -1,5 +1,6 @@
 """A small session and survey on disk, quick to make, whose pictures are a formula of the pose."""
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,13 @@ from maurice_mcl.geometry import compose
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
 
+# What the tester set for their own terminal and runs; some of it is read only once, when typer is imported.
+OWN = {"COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "PY_COLORS", "CLICOLOR_FORCE", "TERMINAL_WIDTH"}
+OWN |= {"DISPLAY", "WAYLAND_DISPLAY"}  # where no test shall open a window
+for _name in [name for name in os.environ if name in OWN or name.startswith(("TTY_", "MAURICE_FILTER_"))]:
+    del os.environ[_name]
+os.environ.setdefault("PYTHONUTF8", "1")  # what tests start writes what they read
+
 # the same examples on every machine and day, however busy; `pytest --hypothesis-profile=default` draws others
 settings.register_profile("anywhere", derandomize=True, deadline=None)
 settings.load_profile("anywhere")
@@ -24,8 +32,9 @@ UPDATES = 14
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep every test out of the user's cache; one cache serves the whole run of tests."""
+    """Keep every test out of the user's folders; one cache serves the whole run of tests."""
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
+    monkeypatch.setenv("MAURICE_STATE", str(tmp_path_factory.getbasetemp() / "maurice-state"))
 
 
 @pytest.fixture(autouse=True)
