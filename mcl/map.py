@@ -157,7 +157,7 @@ def _line(raster: U8, wall: F64, corner: F64, cell: float) -> None:
 
 
 def _reachable(walled: U8, places: F64, corner: F64, cell: float) -> Bool:
-    """Tell the cells that hang together with some place without crossing a wall; all, where none do."""
+    """Return the cells that are connected to a place without crossing a wall; all cells if none are."""
     _, islands = cv2.connectedComponents(np.asarray(walled == 0, np.uint8), connectivity=4)
     rows, columns = walled.shape
     where = np.floor((places - corner) / cell).astype(int)

@@ -73,7 +73,7 @@ def effective_sample_size(log_weights: F64) -> float:
     return float(1.0 / np.exp(2 * log_weights).sum())
 
 
-# What reseeding remembers: running averages of how well the cloud explains pictures.
+# What recovery keeps: running averages of how well the cloud explains pictures.
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class Comparison:
     channel_quality: F32  # (C, L) quality of each channel alone
     quality: F32  # (L,) blended quality in [0, 1]
     channel_cost: F32  # (C, L) distances over their calibrated scales: nats
-    cost: F32  # (L,) weighted sum of them, >= 0: what reseeding and people compare between pictures
+    cost: F32  # (L,) weighted sum of them, >= 0: what recovery and people compare between pictures
     log_likelihood: F32  # (L,) of every entry; finite
     virtual: F32 = field(
         default_factory=_none
@@ -190,4 +190,4 @@ class FilterState:
     step: int  # of the last frame taken in; 0 before the first
     belief: Belief
     injected: Bool | None = None  # (N,) which particles of `belief` were freshly injected
-    recovery: RecoveryState = NO_HISTORY  # of the reseeding strategy
+    recovery: RecoveryState = NO_HISTORY  # of the recovery strategy

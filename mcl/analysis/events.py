@@ -69,9 +69,9 @@ class EventDetector:
     thresholds: EventThresholds = field(default_factory=EventThresholds)
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
-    state: str = ""  # of the belief at the last update seen: a key of whereabouts.STATES
+    state: str = ""  # of the belief at the last update seen: a key of localization_status.STATES
     _tracker: ModeTracker = field(default_factory=ModeTracker)
-    _whereabouts: LocalizationStatus = field(default_factory=LocalizationStatus)
+    _status: LocalizationStatus = field(default_factory=LocalizationStatus)
     _dip: Dip = field(default_factory=Dip)
     _beyond: BeyondSigma = field(default_factory=BeyondSigma)
     _leader: Leader = field(default_factory=Leader)
@@ -112,8 +112,8 @@ class EventDetector:
         """What only the truth can tell."""
         score = score_step(record.estimate, moment.truth)
         carried_off = any(kind == KIDNAPPED for kind, _ in _told(moment.events))
-        yield from self._whereabouts.see(moment.frame.step, score, carried_off, self.say)
-        self.state = self._whereabouts.state
+        yield from self._status.see(moment.frame.step, score, carried_off, self.say)
+        self.state = self._status.state
         if moment.truth is not None:
             text = self._beyond.see(record, moment.truth, self.thresholds, self.say)
             if text is not None:

@@ -35,12 +35,12 @@ class EventThresholds:
     leads_with: float = 0.3  # share of the weight that a mode needs to take over
     leads_by: float = 0.1  # share that it must be ahead of the last leader, or two equals would alternate
     jump_m: float = CLUSTER_M  # 24 in, a mode's radius: nearer ones are one place to a person
-    quiet_for: int = 5  # updates without, after which reseeding begins a new burst
+    quiet_for: int = 5  # updates without, after which fresh particles begin a new burst
 
 
 @dataclass(slots=True)
 class Dip:
-    """Says when a value falls under a threshold, once until it has risen over a higher one."""
+    """Reports when a value falls under a threshold, once until it has risen over a higher one."""
 
     _down: bool = False
 
@@ -53,7 +53,7 @@ class Dip:
 
 @dataclass(slots=True)
 class Burst:
-    """Says when something happens for the first time in a while."""
+    """Reports when something happens for the first time in a while."""
 
     _last: int | None = None
 
@@ -68,7 +68,7 @@ class Burst:
 
 @dataclass(slots=True)
 class BeyondSigma:
-    """Says when the truth leaves the estimate's cluster, once an excursion."""
+    """Reports when the truth leaves the estimate's cluster, once an excursion."""
 
     _running: int = 0  # updates beyond
     _out: bool = False
@@ -103,7 +103,7 @@ def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
 
 @dataclass(slots=True)
 class Leader:
-    """Says when another mode than before has become the heaviest, by enough and far enough away."""
+    """Reports when another mode than before has become the heaviest, by enough and far enough away."""
 
     _leader: TrackedMode | None = None
 

@@ -8,7 +8,7 @@ the origin of *actual on measured* therefore gives the gain without bias, and th
 uncentered correlation of the trials, not to 1, so 1 / C is a little too large (about 0.2 % at the thesis's
 scatter over turns of up to half a circle). The gain is never 1 / C here; C is given beside it to compare.
 
-Through the origin, a constant bias and the gain can only be told apart when turns go both ways.
+Through the origin, a constant bias and the gain can only be separated when turns go both ways.
 
 A leg is what happened between two known poses. When it is a turn, a straight, or one of each, its pose
 change (three numbers) tells everything: on a way that drifts evenly the chord points along the heading at
@@ -17,8 +17,8 @@ the middle of the way, half the drift beyond its start. So
     turn, then straight:  drift = 2 (heading after - course),  turn = course - drift / 2 - heading before
     straight, then turn:  drift = 2 (course - heading before), turn = heading after - heading before - drift
 
-Legs of more movements cannot be told apart so and are left out. Errors of the truth count fully: 1 cm across
-a way of 0.5 m is 1.1 degrees of course and 2.3 degrees of drift.
+Segments of more movements cannot be separated in this way and are left out. Errors of the truth count fully:
+1 cm across a distance of 0.5 m is 1.1 degrees of course and 2.3 degrees of drift.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Trials:
 
     turns: Turns
     straights: Straights
-    left_out: int = 0  # movements that could not be told apart, or whose truth is not to be believed
+    left_out: int = 0  # movements that could not be separated, or whose truth is not credible
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class TurnFit:
     r_squared: float  # of actual = gain * measured
     residual: Spread  # rad, actual - gain * measured
     sd_if_multiplied_rad: float  # residual sd if the gain were taken the wrong way round
-    one_sided: bool  # turns go mostly one way, so that gain and bias cannot be told apart
+    one_sided: bool  # turns go mostly one way, so that gain and bias cannot be separated
     left_gain: Fitted | None  # of the counter-clockwise turns alone; None for fewer than three
     right_gain: Fitted | None  # of the clockwise ones
 

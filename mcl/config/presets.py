@@ -21,7 +21,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "resampling.when": "always",
         "recovery.strategy": "none",
     },
-    # with the refinements of its section 4: smoothed color and edges blended, reseeding under a threshold
+    # with the refinements of its section 4: smoothed color and edges blended, recovery under a threshold
     "refined": {
         "sensor.weights": {"smoothed": 0.5, "edges": 0.5},
         "sensor.distances": {"smoothed": "thesis", "edges": "thesis"},

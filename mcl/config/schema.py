@@ -229,7 +229,7 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def configure(layers: Iterable[Layer]) -> Configuration:
-    """Put layers together, later ones over earlier ones; names of earlier versions stand for today's.
+    """Merge layers, later ones over earlier ones; names of earlier versions are read as today's.
 
     Raises ValueError in one line, naming origin, key, value and what is allowed.
     """

@@ -71,7 +71,7 @@ def hypotheses(odometry: RecordedOdometry) -> list[Hypothesis]:
 
 
 def doubted_by_pictures(looks: ComparedPictures, drive: RecordedDrive, start: F64 | None) -> list[Finding]:
-    """Say under which other hypothesis the pictures are foreseen far better; nothing where there is none."""
+    """Return the finding of the hypothesis that predicts the pictures far better; none without one."""
     if len(looks.t_s) < FEWEST_PICTURES:
         return []
     usual, *others = hypotheses(drive.odometry)
@@ -150,7 +150,7 @@ def _end(ends: object, number: int) -> int:
 
 
 def _few(motions: F64) -> F64:
-    """Put many motions together into one."""
+    """Combine many motions into one."""
     if len(motions) <= MOST_MOTIONS:
         return motions
     pose = np.zeros(3)

@@ -1,8 +1,8 @@
 """Odometry against truth: which reading of the odometry explains best what the robot really did.
 
 A reading says what the numbers might be in place of what they should be: degrees, clockwise, absolute poses,
-steps along the axes of a fixed frame. For each the drive is cut into legs by the truth, the odometry of a leg
-is put together, and the share of the true movement that it does not explain is what counts.
+steps along the axes of a fixed frame. For each the drive is cut into segments by the truth, the odometry of
+a segment is combined, and the share of the true movement that it does not explain is what counts.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from .findings import (
     rotated,
 )
 
-SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a leg is as long as it takes to go or turn so far
+SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a segment is as long as it takes to go or turn so far
 MOST_SEGMENTS = 400  # spread over the drive
 FEWEST_SEGMENTS = 8
-WORST = 0.15  # share of the legs that slips and jumps of the truth may spoil
+WORST = 0.15  # share of the segments that slips and jumps of the truth may spoil
 GAINS: F64 = np.geomspace(0.3, 3.3, 200)  # actual over measured turns; skidding wheels over-read by a third
 
 
@@ -136,7 +136,7 @@ def _sums(values: F64, begin: I32, end: I32) -> F64:
 
 
 def _ways(motions: F64, gain: float, begin: I32, end: I32) -> tuple[F64, F64]:
-    """Put the ways of each leg together, in the robot's frame at its begin."""
+    """Return the displacement over each segment, in the robot's frame at its beginning."""
     turns = motions[:, 2] * gain
     heading = np.cumsum(turns) - turns
     x, y = rotated(motions[:, 0], motions[:, 1], heading + turns / 2)

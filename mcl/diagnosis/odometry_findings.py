@@ -78,7 +78,7 @@ def _shifted(drive: RecordedDrive, legs: TruthSegments, at_once: Agreement) -> A
 
 
 def _in_degrees(drive: RecordedDrive, legs: TruthSegments) -> tuple[TruthSegments, list[Finding]]:
-    """Ask whether the truth's headings are degrees; give the legs to go on with."""
+    """Check whether the truth's headings are in degrees; return the segments to use, and findings."""
     other = segments_of(drive.truth, DEGREE)
     best = [
         min(

@@ -137,7 +137,7 @@ def main_direction(motions: F64) -> float:
 
 
 def _too_fast(way: float, size_m: float) -> Finding:
-    """Say that lengths are no meters."""
+    """Report that lengths are not in meters."""
     scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
     seen = Evidence("fast", {"m_s": way, "map_m": size_m, "then_m_s": way * scale})
     return scale_finding(scale, seen, m_s=way)

@@ -195,7 +195,7 @@ class OdometryMotion:
 
 
 def _poses(x: F32, y: F32, heading: F32) -> F32:
-    """Put three columns (N,) side by side, (N, 3)."""
+    """Stack three columns (N,) into poses (N, 3)."""
     poses = np.empty((len(x), 3), np.float32)
     poses[:, 0], poses[:, 1], poses[:, 2] = x, y, heading
     return poses
@@ -216,7 +216,7 @@ def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
     return MauriceMotion(MauriceParameters.from_header(values), grid)
 
 
-# Wide tails: now and then a movement is much further off than the motion model's noise.
+# Motion outliers: now and then a movement is off by much more than the motion model's noise.
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,9 +227,9 @@ class MotionOutliers:
     widen: float = 4.0  # times the noise
 
 
-def with_outliers(noise: F32, tail: MotionOutliers, rng: np.random.Generator) -> F32:
+def with_outliers(noise: F32, outliers: MotionOutliers, rng: np.random.Generator) -> F32:
     """Return standard normals (N, 3) of which some rows, chosen by chance, are so many times as large."""
-    if tail.share <= 0:
+    if outliers.share <= 0:
         return noise
-    wide = rng.random(len(noise)) < tail.share
-    return np.asarray(noise * np.where(wide, tail.widen, 1.0)[:, None], np.float32)
+    wide = rng.random(len(noise)) < outliers.share
+    return np.asarray(noise * np.where(wide, outliers.widen, 1.0)[:, None], np.float32)

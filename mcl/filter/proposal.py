@@ -2,8 +2,9 @@
 
 Thrun, Fox, Burgard and Dellaert (2001). All particles are weighed as draws of one mixture (the balance
 heuristic of Veach and Guibas 1995): w = likelihood * p / ((1 - share) p + share q), with p the predicted
-density and q that of the dual draws. Densities are taken per library entry, over the poses that have it
-nearest. With p zero where nobody was, a dual draw could never count: p is mixed with a little of "anywhere".
+density and q that of the sampled poses. Densities are taken per library entry, over the poses that have it
+nearest. With p zero where nobody was, a sampled pose could never count: p is mixed with a little of
+"anywhere".
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ def _pick(first: I32, group: NDArray[np.integer[Any]], share: F64) -> I32:
 
 
 def belief_at(pose: F64, n: int, origin: F64) -> Belief:
-    """Put all n particles on one pose (3,): position tracking, zero variance (thesis 3.6.2)."""
+    """Place all n particles at one pose (3,): position tracking, zero variance (thesis 3.6.2)."""
     poses = np.empty((n, 3), np.float32)
     poses[:, :2] = pose[:2] - origin
     poses[:, 2] = wrap(np.asarray(pose[2:3], np.float64))[0]
@@ -129,7 +130,7 @@ def uniform_belief(grid: Grid, n: int, origin: F64, rng: np.random.Generator) ->
     return Belief(uniform_poses(grid, n, origin, rng), uniform_log_weights(n), origin)
 
 
-# Mixture (dual) MCL: some particles are drawn where the picture says, and weighed by the motion model.
+# Mixture proposal (dual MCL): some particles are drawn where the picture says, weighed by the motion model.
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +164,7 @@ def mixture_proposal(
     parameters: MixtureParameters,
     rng: np.random.Generator,
 ) -> Proposal:
-    """Return N particles of which the last share are dual draws, and log p/mixture (N,) to weigh them by.
+    """Return N particles, of which the last share is drawn where the picture says, and their correction.
 
     The regular ones are resampled from `predicted`, so that all have the same weight before the picture.
     """

@@ -1,4 +1,4 @@
-"""Reseeding: which share of particles is drawn anew, so that a lost filter can find itself again.
+"""Recovery: which share of particles is drawn afresh, so that a lost filter can localize again.
 
 A strategy looks at the evidence of the picture, the log of the mean of exp(-cost) over the cloud, and at
 what it remembers. It uses calibrated costs, which mean the same in every picture; a quality that is
@@ -93,7 +93,8 @@ class Augmented:
     """Draw anew as the short-term likelihood falls under the long-term one (Thrun et al. 2005, table 8.3).
 
     share = max(0, 1 - fast / slow). The book's rates are for thousands of updates; these are for ninety.
-    After a reset the averages begin anew, or one kidnapping would reseed for as long as the slow one lasts.
+    After a reset the averages begin anew, or one kidnapping would inject particles for as long as the slow
+    one lasts.
     """
 
     slow: float = 0.1  # rate of the long-term average

@@ -64,7 +64,7 @@ def coverage_of(library: Library, reach_m: float) -> Coverage:
 
 
 def _between(places: F64, grid: Grid) -> Bool:
-    """Tell the cells (rows, columns) within the convex hull of places (P, 2), or under its border."""
+    """Return the cells (rows, columns) within the convex hull of places (P, 2), or under its border."""
     near_zero = (places - places[0]).astype(np.float32)
     hull = places[cv2.convexHull(near_zero, returnPoints=False).ravel()]
     corners = np.round(((hull - grid.corner) / grid.cell_m - 0.5) * 256).astype(np.int32)

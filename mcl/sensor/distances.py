@@ -35,13 +35,13 @@ def thesis(sample: F32, index: ChannelIndex) -> F32:
 
 
 def relevance_only(sample: F32, index: ChannelIndex) -> F32:
-    """Do as the thesis but leave its noise floor out, to see what the floor does."""
+    """The thesis's distance without its noise floor, to see what the floor does."""
     bare = ChannelIndex(index.references, np.zeros_like(index.noise_floor), index.relevance)
     return thesis(sample, bare)
 
 
 def floor_only(sample: F32, index: ChannelIndex) -> F32:
-    """Do as the thesis but count every bin alike, to see what relevance does."""
+    """The thesis's distance with every bin of equal weight, to see what relevance does."""
     apart = np.abs(index.references - sample) - index.noise_floor
     return np.asarray(np.maximum(apart, 0).mean(axis=1), np.float32)
 

@@ -132,7 +132,7 @@ def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64)
 
 
 def crosses(start: F64, end: F64, walls: F64) -> Bool:
-    """Tell which of the segments start (N, 2) to end (N, 2) any wall (W, 4) cuts through."""
+    """Return which (N,) of the segments from start (N, 2) to end (N, 2) any wall (W, 4) crosses."""
     hit = np.zeros(len(start), bool)
     for x1, y1, x2, y2 in walls:
         a, b = np.array([x1, y1]), np.array([x2, y2])

@@ -22,7 +22,7 @@ class Channel(Protocol):
 
     @property
     def unit(self) -> str:
-        """Say in a word or two what the vector's elements are, for the titles of charts."""
+        """The unit of the vector's elements in a word or two, for the titles of charts."""
         ...
 
     def describe(self, image: U8) -> F32:
