@@ -1,4 +1,4 @@
-"""Comparisons: in what runs differ, and comparing saved runs and several sessions."""
+"""Comparing two to four runs side by side: of one session, of several sessions, or saved ones."""
 
 from __future__ import annotations
 
@@ -8,71 +8,186 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import typer
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.manifest import library_hash
-from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
+from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
 
-from ..cli.console import note
-from ..cli.errors import one_line_errors
-from ..cli.options import OutputOptions, RunOptions
-from ..cli.replay.compare import COLOR_AND_BLENDED
 from ..entities import RESERVED
+from ..errors import OptionError
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..scene import RunView
-from .open import AnySession, RunSpec, make_runs, open_library_for, open_session, unique_labels
-from .output import Scene
-from .run import Playback, play, remark_skipped, remark_zeros
-from .saved import Opened, drawn_of, open_saved, remark_saved, replay_saved
+from .listener import SILENT, Listener
+from .open import AnySession, RunSpec, make_runs, open_library_for, unique_labels
+from .output import DriveScene, OutputOptions
+from .replay import opened_session, output_of, replay_session
+from .run import Playback, Report, Scores, no_report, play, remark_skipped, remark_zeros
+from .saved import Opened, open_saved, playback_of, remark_saved, view_of
+
+COLOR_AND_BLENDED = ("color", "blended")
+MOST_RUNS = 4
+SEVERAL = "comparison"  # stem of the recording where no single session gives it a name
+KINDS = "--feature, --preset, --particles, --seed, --start, --config and --set"
+
+AnySource = str | Path | AnySession
+
+
+def compare(
+    session: AnySource | Sequence[AnySource],
+    library: str | Path | Library | None = None,
+    *,
+    features: Sequence[str] = (),
+    presets: Sequence[str] = (),
+    particles: int | Sequence[int] = (),
+    seeds: int | Sequence[int] = (),
+    starts: str | Sequence[str | F64] = (),
+    configs: Sequence[str | Path] = (),
+    settings: Mapping[str, Any] | Sequence[Mapping[str, Any]] = (),
+    reading: ReadingOptions | None = None,
+    to: str | Path | None = None,
+    run: str | Path | None = None,
+    layout: str | None = None,
+    detail: str = "full",
+    force: bool = False,
+    listener: Listener | None = None,
+) -> Scores:
+    """Replay two to four runs side by side and return their scores; all after the first are compared with it.
+
+    Of one session, exactly one of the plural arguments has several values, a run each; without any, the
+    features color and blended are compared. Several sessions (paths, or opened ones) of one library are
+    replayed with one filter; saved runs (paths) are compared as they were. The other arguments are those of
+    `replay`.
+
+    InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
+
+    >>> import maurice_viz as mv
+    >>> scores = mv.compare("session.log", features=["color", "blended"], to="out.rrd", force=True)
+    >>> print(scores.runs[1].paired.position.mean)
+    """
+    given: dict[str, Sequence[Any]] = {
+        "feature": _several(features),
+        "preset": _several(presets),
+        "particles": _several(particles),
+        "seed": _several(seeds),
+        "start": _several(starts),
+        "config": [Path(one) for one in _several(configs)],
+        "settings": _several(settings),
+    }
+    sources: list[AnySource] = [session] if _is_one(session) else list(session)  # type: ignore[list-item,arg-type]  # told apart by _is_one
+    output = output_of(sources[0] if len(sources) == 1 else SEVERAL, to, run, layout, detail, force)
+    return compare_any(sources, library, given, output, reading=reading, listener=listener or SILENT)
+
+
+def _is_one(session: object) -> bool:
+    return not isinstance(session, Sequence) or isinstance(session, str)
+
+
+def _several(values: Any) -> Sequence[Any]:
+    return list(values) if isinstance(values, Sequence) and not isinstance(values, str) else [values]
+
+
+def compare_any(
+    sources: Sequence[AnySource],
+    library: str | Path | Library | None,
+    given: Given,
+    output: OutputOptions,
+    *,
+    reading: ReadingOptions | None = None,
+    listener: Listener = SILENT,
+    report: Report = no_report,
+) -> Scores:
+    """Compare whatever is named; the command and the function `compare` both call this."""
+    how = reading or ReadingOptions()
+    saved = [isinstance(one, (str, Path)) and is_saved(Path(one)) for one in sources]
+    if any(saved):
+        if not all(saved):
+            raise OptionError("sessions and saved runs do not mix; save the other runs first with --save-run")
+        if any(given.values()) or library is not None or output.save_run or how != ReadingOptions():
+            raise OptionError(
+                "saved runs are compared as they were: only options of the output apply to them"
+            )
+        _check_count(len(sources), fewest=1)
+        folders = [Path(str(one)) for one in sources]
+        return play(_saved_playback(folders, listener), output, listener, report=report)
+    if len(sources) > 1:
+        _check_count(len(sources))
+        if output.save_run is not None:
+            advice = "replay each with --save-run, then compare"
+            raise OptionError(f"--save-run saves runs of one session; {advice}")
+        asked = Path(library) if isinstance(library, str) else library
+        playback = _sessions_playback(sources, asked, one_filter(given), how, listener)
+        return play(playback, output, listener, report=report)
+    specs = specs_of(given)
+    _check_count(len(specs))
+    return replay_session(sources[0], library, specs, output, how, listener, report)
+
+
+def _check_count(found: int, fewest: int = 2) -> None:
+    if not fewest <= found <= MOST_RUNS:
+        raise OptionError(f"2 to {MOST_RUNS} runs can be compared, found {found}")
+
 
 # In what runs differ: exactly one kind of option is given several times, and names the runs.
 
-Given = Mapping[str, Sequence[Any]]  # by the names of RunSpec's fields, what was typed of each option
-
-KINDS = "--feature, --preset, --resampler, --seed and --config"
+Given = Mapping[str, Sequence[Any]]  # by the names of RunSpec's fields, what was given of each
 
 
-def wanted_runs(given: Given) -> list[RunSpec]:
-    """Give a run for each value of the one option that is given several times; the others hold for all.
+def specs_of(given: Given) -> list[RunSpec]:
+    """Return a run for each value of the one option that has several; the others hold for all.
 
-    Without any such option and without a feature, color and blended are compared. A usage error for others.
+    Without any such option and without a feature, color and blended are compared. OptionError for others.
     """
     several = [kind for kind, values in given.items() if len(values) > 1]
     if len(several) > 1:
-        words = " and ".join(f"--{kind}" for kind in several)
-        raise typer.BadParameter(f"{words} are given several times; give exactly one option several times")
+        words = " and ".join(f"--{_option(kind)}" for kind in several)
+        raise OptionError(f"{words} are given several times; give exactly one option several times")
     if not several and given["feature"]:
-        raise typer.BadParameter(f"found 1 run to compare; give one of {KINDS} several times")
+        raise OptionError(f"found 1 run to compare; give one of {KINDS} several times")
     kind = several[0] if several else "feature"
     values = given[kind] if several else COLOR_AND_BLENDED
-    common = {name: typed[0] for name, typed in given.items() if typed and name != kind}
+    common = {name: value[0] for name, value in given.items() if value and name != kind}
     named = zip(values, _names(kind, values), strict=True)
     return [RunSpec(**common, **{kind: value}, name=name) for value, name in named]
 
 
+def _option(kind: str) -> str:
+    return "set" if kind == "settings" else kind
+
+
 def one_filter(given: Given) -> RunSpec:
-    """Give the filter that several sessions are replayed with. A usage error where there would be several."""
+    """Return the filter that several sessions are replayed with. OptionError where there would be several."""
     for kind, values in given.items():
         if len(values) > 1:
-            raise typer.BadParameter(f"sessions are compared with one filter; give --{kind} once")
+            raise OptionError(f"sessions are compared with one filter; give --{_option(kind)} once")
     return RunSpec(**{kind: values[0] for kind, values in given.items() if values})
 
 
 def _names(kind: str, values: Sequence[Any]) -> list[str]:
     if kind == "config":
         return names_of([value.with_suffix("") for value in values])
-    return [f"seed {value}" if kind == "seed" else str(value) for value in values]
+    if kind == "settings":
+        return _setting_names(values)
+    if kind in ("seed", "particles"):
+        return [f"{kind} {value}" for value in values]
+    return [value if isinstance(value, str) else f"start {number}" for number, value in enumerate(values, 1)]
+
+
+def _setting_names(values: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Name settings by the values in which they differ."""
+    keys = list(dict.fromkeys(key for one in values for key in one))
+    differing = [key for key in keys if len({str(one.get(key)) for one in values}) > 1]
+    return [" ".join(str(one.get(key, "default")) for key in differing) or "set" for one in values]
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """Name paths by the last part in which they differ, and as many before it as tell them apart.
+    """Name paths by the last part in which they differ, and as many before it as distinguish them.
 
-    `a/session` and `b/session` are "a" and "b". What cannot be told apart (the same path twice) keeps one
+    `a/session` and `b/session` are "a" and "b". What cannot be distinguished (the same path twice) keeps one
     name; `unique_labels` numbers those.
     """
     whole = [path.absolute().parts[1:] for path in paths]
@@ -86,67 +201,61 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     return next(names for names in named if len(set(names)) == different)
 
 
-# Comparing what was made apart: saved runs, and sessions that are replayed with one filter.
+# Comparing what was made separately: saved runs, and sessions that are replayed with one filter.
 
 
-def compare_saved(folders: Sequence[Path], output: OutputOptions) -> None:
-    """Show saved runs side by side as they were; a single folder is a comparison's."""
-    with one_line_errors():
-        if len(folders) == 1:
-            _check_comparison(open_saved(folders[0]), folders[0])
-            replay_saved(folders[0], output)
-            return
-        _check_alike([_single(folder) for folder in folders])
-        opened = [_labelled(*one) for one in zip(folders, unique_labels(names_of(folders)), strict=True)]
-        own = [_drive(one) != _drive(opened[0]) for one in opened]
-        drawn = [
-            replace(drawn_of(one.restored[0]), own_drive=other)
-            for one, other in zip(opened, own, strict=True)
-        ]
-        playback = Playback(
-            aligned([shared(one.updates()) for one in opened]),
-            min(one.runs[0].manifest.pictures for one in opened),
-            drawn,
-            _scene(opened),
-            lambda collector: _remark_saved(collector, opened),
-        )
-        play(playback, output)
+def _saved_playback(folders: Sequence[Path], listener: Listener) -> Playback:
+    """Prepare saved runs side by side as they were; a single folder is a comparison's."""
+    if len(folders) == 1:
+        found = open_saved(folders[0], listener)
+        if len(found.runs) < 2:
+            raise InputError(folders[0], "is a single saved run; name the one to compare it with as well")
+        return playback_of(found, listener)
+    _check_alike([_single(folder) for folder in folders])
+    opened = [
+        _labelled(folder, label, listener)
+        for folder, label in zip(folders, unique_labels(names_of(folders)), strict=True)
+    ]
+    own = [_drive(one) != _drive(opened[0]) for one in opened]
+    return Playback(
+        aligned([shared(one.updates()) for one in opened]),
+        min(one.runs[0].manifest.pictures for one in opened),
+        [replace(view_of(one.restored[0]), own_drive=other) for one, other in zip(opened, own, strict=True)],
+        _scene(opened),
+        lambda collector: _remark_saved(collector, opened, listener),
+    )
 
 
-def compare_sessions(
-    paths: Sequence[Path],
-    library: Path | None,
-    wanted: RunSpec,
-    options: RunOptions,
-    output: OutputOptions,
-    *,
-    keep_going: bool,
-    opening: ReadingOptions | None = None,
-) -> None:
-    """Replay sessions of one library with one filter, side by side by the number of the update."""
-    with one_line_errors():
-        sessions = [open_session(path, keep_going=keep_going, opening=opening) for path in paths]
-        references = _one_library(sessions, library, keep_going=keep_going)
-        named = [replace(wanted, name=label) for label in _labels(paths)]
-        runs = [
-            make_runs(session, references, [one], options)[0]
-            for session, one in zip(sessions, named, strict=True)
-        ]
-        overviews = [session.overview() for session in sessions]
-        drives = [_content(path) for path in paths]
-        info = replace(sessions[0].info, name=" | ".join(dict.fromkeys(s.info.name for s in sessions)))
-        shortest = min(pictures for pictures, _ in overviews)
-        playback = Playback(
-            aligned([shared(run_together([run], s)) for run, s in zip(runs, sessions, strict=True)]),
-            shortest,
-            [
-                replace(RunView.live(run.label, run.localizer), own_drive=drive != drives[0])
-                for run, drive in zip(runs, drives, strict=True)
-            ],
-            Scene(info, references, any(truth for _, truth in overviews), shortest),
-            lambda collector: _remark_sessions(collector, sessions, [count for count, _ in overviews]),
-        )
-        play(playback, output)
+def _sessions_playback(
+    sources: Sequence[AnySource],
+    library: Path | Library | None,
+    spec: RunSpec,
+    reading: ReadingOptions,
+    listener: Listener,
+) -> Playback:
+    """Prepare sessions of one library with one filter, side by side by the number of the update."""
+    sessions = [opened_session(one, reading, listener) for one in sources]
+    paths = [session.path for session in sessions]
+    references = _one_library(sessions, library, reading.keep_going, listener)
+    named = [replace(spec, name=label) for label in _labels(paths)]
+    runs = [
+        make_runs(session, references, [one], listener)[0]
+        for session, one in zip(sessions, named, strict=True)
+    ]
+    overviews = [session.overview() for session in sessions]
+    drives = [_content(path) for path in paths]
+    info = replace(sessions[0].info, name=" | ".join(dict.fromkeys(s.info.name for s in sessions)))
+    shortest = min(pictures for pictures, _ in overviews)
+    return Playback(
+        aligned([shared(run_together([run], s)) for run, s in zip(runs, sessions, strict=True)]),
+        shortest,
+        [
+            replace(RunView.live(run.label, run.localizer), own_drive=drive != drives[0])
+            for run, drive in zip(runs, drives, strict=True)
+        ],
+        DriveScene(info, references, any(truth for _, truth in overviews), shortest),
+        lambda collector: _remark_sessions(collector, sessions, [n for n, _ in overviews], listener),
+    )
 
 
 def _content(path: Path) -> str:
@@ -161,11 +270,6 @@ def _labels(paths: Sequence[Path]) -> list[str]:
     return unique_labels(free)
 
 
-def _check_comparison(opened: Opened, folder: Path) -> None:
-    if len(opened.runs) < 2:
-        raise InputError(folder, "is a single saved run; name the one to compare it with as well")
-
-
 def _single(folder: Path) -> SavedRun:
     """Open a saved run, nothing that it was made from. InputError for a comparison's folder."""
     runs = open_runs(folder)
@@ -175,9 +279,9 @@ def _single(folder: Path) -> SavedRun:
     return runs[0]
 
 
-def _labelled(folder: Path, label: str) -> Opened:
+def _labelled(folder: Path, label: str, listener: Listener) -> Opened:
     """Open one saved run under another label."""
-    opened = open_saved(folder)
+    opened = open_saved(folder, listener)
     (run,), (restored,) = opened.runs, opened.restored
     run = replace(run, manifest=replace(run.manifest, label=label))
     return replace(opened, runs=[run], restored=[replace(restored, saved=run)])
@@ -189,7 +293,7 @@ def _drive(opened: Opened) -> str:
     return f"{manifest.session.sha256} {manifest.reading} {table}"
 
 
-def _scene(opened: Sequence[Opened]) -> Scene:
+def _scene(opened: Sequence[Opened]) -> DriveScene:
     """Draw with the library of a run whose library is still there."""
     scenes = [one.scene for one in opened]
     whole = next((scene for scene in scenes if scene.library.size), scenes[0])
@@ -218,13 +322,17 @@ def _same_map(one: Arena, other: Arena) -> bool:
     return len(shapes[0]) == len(shapes[1]) and all(map(np.array_equal, *shapes))
 
 
-def _one_library(sessions: Sequence[AnySession], asked: Path | None, *, keep_going: bool) -> Library:
+def _one_library(
+    sessions: Sequence[AnySession], asked: Path | Library | None, keep_going: bool, listener: Listener
+) -> Library:
     """Open the library that all sessions belong to. InputError where there are several."""
+    if isinstance(asked, Library):
+        return asked
     found: dict[Path, Library] = {}
     for session in sessions:
         path = (asked or session.info.survey or session.path).resolve()
         if path not in found:
-            found[path] = open_library_for(session, asked, keep_going=keep_going)
+            found[path] = open_library_for(session, asked, keep_going=keep_going, listener=listener)
         first, this = next(iter(found.values())), found[path]
         if first is not this and library_hash(first, list(first.index)) != library_hash(
             this, list(this.index)
@@ -235,23 +343,25 @@ def _one_library(sessions: Sequence[AnySession], asked: Path | None, *, keep_goi
 
 
 def _remark_sessions(
-    collector: ResultCollector, sessions: Sequence[AnySession], counts: Sequence[int]
+    collector: ResultCollector, sessions: Sequence[AnySession], counts: Sequence[int], listener: Listener
 ) -> None:
     for session in sessions:
-        remark_skipped(session)
-    remark_zeros(collector)
-    _remark_lengths(collector, [str(session.path) for session in sessions], counts)
+        remark_skipped(session, listener)
+    remark_zeros(collector, listener)
+    _remark_lengths(collector, [str(session.path) for session in sessions], counts, listener)
 
 
-def _remark_saved(collector: ResultCollector, opened: Sequence[Opened]) -> None:
+def _remark_saved(collector: ResultCollector, opened: Sequence[Opened], listener: Listener) -> None:
     runs = [one.runs[0] for one in opened]
-    remark_saved(collector, runs)
+    remark_saved(collector, runs, listener)
     counts = [run.manifest.pictures if run.manifest.steps is None else run.manifest.steps for run in runs]
-    _remark_lengths(collector, [str(run.folder) for run in runs], counts)
+    _remark_lengths(collector, [str(run.folder) for run in runs], counts, listener)
 
 
-def _remark_lengths(collector: ResultCollector, names: Sequence[str], counts: Sequence[int]) -> None:
+def _remark_lengths(
+    collector: ResultCollector, names: Sequence[str], counts: Sequence[int], listener: Listener
+) -> None:
     shortest = min(counts)
     if max(counts) > shortest == collector.updates:
         name = names[counts.index(shortest)]
-        note(f"compared over the first {shortest} updates: {name} has no more")
+        listener.remark(f"compared over the first {shortest} updates: {name} has no more")

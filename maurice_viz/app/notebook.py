@@ -13,18 +13,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import polars as pl
-import typer
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 
 from ..style import scale_for
+from ..text.summary import to_json
+from .listener import SILENT, progress_of
+from .replay import replay
 from .restoring import Pictures, Restored, restored_together
+from .snapshot import draw_saved
+from .tracks import NUMBERS, POSES, Collected, collect, known_of
 
 if TYPE_CHECKING:
     from rerun.notebook import Viewer
 
-    from .tracks import Collected
 
 Place: TypeAlias = str | Path
 Side: TypeAlias = int | Literal["auto"]
@@ -51,8 +54,10 @@ def show(
     """Show a saved run, a recording (.rrd) or a session log in a widget; return it at the end of a cell.
 
     `layout` names the tab to begin with, for all but a recording, which has its own. The last four are for a
-    session log: it is replayed, and its table printed. ImportError without the extra `notebook`; InputError
-    for bad files.
+    session log, which is replayed. ImportError without the extra `notebook`; InputError for bad files.
+
+    >>> import maurice_viz as mv
+    >>> viewer = mv.show("my-run", layout="traces")
     """
     expect_widget()
     path = Path(source)
@@ -61,30 +66,40 @@ def show(
     with tempfile.TemporaryDirectory(prefix="maurice-notebook-") as folder:
         recording = Path(folder) / "shown.rrd"
         if path.is_dir() or is_saved(path):
-            from .snapshot import draw_saved
-
             draw_saved(path, recording, layout)
         else:
-            _replay(path, recording, layout, feature, preset, particles, seed)
+            replay(
+                path,
+                feature=feature,
+                preset=preset,
+                particles=particles,
+                seed=seed,
+                layout=layout,
+                to=recording,
+            )
         return _widget(recording, width, height)
 
 
 def results(run: Place) -> pl.DataFrame:
-    """Give the figures of a saved run, or of all runs of a comparison: a row a run, as `--json` has them.
+    """Return the scores of a saved run, or of all runs of a comparison: a row a run, as `--json` has them.
 
-    Metres, radians and seconds; null where a figure does not apply. InputError for what is no saved run.
+    Meters, radians and seconds; null where a score does not apply. InputError for what is no saved run.
+
+    >>> import maurice_viz as mv
+    >>> frame = mv.results("my-run")
     """
-    from ..text.summary import to_json
-
     rows = [to_json(_collected(one).results)["runs"][0] for one in open_runs(Path(run))]
     return pl.DataFrame([_flat(row) for row in rows], infer_schema_length=None)
 
 
 def traces(run: Place) -> pl.DataFrame:
-    """Give what the charts show, a row a step and run: errors, spread, confidence, evidence, poses.
+    """Return what the charts show, a row a step and run: errors, spread, confidence, evidence, poses.
 
-    Metres, radians and seconds, poses in the map's frame; null where something is not known. InputError for
+    Meters, radians and seconds, poses in the map's frame; null where something is not known. InputError for
     what is no saved run.
+
+    >>> import maurice_viz as mv
+    >>> frame = mv.traces("my-run")
     """
     return pl.concat([_traces(one) for one in open_runs(Path(run))])
 
@@ -100,7 +115,9 @@ def _widget(recording: Path, width: Side, height: Side) -> Viewer:
     from rerun.notebook import Viewer
 
     if not recording.is_file():
-        raise InputError(recording, "found no such recording; replay a session with --save to make one")
+        raise InputError(
+            recording, "found no such recording; replay a session with `to=` or --rrd to make one"
+        )
     # our colors are made for a dark ground, whatever the notebook's is
     viewer = Viewer(width=width, height=height, use_global_recording=False, theme="dark")
     # the file as it is: it begins with its layout. Through a recording stream, whose first message names
@@ -109,40 +126,13 @@ def _widget(recording: Path, width: Side, height: Side) -> Viewer:
     return viewer
 
 
-def _replay(
-    session: Path,
-    recording: Path,
-    layout: str | None,
-    feature: str | None,
-    preset: str | None,
-    particles: int | None,
-    seed: int,
-) -> None:
-    from ..cli.options import OutputOptions, RunOptions
-    from .open import RunSpec
-    from .run import replay_runs
-
-    output = OutputOptions(session.stem, recording, True, False, force=True, json=False, layout=layout)
-    options = RunOptions(seed=seed, particles=particles)
-    try:
-        replay_runs(session, None, [RunSpec(preset, feature)], options, output, keep_going=False)
-    except typer.Exit:
-        raise InputError(session, "could not be replayed; the line above says why") from None
-
-
 def _collected(run: SavedRun) -> Collected:
     """Go through a saved run without its pictures: all that is needed here was kept."""
-    from .tracks import collect, known_of
-
     manifest, arena, one = run.manifest, run.arena(), Restored(run, None)
     updates = restored_together([one], Pictures(None, lambda text: None))
     scale = scale_for(manifest.display_units, arena)
     known = {manifest.label: known_of(one)}
-    return collect(updates, known, scale, arena.size_m, _silently, manifest.pictures)
-
-
-def _silently(done: int, total: int, what: str = "", /) -> None:
-    """Show no progress."""
+    return collect(updates, known, scale, arena.size_m, progress_of(SILENT, "read"), manifest.pictures)
 
 
 def _flat(row: dict[str, Any], above: str = "") -> dict[str, Any]:
@@ -156,8 +146,6 @@ def _flat(row: dict[str, Any], above: str = "") -> dict[str, Any]:
 
 
 def _traces(run: SavedRun) -> pl.DataFrame:
-    from .tracks import NUMBERS, POSES
-
     (track,) = _collected(run).tracks
     columns = {name: track.column(name) for name in NUMBERS}
     for pose in POSES:

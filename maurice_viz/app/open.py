@@ -1,13 +1,12 @@
-"""From what was asked for to a session, a library and runs."""
+"""Opening what a replay needs: the session, its library, and a filter for each run asked for."""
 
 from __future__ import annotations
 
-import difflib
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -22,27 +21,26 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms.made_odometry import MadeOdometry
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.presets import PRESETS
 from maurice_mcl.config.schema import Configuration
 from maurice_mcl.library import Library
+from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.features import FEATURES
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.session import Session, SessionInfo
 
-from ..cli.console import TO_CONSOLE, note
-from ..cli.options import RunOptions
 from ..entities import RESERVED
 from ..errors import OptionError
 from ..playback import FilterRun
 from ..style import Units, units_named
-from .listener import Listener, progress_of
-
-# A pose as it is typed: X,Y,HEADING in the session's display units and degrees.
+from .listener import SILENT, Listener, progress_of
 
 FARTHEST_M = 1e9  # no map reaches further
+STARTS = "a start is tracking, truth, global or X,Y,HEADING"
 
 
 def typed_pose(text: str, units: Units, wanted: str) -> F64:
-    """Read a pose (3,) in meters and radians. Raises OptionError for anything else."""
+    """Read "X,Y,HEADING", in display units and degrees, as a pose (3,) in meters and radians. OptionError."""
     try:
         x, y, heading_deg = (float(part) for part in text.split(","))
     except ValueError:
@@ -53,70 +51,43 @@ def typed_pose(text: str, units: Units, wanted: str) -> F64:
     return pose
 
 
-# `--start`: where the particles begin.
-
-
 def start_pose(
-    text: str | None, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
+    start: str | F64 | None, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
 ) -> F64 | None:
-    """Read `--start`: a pose (3,) in the map's frame, or None for anywhere.
+    """Return the pose (3,) in the map's frame at which the particles begin, or None for anywhere.
 
-    InputError when tracking or the truth is asked for and there is no such pose; usage error for other words.
+    `start` is a pose in meters and radians, or a word as `--start` takes it; None is tracking where the
+    header has a start pose, else global. InputError when tracking or the truth is asked for and there is no
+    such pose; OptionError for other words.
     """
-    if text is None:
+    if start is None:
         return info.start
-    if text == "global":
+    if not isinstance(start, str):
+        return np.asarray(start, np.float64)
+    if start == "global":
         return None
-    if text == "tracking":
+    if start == "tracking":
         if info.start is None:
             found = 'found no "start" pose in a header'
             raise InputError(log, f"{found}; give --start truth, X,Y,HEADING or global")
         return info.start
-    if text == "truth":
+    if start == "truth":
         pose = first_truth()
         if pose is None:
             raise InputError(log, "found no truth to start from; give --start X,Y,HEADING or global")
         return pose
-    return typed_pose(
-        text, units_named(info.display_units), "--start is tracking, truth, global or X,Y,HEADING"
-    )
-
-
-# From what was typed to a session, a library and runs.
-
-COMMANDS = (
-    "calibrate",
-    "compare",
-    "config",
-    "convert",
-    "demo",
-    "events",
-    "explain",
-    "export",
-    "formats",
-    "import",
-    "inspect",
-    "jump",
-    "library",
-    "doctor",
-    "record",
-    "replay",
-    "report",
-    "simulate",
-    "snapshot",
-    "survey",
-    "verify",
-)
+    return typed_pose(start, units_named(info.display_units), STARTS)
 
 
 NONE_YET = (
     "If you have none, make one from a drive with true poses: "
     "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
 )
-AnySession = SessionLog | RecordedSession
+AnySession: TypeAlias = SessionLog | RecordedSession
+COMMAND_LINE = "command line"  # the origin of settings in error messages
 
 
-class Drive(Session, Protocol):
+class SourcedSession(Session, Protocol):
     """A session, recorded or live, that knows where it comes from."""
 
     @property
@@ -128,15 +99,13 @@ class Drive(Session, Protocol):
 def open_session(
     path: Path,
     *,
-    keep_going: bool,
+    keep_going: bool = False,
     opening: ReadingOptions | None = None,
-    listener: Listener = TO_CONSOLE,
+    listener: Listener = SILENT,
 ) -> AnySession:
-    """Open a session of any format; a word that is no file gets the nearest command's name."""
+    """Open a session of any format. InputError for what is no session."""
     if not path.exists():
-        near = difflib.get_close_matches(str(path), COMMANDS, n=1)
-        advice = f"did you mean the command {near[0]}?" if near else "maurice-replay --help lists commands"
-        raise InputError(path, f"there is no session or command of that name; {advice}")
+        raise InputError(path, "there is no such file or folder; check the path")
     options = replace(opening or ReadingOptions(), keep_going=keep_going)
     one = chosen(path, options)
     session = open_any(path, replace(options, format=one.name))
@@ -151,96 +120,124 @@ def open_session(
 
 
 def as_recorded_session(session: AnySession, opening: ReadingOptions) -> RecordedSession:
-    """Give the same session as one whose records can be had as well."""
+    """Return the same session as one that gives access to its records as well."""
     if isinstance(session, RecordedSession):
         return session
     return RecordedSession(open_recording(session.path, opening), opening)
 
 
 def open_library_for(
-    session: AnySession, library: Path | None, *, keep_going: bool, listener: Listener = TO_CONSOLE
+    session: AnySession, library: Path | Library | None, *, keep_going: bool, listener: Listener = SILENT
 ) -> Library:
-    """Open the library that was asked for, or the one that the session's header names."""
+    """Return the library that was asked for, or the one that the session's header names. InputError."""
+    if isinstance(library, Library):
+        return library
     path = library or session.info.survey
     if path is None:
         where = "" if isinstance(session, RecordedSession) else ' (no "survey" in the header)'
         raise InputError(
-            session.path, f"found no library that goes with it{where}; say which with --library. {NONE_YET}"
+            session.path, f"found no library that goes with it{where}; name one with --library. {NONE_YET}"
         )
     if not path.exists():
-        raise InputError(path, "found no such library or survey; say which with --library")
-    return open_library(
-        path, keep_going=keep_going, progress=progress_of(listener, "library"), warn=listener.warning
-    )
+        raise InputError(path, "found no such library or survey; name one with --library")
+    advance = progress_of(listener, "library")
+    return open_library(path, keep_going=keep_going, progress=advance, warn=listener.warning)
 
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """One run as it was asked for; what is given here goes over what was asked of every run."""
+    """One run as it is asked for; what is None is as the configuration or the session has it."""
 
     preset: str | None = None
     feature: str | None = None
-    resampler: str | None = None
-    seed: int | None = None
-    config: Path | None = None
-    name: str = ""  # what the run is called; empty: after preset and feature, or its configuration file
+    particles: int | None = None
+    seed: int = 0
+    start: str | F64 | None = None  # see `start_pose`
+    config: Path | None = None  # a configuration file, over the preset
+    settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over all others
+    motion: Path | None = None  # a file of motion parameters, in place of the header's
+    name: str = ""  # of the run; empty: after preset and feature, or its configuration file
 
-    def label(self, config: Path | None) -> str:
-        """Name the run after what sets it apart."""
+    @property
+    def label(self) -> str:
+        """The run's name, after what distinguishes it."""
         named = [part for part in (self.preset, self.feature) if part]
-        return self.name or "-".join(named) or (config.stem if config else "blended")
+        return self.name or "-".join(named) or (self.config.stem if self.config else "blended")
+
+    def configuration(self) -> Configuration:
+        """Return what is in force: default, preset, file, environment, then what is given here.
+
+        InputError for a bad file or environment, OptionError for a setting that is not known or out of range.
+        """
+        given = dict(self.settings)
+        if self.particles is not None:
+            given["particles"] = self.particles
+        if self.motion is not None:
+            given["motion"] = read_motion(self.motion)
+        if self.feature is not None:
+            given["sensor.weights"] = dict(FEATURES.get(self.feature, {self.feature: 1.0}))
+        check_name(self.preset, PRESETS, "preset")
+        check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
+        try:
+            return configuration_of(self.preset, self.config, os.environ, given)
+        except InputError as problem:
+            if str(problem.file) == COMMAND_LINE:
+                raise OptionError(problem.message) from None
+            raise
 
 
-def configured(wanted: RunSpec, options: RunOptions) -> Configuration:
-    """Put the configuration of one run together: default, preset, file, environment, command line."""
-    typed = dict(options.typed)
-    if wanted.feature is not None:
-        typed["sensor.weights"] = dict(FEATURES.get(wanted.feature, {wanted.feature: 1.0}))
-    if wanted.resampler is not None:
-        typed["resampling.scheme"] = wanted.resampler
-    if options.motion is not None:
-        typed["motion"] = read_motion(options.motion)
-    return configuration_of(wanted.preset, wanted.config or options.config, os.environ, typed)
+def check_name(name: str | None, known: Iterable[str], what: str) -> None:
+    """Refuse a name that is not among the known ones. OptionError."""
+    names = list(dict.fromkeys(known))
+    if name is not None and name not in names:
+        raise OptionError(f"no {what} called {name!r}; there are {', '.join(names)}")
 
 
 def make_runs(
-    session: Drive, library: Library, wanted: Sequence[RunSpec], options: RunOptions
+    session: SourcedSession, library: Library, specs: Sequence[RunSpec], listener: Listener = SILENT
 ) -> list[FilterRun]:
-    """Put the runs together, on the same drive and, unless asked otherwise, with the same seed."""
-    configurations = [configured(one, options) for one in wanted]
+    """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
+    configurations = [one.configuration() for one in specs]
     for one in configurations:
         _check_channels(session, library, one)
     reference = nearest_reference(library.poses, library.arena)
     if not reference.grid.free.any():
         found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
-        raise InputError(session.path, f"{found}; mend the map in the survey's header")
-    start = start_pose(options.start, session.info, session.path, lambda: _first_truth(session))
-    if start is not None:
-        _check_start(session, library, reference, start)
-    seeds = [options.seed if one.seed is None else one.seed for one in wanted]
+        raise InputError(session.path, f"{found}; fix the map in the survey's header")
+    starts: list[F64 | None] = []
+    for spec in specs:
+        if starts and spec.start is specs[0].start:
+            starts.append(starts[0])
+            continue
+        starts.append(start_pose(spec.start, session.info, session.path, lambda: _first_truth(session)))
+        if starts[-1] is not None:
+            _check_start(session, library, reference, starts[-1], listener)
     try:
         localizers = [
-            build_localizer(library, session, one.parameters, reference=reference, seed=seed)
-            for one, seed in zip(configurations, seeds, strict=True)
+            build_localizer(library, session, one.parameters, reference=reference, seed=spec.seed)
+            for one, spec in zip(configurations, specs, strict=True)
         ]
-    except ValueError as problem:  # bad motion parameters, in the file given or in the header
-        if options.motion is not None:
-            raise InputError(options.motion, str(problem)) from None
+    except ValueError as problem:  # bad motion parameters, in the configuration or in the header
+        motion = next((one.motion for one in specs if one.motion is not None), None)
+        if motion is not None:
+            raise InputError(motion, str(problem)) from None
         raise InputError(session.path, str(problem), 1) from None
-    labels = unique_labels([one.label(options.config) for one in wanted])
-    parts = zip(labels, localizers, configurations, strict=True)
-    return [FilterRun(label, made, start, to_toml(one)) for label, made, one in parts]
+    labels = unique_labels([one.label for one in specs])
+    parts = zip(labels, localizers, starts, configurations, strict=True)
+    return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
 
 
-def _first_truth(session: Drive) -> F64 | None:
-    """Give the pose (3,) at which a recorded drive really began; a live one has yet to tell."""
+def _first_truth(session: SourcedSession) -> F64 | None:
+    """Return the pose (3,) at which a recorded drive really began; of a live one it is not known yet."""
     if isinstance(session, RecordedSession):
         return first_truth(session.recording)
     return first_truth(open_recording(session.path)) if isinstance(session, SessionLog) else None
 
 
-def _check_start(session: Drive, library: Library, reference: NearestReference, start: F64) -> None:
-    """Refuse a start outside the map; only say so where the map has something solid there."""
+def _check_start(
+    session: SourcedSession, library: Library, reference: NearestReference, start: F64, listener: Listener
+) -> None:
+    """Refuse a start outside the map; warn where the map has something solid there."""
     at = f"the start pose ({start[0]:.2f}, {start[1]:.2f}) m"
     x_min, y_min, x_max, y_max = library.arena.bounds
     if not (x_min <= start[0] <= x_max and y_min <= start[1] <= y_max):
@@ -248,18 +245,20 @@ def _check_start(session: Drive, library: Library, reference: NearestReference, 
         raise InputError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
     local = np.array([[*(start[:2] - library.origin), start[2]]], np.float32)
     if reference.entries(local, library.origin)[0] < 0:
-        note(f"{at} is not in the map's free space: until particles reach it, all their weights are zero")
+        listener.warning(
+            f"{at} is not in the map's free space: until particles reach it, all their weights are zero"
+        )
 
 
-def _check_channels(session: Drive, library: Library, configuration: Configuration) -> None:
+def _check_channels(session: SourcedSession, library: Library, configuration: Configuration) -> None:
     for channel in configuration.parameters.sensor.weights:
         if channel not in library.index:
             found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
-            raise InputError(session.path, f"{found}, and {channel} is wanted; build the library again")
+            raise InputError(session.path, f"{found}, but {channel} is needed; build the library again")
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:
-    """Name runs after their features; a second one of the same name becomes `color-2`."""
+    """Return labels that are unique and not reserved; a second run named `color` becomes `color-2`."""
     labels: list[str] = []
     for name in names:
         label, number = name, 1

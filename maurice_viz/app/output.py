@@ -1,4 +1,4 @@
-"""Where the drawing of runs goes: a viewer where there is a display, else a file."""
+"""Where runs are drawn to: a viewer where there is a display, else a file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,21 +16,23 @@ import rerun.blueprint as rrb
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
-from ..cli.console import note
-from ..cli.options import OutputOptions
 from ..drawing.contact_sheet import cell_height
-from ..errors import SinkError
+from ..errors import OptionError, SinkError
+from ..layouts.names import DETAILS, LAYOUT_NAMES
 from ..layouts.registry import runs_blueprint
-from ..panels.detail import Detail
+from ..panels.detail import Detail, expected_bytes
 from ..panels.observer import Observer, RerunObserver
 from ..scene import RunView, SceneInfo
 from ..style import scale_for
+from ..viewer import sinks
+from .listener import Listener
+from .open import check_name
 
 # Runs drawn into a recording that somebody else opened: their layout, and an observer a run.
 
 
-def layout_of(runs: Sequence[RunView], scene: Scene, first: str | None = None) -> rrb.Blueprint:
-    """Give the layout of runs; `first` names the tab that is open."""
+def layout_of(runs: Sequence[RunView], scene: DriveScene, first: str | None = None) -> rrb.Blueprint:
+    """Return the layout of runs; `first` names the tab that is open."""
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
     shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height)
@@ -39,9 +41,9 @@ def layout_of(runs: Sequence[RunView], scene: Scene, first: str | None = None) -
 
 @contextmanager
 def observed(
-    rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene, detail: Detail = Detail.FULL
+    rec: rr.RecordingStream, runs: Sequence[RunView], scene: DriveScene, detail: Detail = Detail.FULL
 ) -> Iterator[dict[str, Observer]]:
-    """Begin one observer a run, the first of which draws what they share; end them, also after a failure."""
+    """Begin one observer a run, the first of which draws what they share; end them even after a failure."""
     observers: dict[str, Observer] = {}
     for run in runs:
         observers[run.label] = RerunObserver(
@@ -64,16 +66,34 @@ def observed(
             observer.end()
 
 
-# Where the drawing of runs goes: a viewer where there is a display, else a file.
-
 NEXT_KEYS = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
 KEYS = f"{NEXT_KEYS}; choose the timeline `phase` to walk through one update."
 
-LARGE = 50_000_000  # bytes of a recording that one is told about beforehand
+LARGE = 50_000_000  # bytes of a recording whose size is remarked beforehand
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class OutputOptions:
+    """What is written and shown. OptionError for names that are not known."""
+
+    stem: str = "replay"  # of the recording, where `rrd` does not name it
+    rrd: Path | None = None  # the Rerun recording to write; then no viewer opens
+    headless: bool = False  # open no viewer even where there is a display
+    no_recording: bool = False  # neither viewer nor recording
+    force: bool = False  # overwrite what is there
+    save_run: Path | None = None  # the folder to save the run to
+    layout: str | None = None  # the one that is open at first
+    detail: str = DETAILS[0]  # how much of each step is drawn
+
+    def __post_init__(self) -> None:
+        check_name(self.layout, LAYOUT_NAMES, "layout")
+        check_name(self.detail, DETAILS, "detail")
+        if self.no_recording and self.rrd is not None:
+            raise OptionError("a recording is both asked for and excluded; give one of the two")
+
+
+@dataclass(frozen=True, slots=True)
+class DriveScene:
     """What is known of a drawing before its first step."""
 
     info: SessionInfo
@@ -85,32 +105,58 @@ class Scene:
 
 
 @contextmanager
-def recording(runs: Sequence[RunView], scene: Scene, output: OutputOptions) -> Iterator[dict[str, Observer]]:
-    """Open where the drawing goes, and one observer a run; none when no recording is wanted."""
+def drawing(
+    runs: Sequence[RunView],
+    scene: DriveScene,
+    output: OutputOptions,
+    listener: Listener,
+    written: list[Path] | None = None,
+) -> Iterator[dict[str, Observer]]:
+    """Open what is drawn to, and one observer a run; none when no recording is wanted.
+
+    The path of a recording that was written is appended to `written`.
+    """
     if output.no_recording:
         yield {}
         return
-    from ..panels.detail import Detail
-
     with (
-        _sink(runs, scene, output) as rec,
+        _sink(runs, scene, output, listener, [] if written is None else written) as rec,
         observed(rec, runs, scene, Detail(output.detail)) as observers,
     ):
         yield observers
 
 
 @contextmanager
-def _sink(runs: Sequence[RunView], scene: Scene, output: OutputOptions) -> Iterator[rr.RecordingStream]:
-
+def _sink(
+    runs: Sequence[RunView],
+    scene: DriveScene,
+    output: OutputOptions,
+    listener: Listener,
+    written: list[Path],
+) -> Iterator[rr.RecordingStream]:
     info, layout = scene.info, layout_of(runs, scene, output.layout)
-    if scene.live:
-        path = _path(output)
-        with _live(path, info.name, layout, output) as rec:
+    if not scene.live:
+
+        def beforehand(path: Path) -> None:
+            _remark_size(runs, scene, output, path, listener)
+
+        with opened(output, info.name, layout, listener, beforehand, written=written) as rec:
             yield rec
-        _say_written(path)
         return
-    with opened(output, info.name, layout, lambda path: _say_size(runs, scene, output, path)) as rec:
+    path = _path(output)
+    window = output.rrd is None and not output.headless and sinks.has_display()
+    with sinks.to_file_and_viewers(
+        path,
+        info.name,
+        layout,
+        force=output.force,
+        window=window,
+        viewer=_viewer_command(),
+        remark=listener.remark,
+    ) as rec:
         yield rec
+    written.append(path)
+    _remark_written(path, KEYS, listener)
 
 
 @contextmanager
@@ -118,66 +164,56 @@ def opened(
     output: OutputOptions,
     name: str,
     layout: rrb.Blueprint,
+    listener: Listener,
     beforehand: Callable[[Path], None] = lambda path: None,
     keys: str = KEYS,
+    written: list[Path] | None = None,
 ) -> Iterator[rr.RecordingStream]:
-    """Open a viewer where there is a display, else a file, of which something is said `beforehand`.
+    """Open a viewer where there is a display, else a file; `beforehand` is called with the file's path.
 
-    At the end which `keys` to press in the viewer.
+    Remarks at the end which `keys` to press in the viewer; appends the file's path to `written`.
     """
-    from ..viewer import sinks
-
-    if output.save is None and not output.headless and sinks.has_display():
+    if output.rrd is None and not output.headless and sinks.has_display():
         try:
             port = sinks.bring_up_viewer()
         except SinkError as problem:
-            note(f"{problem}; writing a file instead")
+            listener.warning(f"{problem}; writing a file instead")
         else:
             with sinks.to_viewer(port, name, layout) as rec:
                 yield rec
-            note(keys)
+            listener.remark(keys)
             return
     path = _path(output)
     beforehand(path)
-    with sinks.to_file(path, name, layout, force=output.force) as rec:
+    with sinks.to_file(path, name, layout, force=output.force, remark=listener.remark) as rec:
         yield rec
-    _say_written(path, keys)
+    if written is not None:
+        written.append(path)
+    _remark_written(path, keys, listener)
 
 
 def _path(output: OutputOptions) -> Path:
-    return output.save or Path(f"{output.stem}.rrd")
+    return output.rrd or Path(f"{output.stem}.rrd")
 
 
-def _live(
-    path: Path, name: str, layout: rrb.Blueprint, output: OutputOptions
-) -> AbstractContextManager[rr.RecordingStream]:
-    from ..viewer import sinks
-    from ..viewer import sinks as live_sink
-
-    window = output.save is None and not output.headless and sinks.has_display()
-    return live_sink.to_file_and_viewers(
-        path, name, layout, force=output.force, window=window, viewer=_viewer_command()
-    )
+def _remark_written(path: Path, keys: str, listener: Listener) -> None:
+    listener.remark(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
+    listener.remark(keys)
 
 
-def _say_written(path: Path, keys: str = KEYS) -> None:
-    note(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
-    note(keys)
-
-
-def _say_size(runs: Sequence[RunView], scene: Scene, output: OutputOptions, path: Path) -> None:
-    """Say about how large the file will be, where that is known and it is large."""
-    from ..panels.detail import Detail, expected_bytes
-
+def _remark_size(
+    runs: Sequence[RunView], scene: DriveScene, output: OutputOptions, path: Path, listener: Listener
+) -> None:
+    """Report how large the file will be, approximately, where that is known and it is large."""
     detail = Detail(output.detail)
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
     if (total := sum(parts)) >= LARGE:
         smaller = "" if detail is Detail.LIGHT else "; --detail events or light makes it smaller"
-        note(f"{path} will be about {total / 1e6:.0f} MB{smaller}")
+        listener.remark(f"{path} will be about {total / 1e6:.0f} MB{smaller}")
 
 
 def _viewer_command() -> str:
-    """Name the viewer as this shell can find it: by its word, or beside our own Python."""
+    """Return the viewer's command as this shell can find it: by name, or beside our own Python."""
     if shutil.which("rerun"):
         return "rerun"
     beside = Path(sys.executable).parent / "rerun"

@@ -1,36 +1,143 @@
-"""`maurice-replay BAG --as-recorded`: another localizer's particles in our views, without filtering."""
+"""Another localizer's particles and pose, recorded in a bag, as records of updates that our views show.
+
+Nothing is filtered and no picture is compared: what a bag does not hold stays empty or unknown.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import typer
+import numpy as np
 
 from maurice_loaders.bags.formats import BAGS
-from maurice_loaders.bags.localizer import RecordedLocalizer
-from maurice_loaders.errors import InputError
+from maurice_loaders.bags.localizer import Overview, RecordedLocalizer, RecordedUpdate
+from maurice_loaders.errors import InputError, PictureError
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.filter.estimate import CLUSTER_M, CONFIDENCE_M, heaviest_cluster, share_within, weighted_mean
+from maurice_mcl.library import Library
+from maurice_mcl.records import (
+    Belief,
+    Estimate,
+    StepRecord,
+    effective_sample_size,
+    normalize,
+    uniform_log_weights,
+)
+from maurice_mcl.session import Frame, Moment
 
-from ..cli.console import note
-from ..cli.errors import one_line_errors
-from ..cli.options import OutputOptions
-from ..layouts.names import RECORDED_LAYOUT_NAMES
 from ..scene import RunView
-from .as_recorded import AFTER_RESAMPLING, AsRecorded, map_of
-from .output import Scene
-from .run import Playback, play
+from .listener import SILENT, Listener
+from .output import DriveScene
+from .restoring import NO_PICTURE, nothing_seen
+from .run import Playback
+
+AFTER_RESAMPLING = (
+    "shown as recorded: AMCL and Beluga publish their particles after resampling, so the weights are nearly "
+    "equal and say little of how well each particle matched"
+)
 
 
-def replay_as_recorded(path: Path, options: ReadingOptions, output: OutputOptions) -> None:
-    """Show the clouds of a bag; what is wrong with it ends in one line and status 1."""
-    if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
-        names = " and ".join(RECORDED_LAYOUT_NAMES)
-        raise typer.BadParameter(f"--as-recorded has the layouts {names}, found {output.layout!r}")
-    with one_line_errors():
-        play(playback_of(open_as_recorded(path, options)), output)
+def map_of(localizer: RecordedLocalizer, overview: Overview) -> Library:
+    """Make a library without entries, of which only the map can be drawn."""
+    return Library(localizer.info.name, np.zeros((0, 3)), (), {}, overview.arena)
+
+
+@dataclass(slots=True)
+class AsRecorded:
+    """The updates of one recorded localizer."""
+
+    localizer: RecordedLocalizer
+    overview: Overview
+    label: str
+    findings: ReadingNotes
+    unweighted: int = 0  # clouds so far whose weights were of no use, and count as equal
+    _begin_s: float | None = field(init=False, default=None)
+
+    def updates(self) -> Iterator[Mapping[str, tuple[Moment, StepRecord]]]:
+        """Give one moment and record a cloud, in order."""
+        origin = map_of(self.localizer, self.overview).origin
+        for number, update in enumerate(self.localizer.updates(self.findings), start=1):
+            self._begin_s = update.t_s if self._begin_s is None else self._begin_s
+            image = self._image(update)
+            name = update.picture or "no picture"
+            frame = Frame(number, update.t_s - self._begin_s, update.motions, image, name)
+            events = (AFTER_RESAMPLING,) if number == 1 else ()
+            moment = Moment(frame, update.truth, events)
+            yield {self.label: (moment, record_of(frame, update, self._belief(update, origin)))}
+
+    def _image(self, update: RecordedUpdate) -> U8:
+        if update.read is None:
+            return NO_PICTURE
+        try:
+            return update.read()
+        except PictureError as problem:
+            self.findings.problem(InputError(self.localizer.path, f"{update.picture}: {problem}"))
+            return NO_PICTURE
+
+    def _belief(self, update: RecordedUpdate, origin: F64) -> Belief:
+        local = update.poses.copy()
+        local[:, :2] -= origin
+        log_weights = _log_weights(update.weights)
+        if log_weights is None:
+            self.unweighted += update.weights is not None
+            log_weights = uniform_log_weights(len(local))
+        return Belief(local.astype(np.float32), log_weights, origin)
+
+
+def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecord:
+    """Make the record of one cloud; what only the filter itself could know is left empty or NaN."""
+    return StepRecord(
+        frame=frame,
+        predicted=belief,  # as it was before the sensor is not in the bag
+        sighting=nothing_seen(belief.size),
+        weighted=belief,
+        estimate=estimate_of(update, belief),
+        mean_estimate=weighted_mean(belief),
+        effective_sample_size=effective_sample_size(belief.log_weights),
+        log_evidence=float("nan"),
+        calibrated_evidence=float("nan"),
+        channel_evidence=np.zeros(0),
+        parents=None,
+        injected=None,
+        belief=_without_heirs(belief),
+        events=(),
+        took_s={},
+    )
+
+
+def _without_heirs(belief: Belief) -> Belief:
+    """Give the same cloud with one particle of no weight more.
+
+    Whom the next cloud's particles come from is not in the bag. Lines from particle to particle are drawn
+    where a cloud is as large as the one before it was left, and would mean nothing here.
+    """
+    poses = np.append(belief.poses, belief.poses[:1], axis=0)
+    return Belief(poses, np.append(belief.log_weights, -np.inf), belief.origin)
+
+
+def estimate_of(update: RecordedUpdate, belief: Belief) -> Estimate:
+    """Give the localizer's own pose with its own spread, or the heaviest cluster where it said none."""
+    if update.pose is None:
+        return heaviest_cluster(belief)
+    own = update.pose
+    x, y, heading = (float(value) for value in own.sd)
+    near = share_within(belief, own.pose, CLUSTER_M)
+    return Estimate(
+        own.pose, (x, y), heading, near, share_within(belief, own.pose, CONFIDENCE_M), converged=near
+    )
+
+
+def _log_weights(weights: F64 | None) -> F64 | None:
+    """Give normalized log-weights (N,), or None where the weights make no sense."""
+    if weights is None or not (np.isfinite(weights).all() and (weights >= 0).all() and weights.sum() > 0):
+        return None
+    with np.errstate(divide="ignore"):
+        return normalize(np.log(weights))[0]
 
 
 def open_as_recorded(path: Path, options: ReadingOptions) -> AsRecorded:
@@ -48,27 +155,29 @@ def open_as_recorded(path: Path, options: ReadingOptions) -> AsRecorded:
     return AsRecorded(localizer, localizer.overview(), label, ReadingNotes(options.keep_going))
 
 
-def playback_of(recorded: AsRecorded) -> Playback:
-    """Get the updates ready to be gone through."""
+def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> Playback:
+    """Prepare a recorded localizer for `play`."""
     seen = recorded.overview
     drawn = RunView(recorded.label, (), None, seen.most_particles)
     library = map_of(recorded.localizer, seen)
-    scene = Scene(
+    scene = DriveScene(
         recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
     )
-    return Playback(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded))
+    return Playback(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded, listener))
 
 
-def _remark(recorded: AsRecorded) -> None:
-    """Say what the figures stand for, and what was skipped."""
+def _remark(recorded: AsRecorded, listener: Listener) -> None:
+    """Report what the scores stand for, and what was skipped."""
     pose = recorded.localizer.pose
     where = f"the pose of {pose.name}" if pose else "the heaviest cluster of the cloud"
-    note(f"{recorded.localizer.cloud.name} {AFTER_RESAMPLING}; the estimate is {where}")
+    listener.remark(f"{recorded.localizer.cloud.name} {AFTER_RESAMPLING}; the estimate is {where}")
     for text in recorded.localizer.info.notes:
-        note(text)
+        listener.remark(text)
     if recorded.unweighted:
-        note(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")
-    for warning in recorded.notes.warnings:
-        note(warning)
-    if recorded.notes.count:
-        note(f"skipped {recorded.notes.count} broken messages, the first: {recorded.notes.problems[0]}")
+        listener.warning(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")
+    for warning in recorded.findings.warnings:
+        listener.warning(warning)
+    if recorded.findings.count:
+        listener.warning(
+            f"skipped {recorded.findings.count} broken messages, the first: {recorded.findings.problems[0]}"
+        )

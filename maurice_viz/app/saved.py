@@ -23,17 +23,14 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..cli.console import TO_CONSOLE, note
-from ..cli.errors import one_line_errors
-from ..cli.options import OutputOptions
 from ..playback import ResultCollector, shared
 from ..scene import RunView
 from .events import find_notes
-from .listener import Listener, progress_of
+from .listener import SILENT, Listener, progress_of
 from .open import AnySession
-from .output import Scene
+from .output import DriveScene
 from .restoring import Pictures, Restored, restored_together
-from .run import Playback, play, remark_zeros
+from .run import Playback, remark_zeros
 
 
 def unchanged(
@@ -61,8 +58,8 @@ def session_of(run: SavedRun) -> AnySession:
     return open_session(path, replace(reading, table=found, keep_going=run.manifest.keep_going))
 
 
-def library_of(run: SavedRun, listener: Listener = TO_CONSOLE) -> Library:
-    """Open the library of a run. InputError when it is gone, was changed, or is measured otherwise today."""
+def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
+    """Open the library of a run. InputError when it is gone, was changed, or is measured differently."""
     path = unchanged(run.manifest.library, run.folder, "library")
     advance = progress_of(listener, "library")
     library = open_library(path, keep_going=run.manifest.keep_going, progress=advance)
@@ -74,12 +71,12 @@ def library_of(run: SavedRun, listener: Listener = TO_CONSOLE) -> Library:
 
 
 def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Localizer:
-    """Put the filter of a run together again. InputError when its parameters are refused today."""
+    """Build the filter of a run again. InputError when its parameters are refused today."""
     parameters = run.configuration.parameters
     try:
         return build_localizer(library, session, parameters, seed=run.manifest.seed)
     except (ValueError, KeyError) as problem:
-        raise InputError(run.folder, f"its filter cannot be put together here: {problem}") from None
+        raise InputError(run.folder, f"its filter cannot be built here: {problem}") from None
 
 
 Part = TypeVar("Part")
@@ -92,16 +89,16 @@ class Opened:
     runs: list[SavedRun]
     restored: list[Restored]
     session: AnySession | None
-    scene: Scene  # its library has no entries where pictures or comparisons cannot be made again
-    listener: Listener = TO_CONSOLE
+    scene: DriveScene  # its library has no entries where pictures or comparisons cannot be restored
+    listener: Listener = SILENT
 
     def updates(self) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
         """Go through the updates from the first, every time it is called; records by the run's label."""
         return restored_together(self.restored, Pictures(self.session, self.listener.warning))
 
 
-def open_saved(folder: Path, listener: Listener = TO_CONSOLE) -> Opened:
-    """Open a saved run's folder, or a comparison's; remarks name what is gone. Raises InputError."""
+def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
+    """Open a saved run's folder, or a comparison's. Warnings name what is gone; InputError."""
     runs = open_runs(folder)
     _check_one_session(runs)
     found = _find(runs[0], listener)
@@ -115,25 +112,18 @@ def open_saved(folder: Path, listener: Listener = TO_CONSOLE) -> Opened:
     for problem in notes.problems:
         listener.warning(problem)
     restored = [Restored(run, _sensor(run, found), notes.by_label[run.manifest.label]) for run in runs]
-    return Opened(
-        runs, restored, found.session, Scene(info, library, first.has_truth, first.pictures), listener
-    )
+    scene = DriveScene(info, library, first.has_truth, first.pictures)
+    return Opened(runs, restored, found.session, scene, listener)
 
 
-def replay_saved(folder: Path, output: OutputOptions) -> None:
-    """Replay a saved run, or those of a comparison; what is wrong ends in one line and status 1."""
-    with one_line_errors():
-        play(playback_of(open_saved(folder)), output)
-
-
-def playback_of(opened: Opened) -> Playback:
-    """Get saved runs ready to be gone through with `running.step_through`, from their first update."""
+def playback_of(opened: Opened, listener: Listener = SILENT) -> Playback:
+    """Prepare saved runs for `play`, from their first update."""
     return Playback(
         shared(opened.updates()),
         opened.runs[0].manifest.pictures,
-        [drawn_of(one) for one in opened.restored],
+        [view_of(one) for one in opened.restored],
         opened.scene,
-        lambda collector: remark_saved(collector, opened.runs),
+        lambda collector: remark_saved(collector, opened.runs, listener),
     )
 
 
@@ -154,11 +144,10 @@ def _check_one_session(runs: list[SavedRun]) -> None:
 
 
 def _find(run: SavedRun, listener: Listener) -> _Found:
-    """Open what is still there, and say in a line what is not."""
+    """Open what is still there, and warn in a line of what is not."""
     problems: list[str] = []
     found = _Found(
-        _tried(lambda: session_of(run), problems),
-        _tried(lambda: library_of(run, listener), problems),
+        _tried(lambda: session_of(run), problems), _tried(lambda: library_of(run, listener), problems)
     )
     if problems:
         empty = "pictures and comparisons" if found.session is None else "comparisons"
@@ -180,8 +169,8 @@ def _sensor(run: SavedRun, found: _Found) -> SensorModel | None:
     return localizer_of(run, found.session, found.library).sensor
 
 
-def drawn_of(one: Restored) -> RunView:
-    """Say how one saved run is drawn."""
+def view_of(one: Restored) -> RunView:
+    """Return how one saved run is shown."""
     manifest = one.saved.manifest
     particles = one.saved.configuration.parameters.particles
     return RunView(manifest.label, manifest.channels, one.sensor, particles, one.bookmarks)
@@ -193,12 +182,12 @@ def _map_alone(run: SavedRun) -> Library:
     return Library(manifest.name, np.zeros((0, 3)), (), {}, run.arena(), manifest.display_units)
 
 
-def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun]) -> None:
-    """Say which runs ended before their session, and what went wrong in them."""
-    remark_zeros(collector)
+def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun], listener: Listener) -> None:
+    """Report which runs ended before their session, and what went wrong in them."""
+    remark_zeros(collector, listener)
     for run in runs:
         manifest = run.manifest
         if manifest.state == "writing" or (manifest.steps or 0) < manifest.pictures:
             how = {"writing": "was cut off", "complete": "skipped pictures"}
             got = f"it holds {collector.updates} of {manifest.pictures} steps"
-            note(f"{run.folder}: the run {how.get(manifest.state, manifest.state)}; {got}")
+            listener.warning(f"{run.folder}: the run {how.get(manifest.state, manifest.state)}; {got}")

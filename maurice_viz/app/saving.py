@@ -1,4 +1,4 @@
-"""`--run DIR`: every run that goes is also saved, one folder each."""
+"""Saving runs while they go, one folder each."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_no
 from maurice_loaders.runs.sources import source_of
 from maurice_loaders.runs.writer import RunWriter, begin_comparison
 
-from ..cli.options import OutputOptions
 from ..errors import SinkError
 from ..playback import FilterRun
 from .open import AnySession
+from .output import OutputOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +36,14 @@ class Inputs:
 def saving(
     runs: Sequence[FilterRun], inputs: Inputs, output: OutputOptions
 ) -> Iterator[Mapping[str, RunWriter]]:
-    """Open a writer a run, and at the end have each say how it ended; no writers without `--run`.
+    """Open a writer a run, and at the end have each record how it ended; no writers without a folder.
 
     Raises InputError when the folder is taken, SinkError when it can be written to no longer.
     """
-    if output.run is None:
+    if output.save_run is None:
         yield {}
         return
-    writers = _writers(runs, inputs, output.run, output.force)
+    writers = _writers(runs, inputs, output.save_run, output.force)
     state = "failed"
     try:
         yield writers
@@ -52,13 +52,13 @@ def saving(
         state = "stopped"
         raise
     except OSError as problem:
-        raise _full(output.run, problem) from None
+        raise _full(output.save_run, problem) from None
     finally:
-        _close(writers, state, output.run)
+        _close(writers, state, output.save_run)
 
 
 def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
-    """One run is the folder itself, several are folders below it."""
+    """Return a writer a run: one run is the folder itself, several are folders below it."""
     folders = {runs[0].label: target}
     if len(runs) > 1:
         begin_comparison(target, [run.label for run in runs], force=force)
@@ -76,7 +76,7 @@ def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: boo
 
 
 def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
-    """Say what a run is made from, as its manifest does before the first step."""
+    """Return the manifest of a run before its first step: what it is made from."""
     localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
     channels, path = tuple(localizer.sensor.distances), inputs.session.path
     form = chosen(path, opening)

@@ -111,12 +111,12 @@ def draw_saved(folder: Path, recording: Path, layout: str | None = None, listene
     Raises InputError for a folder that holds no saved run.
     """
     playback = playback_of(open_saved(folder, listener))
-    runs, scene = playback.drawn, playback.scene
+    runs, scene = playback.views, playback.scene
     with (
         sinks.to_file(recording, scene.info.name, layout_of(runs, scene, layout), force=True) as rec,
         observed(rec, runs, scene) as observers,
     ):
-        step_through(playback, observers, {}, collector_of(playback))
+        step_through(playback, observers, {}, collector_of(playback), listener)
 
 
 def _checked(target: Path, suffixes: tuple[str, ...], size: tuple[int, int], *, force: bool) -> Path:

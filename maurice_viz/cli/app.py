@@ -1,49 +1,181 @@
-"""The command `maurice-replay`: the app and its default command, no logic."""
+"""The command `maurice-replay`: the one list of its commands, each imported when it is called."""
 
 from __future__ import annotations
 
-from importlib.metadata import version
+import difflib
+import sys
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command_from_info
+from typer.models import CommandInfo
 
-from maurice_mcl.sensor.descriptors import BROKEN
+from .errors import errors_end_the_command, fail
+from .main import stop_by_exception
+from .spelling import modern
 
-from .configure.config import config
-from .console import note
-from .convert.convert import convert
-from .convert.export import export
-from .convert.formats import formats
-from .convert.imports import imports
-from .convert.record import record
-from .library.build import library
-from .replay.compare import compare
-from .replay.demo import demo
-from .replay.replay import replay
-from .replay.verify import verify
-from .simulate.calibrate import calibrate
-from .simulate.simulate import simulate
-from .simulate.survey import survey
-from .understand.doctor import doctor
-from .understand.events import events
-from .understand.explain import explain
-from .understand.inspect import inspect
-from .understand.jump import jump
-from .understand.report import report
-from .understand.snapshot import snapshot
+GROUPS = ("Replay and compare", "Understand", "Record and convert", "Library", "Simulate", "Configure")
 
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A command as the list has it; `where` is module:function below this package."""
+
+    name: str  # one word, or two of a group of commands: "library build"
+    where: str
+    what: str  # one line
+    group: str
+
+
+_REPLAY, _UNDERSTAND, _CONVERT, _LIBRARY, _SIMULATE, _CONFIGURE = GROUPS
+COMMANDS = {
+    one.name: one
+    for one in (
+        Listed("replay", "replay.replay:replay", "Replay a session, a saved run or a live source.", _REPLAY),
+        Listed("compare", "replay.compare:compare", "Replay two to four runs side by side.", _REPLAY),
+        Listed("demo", "replay.demo:demo", "Compare color and blended features in simulation.", _REPLAY),
+        Listed("verify", "replay.verify:verify", "Run a saved run again and compare it bit by bit.", _REPLAY),
+        Listed("inspect", "understand.inspect:inspect", "Show what a recording holds.", _UNDERSTAND),
+        Listed("doctor", "understand.doctor:doctor", "Find what is wrong with a recording.", _UNDERSTAND),
+        Listed("events", "understand.events:events", "List what happened in a saved run.", _UNDERSTAND),
+        Listed("explain", "understand.explain:explain", "Explain one update of a saved run.", _UNDERSTAND),
+        Listed("report", "understand.report:report", "Write one page about a saved run.", _UNDERSTAND),
+        Listed("snapshot", "understand.snapshot:snapshot", "Take a picture or a movie.", _UNDERSTAND),
+        Listed("jump", "understand.jump:jump", "Move the open viewer to a step or an event.", _UNDERSTAND),
+        Listed("record", "convert.record:record", "Record a live source into a session log.", _CONVERT),
+        Listed("convert", "convert.convert:convert", "Write a recording as a log or as MCAP.", _CONVERT),
+        Listed("export", "convert.export:export", "Write a saved run for other tools.", _CONVERT),
+        Listed("import pictures", "convert.imports:pictures", "Make logs of pictures and poses.", _CONVERT),
+        Listed("formats", "convert.formats:formats", "List the formats that can be read.", _CONVERT),
+        Listed("library build", "library.build:build", "Build a library of reference pictures.", _LIBRARY),
+        Listed("library show", "library.build:show", "Show what a library holds.", _LIBRARY),
+        Listed("library check", "library.check:check", "Check coverage and ambiguity.", _LIBRARY),
+        Listed("library tune", "library.tune:tune", "Tune channels to a library.", _LIBRARY),
+        Listed("simulate", "simulate.simulate:simulate", "Simulate a drive and its survey.", _SIMULATE),
+        Listed("survey", "simulate.survey:survey", "Survey a simulated world.", _SIMULATE),
+        Listed("calibrate motion", "simulate.calibrate:motion", "Fit the motion parameters.", _SIMULATE),
+        Listed("calibrate noise", "simulate.calibrate:noise", "Measure the camera's noise floor.", _SIMULATE),
+        Listed("calibrate drive", "simulate.calibrate:drive", "Simulate a table of trials.", _SIMULATE),
+        Listed("config show", "configure.config:show", "Show the configuration in force.", _CONFIGURE),
+        Listed("config check", "configure.config:check", "Check a configuration file.", _CONFIGURE),
+    )
+}
+FAMILIES = {
+    "library": "Build a library of reference pictures, show or check one, or tune channels to one.",
+    "import": "Turn other people's data into session and survey logs.",
+    "calibrate": "Calibrate the motion model and the camera.",
+    "config": "Show and check configurations.",
+}
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
 
 
-class ReplayByDefault(TyperGroup):
+class PanelCommand(TyperCommand):
+    """A command whose help lists its options by panel, and whose errors end in one line."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Replace spellings of the release before; explain options that have moved."""
+        known = {name for one in self.params for name in (*one.opts, *one.secondary_opts)}
+        return super().parse_args(ctx, modern(args, known))
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the arguments, then the options of each panel."""
+        panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for one in self.get_params(ctx):
+            record = one.get_help_record(ctx)
+            if record is not None:
+                usual = "Arguments" if one.param_type_name == "argument" else "Options"
+                panels.setdefault(getattr(one, "rich_help_panel", None) or usual, []).append(record)
+        panels["Options"] = panels.pop("Options")  # the ones of no panel, and --help, at the end
+        for panel, rows in panels.items():
+            if rows:
+                with formatter.section(panel):
+                    formatter.write_dl(rows)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; bad input ends in one line and status 1, a request to stop in 130 or 143."""
+        with errors_end_the_command():
+            stop_by_exception()
+            channels = sys.modules.get(
+                "maurice_mcl.sensor.descriptors"
+            )  # of which some may be the user's own
+            for text in getattr(channels, "BROKEN", ()):
+                typer.echo(text, err=True)
+            return super().invoke(ctx)
+
+
+class CommandList(TyperGroup):
+    """Commands by name, imported when they are called; below a family's name those of that family."""
+
+    @property
+    def _listed(self) -> dict[str, Listed]:
+        family = self.name if self.name in FAMILIES else ""
+        if not family:
+            return COMMANDS
+        return {name.split()[1]: one for name, one in COMMANDS.items() if name.split()[0] == family}
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names, the families' among them."""
+        return list(dict.fromkeys(name.split()[0] for name in self._listed))
+
+    def get_command(self, ctx: Any, name: str) -> Any:
+        """Import the command of that name; None where there is none."""
+        one = self._listed.get(name)
+        if one is not None:
+            return load(one)
+        if self.name in FAMILIES or name not in FAMILIES:
+            return None
+        return CommandList(name=name, help=FAMILIES[name], no_args_is_help=True, rich_markup_mode=None)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command of the first word. A usage error with the nearest name where there is none."""
+        if args[0] not in self.list_commands(ctx):
+            ctx.fail(f"there is no command {args[0]!r}; {_nearest(args[0], self.list_commands(ctx))}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands by group, from the list alone."""
+        width = max(map(len, self._listed))
+        for group in GROUPS:
+            rows = [(f"{name:{width}}", one.what) for name, one in self._listed.items() if one.group == group]
+            if rows:
+                with formatter.section(group):
+                    formatter.write_dl(rows)
+
+
+class ReplayByDefault(CommandList):
     """`maurice-replay SESSION` is `maurice-replay replay SESSION`, with options before or after."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `replay` in front of what is neither a command nor an option of the app's own."""
-        if args and args[0] not in OWN_OPTIONS and args[0] not in self.commands:
+        if args and args[0] not in OWN_OPTIONS and args[0] not in self.list_commands(ctx):
+            _expect_session(args[0], self.list_commands(ctx))
             args = ["replay", *args]
         return super().parse_args(ctx, args)
+
+
+def _expect_session(word: str, commands: list[str]) -> None:
+    """Refuse a first word that is neither an option, an address nor a file: a mistyped command, probably."""
+    if not word.startswith("-") and "://" not in word and not Path(word).exists():
+        fail(f"{word}: there is no session or command of that name; {_nearest(word, commands)}")
+
+
+def _nearest(word: str, commands: list[str]) -> str:
+    near = difflib.get_close_matches(word, commands, n=1)
+    return f"did you mean the command {near[0]}?" if near else "maurice-replay --help lists commands"
+
+
+def load(one: Listed) -> TyperCommand:
+    """Import a command."""
+    module, _, function = one.where.partition(":")
+    callback = getattr(import_module(f".{module}", __package__), function)
+    info = CommandInfo(name=one.name.split()[-1], cls=PanelCommand, callback=callback)
+    made = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
+    assert isinstance(made, TyperCommand)
+    return made
 
 
 app = typer.Typer(
@@ -54,31 +186,12 @@ app = typer.Typer(
     help="Replay a robot session through vision-based Monte Carlo localization and look at every step in "
     "Rerun. `maurice-replay SESSION` is short for `maurice-replay replay SESSION`.",
 )
-app.command()(replay)
-app.command()(compare)
-app.command()(demo)
-app.command()(events)
-app.command()(explain)
-app.command()(snapshot)
-app.command()(report)
-app.command()(jump)
-app.command()(inspect)
-app.command()(doctor)
-app.command()(formats)
-app.command()(convert)
-app.command()(export)
-app.command()(record)
-app.command()(simulate)
-app.command()(survey)
-app.command()(verify)
-app.add_typer(library, name="library")
-app.add_typer(config, name="config")
-app.add_typer(imports, name="import")
-app.add_typer(calibrate, name="calibrate")
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
         typer.echo(f"maurice-replay {version('maurice-replay')}")
         raise typer.Exit
 
@@ -89,5 +202,4 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    for text in BROKEN:
-        note(text)
+    """Take the options that stand before a command."""

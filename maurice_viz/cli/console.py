@@ -1,4 +1,4 @@
-"""Where words go: results on standard output, everything else on standard error."""
+"""Where text goes: results on standard output, everything else on standard error."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from ..app.listener import Listener
-
 TABLE_WIDTH = 100  # of a table that goes to a file or a pipe, where there is no terminal to ask
 
 results = Console(
@@ -28,43 +26,25 @@ notes = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 
 class Advance(Protocol):
-    """Moves a progress bar on."""
+    """Moves a progress bar."""
 
     def __call__(self, done: int, total: int, what: str = "", /) -> None:
-        """Say how many are done, of how many (0: nobody knows), and of what if that changed."""
+        """Show how many are done, of how many (0: not known), and of what if that changed."""
         ...
 
 
 def note(text: str) -> None:
-    """Say something that is not the result."""
+    """Print a line that is not a result."""
     notes.print(text)
-
-
-def _bar() -> Progress:
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    quiet = not notes.is_terminal  # otherwise a pipe would get blank lines
-    return Progress(*columns, TimeElapsedColumn(), console=notes, transient=True, disable=quiet)
-
-
-@contextmanager
-def progress(what: str) -> Iterator[Advance]:
-    """Show a bar on standard error while something goes on; silent where that is no terminal."""
-    with _bar() as bar:
-        task = bar.add_task(what, total=None)
-
-        def advance(done: int, total: int, now: str = "", /) -> None:
-            bar.update(task, completed=done, total=total or None, description=now or what)
-
-        yield advance
 
 
 class ConsoleListener:
     """Writes remarks and warnings to standard error and shows progress there, one bar at a time."""
 
-    def __init__(self, bar: Progress | None = None) -> None:
-        """Show progress in this bar; without one only remarks and warnings are written."""
-        self._bar = bar
-        self._task: TaskID | None = None
+    def __init__(self) -> None:
+        """Begin without a bar."""
+        self._bar: Progress | None = None
+        self._task = TaskID(0)
         self._what = ""
 
     def remark(self, text: str) -> None:
@@ -76,21 +56,45 @@ class ConsoleListener:
         note(text)
 
     def progress(self, done: int, total: int, what: str) -> None:
-        """Move the bar of `what`; it takes the place of the bar of anything else."""
-        if self._bar is None:
+        """Move the bar of `what`, which replaces any other; it goes when all is done."""
+        if not notes.is_terminal:  # a pipe would get blank lines
             return
-        if self._task is None or what != self._what:
-            if self._task is not None:
-                self._bar.remove_task(self._task)
+        if self._bar is None or what != self._what:
+            self.end()
+            columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+            elapsed = TimeElapsedColumn()
+            self._bar = Progress(*columns, elapsed, console=notes, transient=True, redirect_stdout=False)
+            self._bar.start()
             self._task, self._what = self._bar.add_task(what, total=None), what
         self._bar.update(self._task, completed=done, total=total or None)
+        if done >= total > 0:
+            self.end()
 
-
-@contextmanager
-def listening() -> Iterator[Listener]:
-    """Yield a listener that writes to standard error; its progress bar goes when the block ends."""
-    with _bar() as bar:
-        yield ConsoleListener(bar)
+    def end(self) -> None:
+        """Remove the bar."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
 
 
 TO_CONSOLE = ConsoleListener()
+
+
+@contextmanager
+def listening() -> Iterator[ConsoleListener]:
+    """Yield a listener that writes to standard error; its progress bar goes when the block ends."""
+    try:
+        yield TO_CONSOLE
+    finally:
+        TO_CONSOLE.end()
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Advance]:
+    """Yield a callback that shows progress on standard error, for functions that take no listener."""
+
+    def advance(done: int, total: int, now: str = "", /) -> None:
+        TO_CONSOLE.progress(done, total, now or what)
+
+    with listening():
+        yield advance

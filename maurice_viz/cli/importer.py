@@ -81,25 +81,32 @@ def _is_run(manifest: Path) -> bool:
 
 def _import(path: Path, recording_id: str | None) -> int:
     """Draw it; what is wrong with it ends in one line and status 1."""
-    import typer
-
-    from .errors import one_line_errors
+    from maurice_loaders.errors import InputError
 
     try:
-        with one_line_errors():
-            _draw(path, recording_id)
-    except typer.Exit as end:
-        return end.exit_code
-    return 0
+        _draw(path, recording_id)
+    except InputError as problem:
+        text = str(problem)
+    except OSError as problem:
+        text = (
+            f"{problem.filename}: {problem.strerror}"
+            if problem.filename
+            else str(problem.strerror or problem)
+        )
+    else:
+        return 0
+    sys.stderr.write(f"maurice-replay: {' '.join(text.split())}\n")
+    return 1
 
 
 def _draw(path: Path, recording_id: str | None) -> None:
     from maurice_loaders.session_log.reader import SessionLog
 
     from ..app.saved import open_saved, playback_of
+    from .console import TO_CONSOLE
 
     if path.name == MANIFEST:
-        _play(playback_of(open_saved(path.parent)), recording_id)
+        _play(playback_of(open_saved(path.parent, TO_CONSOLE), TO_CONSOLE), recording_id)
         return
     log = SessionLog(path)
     survey = log.info.survey
@@ -110,23 +117,23 @@ def _draw(path: Path, recording_id: str | None) -> None:
 
 
 def _usual_run(log: SessionLog) -> Playback:
-    """Get the run ready that `maurice-replay SESSION` does."""
+    """Prepare the run that `maurice-replay SESSION` makes."""
     from ..app.open import RunSpec, make_runs, open_library_for
-    from ..app.output import Scene
+    from ..app.output import DriveScene
     from ..app.run import Playback, remark
     from ..playback import run_together, shared
     from ..scene import RunView
-    from .options import RunOptions
+    from .console import TO_CONSOLE
 
-    library = open_library_for(log, None, keep_going=False)
-    runs = make_runs(log, library, [RunSpec()], RunOptions())
+    library = open_library_for(log, None, keep_going=False, listener=TO_CONSOLE)
+    runs = make_runs(log, library, [RunSpec()], TO_CONSOLE)
     pictures, has_truth = log.overview()
     return Playback(
         shared(run_together(runs, log)),
         pictures,
         [RunView.live(run.label, run.localizer) for run in runs],
-        Scene(log.info, library, has_truth, pictures),
-        lambda collector: remark(collector, log),
+        DriveScene(log.info, library, has_truth, pictures),
+        lambda collector: remark(collector, log, TO_CONSOLE),
     )
 
 
@@ -135,19 +142,20 @@ def _play(playback: Playback, recording_id: str | None) -> None:
     from ..app.output import layout_of, observed
     from ..app.run import collector_of, step_through
     from ..viewer.sinks import recording
+    from .console import TO_CONSOLE
 
     rec = recording(playback.scene.info.name, recording_id)
-    rec.stdout(default_blueprint=layout_of(playback.drawn, playback.scene))
+    rec.stdout(default_blueprint=layout_of(playback.views, playback.scene))
     collector = collector_of(playback)
-    with observed(rec, playback.drawn, playback.scene) as observers:
-        step_through(playback, observers, {}, collector)
+    with observed(rec, playback.views, playback.scene) as observers:
+        step_through(playback, observers, {}, collector, TO_CONSOLE)
     playback.remarks(collector)
     _finish(rec)
 
 
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     """Draw a log that no library goes with."""
-    from ..app.log_moments import glances_of, moments_of
+    from ..app.drive import glances_of, moments_of
     from ..layouts.drive import drive_blueprint
     from ..panels.drive import DriveView, draw_drive, drive_paths
     from ..viewer.sinks import recording

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from maurice_mcl.config.presets import PRESETS
-from maurice_mcl.filter.resampling import RESAMPLERS
 from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.features import FEATURES
 
+from ..errors import OptionError
 from ..layouts.names import DETAILS, LAYOUT_NAMES
+
+if TYPE_CHECKING:
+    from ..app.output import OutputOptions
 
 
 def _one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
@@ -32,19 +35,11 @@ def _one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
 
 _check_feature = _one_of([*FEATURES, *(name for name in CHANNELS if name not in FEATURES)], "feature")
 _check_preset = _one_of(PRESETS, "preset")
-_check_resampler = _one_of(RESAMPLERS, "resampler")
 _check_detail = _one_of(DETAILS, "detail")
 _check_layout = _one_of(LAYOUT_NAMES, "layout")
 
 
-def _check_sharpness(value: float | None) -> float | None:
-    if value is not None and not 0 <= value <= SHARPEST:
-        raise typer.BadParameter(f"a sharpness is a number from 0 to {SHARPEST:g}, found {value}")
-    return value
-
-
-_FEATURES = f"{' | '.join(FEATURES)}, or any one channel"
-_PRESETS = " | ".join(PRESETS)
+FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
 
 SessionArgument = Annotated[
     Path,
@@ -55,125 +50,113 @@ SessionArgument = Annotated[
         metavar="SESSION",
     ),
 ]
-FeatureOption = Annotated[
-    str | None,
-    typer.Option(
-        "--feature", help=f"What is compared: {_FEATURES}. [default: blended]", callback=_check_feature
-    ),
-]
-FeaturesOption = Annotated[
+_FEATURE: Any = typer.Option(
+    "--feature",
+    metavar="NAME",
+    help=f"What is compared: {', '.join(FEATURES)}, or any one channel. [default: blended]",
+    callback=_check_feature,
+    rich_help_panel=FILTER,
+)
+_PRESET: Any = typer.Option(
+    "--preset",
+    metavar="|".join(PRESETS),
+    help="A complete filter by name.",
+    callback=_check_preset,
+    rich_help_panel=FILTER,
+)
+_CONFIG: Any = typer.Option(
+    "--config", metavar="FILE.toml", help="A configuration file, over the preset.", rich_help_panel=FILTER
+)
+_PARTICLES: Any = typer.Option(
+    "--particles",
+    min=1,
+    max=10_000_000,
+    help="Number of particles. [default: 2000]",
+    rich_help_panel=FILTER,
+)
+_SEED: Any = typer.Option(
+    "--seed",
+    min=0,
+    max=2**32 - 1,
+    help="Seed of all randomness: the same seed gives the same run. [default: 0]",
+    rich_help_panel=FILTER,
+    show_default=False,
+)
+_START: Any = typer.Option(
+    "--start",
+    metavar="tracking|truth|global|X,Y,HEADING",
+    help="Where the particles begin: on the header's start pose, on the first true pose, anywhere, or on a "
+    "pose in display units and degrees. [default: tracking where there is a start pose, else global]",
+    rich_help_panel=FILTER,
+)
+FeatureOption = Annotated[str | None, _FEATURE]
+FeaturesOption = Annotated[list[str] | None, _FEATURE]
+PresetOption = Annotated[str | None, _PRESET]
+PresetsOption = Annotated[list[str] | None, _PRESET]
+ConfigOption = Annotated[Path | None, _CONFIG]
+ConfigsOption = Annotated[list[Path] | None, _CONFIG]
+ParticlesOption = Annotated[int | None, _PARTICLES]
+ParticleCountsOption = Annotated[list[int] | None, _PARTICLES]
+SeedOption = Annotated[int, _SEED]
+SeedsOption = Annotated[list[int] | None, _SEED]
+StartOption = Annotated[str | None, _START]
+StartsOption = Annotated[list[str] | None, _START]
+SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--feature",
-        help=f"Once for each run: {_FEATURES}. [default: color and blended]",
-        callback=_check_feature,
-    ),
-]
-PresetOption = Annotated[
-    str | None,
-    typer.Option("--preset", help=f"A whole filter by name: {_PRESETS}.", callback=_check_preset),
-]
-PresetsOption = Annotated[
-    list[str] | None,
-    typer.Option("--preset", help=f"Once for all runs or once for each: {_PRESETS}.", callback=_check_preset),
-]
-ConfigOption = Annotated[
-    Path | None,
-    typer.Option("--config", metavar="FILE.toml", help="A configuration file, over the preset."),
-]
-ConfigsOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--config",
-        metavar="FILE.toml",
-        help="A configuration file, over the preset: once for all runs or once for each.",
+        "--set",
+        metavar="KEY=VALUE",
+        help="Set any key of the configuration, such as sensor.sharpness=2 or resampling.scheme=residual; "
+        "motion=FILE.toml takes motion parameters from a file. Repeatable; `config show` lists the keys.",
+        rich_help_panel=FILTER,
     ),
 ]
 LibraryOption = Annotated[
     Path | None,
-    typer.Option("--library", help="A library folder or a survey log. [default: what the header names]"),
-]
-ParticlesOption = Annotated[
-    int | None,
-    typer.Option("--particles", min=1, max=10_000_000, help="How many particles. [default: 2000]"),
-]
-SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, max=2**32 - 1, help="The same seed gives the same run.")
-]
-SeedsOption = Annotated[
-    list[int] | None,
     typer.Option(
-        "--seed",
-        min=0,
-        max=2**32 - 1,
-        help="Once for all runs, which then have the same noise, or once for each. [default: 0]",
+        "--library",
+        metavar="PATH",
+        help="A library folder or a survey log. [default: the one that the header names]",
+        rich_help_panel=FILTER,
     ),
 ]
-StartOption = Annotated[
+RrdOption = Annotated[
     str | None,
     typer.Option(
-        "--start",
-        help="tracking (the header's start pose), truth (the first true pose), global (anywhere), or "
-        "X,Y,HEADING in the session's display units and degrees. [default: tracking where the header has a "
-        "start pose, else global]",
+        "--rrd",
+        metavar="OUT.rrd|auto|none",
+        help="Open no viewer, and write the Rerun recording to this file; auto: <name>.rrd; none: write no "
+        "recording. [default: the viewer where there is a display, else auto]",
+        rich_help_panel=OUTPUT,
     ),
 ]
-ResamplerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--resampler", help=f"{' | '.join(RESAMPLERS)}. [default: systematic]", callback=_check_resampler
-    ),
-]
-ResamplersOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--resampler",
-        help=f"Once for all runs or once for each: {' | '.join(RESAMPLERS)}. [default: systematic]",
-        callback=_check_resampler,
-    ),
-]
-SharpnessOption = Annotated[
-    float | None,
-    typer.Option(
-        "--sharpness",
-        help="Multiplies the log-likelihood; 0 makes the sensor blind. [default: 1]",
-        callback=_check_sharpness,
-    ),
-]
-MotionOption = Annotated[
+SaveRunOption = Annotated[
     Path | None,
     typer.Option(
-        "--motion",
-        metavar="FILE.toml",
-        help="Motion parameters in place of the header's, as `calibrate motion -o` writes them.",
+        "--save-run",
+        metavar="DIR",
+        help="Save every step to this new folder, for `explain`, `report`, `verify` and others.",
+        rich_help_panel=OUTPUT,
     ),
 ]
-SaveOption = Annotated[
-    Path | None,
-    typer.Option("--save", metavar="OUT.rrd", help="Write the recording to this file and open no viewer."),
-]
-HeadlessOption = Annotated[
-    bool,
-    typer.Option("--headless", help="Open no viewer, as where there is no display: write <stem>.rrd."),
-]
-NoRecordingOption = Annotated[
-    bool, typer.Option("--no-recording", help="Neither viewer nor recording: only the figures.")
-]
-RunOption = Annotated[
-    Path | None,
-    typer.Option("--run", metavar="DIR", help="Save every step to this new folder, for replay and `verify`."),
-]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what is there.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what exists.", rich_help_panel=OUTPUT)]
 KeepGoingOption = Annotated[
-    bool, typer.Option("--keep-going", help="Skip broken lines and pictures, and say how many at the end.")
+    bool,
+    typer.Option(
+        "--keep-going",
+        help="Skip broken lines and pictures, and report how many at the end.",
+        rich_help_panel=READING,
+    ),
 ]
 LayoutOption = Annotated[
     str | None,
     typer.Option(
         "--layout",
-        help=f"The layout to begin with; all are tabs in the viewer: {' | '.join(LAYOUT_NAMES)}. "
+        metavar="NAME",
+        help=f"The layout to begin with, of the tabs in the viewer: {', '.join(LAYOUT_NAMES)}. "
         "[default: overview, or compare for several runs]",
         callback=_check_layout,
+        rich_help_panel=OUTPUT,
     ),
 ]
 AsRecordedOption = Annotated[
@@ -181,58 +164,91 @@ AsRecordedOption = Annotated[
     typer.Option(
         "--as-recorded",
         help="Of a bag: show the particles of the localizer that was recorded; no filter runs.",
+        rich_help_panel=READING,
     ),
 ]
 DetailOption = Annotated[
     str,
     typer.Option(
         "--detail",
-        help=f"{' | '.join(DETAILS)}: every panel at every step, only around events, or little everywhere.",
+        metavar="|".join(DETAILS),
+        help="Draw every panel at every step, only around events, or little everywhere.",
         callback=_check_detail,
+        rich_help_panel=OUTPUT,
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print JSON instead of a table.", rich_help_panel=OUTPUT)
+]
+FollowOption = Annotated[
+    bool,
+    typer.Option(
+        "--follow",
+        help="SESSION is a file that is still being written: continue as it grows.",
+        rich_help_panel=LIVE,
+    ),
+]
+CaptureOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--capture",
+        metavar="DIR",
+        help="Of a live source: write all that comes to DIR/session.log.",
+        rich_help_panel=LIVE,
+    ),
+]
+KeepUpOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--keep-up/--every-picture",
+        help="Of a live source: leave out the oldest of more than four waiting pictures, and count them; or "
+        "use every one, however late. [default: --keep-up for tcp:// and ws://]",
+        rich_help_panel=LIVE,
+    ),
+]
+PatienceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--patience",
+        hidden=True,  # of `replay`, which has enough options; `record` shows its own
+        min=0.0,
+        metavar="SECONDS",
+        help="Of a live source: end when it was away, or silent, for this long. "
+        "[default: 30 away; silent forever]",
+        rich_help_panel=LIVE,
+    ),
+]
 
-SHARPEST = 10_000.0  # beyond it only the best entry has any likelihood
+
+def output_of(
+    stem: str,
+    rrd: str | None,
+    *,
+    save_run: Path | None = None,
+    layout: str | None = None,
+    detail: str = DETAILS[0],
+    force: bool = False,
+) -> OutputOptions:
+    """Return where the output goes; `stem` names the recording where `rrd` does not."""
+    from ..app.output import OutputOptions  # imports Rerun, which `inspect` and others do without
+
+    file = None if rrd in (None, "auto", "none") else Path(str(rrd))
+    return OutputOptions(stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail)
 
 
-@dataclass(frozen=True, slots=True)
-class RunOptions:
-    """What was asked of every run, still as typed."""
-
-    seed: int = 0
-    start: str | None = None
-    particles: int | None = None
-    resampler: str | None = None
-    sharpness: float | None = None
-    motion: Path | None = None  # in place of the header's parameters
-    config: Path | None = None
-
-    @property
-    def typed(self) -> dict[str, Any]:
-        """What was given of the configuration on the command line, by key."""
-        given = {
-            "particles": self.particles,
-            "resampling.scheme": self.resampler,
-            "sensor.sharpness": self.sharpness,
-        }
-        return {key: value for key, value in given.items() if value is not None}
+def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:
+    """Read `--set KEY=VALUE` pairs; a value may be TOML, such as a table. OptionError for anything else."""
+    found: dict[str, Any] = {}
+    for pair in pairs or ():
+        key, equals, value = pair.partition("=")
+        if not equals or not key.strip():
+            raise OptionError(f"--set takes KEY=VALUE, such as sensor.sharpness=2; found {pair!r}")
+        found[key.strip()] = value.strip() if not value.strip().startswith(("{", "[")) else _toml(pair, value)
+    return found
 
 
-@dataclass(frozen=True, slots=True)
-class OutputOptions:
-    """Where the result goes. A usage error where a recording is both wanted and not."""
-
-    stem: str  # of the recording, where no --save names it
-    save: Path | None
-    headless: bool
-    no_recording: bool
-    force: bool
-    json: bool
-    run: Path | None = None  # folder of the saved run
-    layout: str | None = None  # the one that is open at first, by name
-    detail: str = DETAILS[0]  # how much of each step is drawn
-
-    def __post_init__(self) -> None:
-        if self.no_recording and self.save is not None:
-            raise typer.BadParameter("--save and --no-recording exclude each other")
+def _toml(pair: str, value: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError as problem:
+        raise OptionError(f"--set {pair}: {problem}") from None

@@ -11,7 +11,7 @@ import errno
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
@@ -20,12 +20,9 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ..cli.console import note
 from ..errors import SinkError
 from .open_viewers import remember, remember_recording
 from .spawn import HOST, address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
-
-# Where a recording goes: a file or a viewer.
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
@@ -34,11 +31,18 @@ CALLS_AHEAD = 2000  # of logging, that may wait to be written: some 4 MB of a re
 FILE_BATCH_S = 1.0  # of a file that nobody follows: fewer batches, smaller, and a shorter list of them
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
-ELSEWHERE = "use --save FILE.rrd, and look at it where there is a screen"
+ELSEWHERE = "use --rrd FILE.rrd, and open it where there is a screen"
 SERVED = (
     "25MB"  # of a live recording kept for viewers that come late, the newest; takes some 100 MB of memory
 )
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
+
+
+Remark = Callable[[str], None]  # receives a line for people
+
+
+def _silent(text: str) -> None:
+    """Ignore a remark."""
 
 
 class FileRecording(rr.RecordingStream):
@@ -58,12 +62,12 @@ class FileRecording(rr.RecordingStream):
         super().log(*what, **how)
         self._calls += 1
         if self._calls % CALLS_AHEAD == 0:
-            with suppress(*CANNOT_WRITE):  # said at the end, when all that could be written is
+            with suppress(*CANNOT_WRITE):  # reported at the end, when all that could be written is
                 self.flush(timeout_sec=FLUSH_S)
 
 
 def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
-    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows."""
+    """Open a recording that goes nowhere yet; `name`, in any script, is what the viewer shows as its name."""
     return _named(rr.RecordingStream(APPLICATION, recording_id=recording_id), name)
 
 
@@ -75,20 +79,26 @@ def _named(rec: rr.RecordingStream, name: str) -> rr.RecordingStream:
 
 
 def has_display() -> bool:
-    """Tell whether there is a screen to open a window on."""
+    """Return whether there is a screen to open a window on."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def part_of(path: Path) -> Path:
-    """Give the name that a recording has while it is being written; no other process writes it."""
+    """Return the name of a recording while it is being written; no other process writes it."""
     return path.with_name(f"{path.stem}.{os.getpid()}.part.rrd")
 
 
 @contextmanager
 def to_file(
-    path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool = False, serve: int | None = None
+    path: Path,
+    name: str,
+    blueprint: rrb.Blueprint,
+    *,
+    force: bool = False,
+    serve: int | None = None,
+    remark: Remark = _silent,
 ) -> Iterator[rr.RecordingStream]:
     """Open a recording that is written to a file, whole or not at all under that name.
 
@@ -111,14 +121,14 @@ def to_file(
         yield rec
     except BaseException:
         _close(rec)
-        note(f"{part} goes as far as it got")
+        remark(f"{part} goes as far as it got")
         raise
     _check_written(part, _close(rec))
     part.replace(path)
 
 
 def bring_up_viewer() -> int:
-    """Start a viewer on this display, which stays open afterwards; give the port it listens on.
+    """Start a viewer on this display, which stays open afterwards; return the port it listens on.
 
     Raises SinkError when none comes up, or it ends again at once (the display may be dead).
     """
@@ -156,7 +166,7 @@ def _check_target(path: Path, force: bool) -> None:
     if path.is_dir():
         raise SinkError(path, "is a folder, not a file; choose another name")
     if path.exists() and not force:
-        raise SinkError(path, "exists already; use --force to replace it or --save to choose another name")
+        raise SinkError(path, "exists already; use --force to replace it or --rrd to choose another name")
     try:
         part_of(path).open("wb").close()
     except OSError as error:
@@ -164,7 +174,7 @@ def _check_target(path: Path, force: bool) -> None:
 
 
 def _close(rec: rr.RecordingStream) -> bool:
-    """Write out and let go; tell whether everything could be written."""
+    """Write out and disconnect; return whether everything could be written."""
     try:
         rec.flush(timeout_sec=FLUSH_S)
         return True
@@ -178,7 +188,7 @@ def _check_written(part: Path, flushed: bool) -> None:
     if not part.exists():
         raise SinkError(part, "has vanished while it was being written")
     if shutil.disk_usage(part.parent).free < LEAST_FREE:
-        raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or --save to another disk")
+        raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or write to another disk")
     if not flushed:
         raise SinkError(part, "could not be written to the end; is the disk full or gone?")
 
@@ -188,30 +198,37 @@ def _check_written(part: Path, flushed: bool) -> None:
 
 @contextmanager
 def to_file_and_viewers(
-    path: Path, name: str, blueprint: rrb.Blueprint, *, force: bool, window: bool, viewer: str
+    path: Path,
+    name: str,
+    blueprint: rrb.Blueprint,
+    *,
+    force: bool,
+    window: bool,
+    viewer: str,
+    remark: Remark = _silent,
 ) -> Iterator[rr.RecordingStream]:
     """Open a recording that goes to a file and is served to viewers; neither waits for the other.
 
     With `window` a viewer is started; `viewer` is its command, for people. SinkError as from `to_file`.
     """
     port = free_port()
-    with to_file(path, name, blueprint, force=force, serve=port) as rec:
-        note(f"live; to look at it, also from another shell: {viewer} --connect {address(port)}")
+    with to_file(path, name, blueprint, force=force, serve=port, remark=remark) as rec:
+        remark(f"live; to look at it, also from another shell: {viewer} --connect {address(port)}")
         if window:
-            _bring_up(port, name, rec.get_recording_id() or "")
+            _bring_up(port, name, rec.get_recording_id() or "", remark)
         yield rec
 
 
-def _bring_up(port: int, name: str, recording: str) -> None:
-    """Start a viewer that follows, and that `jump` finds; where none comes up that is said, and no more."""
+def _bring_up(port: int, name: str, recording: str, remark: Remark) -> None:
+    """Start a viewer that follows, and that `jump` finds; where none opens, only remark it."""
     own = free_port()
     try:
         process = start_viewer(own, ["--connect", address(port)])
     except OSError as problem:
-        note(f"{viewer_binary()}: does not start ({problem.strerror}); going on without")
+        remark(f"{viewer_binary()}: does not start ({problem.strerror}); going on without")
         return
     if ends_within(process, SETTLE_S):
-        note(f"{viewer_binary()}: opened no window on this display; going on without")
+        remark(f"{viewer_binary()}: opened no window on this display; going on without")
         return
     remember(process.pid, own)
     remember_recording(own, name, recording)

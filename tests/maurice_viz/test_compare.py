@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from maurice_viz.app.compare import names_of
 from maurice_viz.app.open import RunSpec, make_runs, open_library_for
 from maurice_viz.app.snapshot import draw_saved
 from maurice_viz.cli.app import app
-from maurice_viz.cli.options import RunOptions
 from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together
 
@@ -120,7 +120,8 @@ def test_runs_that_are_compared_have_the_same_noise(small_session: Path) -> None
     library = open_library_for(session, None, keep_going=False)
     wanted = [RunSpec(feature="color"), RunSpec(feature="blended"), RunSpec(feature="color", seed=1)]
     wanted.append(RunSpec(feature="blended"))
-    runs = make_runs(session, library, wanted, RunOptions(particles=200, start="global"))
+    few = [replace(one, particles=200, start="global") for one in wanted]
+    runs = make_runs(session, library, few)
     color, blended, other_seed, again = (run.label for run in runs)
     for number, (_, records) in enumerate(run_together(runs, session)):
         clouds = {label: record.predicted.poses for label, record in records.items()}

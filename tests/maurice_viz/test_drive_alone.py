@@ -114,8 +114,8 @@ def test_pictures_alone_are_drawn(tmp_path: Path) -> None:
         cv2.imwrite(str(folder / f"{k}.png"), np.full((20, 30, 3), 40 * k, np.uint8))
         rows.append(f"{k}.0,{k}.png")
     (folder / "list.csv").write_text("\n".join(rows) + "\n")
-    columns = ["--columns", "time=t:s,image=file"]
-    done = replay(folder, "--table", folder / "list.csv", *columns, "--save", tmp_path / "a.rrd")
+    columns = ["--reading", "columns=time=t:s,image=file"]
+    done = replay(folder, "--reading", f"table={folder / 'list.csv'}", *columns, "--save", tmp_path / "a.rrd")
     assert done.exit_code == 0, done.output
     found = drawn(tmp_path / "a.rrd")
     assert found["/session/camera"] >= {1, 2, 3}

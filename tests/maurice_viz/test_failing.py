@@ -36,7 +36,7 @@ def test_an_error_of_the_system_is_one_line(
 
 
 LOST = """
-import os, signal, time, maurice_viz.cli, maurice_viz.entry
+import os, signal, time, maurice_viz.cli.app, maurice_viz.cli.main
 class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.{name})
@@ -62,14 +62,14 @@ def test_a_signal_that_comes_in_a_callback_is_not_overheard(name: str, status: i
 IGNORED = """
 import os, signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for a job in the background, and nohup
-import maurice_viz.cli, maurice_viz.entry
+import maurice_viz.cli.app, maurice_viz.cli.main
 from maurice_viz.app.stop import stops_between
 def app():
     with stops_between() as stops, stops.wait():
         os.kill(os.getpid(), signal.SIGINT)
     print("went on")
-maurice_viz.cli.app = app
-maurice_viz.entry.main()
+maurice_viz.cli.app.app = app
+maurice_viz.cli.main.main()
 """
 
 

@@ -132,7 +132,7 @@ def test_a_saved_run_and_a_session_are_drawn_and_shown(
     maurice(small_session, "--particles", "50", "--feature", "color", "--run", "kept", "--no-recording")
     kept: Any = mv.show("kept", layout="overview")
     live: Any = mv.show(small_session, feature="color", particles=50)
-    assert "position error, mean (m)" in capsys.readouterr().out
+    assert not "".join(capsys.readouterr())
     saved, replayed = kept.content(tmp_path), live.content(tmp_path)
     assert "/color/belief/particles" in {str(chunk.entity_path) for chunk in replayed.stream()}
     assert rows_of(saved) == rows_of(replayed)
@@ -144,7 +144,7 @@ def test_what_cannot_be_shown_is_a_log_error(tmp_path: Path, widget: None) -> No
         mv.show(tmp_path / "no.rrd")
     with pytest.raises(InputError, match="expected a saved run"):
         mv.show(tmp_path)
-    with pytest.raises(InputError, match="could not be replayed"):
+    with pytest.raises(InputError, match="no such file"):
         mv.show(tmp_path / "no.log")
 
 

@@ -61,7 +61,9 @@ def kept_and_shown(run: Path, recording: Path, survey: Path, options: Sequence[o
 @pytest.mark.parametrize("name", ["tum", "rosbag1", "rosbag2", "euroc", "cmucam"])
 def test_a_run_of_a_recording_is_shown_and_verified(name: str, small_session: Path, tmp_path: Path) -> None:
     recording = format_samples.sample(name, tmp_path / "made")
-    kept_and_shown(tmp_path / "kept", recording, small_session.with_name("survey.log"), ("--max-dt", 0.2))
+    kept_and_shown(
+        tmp_path / "kept", recording, small_session.with_name("survey.log"), ("--reading", "max_dt_s=0.2")
+    )
     manifest = read_manifest(tmp_path / "kept")
     assert (manifest.reading.format, manifest.reading.max_dt_s) == (name, 0.2)
 
@@ -71,7 +73,14 @@ def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(
 ) -> None:
     folder, table = views(small_session, tmp_path / "views")
     columns = "time=ms:ms,odometry_x=px,odometry_y=py,odometry_heading=yaw:rad"
-    options = ("--table", table, "--columns", columns, "--min-distance", 0.2)
+    options = (
+        "--reading",
+        f"table={table}",
+        "--reading",
+        f"columns={columns}",
+        "--reading",
+        "min_distance_m=0.2",
+    )
     survey = small_session.with_name("survey.log")
     kept_and_shown(tmp_path / "kept", folder, survey, options)
     assert read_manifest(tmp_path / "kept").pictures == 7
@@ -102,7 +111,7 @@ def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_pat
     (poses,) = tmp_path.rglob("poses/*.txt")
     assert not poses.is_relative_to(recording)
     survey = small_session.with_name("survey.log")
-    kept_and_shown(tmp_path / "kept", recording, survey, ("--odometry-from-truth",))
+    kept_and_shown(tmp_path / "kept", recording, survey, ("--reading", "odometry_from_truth=true"))
     poses.write_text(poses.read_text() + "\n")
     code, _, said = maurice("verify", tmp_path / "kept")
     assert code == 1
@@ -124,7 +133,7 @@ def test_recording_and_run_may_be_moved_together(small_session: Path, tmp_path: 
 def test_another_camera_of_a_session_log_is_saved(small_session: Path, tmp_path: Path) -> None:
     """Pictures that name no camera are everybody's."""
     kept_and_shown(
-        tmp_path / "kept", small_session, small_session.with_name("survey.log"), ("--camera", "left")
+        tmp_path / "kept", small_session, small_session.with_name("survey.log"), ("--reading", "camera=left")
     )
     assert read_manifest(tmp_path / "kept").reading.camera == "left"
 

@@ -22,8 +22,8 @@ def write(path: Path, force: bool = False) -> None:
         rec.log("/a", rr.TextDocument("hello"))
 
 
-def write_in_vain(path: Path) -> None:
-    with sinks.to_file(path, "x", LAYOUT, force=True) as rec:
+def write_in_vain(path: Path, remark: sinks.Remark) -> None:
+    with sinks.to_file(path, "x", LAYOUT, force=True, remark=remark) as rec:
         rec.log("/a", rr.TextDocument("so far"))
         raise KeyboardInterrupt
 
@@ -56,15 +56,13 @@ def test_force_replaces(tmp_path: Path) -> None:
     assert RrdReader(tmp_path / "a.rrd").recordings()
 
 
-def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "a.rrd"
+def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path: Path) -> None:
+    path, said = tmp_path / "a.rrd", list[str]()
     path.write_bytes(b"mine")
     with pytest.raises(KeyboardInterrupt):
-        write_in_vain(path)
+        write_in_vain(path, said.append)
     assert path.read_bytes() == b"mine"
-    assert f"{sinks.part_of(path).name} goes as far as it got" in capsys.readouterr().err
+    assert f"{sinks.part_of(path).name} goes as far as it got" in said[0]
     assert "/a" in {str(chunk.entity_path) for chunk in RrdReader(sinks.part_of(path)).stream()}
 
 

@@ -9,16 +9,13 @@ from typing import Annotated, Any
 
 import typer
 
-from maurice_loaders.reading import ReadingOptions
-
 from ...app.convert import convert as convert_recording
 from ..console import listening, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption, KeepGoingOption
-from ..reading import reads_recordings
+from ..reading import ReadingOption, reading_of
 
 
-@reads_recordings
 def convert(
     source: Annotated[
         Path, typer.Argument(metavar="IN", show_default=False, help="A recording of any readable format.")
@@ -37,7 +34,7 @@ def convert(
     keep_going: KeepGoingOption = False,
     force: ForceOption = False,
     json_output: JsonOption = False,
-    opening: ReadingOptions,
+    reading: ReadingOption = None,
 ) -> None:
     """Write a session as a native log (.log, its pictures beside it) or as MCAP with ROS 2 messages (.mcap).
 
@@ -45,6 +42,7 @@ def convert(
     without pictures all odometry, truth and events are written.
     """
     kind: Any = pictures  # checked by the function
+    opening = reading_of(reading, keep_going=keep_going)
     with one_line_errors(), listening() as listener:
         file, done = convert_recording(
             source,

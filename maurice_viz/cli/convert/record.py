@@ -15,7 +15,6 @@ from maurice_loaders.reading import MAX_DT_S, ReadingOptions
 from ...errors import Terminated
 from ..console import note, progress, results
 from ..errors import INTERRUPTED, TERMINATED, one_line_errors
-from ..live_options import PatienceOption, patience_of
 from ..options import ForceOption, JsonOption
 
 SourceArgument = Annotated[
@@ -41,6 +40,16 @@ MaxDtOption = Annotated[
     float, typer.Option("--max-dt", min=0.0, help="Of ws://: most seconds between picture and odometry.")
 ]
 
+PatienceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--patience",
+        min=0.0,
+        metavar="SECONDS",
+        help="End when the source was away, or silent, for this long. [default: 30 away; silent forever]",
+    ),
+]
+
 
 def record(
     source: SourceArgument,
@@ -55,6 +64,8 @@ def record(
     json_output: JsonOption = False,
 ) -> None:
     """Record a live source into a session log, until it ends or you press Ctrl-C."""
+    from ...app.live import patience_of
+
     topics = ReadingOptions(
         image_topic=image_topic, odometry_topic=odometry_topic, truth_topic=truth_topic, max_dt_s=max_dt
     )

@@ -11,7 +11,6 @@ import typer
 from rich.table import Table
 
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.library import ChannelIndex, Library
 
 from ...app.library import build_library
@@ -20,7 +19,7 @@ from ...style import scale_for, units_named
 from ..console import listening, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption, KeepGoingOption
-from ..reading import reads_recordings
+from ..reading import ReadingOption, reading_of
 from .check import LibraryArgument, check, coverage_lines
 from .tune import tune
 
@@ -35,7 +34,6 @@ library.command()(check)
 
 
 @library.command()
-@reads_recordings
 def build(
     survey: Annotated[
         Path,
@@ -65,10 +63,10 @@ def build(
     ] = 0.0,
     force: ForceOption = False,
     keep_going: KeepGoingOption = False,
-    *,
-    opening: ReadingOptions,
+    reading: ReadingOption = None,
 ) -> None:
     """Measure every picture of a survey, or some of a drive, and write a self-contained library."""
+    opening = reading_of(reading, keep_going=keep_going)
     with one_line_errors(), listening() as listener:
         built, covered = build_library(
             survey,

@@ -2,89 +2,86 @@
 
 from __future__ import annotations
 
-import typer
-
-from maurice_loaders.reading import ReadingOptions
+from pathlib import Path
 
 from ...layouts.names import DETAILS
-from ..common_options import CommonOptions, runs_a_filter
-from ..live_options import LiveOptions, listens
+from ..console import listening
 from ..options import (
     AsRecordedOption,
+    CaptureOption,
     ConfigOption,
     DetailOption,
     FeatureOption,
+    FollowOption,
+    ForceOption,
+    JsonOption,
+    KeepGoingOption,
+    KeepUpOption,
+    LayoutOption,
+    LibraryOption,
+    ParticlesOption,
+    PatienceOption,
     PresetOption,
-    ResamplerOption,
-    RunOptions,
+    RrdOption,
+    SaveRunOption,
     SeedOption,
     SessionArgument,
+    SetOption,
+    StartOption,
+    output_of,
+    settings_of,
 )
-from ..reading import reads_recordings
+from ..reading import ReadingOption, reading_of
+from ..scores import printed
 
 
-@reads_recordings
-@listens
-@runs_a_filter
 def replay(
     session: SessionArgument,
-    *,
-    feature: FeatureOption = None,
+    library: LibraryOption = None,
     preset: PresetOption = None,
-    config: ConfigOption = None,
+    feature: FeatureOption = None,
+    particles: ParticlesOption = None,
     seed: SeedOption = 0,
-    resampler: ResamplerOption = None,
-    common: CommonOptions,
+    start: StartOption = None,
+    config: ConfigOption = None,
+    settings: SetOption = None,
+    rrd: RrdOption = None,
+    save_run: SaveRunOption = None,
+    layout: LayoutOption = None,
     detail: DetailOption = DETAILS[0],
+    force: ForceOption = False,
+    json_output: JsonOption = False,
+    follow: FollowOption = False,
+    capture: CaptureOption = None,
+    keep_up: KeepUpOption = None,
+    patience: PatienceOption = None,
+    reading: ReadingOption = None,
+    keep_going: KeepGoingOption = False,
     as_recorded: AsRecordedOption = False,
-    live: LiveOptions,
-    opening: ReadingOptions,
 ) -> None:
-    """Replay a session of any format, a saved run or a live source, in the viewer or, without, to a file."""
-    from maurice_loaders.runs.store import is_saved
-
+    """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
+    from ...app.live import LiveOptions
     from ...app.open import RunSpec
-    from ...app.run import replay_runs
-    from ...app.saved import replay_saved
+    from ...app.replay import replay_any
 
-    library, run = common.library, common.run
-    options = common.of_runs(seed, resampler, config)
-    output = common.of_output(session.absolute().stem, detail)
-    if as_recorded:
-        from ...app.recorded import replay_as_recorded
-
-        if options != RunOptions() or preset or feature or library or run:
-            raise typer.BadParameter(
-                "--as-recorded runs no filter: only options of reading and of the output apply"
-            )
-        if live.wanted_for(session):
-            raise typer.BadParameter("--as-recorded reads a bag that is finished, not a live source")
-        replay_as_recorded(session, opening, output)
-        return
-    if live.wanted_for(session):
-        if opening.odometry_from_truth:
-            raise typer.BadParameter("--odometry-from-truth needs a recording, not a live source")
-        from ...app.live import follow_source
-
-        follow_source(session, library, RunSpec(preset, feature), options, output, live, opening)
-        return
-    if is_saved(session):
-        reading = opening != ReadingOptions()
-        if options != RunOptions() or preset or feature or library or run or reading:
-            raise typer.BadParameter(
-                "a saved run is replayed as it was: only options of the output apply to it"
-            )
-        replay_saved(session, output)
-        return
-    figures = options != RunOptions() or preset or feature or run
-    figures = figures or common.no_recording or common.json_output or common.layout
-    replay_runs(
-        session,
-        library,
-        [RunSpec(preset, feature)],
-        options,
-        output,
-        keep_going=common.keep_going,
-        opening=opening,
-        shown_alone=not figures,
+    given = settings_of(settings)
+    motion = given.pop("motion", None)
+    spec = RunSpec(
+        preset, feature, particles, seed, start, config, given, None if motion is None else Path(motion)
     )
+    output = output_of(
+        session.absolute().stem, rrd, save_run=save_run, layout=layout, detail=detail, force=force
+    )
+    with listening() as listener:
+        replay_any(
+            session,
+            library,
+            spec,
+            output,
+            reading=reading_of(reading, keep_going=keep_going),
+            live=LiveOptions(follow, capture, keep_up, patience),
+            as_recorded=as_recorded,
+            alone=not json_output,
+            listener=listener,
+            report=printed(json_output),
+        )

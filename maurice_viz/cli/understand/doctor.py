@@ -11,14 +11,13 @@ from typing import Annotated
 import typer
 
 from maurice_loaders.inspection.doctor import Diagnosis
-from maurice_loaders.reading import ReadingOptions
 
 from ...app.inspect import diagnose, fixes
 from ...text.diagnosis import describe, evidence_for, fix_for
 from ..console import listening, note, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption, LibraryOption, SessionArgument
-from ..reading import reads_recordings, typed
+from ..reading import ReadingOption, reading_of, typed
 
 Options = Sequence[Sequence[str]]  # as typed: what fixes each complaint, and last what fixes all; or nothing
 
@@ -37,7 +36,6 @@ ReadingFileOption = Annotated[
 ]
 
 
-@reads_recordings
 def doctor(
     session: SessionArgument,
     library: LibraryOption = None,
@@ -47,10 +45,10 @@ def doctor(
     force: ForceOption = False,
     strict: StrictOption = False,
     json_output: JsonOption = False,
-    *,
-    opening: ReadingOptions,
+    reading: ReadingOption = None,
 ) -> None:
     """Find wrong signs, units, frames, clocks and cameras in a recording, with the reason and the fix."""
+    opening = reading_of(reading)
     with one_line_errors(), listening() as listener:
         found = diagnose(
             session,

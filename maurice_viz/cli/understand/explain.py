@@ -11,7 +11,7 @@ import typer
 from ..console import listening, results
 from ..convert.export import RunArgument, RunLabelOption
 from ..errors import one_line_errors
-from ..options import ForceOption, HeadlessOption, JsonOption, NoRecordingOption, SaveOption
+from ..options import ForceOption, JsonOption, RrdOption
 
 MORE = "One more reference"
 
@@ -44,19 +44,15 @@ def explain(
         ),
     ] = None,
     run_label: RunLabelOption = None,
-    save: SaveOption = None,
+    rrd: RrdOption = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="OUT.png", help="Write a picture of the panel to this file."),
     ] = None,
-    headless: HeadlessOption = False,
-    no_recording: NoRecordingOption = False,
     force: ForceOption = False,
     json_output: JsonOption = False,
 ) -> None:
     """Explain and show why the filter believed what it believed at one update of a saved run."""
-    if no_recording and save is not None:
-        raise typer.BadParameter("--save and --no-recording exclude each other")
     from ...app.explain import check_picture, record, show
     from ...app.explain import explain as explain_run
 
@@ -73,8 +69,8 @@ def explain(
         if output is not None:
             found.save(output, force=force)
             listener.remark(f"{output} written")
-        file = save or Path(f"{run.absolute().stem}-step-{found.step.step}.rrd")
-        if save is not None or (headless and output is None and not no_recording):
-            record(found, file, force=force, listener=listener)
-        elif output is None and not no_recording:
-            show(found, file, force=force, listener=listener)
+        usual = Path(f"{run.absolute().stem}-step-{found.step.step}.rrd")
+        if rrd is None and output is None:
+            show(found, usual, force=force, listener=listener)
+        elif rrd not in (None, "none"):
+            record(found, usual if rrd == "auto" else Path(str(rrd)), force=force, listener=listener)

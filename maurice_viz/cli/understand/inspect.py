@@ -8,18 +8,17 @@ from dataclasses import asdict
 from rich.table import Table
 
 from maurice_loaders.inspection.overview import Inspection
-from maurice_loaders.reading import ReadingOptions
 
 from ...app.inspect import inspect as inspect_recording
 from ..console import results
 from ..errors import one_line_errors
 from ..options import JsonOption, SessionArgument
-from ..reading import reads_recordings
+from ..reading import ReadingOption, reading_of
 
 
-@reads_recordings
-def inspect(session: SessionArgument, *, json_output: JsonOption = False, opening: ReadingOptions) -> None:
+def inspect(session: SessionArgument, json_output: JsonOption = False, reading: ReadingOption = None) -> None:
     """Show what a session, a survey log or a recording holds: counts, rates, spans, pictures, problems."""
+    opening = reading_of(reading)
     with one_line_errors():
         format_name, found = inspect_recording(session, options=opening)
     if json_output:

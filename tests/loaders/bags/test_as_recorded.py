@@ -18,11 +18,11 @@ from maurice_loaders.formats.registry import guess
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
-from maurice_viz.app.as_recorded import AFTER_RESAMPLING
-from maurice_viz.app.output import layout_of
-from maurice_viz.app.recorded import open_as_recorded, playback_of, replay_as_recorded
+from maurice_viz.app.open import RunSpec
+from maurice_viz.app.output import OutputOptions, layout_of
+from maurice_viz.app.recorded import AFTER_RESAMPLING, open_as_recorded, playback_as_recorded
+from maurice_viz.app.replay import replay_any
 from maurice_viz.cli.app import app
-from maurice_viz.cli.options import OutputOptions
 from maurice_viz.entities import Phase
 from maurice_viz.style import scale_for
 from maurice_viz.text import narration as narrate
@@ -127,8 +127,7 @@ def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("detail", ["full", "events", "light"])
 def test_all_views_are_drawn(detail: str, nav2: Path, tmp_path: Path) -> None:
     file = tmp_path / "out.rrd"
-    output = OutputOptions("out", file, True, False, False, True, detail=detail)
-    replay_as_recorded(nav2, ReadingOptions(), output)
+    replay_any(nav2, None, RunSpec(), OutputOptions("out", file, detail=detail), as_recorded=True)
     assert file.stat().st_size > 10_000
 
 
@@ -137,8 +136,8 @@ def test_no_view_is_of_what_a_bag_does_not_hold(pictures: bool, tmp_path: Path) 
     """References, histograms and likelihoods are our own filter's; a robot may have no camera."""
     said = [one for one in making.amcl_drive(Ros(2)) if pictures or "camera" not in one.topic]
     path = making.write_ros2(tmp_path / "bag", said)
-    playing = playback_of(open_as_recorded(path, ReadingOptions()))
-    titles = _titles(layout_of(playing.drawn, playing.scene).root_container)
+    playing = playback_as_recorded(open_as_recorded(path, ReadingOptions()))
+    titles = _titles(layout_of(playing.views, playing.scene).root_container)
     assert ("Camera (px)" in titles) == pictures
     assert {"Cloud from near", "What this step did"} <= titles
     for word in (

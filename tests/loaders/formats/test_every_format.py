@@ -190,7 +190,7 @@ def test_the_command_line_tells_in_one_line_and_status_1(name: str, tmp_path: Pa
     assert found["records"]["image"] == (SMALL if SAMPLES[name].pictures else 0)
     noise = tmp_path / "noise"
     noise.write_bytes(random.Random(2).randbytes(3000))
-    refused = CliRunner().invoke(app, ["inspect", str(noise), "--format", name])
+    refused = CliRunner().invoke(app, ["inspect", str(noise), "--reading", f"format={name}"])
     assert refused.exit_code == 1
     assert refused.stdout == ""
     assert refused.stderr.count("\n") == 1

@@ -12,7 +12,8 @@ import rerun.blueprint as rrb
 
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_viz.app.output import RunView, Scene, layout_of
+from maurice_viz.app.output import DriveScene, layout_of
+from maurice_viz.scene import RunView
 from maurice_viz.viewer import open_viewers
 from maurice_viz.viewer import sinks as live_sink
 
@@ -23,7 +24,7 @@ def test_the_time_goes_along_with_a_drive_that_is_going_on(
 ) -> None:
     info = SessionLog(small_session).info
     assert info.survey is not None
-    scene = Scene(info, open_library(info.survey, keep_going=False), has_truth=True, live=live)
+    scene = DriveScene(info, open_library(info.survey, keep_going=False), has_truth=True, live=live)
     layout = layout_of([RunView("blended", ("color",), None)], scene)
     assert layout.time_panel.play_state == state
 

@@ -165,7 +165,8 @@ def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path
         "--no-recording",
         "--particles",
         "400",
-        "--odometry-from-truth",
+        "--reading",
+        "odometry_from_truth=true",
         "--start",
         "truth",
     ]
@@ -180,7 +181,7 @@ def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path
     assert found["runs"][0]["position_error_mean_m"] < 0.3
     verified = CliRunner().invoke(app, ["verify", str(small_session.with_name("kept"))])
     assert verified.exit_code == 0, verified.stderr
-    done = CliRunner().invoke(app, [*words, "--odometry-seed", "5", "--json"])
+    done = CliRunner().invoke(app, [*words, "--reading", "odometry_seed=5", "--json"])
     assert json.loads(done.stdout)["runs"] != found["runs"]
 
 

@@ -55,7 +55,9 @@ def test_a_table_replays_as_the_log_of_the_same_drive(small_session: Path) -> No
 
 
 def test_fewer_updates_with_gating(small_session: Path) -> None:
-    code, out, _ = run(small_session, "--no-recording", "--json", "--particles", 100, "--min-distance", 0.2)
+    code, out, _ = run(
+        small_session, "--no-recording", "--json", "--particles", 100, "--reading", "min_distance_m=0.2"
+    )
     assert code == 0
     assert json.loads(out)["runs"][0]["updates"] == 7
 
@@ -63,12 +65,15 @@ def test_fewer_updates_with_gating(small_session: Path) -> None:
 def test_a_recording_needs_a_library(small_session: Path) -> None:
     code, _, said = run(as_table(small_session), "--no-recording")
     assert code == 1
-    assert "say which with --library" in said
+    assert "name one with --library" in said
 
 
 def test_options_that_make_no_sense_are_usage_errors(small_session: Path) -> None:
-    for words in (("--columns", "a"), ("--columns", "=b"), ("--time-unit", "h"), ("--max-dt", -1)):
-        assert run(small_session, "--no-recording", *words)[0] == 2
+    for pair in ("columns=a", "columns==b", "time_unit=h", "max_dt_s=-1", "max_dt=1", "odometry_seed=x"):
+        assert run(small_session, "--no-recording", "--reading", pair)[0] == 2
+    code, _, said = run(small_session, "--odometry-scale", "0.1")
+    assert code == 2
+    assert "odometry_scale" in said
     assert columns_of("image=file, heading=yaw:deg") == {"image": "file", "heading": "yaw:deg"}
 
 

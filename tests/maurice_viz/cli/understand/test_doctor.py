@@ -9,19 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from maurice_loaders.reading import ReadingOptions, read_reading
-from maurice_viz.cli.app import app as whole
-from maurice_viz.cli.library.build import library
-from maurice_viz.cli.reading import reads_recordings, typed
-from maurice_viz.cli.understand.doctor import doctor
+from maurice_viz.cli.app import app
+from maurice_viz.cli.reading import reading_of, typed
 
 runner = CliRunner()
-app = typer.Typer()
-app.command(name="doctor")(doctor)
-app.add_typer(library, name="library")
 
 
 def in_millimeters(log: Path) -> Path:
@@ -49,7 +43,7 @@ def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
     assert done.exit_code == 0
     assert "1. lengths of odometry are in millimeters [scale]" in done.stdout
     assert "why: " in done.stdout
-    assert f"fix: maurice-replay {wrong} --odometry-scale 0.001\n" in done.stdout
+    assert f"fix: maurice-replay {wrong} --reading odometry_scale=0.001\n" in done.stdout
     assert runner.invoke(app, ["doctor", str(wrong), "--no-library", "--strict"]).exit_code == 1
 
 
@@ -60,13 +54,13 @@ def test_json_has_the_numbers(small_session: Path) -> None:
     assert found["healthy"] is False
     assert [one["code"] for one in found["complaints"]] == ["scale"]
     assert found["complaints"][0]["numbers"]["scale"] == pytest.approx(0.001, rel=0.05)
-    assert found["complaints"][0]["options"] == found["options"] == ["--odometry-scale", "0.001"]
+    assert found["complaints"][0]["options"] == found["options"] == ["--reading", "odometry_scale=0.001"]
     assert found["not_asked"] == ["pictures: no library was given"]
 
 
 def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Path) -> None:
     def replayed(*words: str) -> object:
-        done = runner.invoke(whole, [*words, "--no-recording", "--json", "--particles", "200"])
+        done = runner.invoke(app, [*words, "--no-recording", "--json", "--particles", "200"])
         assert done.exit_code == 0, done.output
         run = json.loads(done.stdout)["runs"][0]
         return {
@@ -77,26 +71,34 @@ def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Pat
     said = runner.invoke(app, ["doctor", str(wrong), "--library", str(survey)]).stdout
     lines = dict(line.strip().partition(": ")[::2] for line in said.splitlines())
     _, *mend = shlex.split(lines["fix"])
-    assert mend == [str(wrong), "--odometry-scale", "0.001", "--library", str(survey)]
+    assert mend == [str(wrong), "--reading", "odometry_scale=0.001", "--library", str(survey)]
     assert replayed(*mend) == pytest.approx(replayed(str(small_session)))
     _, *again = shlex.split(lines["try"])
-    assert "found nothing wrong" in runner.invoke(whole, again).stdout
+    assert "found nothing wrong" in runner.invoke(app, again).stdout
     _, *keep = shlex.split(lines["keep"].replace("FIXED.log", str(tmp_path / "mended.log")))
-    assert runner.invoke(whole, keep).exit_code == 0
+    assert runner.invoke(app, keep).exit_code == 0
     assert replayed(str(tmp_path / "mended.log")) == pytest.approx(replayed(str(small_session)))
 
 
 def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> None:
     wrong = in_millimeters(small_session)
-    words = ["doctor", str(wrong), "--no-library", "--odometry-scale", "0.1", "--min-distance", "0.01"]
+    words = [
+        "doctor",
+        str(wrong),
+        "--no-library",
+        "--reading",
+        "odometry_scale=0.1",
+        "--reading",
+        "min_distance_m=0.01",
+    ]
     found = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
-    assert set(found["options"]) == {"--min-distance", "0.01", "--odometry-scale", "0.001"}
+    assert set(found["options"]) == {"--reading", "min_distance_m=0.01", "odometry_scale=0.001"}
 
 
 def test_fix_writes_a_reading_file(small_session: Path, tmp_path: Path) -> None:
     wrong, out = in_millimeters(small_session), tmp_path / "reading.toml"
     words = ["--no-library", "--fix", "-o", str(out)]
-    assert runner.invoke(app, ["doctor", str(small_session), *words]).exit_code == 0
+    assert runner.invoke(app, ["doctor", str(small_session), "--reading", "=".join(words)]).exit_code == 0
     assert not out.exists()
     done = runner.invoke(app, ["doctor", str(wrong), *words])
     assert f"--reading {out}" in done.stderr
@@ -112,16 +114,7 @@ def test_options_are_typed_as_they_are_read() -> None:
         odometry_from_truth=True, turn_scale=-1.0, camera_yaw_rad=-math.pi / 4, odometry_are="steps",
         time_unit="ns", truth_offset_s=-1_700_000_000.25,
     )  # fmt: skip
-    seen: list[ReadingOptions] = []
-
-    @reads_recordings
-    def command(*, opening: ReadingOptions) -> None:
-        seen.append(opening)
-
-    own = typer.Typer()
-    own.command()(command)
-    assert runner.invoke(own, typed(given)).exit_code == 0
-    (read,) = seen
+    read = reading_of(typed(given)[1::2])
     assert replace(read, camera_yaw_rad=0.0, min_angle_rad=0.0) == replace(
         given, camera_yaw_rad=0.0, min_angle_rad=0.0
     )
@@ -131,22 +124,22 @@ def test_options_are_typed_as_they_are_read() -> None:
 
 @pytest.mark.parametrize(
     "words",
-    [("--turn-scale", "0"), ("--turn-gain", "nan"), ("--picture-offset", "inf"), ("--odometry-are", "x")],
+    [("turn_scale", "0"), ("turn_gain", "nan"), ("picture_offset_s", "inf"), ("odometry_are", "x")],
 )
 def test_bad_corrections_are_usage_errors(words: tuple[str, str], small_session: Path) -> None:
-    assert runner.invoke(app, ["doctor", str(small_session), *words]).exit_code == 2
+    assert runner.invoke(app, ["doctor", str(small_session), "--reading", "=".join(words)]).exit_code == 2
 
 
 def test_a_live_source_is_not_corrected_and_says_so(small_session: Path) -> None:
-    done = runner.invoke(whole, ["replay", str(small_session), "--follow", "--turn-scale", "-1"])
+    done = runner.invoke(app, ["replay", str(small_session), "--follow", "--reading", "turn_scale=-1"])
     assert done.exit_code == 2
     assert "--turn-scale -1 needs a recording" in done.stderr.replace("\n", " ")
 
 
 def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
     wrong = in_millimeters(small_session)
-    plain = runner.invoke(whole, ["inspect", str(small_session), "--json"])
-    found = runner.invoke(whole, ["inspect", str(wrong), "--odometry-scale", "0.001", "--json"])
+    plain = runner.invoke(app, ["inspect", str(small_session), "--json"])
+    found = runner.invoke(app, ["inspect", str(wrong), "--reading", "odometry_scale=0.001", "--json"])
     ways = [json.loads(one.stdout)["distance_odometry_m"] for one in (plain, found)]
     assert ways[0] == pytest.approx(ways[1])
 
