@@ -19,7 +19,7 @@ from maurice_mcl.config.parameters import ReferenceParameters, of_feature
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import weigh
 from maurice_mcl.filter.motion import FloorDrift, MauriceMotion, MauriceParameters
-from maurice_mcl.filter.proposal import Proposal
+from maurice_mcl.filter.proposal import ProposedParticles
 from maurice_mcl.filter.resampling import systematic
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
@@ -146,7 +146,7 @@ def filter_step() -> None:
         moved = motion.move(belief.poses, belief.origin, MOVEMENT, normals(rng, PARTICLES))
         predicted = Belief(moved, belief.log_weights, belief.origin)
         weighted, _ = weigh(
-            Proposal(predicted), reference.at(comparison.log_likelihood, moved, belief.origin)
+            ProposedParticles(predicted), reference.at(comparison.log_likelihood, moved, belief.origin)
         )
         estimate = weighted_mean(weighted)
         parents = systematic(weighted.weights, PARTICLES, rng)

@@ -27,7 +27,14 @@ from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
 from .estimate import heaviest_cluster, log_mean_likelihood, weighted_mean
 from .motion import MotionModel, MotionOutliers, motion_model, with_outliers
-from .proposal import MixtureParameters, Proposal, Regions, belief_at, mixture_proposal, uniform_belief
+from .proposal import (
+    MixtureParameters,
+    ProposedParticles,
+    Regions,
+    belief_at,
+    mixture_proposal,
+    uniform_belief,
+)
 from .recovery import Recovery, RecoveryStep
 from .resampling import Resampled, Resampling
 
@@ -117,11 +124,11 @@ class Localizer:
         )
         return FilterState(frame.step, recovered.belief, recovered.injected, recovery.state), record
 
-    def propose(self, belief: Belief, frame: Frame, comparison: Comparison) -> Proposal:
+    def propose(self, belief: Belief, frame: Frame, comparison: Comparison) -> ProposedParticles:
         """Move the particles by the motion model; with a mixture, draw some where the picture says."""
         predicted = self._predict(belief, frame)
         if self.mixture is None:
-            return Proposal(predicted)
+            return ProposedParticles(predicted)
         rng = self._rng(frame.step, Purpose.MIXTURE)
         likely = comparison.log_likelihood
         return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng)
@@ -165,7 +172,7 @@ class Localizer:
         return stream(Domain.FILTER, self.seed, step, purpose)
 
 
-def weigh(proposal: Proposal, log_likelihood: F32) -> tuple[Belief, float]:
+def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, float]:
     """Multiply likelihoods (N,) into the weights; return the new belief and log p(o_t | past).
 
     If every weight would be zero (all particles with any weight are outside free space), the picture counts
@@ -178,7 +185,9 @@ def weigh(proposal: Proposal, log_likelihood: F32) -> tuple[Belief, float]:
     return Belief(proposal.belief.poses, posterior, proposal.belief.origin), log_evidence
 
 
-def calibrated_evidence(comparison: Comparison, proposal: Proposal, entries: I32) -> tuple[float, F64]:
+def calibrated_evidence(
+    comparison: Comparison, proposal: ProposedParticles, entries: I32
+) -> tuple[float, F64]:
     """Return the log mean of exp(-cost) over the proposed particles: of all channels, of each one (C,).
 
     It needs no truth. Recovery strategies and diagnosis use it, as it compares between pictures and runs.

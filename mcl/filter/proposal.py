@@ -142,7 +142,7 @@ class MixtureParameters:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Proposal:
+class ProposedParticles:
     """Particles before the picture is weighed in."""
 
     belief: Belief
@@ -163,7 +163,7 @@ def mixture_proposal(
     where: Regions,
     parameters: MixtureParameters,
     rng: np.random.Generator,
-) -> Proposal:
+) -> ProposedParticles:
     """Return N particles, of which the last share is drawn where the picture says, and their correction.
 
     The regular ones are resampled from `predicted`, so that all have the same weight before the picture.
@@ -181,7 +181,7 @@ def mixture_proposal(
         per_entry = np.log(ratio)
     correction = np.append(per_entry, 0.0)[nearest.entries(poses, predicted.origin)]
     belief = Belief(poses, uniform_log_weights(len(poses)), predicted.origin)
-    return Proposal(belief, np.asarray(correction))
+    return ProposedParticles(belief, np.asarray(correction))
 
 
 def _predicted_shares(predicted: Belief, nearest: NearestReference, where: Regions, teleport: float) -> F64:

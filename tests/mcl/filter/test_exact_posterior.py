@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 import maurice_mcl.filter.localizer as localizer_module
 from maurice_mcl.filter.localizer import Localizer, weigh
-from maurice_mcl.filter.proposal import MixtureParameters, Proposal, regions
+from maurice_mcl.filter.proposal import MixtureParameters, ProposedParticles, regions
 from maurice_mcl.filter.recovery import RecoveryStep, none
 from maurice_mcl.filter.resampling import RESAMPLERS, Resampling, always, below_effective
 from maurice_mcl.library import ChannelIndex, Library
@@ -344,7 +344,7 @@ def test_five_percent_injection_is_caught(lattice):
 @pytest.mark.slow
 def test_dual_draws_without_their_densities_are_caught(lattice, monkeypatch):
     def naive(proposal, log_likelihood):
-        return weigh(Proposal(proposal.belief), log_likelihood)
+        return weigh(ProposedParticles(proposal.belief), log_likelihood)
 
     monkeypatch.setattr(localizer_module, "weigh", naive)
     assert _is_caught(lattice, replace(lattice.localizer, mixture=MIXTURE))

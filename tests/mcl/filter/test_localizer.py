@@ -7,7 +7,7 @@ from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
 from maurice_mcl.filter.localizer import ALL_ZERO, RESAMPLED, Localizer, run, weigh
-from maurice_mcl.filter.proposal import Proposal, belief_at, uniform_belief
+from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
 from maurice_mcl.filter.resampling import always, never
 from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import stream
@@ -162,7 +162,7 @@ def test_evidence_is_the_mean_likelihood_under_the_prior():
     belief = Belief(np.zeros((3, 3), np.float32), prior, np.zeros(2))
     likelihood = np.array([0.1, 0.6, 0.0], np.float32)
     with np.errstate(divide="ignore"):
-        weighted, log_evidence = weigh(Proposal(belief), np.log(likelihood))
+        weighted, log_evidence = weigh(ProposedParticles(belief), np.log(likelihood))
     assert np.exp(log_evidence) == pytest.approx(0.5 * 0.1 + 0.3 * 0.6)
     assert weighted.weights == pytest.approx(np.array([0.05, 0.18, 0.0]) / 0.23)
 
@@ -170,7 +170,7 @@ def test_evidence_is_the_mean_likelihood_under_the_prior():
 def test_all_weights_zero_keeps_the_prior():
     prior = np.log(np.array([0.5, 0.3, 0.2]))
     belief = Belief(np.zeros((3, 3), np.float32), prior, np.zeros(2))
-    weighted, log_evidence = weigh(Proposal(belief), np.full(3, -np.inf, np.float32))
+    weighted, log_evidence = weigh(ProposedParticles(belief), np.full(3, -np.inf, np.float32))
     assert log_evidence == -np.inf
     assert np.array_equal(weighted.log_weights, prior)
 

@@ -7,7 +7,7 @@ import pytest
 from filterpy.discrete_bayes import update
 
 from maurice_mcl.filter.localizer import weigh
-from maurice_mcl.filter.proposal import Proposal
+from maurice_mcl.filter.proposal import ProposedParticles
 from maurice_mcl.filter.resampling import multinomial, residual, stratified, systematic
 from maurice_mcl.randomness import stream
 from maurice_mcl.records import Belief, effective_sample_size, normalize, uniform_log_weights
@@ -92,9 +92,9 @@ def test_weighing_is_filterpys_discrete_bayes_update():
     rng = np.random.default_rng(5)
     prior, likelihood = rng.dirichlet(np.ones(300)), rng.random(300)
     belief = Belief(np.zeros((300, 3), np.float32), np.log(prior), np.zeros(2))
-    weighted, log_evidence = weigh(Proposal(belief), np.log(likelihood))
+    weighted, log_evidence = weigh(ProposedParticles(belief), np.log(likelihood))
     assert weighted.weights == pytest.approx(update(likelihood, prior), rel=1e-9)
     assert np.exp(log_evidence) == pytest.approx((likelihood * prior).sum())
     even = Belief(belief.poses, uniform_log_weights(300), belief.origin)
-    weighted, _ = weigh(Proposal(even), np.log(likelihood))
+    weighted, _ = weigh(ProposedParticles(even), np.log(likelihood))
     assert weighted.weights == pytest.approx(likelihood / likelihood.sum())
