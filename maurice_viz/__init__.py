@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from .app.notebook import show as show
     from .app.notebook import traces as traces
     from .app.replay import replay as replay
-    from .app.run import Scores as Scores
+    from .app.run import RunScores as RunScores
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
     from .reports.make import report as report
 
 _WHERE = {
     "Listener": ".app.listener",
-    "Scores": ".app.run",
+    "RunScores": ".app.run",
     "compare": ".app.compare",
     "explain": ".app.explain",
     "movie": ".app.snapshot",

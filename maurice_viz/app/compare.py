@@ -26,7 +26,7 @@ from .listener import SILENT, Listener
 from .open import AnySession, RunSpec, make_runs, open_library_for, unique_labels
 from .output import DriveScene, OutputOptions
 from .replay import opened_session, output_of, replay_session
-from .run import Playback, Report, Scores, no_report, play, remark_skipped, remark_zeros
+from .run import Playback, Report, RunScores, no_report, play, remark_skipped, remark_zeros
 from .saved import Opened, open_saved, playback_of, remark_saved, view_of
 
 COLOR_AND_BLENDED = ("color", "blended")
@@ -55,7 +55,7 @@ def compare(
     detail: str = "full",
     force: bool = False,
     listener: Listener | None = None,
-) -> Scores:
+) -> RunScores:
     """Replay two to four runs side by side and return their scores; all after the first are compared with it.
 
     Of one session, exactly one of the plural arguments has several values, a run each; without any, the
@@ -100,7 +100,7 @@ def compare_any(
     reading: ReadingOptions | None = None,
     listener: Listener = SILENT,
     report: Report = no_report,
-) -> Scores:
+) -> RunScores:
     """Compare whatever is named; the command and the function `compare` both call this."""
     how = reading or ReadingOptions()
     saved = [isinstance(one, (str, Path)) and is_saved(Path(one)) for one in sources]

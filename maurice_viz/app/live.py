@@ -24,7 +24,7 @@ from ..scene import RunView
 from .listener import Listener, progress_of
 from .open import RunSpec, make_runs
 from .output import DriveScene, OutputOptions
-from .run import Playback, Report, Scores, play, remark_zeros
+from .run import Playback, Report, RunScores, play, remark_zeros
 
 STEM = "live"  # of the recording, where no --rrd names it
 LATE_S = 10.0  # of session time: by then a robot may have moved
@@ -69,7 +69,7 @@ def follow_source(
     opening: ReadingOptions,
     listener: Listener,
     report: Report,
-) -> Scores:
+) -> RunScores:
     """Localize on a live source until it ends or is stopped. InputError, OptionError."""
     if output.save_run is not None:
         advice = "capture the drive with --capture DIR, then replay DIR/session.log with --save-run"
@@ -92,7 +92,7 @@ def follow_source(
 
 def _localize(
     session: LiveSession, spec: RunSpec, output: OutputOptions, listener: Listener, report: Report
-) -> Scores:
+) -> RunScores:
     """Run the filter on what comes; the drawing begins with the first picture."""
     for text in session.info.notes:
         listener.remark(text)

@@ -30,7 +30,7 @@ from .open import (
 )
 from .output import DriveScene, OutputOptions
 from .recorded import open_as_recorded, playback_as_recorded
-from .run import Playback, Report, Scores, no_report, play, remark
+from .run import Playback, Report, RunScores, no_report, play, remark
 from .saved import open_saved, playback_of
 from .saving import Inputs, saving
 
@@ -55,7 +55,7 @@ def replay(
     detail: str = DETAILS[0],
     force: bool = False,
     listener: Listener | None = None,
-) -> Scores:
+) -> RunScores:
     """Replay a session once and return its scores.
 
     `session` is the path of a session log, of a recording of any format or of a saved run, or a session that
@@ -117,7 +117,7 @@ def replay_any(
     alone: bool = True,
     listener: Listener = SILENT,
     report: Report = no_report,
-) -> Scores:
+) -> RunScores:
     """Replay whatever `session` names, with one run; the command and the function `replay` both call this.
 
     With `alone` a drive without a library is shown by itself where a recording is wanted and nothing else was
@@ -163,7 +163,7 @@ def replay_session(
     listener: Listener,
     report: Report = no_report,
     alone: bool = False,
-) -> Scores:
+) -> RunScores:
     """Replay a recorded session once for each spec, side by side. InputError, OptionError."""
     if output.save_run is not None:
         check_run_target(output.save_run, force=output.force)
@@ -175,7 +175,7 @@ def replay_session(
     alone = alone and plain and not output.no_recording
     if alone and asked is None and opened.info.survey is None:
         written = show_alone(as_recorded_session(opened, reading), output, listener)
-        return Scores((), opened.info.name, opened.info.display_units, tuple(opened.info.notes), written)
+        return RunScores((), opened.info.name, opened.info.display_units, tuple(opened.info.notes), written)
     references = open_library_for(opened, asked, keep_going=reading.keep_going, listener=listener)
     runs = make_runs(opened, references, specs, listener)
     pictures, has_truth = opened.overview()

@@ -49,7 +49,7 @@ class Playback:
 
 
 @dataclass(frozen=True, slots=True)
-class Scores:
+class RunScores:
     """What a replay or a comparison came to; lengths in meters, angles in radians, times in seconds."""
 
     runs: tuple[RunResult, ...]  # one a run, in order; all after the first are compared with it
@@ -66,10 +66,10 @@ class Scores:
         return to_json(self.runs) | ({"notes": list(self.notes)} if self.notes else {})
 
 
-Report = Callable[[Scores], None]
+Report = Callable[[RunScores], None]
 
 
-def no_report(scores: Scores) -> None:
+def no_report(scores: RunScores) -> None:
     """Do nothing with the scores before they are returned."""
 
 
@@ -79,7 +79,7 @@ def play(
     listener: Listener,
     savers: AbstractContextManager[Mapping[str, RunWriter]] | None = None,
     report: Report = no_report,
-) -> Scores:
+) -> RunScores:
     """Go through all updates, draw, save, and return the scores, which `report` gets as well.
 
     After Ctrl-C or SIGTERM what was done so far is kept and reported, and KeyboardInterrupt goes on. When the
@@ -111,10 +111,10 @@ def play(
 
 def _scores(
     collector: ResultCollector, playback: Playback, rrd: Path | None, saved_run: Path | None
-) -> Scores:
+) -> RunScores:
     info = playback.scene.info
     runs = tuple(collector.results())
-    return Scores(runs, info.name, info.display_units, tuple(info.notes), rrd, saved_run)
+    return RunScores(runs, info.name, info.display_units, tuple(info.notes), rrd, saved_run)
 
 
 def collector_of(playback: Playback) -> ResultCollector:

@@ -88,17 +88,17 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class RunStart:
     """What is known of a run before its first step."""
 
     start: F64 | None  # (3,) where it began; None: anywhere
     bookmarks: Mapping[int, Sequence[str]]  # notes of one's own, by step
 
 
-def known_of(one: Restored) -> Known:
+def known_of(one: Restored) -> RunStart:
     """Say what a saved run tells before its first step."""
     start = one.saved.manifest.start
-    return Known(None if start is None else np.array(start), one.bookmarks)
+    return RunStart(None if start is None else np.array(start), one.bookmarks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class Collected:
 
 def collect(
     updates: Iterator[tuple[Moment, Mapping[str, StepRecord]]],
-    known: Mapping[str, Known],
+    known: Mapping[str, RunStart],
     scale: Scale,
     arena_m: tuple[float, float],
     advance: Callable[[int, int], None],

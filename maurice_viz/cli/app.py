@@ -15,7 +15,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from .errors import errors_end_the_command, fail
-from .main import stop_by_exception
+from .signals import stop_by_exception
 from .spelling import modern
 
 GROUPS = ("Replay and compare", "Understand", "Record and convert", "Library", "Simulate", "Configure")

@@ -1,40 +1,13 @@
-"""Where the command begins. Being stopped is not a defect: no traceback, not even while starting."""
+"""Where the command begins: being stopped gives no traceback, not even while starting."""
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
-from types import FrameType
-
-STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}  # what a shell gives a command ended by a signal
+from .signals import end_while_starting
 
 
 def main() -> None:
     """Run `maurice-replay`; exit status 130 after Ctrl-C and 143 after SIGTERM."""
-    for number in STATUS:
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, end_at_once)
-    from .app import app
+    end_while_starting()
+    from .app import app  # takes a fifth of a second
 
     app()
-
-
-def end_at_once(number: int, frame: FrameType | None) -> None:
-    """End the process: while modules are imported nothing needs cleaning up, and an exception may be lost."""
-    os.write(sys.stderr.fileno(), b"maurice-replay: stopped\n")
-    os._exit(STATUS[signal.Signals(number)])
-
-
-def stop(number: int, frame: FrameType | None) -> None:
-    """Stop the command by an exception, so that it closes what it has open."""
-    from ..errors import Terminated
-
-    raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
-
-
-def stop_by_exception() -> None:
-    """From here on the command has things to close: let a request to stop raise an exception."""
-    for number in STATUS:
-        if signal.getsignal(number) is end_at_once:
-            signal.signal(number, stop)

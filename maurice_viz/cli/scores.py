@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from ..app.run import Report, Scores
+from ..app.run import Report, RunScores
 from ..style import units_named
 from ..text.summary import to_table
 from .console import TO_CONSOLE, results
@@ -13,7 +13,7 @@ from .console import TO_CONSOLE, results
 def printed(json_output: bool) -> Report:
     """Return what prints scores as JSON or as a table."""
 
-    def report(scores: Scores) -> None:
+    def report(scores: RunScores) -> None:
         TO_CONSOLE.end()
         if json_output:
             results.print_json(json.dumps(scores.to_json()))

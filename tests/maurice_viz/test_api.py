@@ -1,0 +1,93 @@
+"""The public functions: the same numbers as the commands, nothing printed, nothing heavy imported."""
+
+from __future__ import annotations
+
+import json
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import maurice_loaders as ml
+import maurice_viz as mv
+from maurice_loaders.errors import InputError
+from maurice_viz.cli.app import COMMANDS, app, load
+
+HEAVY = ("numpy", "scipy", "polars", "cv2", "rerun")
+
+
+def python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_a_comparison_in_python_gives_the_numbers_of_the_command(
+    small_session: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    session = ml.open_session(small_session)
+    library = ml.open_library(small_session.with_name("survey.log"))
+    found = mv.compare(
+        session, library, features=["color", "blended"], particles=100, to=tmp_path / "out.rrd"
+    )
+    assert capfd.readouterr() == ("", "")
+    assert found.rrd == tmp_path / "out.rrd"
+    words = ["compare", str(small_session), "--feature", "color", "--feature", "blended"]
+    done = CliRunner().invoke(app, [*words, "--particles", "100", "--rrd", "none", "--json"])
+    assert done.exit_code == 0, done.stderr
+    ours, theirs = found.to_json()["runs"], json.loads(done.stdout)["runs"]
+    for run in (*ours, *theirs):
+        run.pop("steps_per_s")
+    assert ours == theirs
+
+
+def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session: Path, tmp_path: Path) -> None:
+    settings = {"sensor.sharpness": 2, "resampling.scheme": "residual"}
+    found = mv.replay(small_session, particles=50, seed=3, settings=settings, run=tmp_path / "kept")
+    assert found.saved_run == tmp_path / "kept"
+    again = mv.replay(tmp_path / "kept")
+    assert again.runs[0].score == found.runs[0].score
+    for wrong in (tmp_path / "nowhere.log", tmp_path):
+        with pytest.raises(InputError):
+            mv.replay(wrong)
+    with pytest.raises(InputError, match=r"did you mean sensor\.sharpness"):
+        mv.replay(small_session, settings={"sensor.sharpnes": 1})
+
+
+def test_only_the_command_line_imports_typer() -> None:
+    names = [
+        one.name
+        for one in pkgutil.walk_packages(mv.__path__, "maurice_viz.")
+        if not one.name.startswith("maurice_viz.cli")
+    ]
+    assert len(names) > 60
+    loads = "".join(f"import {name}\n" for name in names)
+    assert python(f"import sys\n{loads}print('typer' in sys.modules)") == "False"
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    for word in ("--help", "--version"):
+        code = (
+            f"import sys\nsys.argv = ['maurice-replay', '{word}']\nfrom maurice_viz.cli.main import main\n"
+            f"try: main()\nexcept SystemExit: pass\n"
+            f"print([name for name in {HEAVY} if name in sys.modules])"
+        )
+        assert python(code).splitlines()[-1] == "[]"
+
+
+def test_replay_imports_neither_statistics_nor_signals() -> None:
+    code = (
+        "import sys, maurice_viz.cli.replay.replay, maurice_viz.app.replay\n"
+        "print([n for n in ('scipy.stats', 'scipy.signal') if n in sys.modules])"
+    )
+    assert python(code) == "[]"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_commands_are_listed_as_they_are(name: str) -> None:
+    command = load(COMMANDS[name])
+    shown = [one for one in command.params if one.param_type_name == "option" and not one.hidden]  # type: ignore[attr-defined]
+    assert command.help
+    assert len(shown) <= 20
