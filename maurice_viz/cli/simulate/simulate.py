@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally
 
 MOST_SEED = 2**32 - 1
+WORLD, DRIVE, LIVE = "World and camera", "Drive", "Live robot"
 
 TaskArgument = Annotated[
     str, typer.Argument(metavar="TASK", help="tracking | global | kidnapped.", show_default=False)
@@ -26,36 +27,68 @@ FolderOption = Annotated[
     Path | None,
     typer.Option("-o", "--output", metavar="DIR", help="Write session and survey to this folder."),
 ]
-WorldOption = Annotated[str, typer.Option("--world", help="A world's name, or the path of a TOML file.")]
-TierOption = Annotated[str, typer.Option("--tier", help="nominal | dim | hard.")]
+WorldOption = Annotated[
+    str, typer.Option("--world", help="A world's name, or the path of a TOML file.", rich_help_panel=WORLD)
+]
+TierOption = Annotated[str, typer.Option("--tier", help="nominal | dim | hard.", rich_help_panel=WORLD)]
 ArenaSeedOption = Annotated[
     int,
     typer.Option(
-        "--arena-seed", min=0, max=MOST_SEED, help="Seed of textures, furniture, lights and the survey."
+        "--arena-seed",
+        min=0,
+        max=MOST_SEED,
+        help="Seed of textures, furniture, lights and the survey.",
+        rich_help_panel=WORLD,
     ),
 ]
 SeedOption = Annotated[
     int,
-    typer.Option("--seed", min=0, max=MOST_SEED, help="Seed of the drive, the session's light and noise."),
+    typer.Option(
+        "--seed",
+        min=0,
+        max=MOST_SEED,
+        help="Seed of the drive, the session's light and noise.",
+        rich_help_panel=DRIVE,
+    ),
 ]
 UpdatesOption = Annotated[
     int,
     typer.Option(
-        "--updates", min=1, max=1_000_000, help="Number of times the robot moves and takes a picture."
+        "--updates",
+        min=1,
+        max=1_000_000,
+        help="Number of times the robot moves and takes a picture.",
+        rich_help_panel=DRIVE,
     ),
 ]
 KidnapOption = Annotated[
     int | None,
-    typer.Option("--kidnap-at", min=1, help="Carry the robot away after this update. [default: halfway]"),
+    typer.Option(
+        "--kidnap-at",
+        min=1,
+        help="Carry the robot away after this update. [default: halfway]",
+        rich_help_panel=DRIVE,
+    ),
 ]
 LightsOption = Annotated[
-    str, typer.Option("--lights", help="Changes of light, like dim@40,off@60 (docs/conditions.md).")
+    str,
+    typer.Option(
+        "--lights", help="Changes of light, like dim@40,off@60 (docs/conditions.md).", rich_help_panel=WORLD
+    ),
 ]
 MovedOption = Annotated[
     int,
-    typer.Option("--moved", min=0, max=1000, help="Number of pieces of furniture moved after the survey."),
+    typer.Option(
+        "--moved",
+        min=0,
+        max=1000,
+        help="Number of pieces of furniture moved after the survey.",
+        rich_help_panel=WORLD,
+    ),
 ]
-GainOption = Annotated[str, typer.Option("--gain", help="The session's camera: fixed | auto.")]
+GainOption = Annotated[
+    str, typer.Option("--gain", help="The session's camera: fixed | auto.", rich_help_panel=WORLD)
+]
 MotionOption = Annotated[
     Path | None,
     typer.Option(
@@ -63,18 +96,24 @@ MotionOption = Annotated[
         metavar="PATH",
         help="Follow a recorded path with its odometry: a session log with truth, or a folder with gt.txt, "
         "odom_pose.txt and odom_quaternion.txt.",
+        rich_help_panel=DRIVE,
     ),
 ]
 HalfOption = Annotated[
     bool,
     typer.Option(
-        "--half-resolution", help="Read only every other column, as the CMUcam2 does, in survey and session."
+        "--half-resolution",
+        help="Read only every other column, as the CMUcam2 does, in survey and session.",
+        rich_help_panel=WORLD,
     ),
 ]
 ServeOption = Annotated[
     str | None,
     typer.Option(
-        "--serve", metavar="tcp://HOST:PORT", help="Write no files; serve the drive live at this address."
+        "--serve",
+        metavar="tcp://HOST:PORT",
+        help="Write no files; serve the drive live at this address.",
+        rich_help_panel=LIVE,
     ),
 ]
 RateOption = Annotated[
@@ -84,10 +123,12 @@ RateOption = Annotated[
         min=0,
         max=1e6,
         help="With --serve: speed as a multiple of real time; 0 never waits. [default: 1]",
+        rich_help_panel=LIVE,
     ),
 ]
 NoTruthOption = Annotated[
-    bool, typer.Option("--no-truth", help="With --serve: send neither truth nor events.")
+    bool,
+    typer.Option("--no-truth", help="With --serve: send neither truth nor events.", rich_help_panel=LIVE),
 ]
 
 
