@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import pytest
-import typer
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
@@ -292,16 +291,11 @@ def test_the_commands_of_the_readme(section: str, tmp_path: Path) -> None:
 
 def test_every_command_and_option_is_documented() -> None:
     """docs/commands.md names every command and every option that --help shows."""
+    from maurice_viz.cli.app import COMMANDS, load
+
     text = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
-
-    def walk(command: object, name: str) -> None:
-        subcommands = getattr(command, "commands", {})
-        if not subcommands:
-            assert f"maurice-replay {name}" in text, name
-            for parameter in command.params:  # type: ignore[attr-defined]  # typer's own click is private
-                for option in (o for o in parameter.opts if o.startswith("--")):
-                    assert option in text, (name, option)
-        for sub, value in subcommands.items():
-            walk(value, f"{name} {sub}".strip())
-
-    walk(typer.main.get_command(app), "")
+    for name, listed in COMMANDS.items():
+        assert f"maurice-replay {name}" in text, name
+        for parameter in load(listed).params:
+            for option in (o for o in parameter.opts if o.startswith("--")):
+                assert option in text, (name, option)
