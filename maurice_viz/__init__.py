@@ -9,6 +9,11 @@
 | `explain` | explains one update of a saved run |
 | `snapshot`, `movie` | a picture or a movie of what the viewer shows |
 | `report` | one self-contained page about a saved run |
+| `events`, `keep_bookmark`, `drop_bookmarks`, `jump` | events, your notes, the open viewer's cursor |
+| `verify`, `export` | filter a saved run again to the last bit; files for other tools |
+| `inspect`, `diagnose`, `formats`, `convert` | what a recording holds, its faults, rewriting it |
+| `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
+| `calibrate_motion`, `calibrate_noise`, `make_trials` | constants of robot and camera from trials |
 | `figures` | the figures of a calibration, for a paper |
 
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
@@ -22,8 +27,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .app.calibrate import calibrate_motion as calibrate_motion
+    from .app.calibrate import calibrate_noise as calibrate_noise
+    from .app.calibrate import figures as figures
+    from .app.calibrate import make_trials as make_trials
     from .app.compare import compare as compare
+    from .app.convert import convert as convert
+    from .app.events import drop_bookmarks as drop_bookmarks
+    from .app.events import events as events
+    from .app.events import jump as jump
+    from .app.events import keep_bookmark as keep_bookmark
     from .app.explain import explain as explain
+    from .app.export import export as export
+    from .app.inspect import diagnose as diagnose
+    from .app.inspect import formats as formats
+    from .app.inspect import inspect as inspect
+    from .app.library import build_library as build_library
+    from .app.library import check_library as check_library
     from .app.listener import Listener as Listener
     from .app.notebook import results as results
     from .app.notebook import show as show
@@ -32,13 +52,30 @@ if TYPE_CHECKING:
     from .app.run import RunScores as RunScores
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
+    from .app.tune import tune as tune
+    from .app.verify import verify as verify
     from .reports.make import report as report
 
 _WHERE = {
     "Listener": ".app.listener",
     "RunScores": ".app.run",
+    "build_library": ".app.library",
+    "calibrate_motion": ".app.calibrate",
+    "calibrate_noise": ".app.calibrate",
+    "check_library": ".app.library",
     "compare": ".app.compare",
+    "convert": ".app.convert",
+    "diagnose": ".app.inspect",
+    "drop_bookmarks": ".app.events",
+    "events": ".app.events",
     "explain": ".app.explain",
+    "export": ".app.export",
+    "figures": ".app.calibrate",
+    "formats": ".app.inspect",
+    "inspect": ".app.inspect",
+    "jump": ".app.events",
+    "keep_bookmark": ".app.events",
+    "make_trials": ".app.calibrate",
     "movie": ".app.snapshot",
     "replay": ".app.replay",
     "report": ".reports.make",
@@ -46,6 +83,8 @@ _WHERE = {
     "show": ".app.notebook",
     "snapshot": ".app.snapshot",
     "traces": ".app.notebook",
+    "tune": ".app.tune",
+    "verify": ".app.verify",
 }
 __all__ = tuple(_WHERE)
 

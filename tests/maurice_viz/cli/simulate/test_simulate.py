@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from maurice_viz.cli import app
+from maurice_viz.cli.app import app
 
 PATIENCE_S = 60
 
