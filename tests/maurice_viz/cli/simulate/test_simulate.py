@@ -32,7 +32,7 @@ def environment(folder: Path) -> dict[str, str]:
     [
         (["tracking"], "either -o DIR or --serve"),
         (["tracking", "-o", "a", "--serve", "tcp://127.0.0.1:0"], "either -o DIR or --serve"),
-        (["flying", "-o", "a"], "there are tracking, global, kidnapped"),
+        (["flying", "-o", "a"], "expected one of tracking, global, kidnapped"),
         (["tracking", "-o", "a", "--kidnap-at", "3"], "kidnaps nobody"),
         (["tracking", "-o", "a", "--lights", "blink@3"], "light change"),
         (["tracking", "-o", "a", "--tier", "easy"], "there are nominal, dim, hard"),
