@@ -20,7 +20,7 @@ from ..io.files import cache_root, discard
 from ..io.notes import ReadingNotes
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
-from .files import VERSION, check_span, hash_file, load_library, manifest_warnings, save_library
+from .files import MANIFEST, VERSION, check_span, hash_file, load_library, manifest_warnings, save_library
 from .survey import Survey
 
 # From a survey log to a library: every picture measured by every channel.
@@ -166,8 +166,9 @@ def open_library(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Library:
-    """Read a library folder, or build a survey log's library unless the cache has it.
+    """Read a library folder, or build a survey's library unless the cache has it.
 
+    A survey is a log, or a folder with a `survey.log`.
     The cache knows a library by the content of log and pictures and by the channels' parameters; what is
     damaged there is built again. Its folder: MAURICE_CACHE, or the user's cache. Arguments as for
     `build_library`. Raises InputError for anything that is neither library nor survey.
@@ -177,7 +178,7 @@ def open_library(
         >>> library.poses.shape
         (2, 3)
     """
-    path = Path(path)
+    path = _survey_in(Path(path))
     if path.is_dir():
         return load_library(path)
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
@@ -190,6 +191,12 @@ def open_library(
     for text in warnings:
         (warn or silent)(text)
     return kept_now
+
+
+def _survey_in(path: Path) -> Path:
+    """Return the survey log of a folder that holds one and is no library; any other path as it is."""
+    log = path / "survey.log"
+    return log if log.is_file() and not (path / MANIFEST).exists() else path
 
 
 def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_going: bool = False) -> str:

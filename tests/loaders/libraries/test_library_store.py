@@ -40,6 +40,12 @@ def test_a_survey_is_built_once(survey: Path, builds: list[Path], tmp_path: Path
     assert first.pictures[0].is_relative_to(tmp_path / "cache")
 
 
+def test_a_folder_with_a_survey_is_the_survey(survey: Path, builds: list[Path]) -> None:
+    log = survey.rename(survey.with_name("survey.log"))
+    assert open_library(log.parent).size == open_library(log).size
+    assert builds == [log]
+
+
 def test_warnings_are_told_every_time(survey: Path) -> None:
     lines = survey.read_text().splitlines(keepends=True)
     survey.write_text("".join(line for line in lines if "covered" not in line))
