@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from .app.calibrate import calibrate_noise as calibrate_noise
     from .app.calibrate import figures as figures
     from .app.calibrate import make_trials as make_trials
-    from .app.calibrate import figures as figures
     from .app.compare import compare as compare
     from .app.convert import convert as convert
     from .app.events import drop_bookmarks as drop_bookmarks
@@ -72,7 +71,6 @@ _WHERE = {
     "explain": ".app.explain",
     "figures": ".app.calibrate",
     "export": ".app.export",
-    "figures": ".app.calibrate",
     "formats": ".app.inspect",
     "inspect": ".app.inspect",
     "jump": ".app.events",
