@@ -98,7 +98,7 @@ def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> 
 def test_fix_writes_a_reading_file(small_session: Path, tmp_path: Path) -> None:
     wrong, out = in_millimeters(small_session), tmp_path / "reading.toml"
     words = ["--no-library", "--fix", "-o", str(out)]
-    assert runner.invoke(app, ["doctor", str(small_session), "--reading", "=".join(words)]).exit_code == 0
+    assert runner.invoke(app, ["doctor", str(small_session), *words]).exit_code == 0
     assert not out.exists()
     done = runner.invoke(app, ["doctor", str(wrong), *words])
     assert f"--reading {out}" in done.stderr

@@ -8,12 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import typer
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
 from maurice_viz.cli.app import app
-from maurice_viz.cli.understand.explain import explain
 from maurice_viz.viewer.snapshot import software_driver
 
 Explain = Callable[..., tuple[str, str]]
@@ -34,11 +32,8 @@ def saved(small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture
 def ask() -> Explain:
-    alone = typer.Typer(pretty_exceptions_enable=False)
-    alone.command()(explain)
-
     def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
-        done = CliRunner().invoke(alone, [str(arg) for arg in args])
+        done = CliRunner().invoke(app, ["explain", *(str(arg) for arg in args)])
         assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
         return done.stdout, done.stderr
 
