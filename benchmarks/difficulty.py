@@ -60,7 +60,7 @@ class Result:
 
 
 def rooms_of(arena: Arena, points: F64) -> F64:
-    """Give the number of the room (K,) that each point (K, 2) is in; -1 for none."""
+    """Return the number of the room (K,) that each point (K, 2) is in; -1 for none."""
     found = np.full(len(points), -1.0)
     for number, room in enumerate(arena.rooms):
         found[inside(room.polygon, points)] = number
@@ -74,7 +74,7 @@ def nearest_entry(localizer: Localizer, truth: F64) -> int:
 
 
 def thesis_filter(channels: Sequence[str], sharpness: float) -> FilterParameters:
-    """Give the preset "thesis" with channels at equal weights; sharpness 0 makes it blind."""
+    """Return the preset "thesis" with channels at equal weights; sharpness 0 makes it blind."""
     own = {"sensor.weights": dict.fromkeys(channels, 1.0), "sensor.sharpness": sharpness}
     return configure([Layer("thesis", PRESETS["thesis"]), Layer("here", own)]).parameters
 
@@ -137,7 +137,7 @@ def measure(tier: str, seed: int) -> Result:
 
 
 def results(tier: str, drives: int, kept: Path) -> Iterator[Result]:
-    """Give the results of a tier, measuring those that are not kept yet."""
+    """Return the results of a tier, measuring those that are not kept yet."""
     lines = kept.read_text(encoding="utf-8").splitlines() if kept.exists() else []
     known = {entry["key"]: entry["result"] for entry in map(json.loads, lines)}
     for seed in range(1, drives + 1):
@@ -150,7 +150,7 @@ def results(tier: str, drives: int, kept: Path) -> Iterator[Result]:
 
 
 def interval(values: list[float]) -> str:
-    """Give the mean with a bootstrap interval of 95 percent over drives."""
+    """Return the mean with a bootstrap interval of 95 percent over drives."""
     rng = np.random.default_rng(0)
     means = rng.choice(values, (4000, len(values))).mean(axis=1)
     low, high = np.percentile(means, (2.5, 97.5))

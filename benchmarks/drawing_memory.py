@@ -1,4 +1,4 @@
-"""Memory over a long session: megabytes held after every thousand updates drawn whole.
+"""Memory over a long session: megabytes held after every thousand fully drawn updates.
 
     .venv/bin/python benchmarks/drawing_memory.py [UPDATES]
 
@@ -33,7 +33,7 @@ EVERY, STEPS, PARTICLES = 1000, 100, 1000
 
 
 def held_mb() -> float:
-    """Give what this process holds in memory (Linux)."""
+    """Return what this process holds in memory (Linux)."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

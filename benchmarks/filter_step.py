@@ -1,4 +1,4 @@
-"""The filter step against a naive float64 version, a whole update by stage, one picture against a library.
+"""The filter step against a naive float64 version, a complete update by stage, one picture against a library.
 
 Run `.venv/bin/python benchmarks/filter_step.py`. Medians of interleaved rounds, one thread, one process:
 trust the ratios more than the nanoseconds.
@@ -103,7 +103,7 @@ class Naive:
         return np.where(place >= 0, likelihood[self.entry_of[place, heading]], 0.0)
 
     def estimate(self, poses: Any, weights: Any) -> Any:
-        """Give what `weighted_mean` gives: mean, spread, and the shares within 12 and 24 in of the mean."""
+        """Return what `weighted_mean` gives: mean, spread, and the shares within 12 and 24 in of the mean."""
         x, y = np.average(poses[:, 0], weights=weights), np.average(poses[:, 1], weights=weights)
         s, c = np.sum(weights * np.sin(poses[:, 2])), np.sum(weights * np.cos(poses[:, 2]))
         sd_x = np.sqrt(np.average((poses[:, 0] - x) ** 2, weights=weights))
@@ -166,7 +166,7 @@ class _NoSession:
         self.info = info
 
     def moments(self) -> Iterator[Moment]:
-        """Give nothing."""
+        """Return nothing."""
         return iter(())
 
 

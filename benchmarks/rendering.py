@@ -15,8 +15,8 @@ from maurice_datasets.render.baking import lighting_of
 from maurice_datasets.render.camera import Lens
 from maurice_datasets.render.camera_session import CameraSession, lit_once, session_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
+from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World
-from maurice_datasets.worlds.world_file import load_world
 
 WORLDS = ("two-rooms", "office")
 PICTURES = 60

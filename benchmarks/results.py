@@ -1,6 +1,6 @@
 """The results table: every task and tier of docs/evaluation.md on unseen arenas, with intervals.
 
-Arena seeds 1000 to 1009, a drive seed of its own for every drive; nothing was fitted on any of them, and one
+Arena seeds 1000 to 1009, a separate drive seed for every drive; nothing was fitted on any of them, and one
 configuration serves all tiers. Errors are inches: mean over drives with a 95 percent bootstrap interval, by
 arena, then drive. Rates have Wilson intervals. Beside every error stands its ratio to the nearest-node
 oracle's on the same drives, which always knows the nearest reference.
@@ -29,7 +29,7 @@ from maurice_datasets.sessions import simulated_session
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import GENERATOR, cached_survey
 from maurice_datasets.tasks import TASKS
-from maurice_datasets.worlds.world_file import load_world
+from maurice_datasets.worlds.build import load_world
 from maurice_loaders.io.files import cache_root
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.analysis.metrics import Scorer, score_step
@@ -87,7 +87,7 @@ CASES = (
 
 
 def plan_of(case: Case, drive: int) -> SimulationPlan:
-    """Give the session of a case's drive; one arena in ten drives."""
+    """Return the session of a case's drive; one arena in ten drives."""
     kidnapped = case.task == "kidnapped"
     plan = SimulationPlan(
         TASKS[case.task],
@@ -111,7 +111,7 @@ class Kept:
 
 
 def misjudged(motion: Mapping[str, Any]) -> dict[str, Any]:
-    """Give motion constants that are all 30 percent too large, as of a robot that was badly calibrated."""
+    """Return motion constants that are all 30 percent too large, as of a robot that was badly calibrated."""
     return {
         key: misjudged(value) if isinstance(value, Mapping) else value * 1.3 if key != "model" else value
         for key, value in motion.items()
@@ -126,7 +126,7 @@ class MeasuredOnce:
         self.compare, self.at = sensor.compare, sensor.at
 
     def measure(self, image: U8) -> dict[str, F32]:
-        """Pictures are told apart by where they are in memory: the session holds them all."""
+        """Pictures are distinguished by their address in memory: the session holds them all."""
         found = {}
         for name in self.sensor.parameters.weights:
             key = (name, id(image))
@@ -181,7 +181,7 @@ def scored(localizer: Any, session: Kept, library: Library, case: Case) -> dict[
 
 
 def first_of(localized: Sequence[bool]) -> int | None:
-    """Give how many pictures until localized in at least four of the five updates that start there."""
+    """Return how many pictures until localized in at least four of the five updates that start there."""
     for k in range(len(localized) - 4):
         if localized[k] and sum(localized[k : k + 5]) >= 4:
             return k + 1
@@ -189,7 +189,7 @@ def first_of(localized: Sequence[bool]) -> int | None:
 
 
 def frozen() -> str:
-    """Give a hash of every configuration in the table."""
+    """Return a hash of every configuration in the table."""
     values = {name: configure([Layer(name, layer)]).values() for name, layer in FILTERS.items()}
     return hashlib.sha256(json.dumps(values, sort_keys=True, default=dict).encode()).hexdigest()[:12]
 

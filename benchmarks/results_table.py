@@ -31,7 +31,7 @@ class Case:
 
 
 def interval(values: np.ndarray, arenas: np.ndarray) -> tuple[float, float, float]:
-    """Give the mean and its 95 percent interval, drawing arenas and then drives with replacement."""
+    """Return the mean and its 95 percent interval, drawing arenas and then drives with replacement."""
     rng = np.random.default_rng(0)
     groups = [values[arenas == a] for a in np.unique(arenas)]
     means = []
@@ -44,7 +44,7 @@ def interval(values: np.ndarray, arenas: np.ndarray) -> tuple[float, float, floa
 
 
 def wilson(hits: int, count: int, z: float = 1.96) -> str:
-    """Give a rate with its Wilson interval, in percent."""
+    """Return a rate with its Wilson interval, in percent."""
     p = hits / count
     middle = (p + z * z / (2 * count)) / (1 + z * z / count)
     reach = z * np.sqrt(p * (1 - p) / count + z * z / (4 * count * count)) / (1 + z * z / count)
@@ -52,7 +52,7 @@ def wilson(hits: int, count: int, z: float = 1.96) -> str:
 
 
 def row(case: Case, found: Mapping[int, dict[str, Any]]) -> str:
-    """Give one line of the table, of one case's results by drive."""
+    """Return one line of the table, of one case's results by drive."""
     drives = np.array(sorted(found))
     results, arenas = [found[d] for d in drives], drives % ARENAS
     oracle = np.array([r["oracle"] for r in results])
@@ -75,7 +75,7 @@ def row(case: Case, found: Mapping[int, dict[str, Any]]) -> str:
 
 
 def paired(known: Known, first: str, second: str, tier: str) -> str:
-    """Say how much the first filter's error differs from the second's, drive by drive."""
+    """Print by how much the first filter's error differs from the second's, drive by drive."""
     a, b = (Case(name, "tracking", tier).key for name in (first, second))
     drives = np.array(sorted({d for key, d in known if key == a} & {d for key, d in known if key == b}))
     if not len(drives):
@@ -86,7 +86,7 @@ def paired(known: Known, first: str, second: str, tier: str) -> str:
 
 
 def show(cases: Sequence[Case], pairs: Sequence[tuple[str, str]], known: Known) -> None:
-    """Print a row for every case that was measured, then the pairs."""
+    """Print one row per measured case, then the pairs."""
     print(f"| {' | '.join((*TITLES, *RATES))} |")
     print("|" + "---|" * (len(TITLES) + len(RATES)))
     for case in cases:

@@ -5,7 +5,7 @@
 The simulated robot speaks over a socket at so many times real time; `maurice-replay tcp://... --record`
 follows, drawing into a file and serving viewers, and is stopped by SIGTERM at the end. Prints the megabytes
 that it holds (Linux) forty times. Exit status 1 when memory grew over the second
-half, a line was lost on the way, or the recording is not whole.
+half, a line was lost, or the recording is not complete.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ COMMAND = str(Path(sys.executable).with_name("maurice-replay"))
 UPDATE_S = 7.6  # of robot time, about
 GROWTH_MB = 40.0  # over the second half; the buffer for viewers is full before
 LOOKS = 40
-LATE_S = 15.0  # the follower is up so long after the robot; what was said before was never sent to it
+LATE_S = 15.0  # the follower starts this long after the robot; earlier lines were never sent to it
 
 
 def held_mb(pid: int) -> float:
-    """Give what a process holds in memory."""
+    """Return what a process holds in memory."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -85,7 +85,7 @@ def watch(robot: subprocess.Popen[str], follower: subprocess.Popen[bytes], every
 
 
 def judge(held: list[float], status: int, robot_said: str, folder: Path, least: int) -> int:
-    """Say what came of it."""
+    """Print the result."""
     half = held[len(held) // 2 :]
     growth = max(half) - half[0] if half else 0.0
     log = SessionLog(folder / "drive" / "session.log")

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .sessions import simulate
     from .surveys import survey
-    from .worlds.world_file import load_world
+    from .worlds.build import load_world
 
 __all__ = ["load_world", "simulate", "survey"]
 
-_HOME = {"load_world": ".worlds.world_file", "simulate": ".sessions", "survey": ".surveys"}
+_HOME = {"load_world": ".worlds.build", "simulate": ".sessions", "survey": ".surveys"}
 
 
 def __getattr__(name: str) -> Any:

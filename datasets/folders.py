@@ -1,4 +1,4 @@
-"""Folders that say themselves when they are whole, and a cache of such folders."""
+"""Finished folders, marked by a checksum, and a cache of such folders."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.io.files import cache_root, discard
 
-NOTE = "simulation.json"  # written last: without it a folder is not whole
+NOTE = "simulation.json"  # written last: a folder without it is not finished
 
 
 def seal(folder: Path, key: str) -> None:
-    """Write down what a finished folder is and what its files sum to."""
+    """Mark a folder as finished: write its key and the checksum of its files."""
     (folder / NOTE).write_text(note_of(folder, key), encoding="utf-8")
 
 
 def is_whole(folder: Path, key: str) -> bool:
-    """Tell whether a folder is finished and its files are as they were written."""
+    """Return whether a folder is finished and its files are as they were written."""
     try:
         return (folder / NOTE).read_text(encoding="utf-8") == note_of(folder, key)
     except OSError:
@@ -32,7 +32,7 @@ def is_whole(folder: Path, key: str) -> bool:
 
 
 def note_of(folder: Path, key: str) -> str:
-    """Give the note of a folder: its key, and a checksum of its other files' names and contents."""
+    """Return the note of a folder: its key, and a checksum of its other files' names and contents."""
     total = hashlib.sha256()
     for file in sorted(folder.rglob("*")):
         if file.is_file() and file != folder / NOTE:
@@ -42,10 +42,10 @@ def note_of(folder: Path, key: str) -> str:
 
 
 def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:
-    """Give a whole folder from the user's cache (MAURICE_CACHE names another place).
+    """Return a finished folder from the user's cache (MAURICE_CACHE names another place).
 
-    It is made when absent, and made again when damaged; `make` puts it in place at once, sealed with the key.
-    Two who make it at once do no harm.
+    It is made when absent or damaged; `make` puts it in place atomically, sealed with the key.
+    Two processes may make it at the same time.
     """
     folder = cache_root() / kind / key
     if folder.exists() and not is_whole(folder, key):
@@ -54,7 +54,7 @@ def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:
         try:
             make(folder)
         except InputError:
-            if not is_whole(folder, key):  # otherwise somebody else was faster
+            if not is_whole(folder, key):  # otherwise another process was faster
                 raise
     return folder
 
@@ -74,7 +74,7 @@ def copy_whole(source: Path, target: Path) -> None:
 
 
 def fingerprint(value: Any) -> str:
-    """Give a checksum of plain data: dataclasses, arrays, tuples, and what prints itself."""
+    """Return a checksum of plain data: dataclasses, arrays, tuples, and values by their repr."""
     total = hashlib.sha256()
     _feed(total.update, value)
     return total.hexdigest()

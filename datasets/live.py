@@ -1,4 +1,4 @@
-"""The live robot: drives, looks, and sends a session log line by line to whoever listens."""
+"""The live robot: drives, takes pictures, and sends a session log line by line to its readers."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from .sessions import play, session_info
 from .simulation import SimulationPlan, stage
 from .surveys import one_thread
 
-# Lines to whoever listens, over TCP. Who connects late, reads slowly or goes away disturbs nobody else.
+# Lines to readers, over TCP. A reader that connects late, reads slowly or leaves does not disturb the others.
 
 WAITING = 256  # lines kept for one reader: some 20 updates with their pictures, about 4 MB
-FAREWELL_S = 5.0  # what a reader gets to read the rest when all is said
+FAREWELL_S = 5.0  # time that a reader has for the rest after the last line
 ACCEPT_S = 0.2  # how often the one who accepts looks whether it is over
 
 
@@ -61,13 +61,13 @@ def parse_address(text: str) -> Address:
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """What became of the lines."""
+    """How many lines were sent and lost."""
 
     readers: int = 0  # that ever connected
     dropped: int = 0  # lines left out, for all slow readers together
 
 
-class Reader:
+class ConnectedReader:
     """One who listens: a queue with an end to it, and a thread that empties it into the socket."""
 
     def __init__(self, connection: socket.socket, header: bytes) -> None:
@@ -109,7 +109,7 @@ class Reader:
 
 
 class Broadcast:
-    """Listens at an address and sends every reader the header, then each line said from then on.
+    """Listens at an address and sends every reader the header, then each line sent from then on.
 
     OSError, naming the address, where one cannot listen there.
     """
@@ -118,7 +118,7 @@ class Broadcast:
         self._header = header
         self._socket = _listen(address)
         self.address = Address(address.host, int(self._socket.getsockname()[1]))
-        self._readers: list[Reader] = []
+        self._readers: list[ConnectedReader] = []
         self._tally = Tally()
         self._lock = threading.Lock()
         self._over = threading.Event()
@@ -126,7 +126,7 @@ class Broadcast:
         self._thread.start()
 
     def say(self, line: bytes) -> None:
-        """Offer a whole line to all readers; never waits for any of them."""
+        """Queue a complete line for all readers; never wait for any of them."""
         with self._lock:
             for reader in self._readers:
                 reader.offer(line)
@@ -134,7 +134,7 @@ class Broadcast:
                 self._forget(reader)
 
     def close(self, patience_s: float = FAREWELL_S) -> Tally:
-        """Let readers have the rest, as long as they do not take too long, and hang up."""
+        """Send readers the rest, up to a time limit, and close the connections."""
         self._over.set()
         self._thread.join()
         self._socket.close()
@@ -144,7 +144,7 @@ class Broadcast:
             self._forget(reader)
         return self._tally
 
-    def _forget(self, reader: Reader) -> None:
+    def _forget(self, reader: ConnectedReader) -> None:
         self._readers.remove(reader)
         self._tally = Tally(self._tally.readers, self._tally.dropped + reader.dropped)
 
@@ -158,7 +158,7 @@ class Broadcast:
                 continue
             connection.settimeout(None)
             with self._lock:
-                self._readers.append(Reader(connection, self._header))
+                self._readers.append(ConnectedReader(connection, self._header))
                 self._tally = Tally(self._tally.readers + 1, self._tally.dropped)
 
 
@@ -191,12 +191,12 @@ Say = Callable[[float, bytes], None]  # takes a line and the time it belongs to,
 
 
 def header_line(info: SessionInfo) -> bytes:
-    """Give the first line of a session log; a relative survey path stays as it is."""
+    """Return the first line of a session log; a relative survey path stays as it is."""
     return line_of(header_to_json(info, "session", Path()))
 
 
 def line_of(value: dict[str, Any]) -> bytes:
-    """Give one line of a log, with its end."""
+    """Return one line of a log, with its end."""
     return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
@@ -208,23 +208,23 @@ class LiveLog:
         self._truth = truth
 
     def odometry(self, t_s: float, motion: F64, encoders_m: F64 | None = None) -> None:
-        """Say a movement."""
+        """Send a movement."""
         wheels = {} if encoders_m is None else {"encoders_m": [float(v) for v in encoders_m]}
         self._put(t_s, {"odometry": [float(v) for v in motion]} | wheels)
 
     def image(self, t_s: float, image_rgb: U8, *, camera: str | None = None) -> None:
-        """Say a picture: JPEG in base64."""
+        """Send a picture: JPEG in base64."""
         data = base64.b64encode(encode_jpeg(image_rgb)).decode("ascii")
         named = {} if camera is None else {"camera": camera}
         self._put(t_s, {"image": {"base64": data}} | named)
 
     def truth(self, t_s: float, pose: F64) -> None:
-        """Say where the robot really is."""
+        """Send the true pose."""
         if self._truth:
             self._put(t_s, {"truth": [float(v) for v in pose]})
 
     def event(self, t_s: float, text: str) -> None:
-        """Say what happens, which a robot that must not tell the truth would not know either."""
+        """Send an event; left out with the truth, as a real robot would not know it."""
         if self._truth:
             self._put(t_s, {"event": text})
 
@@ -232,7 +232,7 @@ class LiveLog:
         self._say(t_s, line_of({"t": float(t_s)} | record))
 
 
-# The live robot: drives, looks, and says so line by line to whoever listens, at its own pace.
+# The live robot: drives, takes pictures, and sends lines at its own pace.
 
 
 class Pace:
@@ -258,11 +258,11 @@ def serve(
     over: Callable[[Tally], None],
     progress: Progress | None = None,
 ) -> None:
-    """Drive a whole session and say its lines at an address.
+    """Drive a complete session and send its lines at an address.
 
-    `ready` is told where it listens, as soon as it does, and `over` what became of the lines, also when the
-    robot is stopped half way. InputError for worlds and recordings that cannot be used,
-    OSError where one cannot listen. Readers get the header first, then what is said from then on.
+    `ready` is called with the address as soon as it listens, and `over` with the line counts, also when the
+    robot is stopped halfway. InputError for worlds and recordings that cannot be used,
+    OSError if the address cannot be used. Readers get the header first, then what is sent from then on.
     """
     with one_thread():
         set_up = stage(plan)

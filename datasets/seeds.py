@@ -34,7 +34,7 @@ class SimPurpose(IntEnum):
     BARE = 18
 
 
-# Which seeds may be fitted on and which may only be tested on: split once and for all.
+# Which seeds may be fitted on and which may only be tested on: the split never changes.
 
 DEMO = 0  # the first, not a chosen one
 FITTING = range(1, 100)  # anything may be fitted or tuned on these
@@ -42,14 +42,14 @@ TEST = range(1000, 2000)  # nothing ever is
 
 
 def for_fitting(seed: int) -> int:
-    """Give a seed back that may be fitted on; ValueError for any other, test seeds above all."""
+    """Return a seed that may be fitted on; ValueError for any other, above all for test seeds."""
     if seed not in FITTING:
         raise ValueError(f"found seed {seed}, expected a fitting seed, {_span(FITTING)}{_whose(seed)}")
     return seed
 
 
 def for_testing(seed: int) -> int:
-    """Give a seed back that results may be reported on; ValueError for any other."""
+    """Return a seed that results may be reported on; ValueError for any other."""
     if seed not in TEST:
         raise ValueError(f"found seed {seed}, expected a test seed, {_span(TEST)}{_whose(seed)}")
     return seed

@@ -59,11 +59,11 @@ def simulate(
     force: bool = False,
     progress: Progress | None = None,
 ) -> SimulationPaths:
-    """Let the simulated Maurice drive; write its session and survey into a new folder, whole or not at all.
+    """Drive the simulated Maurice; write its session and survey into a new folder, atomically.
 
     `task` is tracking, global or kidnapped (thesis 1), `tier` nominal, dim or hard. `arena_seed` draws
     textures, furniture, lights and the survey; `seed` the drive and its noise. `kidnap_at` is an
-    update (default: half way), `lights` as in docs/conditions.md, `moved` a number of pieces of furniture,
+    update (default: halfway), `lights` as in docs/conditions.md, `moved` a number of pieces of furniture,
     `gain` fixed or auto.
     `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
 
@@ -92,7 +92,7 @@ def simulate(
 
 
 def session_info(set_up: Stage) -> SessionInfo:
-    """Give the header of a session: its map is the survey's, which does not know of things moved since."""
+    """Return the header of a session: its map is the survey's, which does not know of things moved since."""
     plan = set_up.plan
     return SessionInfo(
         name=f"{plan.task.title} in {Path(plan.world).stem}, arena seed {plan.arena_seed}, seed {plan.seed}",
@@ -108,14 +108,14 @@ def session_info(set_up: Stage) -> SessionInfo:
 
 
 def notes_of(set_up: Stage) -> tuple[str, ...]:
-    """Say in the header what a reader of the session may want to know."""
+    """Return the remarks of the header: what a reader of the session should know."""
     moved = set_up.plan.moved
     things = (f"pieces of furniture moved after the survey: {moved}",) if moved else ()
     return (f"tier {set_up.plan.tier}", *set_up.camera.notes, *things, *set_up.course.notes)
 
 
 def play(set_up: Stage, log: Log, report: Progress) -> None:
-    """Let the robot drive, and write down what happens."""
+    """Drive the robot and write the session."""
     course = set_up.course
     write_segments(
         log, course.start, course.segments(), set_up.camera, set_up.world.arena, course.total, report
@@ -167,22 +167,22 @@ def write_demo(
 
 
 def demo_plan(seed: int, updates: int) -> SimulationPlan:
-    """Give the demo's plan: no slips, so that a first picture is not one of bad luck."""
+    """Return the demo's plan: no slips, so that a first impression does not depend on bad luck."""
     return SimulationPlan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
 
 
 def key_of(plan: SimulationPlan) -> str:
-    """Name what is made from a plan so that another generator or plan never takes its place."""
+    """Return the cache key of a plan; another generator or plan has another key."""
     return f"{plan.task.name}-{GENERATOR}-seed{plan.arena_seed}-{plan.seed}-{plan.updates}"
 
 
 def paths_in(folder: Path) -> SimulationPaths:
-    """Name the two logs of a folder."""
+    """Return the two logs of a folder."""
     return SimulationPaths(folder / "session.log", folder / SURVEY)
 
 
 def demo_paths(seed: int = 0, progress: Progress | None = None) -> SimulationPaths:
-    """Give the demo from the user's cache (MAURICE_CACHE names another place), made when it is not there."""
+    """Return the demo from the user's cache (MAURICE_CACHE names another place), made when absent."""
     key = key_of(demo_plan(seed, UPDATES))
     return paths_in(cached("demos", key, lambda folder: write_demo(folder, seed, progress=progress)))
 

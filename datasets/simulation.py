@@ -22,9 +22,9 @@ from .robot.recorded_path import read_recording
 from .robot.segments import Segment, driven_segments
 from .seeds import SimPurpose
 from .tasks import TIERS, UPDATES, Task
+from .worlds.build import load_world
 from .worlds.rearrange import move_things
 from .worlds.world import World
-from .worlds.world_file import load_world
 
 SLIP_CHANCE = 0.15  # at a crossing into another floor: about two in a drive of 1000 in
 
@@ -39,7 +39,7 @@ class SimulationPlan:
     arena_seed: int = 0  # textures, furniture, lights, survey
     seed: int = 0  # drive, the session's light, noise
     updates: int = UPDATES  # at most, where a recording is followed
-    kidnap_at: int | None = None  # None: half way
+    kidnap_at: int | None = None  # None: halfway
     lights: tuple[LightChange, ...] = ()
     moved: int = 0  # pieces of furniture moved after the survey
     gain: str = "fixed"
@@ -51,7 +51,7 @@ class SimulationPlan:
         if self.tier not in TIERS:
             raise ValueError(f"no tier called {self.tier!r}; there are {', '.join(TIERS)}")
         if self.recording is not None and self.task.kidnapped:
-            raise ValueError("nobody kidnapped the robot of the recording; take tracking or global")
+            raise ValueError("found task kidnapped for a recorded path; choose tracking or global")
         if self.gain not in GAINS:
             raise ValueError(f"no gain called {self.gain!r}; there are {', '.join(GAINS)}")
         if self.updates < 1:
@@ -111,13 +111,13 @@ def stage(plan: SimulationPlan) -> Stage:
 
 
 def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
-    """Let the robot drive itself. InputError where a kidnapped robot cannot be put far enough away."""
+    """Drive the robot by its behaviors. InputError if a kidnapped robot cannot be placed far enough away."""
     chassis = Chassis(slip_chance=plan.slip_chance)
     robot = Robot(world.arena, plan.seed, chassis)
     kidnap_at = plan.task.kidnap_at(plan.updates, plan.kidnap_at)
     reach_m = float(np.ptp(map_.centers, axis=0).max())  # one of the two ends is half of it away, or more
     if kidnap_at is not None and reach_m < 2 * KIDNAP_M:
-        raise InputError(Path(plan.world), "found too small a place to be kidnapped in; take a larger world")
+        raise InputError(Path(plan.world), "found too small a place for a kidnapping; choose a larger world")
 
     def segments() -> Iterator[Segment]:
         return driven_segments(drive(robot, map_, plan.updates, kidnap_at, world.start)[1], world.arena)

@@ -1,7 +1,7 @@
 """The survey: reference pictures at every free node in eight headings, and some with the lens covered.
 
 References are placed by hand, so a little off; they are labeled with where they should have been. A survey is
-written beside its session, into the cache, or into a folder of its own.
+written beside its session, into the cache, or into a separate folder.
 """
 
 from __future__ import annotations
@@ -28,9 +28,8 @@ from .robot.motion import Chassis
 from .robot.segments import FRAME_S, Progress
 from .seeds import SimPurpose
 from .tasks import TIERS
-from .worlds.build import build_world
+from .worlds.build import build_world, check_tier, load_plan
 from .worlds.world import World, clearance, inside
-from .worlds.world_file import check_tier, load_plan
 
 GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used
 SURVEY = Path("survey") / "survey.log"  # beside the session's log
@@ -40,7 +39,7 @@ AHEAD_M = 1.6  # of some poses one with so much room ahead is preferred
 
 @dataclass(frozen=True, slots=True)
 class Surveyor:
-    """How carefully the survey is made."""
+    """How accurately the survey is made."""
 
     place_sd_m: float = 0.4 * INCH_M  # of each reference along x and y: tape on the floor
     heading_sd_rad: float = float(np.radians(1.5))  # of each reference: set by eye
@@ -49,21 +48,21 @@ class Surveyor:
 
 
 def reference_poses(nodes: F64, headings: int) -> F64:
-    """Give the nominal poses (K * headings, 3) of nodes (K, 2): each node's headings one after the other."""
+    """Return the nominal poses (K * headings, 3) of nodes (K, 2), node by node."""
     angles = wrap(np.arange(headings) * (2 * np.pi / headings))
     poses = [[x, y, angle] for x, y in nodes for angle in angles]
     return np.array(poses)
 
 
 def placed_poses(nominal: F64, seed: int, surveyor: Surveyor) -> F64:
-    """Give where the references (L, 3) really were: each a little off its nominal pose."""
+    """Return where the references (L, 3) really were: each a little off its nominal pose."""
     rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.SURVEY_PLACING)
     sd = np.array([surveyor.place_sd_m, surveyor.place_sd_m, surveyor.heading_sd_rad])
     return np.asarray(nominal + rng.standard_normal(nominal.shape) * sd)
 
 
 def references(nodes: F64, camera: CameraSession, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:
-    """Give the nominal pose (3,) and the picture of each reference."""
+    """Return the nominal pose (3,) and the picture of each reference."""
     nominal = reference_poses(nodes, surveyor.headings)
     for number, (label, pose) in enumerate(
         zip(nominal, placed_poses(nominal, camera.seed, surveyor), strict=True)
@@ -88,7 +87,7 @@ def camera_of(lens: Lens) -> Camera:
 
 
 def survey_info(world: World, camera: CameraSession) -> SessionInfo:
-    """Give the header of a world's survey."""
+    """Return the header of a world's survey."""
     return SessionInfo(
         name=f"survey of {world.name}",
         display_units="in",
@@ -101,7 +100,7 @@ def survey_info(world: World, camera: CameraSession) -> SessionInfo:
 
 
 def surveyor_of(world: World) -> Surveyor:
-    """Give the surveyor that takes as many headings as the world says."""
+    """Return the surveyor that takes as many headings as the world says."""
     return Surveyor(headings=world.headings)
 
 
@@ -208,7 +207,7 @@ def views(world: World, seed: int, count: int) -> F64:
 
 
 def depth(world: World, pose: F64) -> float:
-    """Give about how far one sees straight ahead from a pose (3,), up to 2 m."""
+    """Return about how far one sees straight ahead from a pose (3,), up to 2 m."""
     steps = np.arange(0.1, 2.0, 0.1)
     ahead = pose[:2] + steps[:, None] * np.array([np.cos(pose[2]), np.sin(pose[2])])
     blocked = clearance(world.arena, ahead) < 0.06

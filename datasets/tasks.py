@@ -1,6 +1,6 @@
 """Tasks and tiers: the thesis's three problems, at three levels of difficulty.
 
-A tier says what the world looks like (its light, how much hangs on its walls) and what happens during the
+A tier sets what the world looks like (its light, how much hangs on its walls) and what happens during the
 session (occluders, light that drifts). Numbers are invented; docs/arena.md has what they do to the filter.
 """
 
@@ -48,14 +48,14 @@ class Task:
     kidnapped: bool  # once the robot is carried elsewhere, and its odometry does not see it
 
     def kidnap_at(self, updates: int, asked: int | None) -> int | None:
-        """Give the update after which the robot is carried away: half way unless asked otherwise.
+        """Return the update after which the robot is carried away: halfway unless asked otherwise.
 
         ValueError where the task has no kidnapping, or where no update would come after it.
         """
         if not self.kidnapped:
             if asked is not None:
                 raise ValueError(
-                    f"the task {self.name} kidnaps nobody; leave --kidnap-at out or take kidnapped"
+                    f"found a kidnapping in the task {self.name}; leave --kidnap-at out or choose kidnapped"
                 )
             return None
         if updates < 2:

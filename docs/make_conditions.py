@@ -9,7 +9,7 @@ import numpy as np
 
 from maurice_datasets.render.camera_session import session_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
-from maurice_datasets.worlds.world_file import load_world
+from maurice_datasets.worlds.build import load_world
 
 OUT = Path(__file__).parent / "pictures" / "conditions.png"
 POSE = np.array([2.95, 2.49, -0.785])

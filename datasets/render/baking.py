@@ -15,8 +15,7 @@ import numpy as np
 from maurice_mcl.arrays import F32, F64, I32
 
 from ..worlds.world import Face, World
-from .light import Baking, face_points, irradiance_by_part
-from .parts import LightPart, parts_of
+from .light import Baking, LightPart, face_points, irradiance_by_part, parts_of
 from .scene import LitFace, LitScene, halvings, scene_of
 
 
@@ -47,7 +46,7 @@ class Lighting:
         return np.asarray(np.maximum(result, 0))  # a difference of rounded numbers
 
     def grids(self) -> list[F32]:
-        """Give the light (rows, columns, 3) of all parts together on each face."""
+        """Return the light (rows, columns, 3) of all parts together on each face."""
         ends = np.cumsum([rows * columns for rows, columns in self.shapes])[:-1]
         pieces = zip(np.split(self.total, ends), self.shapes, strict=True)
         return [grid.reshape(*shape, 3) for grid, shape in pieces]
@@ -105,7 +104,7 @@ def with_glow(
 
 
 def nearest_source(world: World, face: Face) -> str:
-    """Name the source of the lamp nearest to the middle of a face; the first source where there are none."""
+    """Return the source of the lamp nearest to the middle of a face; without lamps the first source."""
     middle = face.corner + (face.across + face.down) / 2
     far = {lamp.source: float(np.linalg.norm(lamp.points - middle, axis=1).min()) for lamp in world.lamps}
     return min(far, key=far.__getitem__, default=(*world.sources, "")[0])

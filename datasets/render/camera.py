@@ -23,7 +23,7 @@ Window = tuple[int, int, int, int]  # u1, v1, u2, v2 of a part of the picture, e
 
 @dataclass(frozen=True)
 class Lens:
-    """How the camera looks at the world. Chassis and optics of Maurice are unknown: invented, but usual."""
+    """Pose and optics of the camera. Those of Maurice are unknown: these are invented but common."""
 
     width_px: int = 176  # CMUcam2's largest picture across
     height_px: int = 144  # and down, cut to the common 11:9
@@ -45,7 +45,7 @@ class Lens:
 
 
 def orientation(heading_rad: float, pitch_rad: float) -> F64:
-    """Give the rotation (3, 3) whose rows are the camera's right, down and forward in the world."""
+    """Return the rotation (3, 3) whose rows are the camera's right, down and forward in the world."""
     c, s, cp, sp = np.cos(heading_rad), np.sin(heading_rad), np.cos(pitch_rad), np.sin(pitch_rad)
     forward = np.array([c * cp, s * cp, sp])
     right = np.array([s, -c, 0.0])
@@ -97,7 +97,7 @@ def project(scene: LitScene, position: F64, turn: F64, lens: Lens) -> list[Seen]
 
 
 def windows_of(outlines: F64, lens: Lens) -> I32:
-    """Give the part of the picture (F, 4) that outlines (F, 4, 3) in camera coordinates can touch.
+    """Return the part of the picture (F, 4) that outlines (F, 4, 3) in camera coordinates can touch.
 
     Where there is none, u1 >= u2 or v1 >= v2.
     """
@@ -114,7 +114,7 @@ def windows_of(outlines: F64, lens: Lens) -> I32:
 
 
 def bounds_of(outlines: F64, lens: Lens) -> F64:
-    """Give the bounds (F, 4) u1, v1, u2, v2 of polygons (F, K, 3) before the camera."""
+    """Return the bounds (F, 4) u1, v1, u2, v2 of polygons (F, K, 3) before the camera."""
     image = outlines @ lens.matrix.T
     uv = image[..., :2] / image[..., 2:]
     return np.concatenate([uv.min(axis=1), uv.max(axis=1)], axis=1)
@@ -129,9 +129,9 @@ def over(row: F64, window: Window) -> F32:
 
 
 def visibility(seen: list[Seen], lens: Lens) -> tuple[I32, F32]:
-    """Give the number of the nearest face (-1: none) and one over its depth, for every sample.
+    """Return the number of the nearest face (-1: none) and one over its depth, for every sample.
 
-    Faces come nearest first: whole rooms behind a wall are then passed over at the cost of one look.
+    Faces come nearest first: complete rooms behind a wall are then skipped at the cost of one test.
     """
     shape = lens.height_px * lens.oversample, lens.width_px * lens.oversample
     number = np.full(shape, -1, dtype=np.int32)

@@ -20,8 +20,8 @@ from .baking import Lighting, bake, lighting_of, relit, unlit
 from .camera import Lens, radiance
 from .conditions import Conditions, brightness_at, events_at, named_lights, reshades, weights_at
 from .image_sensor import Exposure, Sensor, covered, draw_exposure, drifted, photograph
+from .light import windows_of
 from .occluders import StandingPerson, people, standing_shade, stands_at
-from .parts import windows_of
 from .scene import LitScene, joined
 
 
@@ -53,18 +53,18 @@ class CameraSession:
         return covered(self.sensor, (self.lens.height_px, self.lens.width_px), rng)
 
     def exposure_at(self, number: int) -> Exposure:
-        """Give gain and white balance at an update; what automatic gain adds is chosen picture by picture."""
+        """Return gain and white balance at an update; automatic gain is chosen picture by picture."""
         if not (self.conditions.drift or self.conditions.tint):
             return self.exposure
         return drifted(self.exposure, self.conditions, self.seed, number)
 
     def events(self, number: int) -> tuple[str, ...]:
-        """Say what happens to the light at an update, for the log: "lights off west room lamp"."""
+        """Return what happens to the light at an update, for the log: "lights off west room lamp"."""
         return events_at(self.conditions.lights, number)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Say for a log's header what is unlike the survey, in a few words each."""
+        """Return what differs from the survey, in a few words each, for a log's header."""
         conditions = self.conditions
         told = {
             "automatic gain": conditions.gain == "auto",
@@ -76,7 +76,7 @@ class CameraSession:
         return tuple(text for text, holds in told.items() if holds)
 
     def stands(self, number: int, pose: F64) -> tuple[StandingPerson, ...]:
-        """Give the people who stand in view in one picture."""
+        """Return the people who stand in view in one picture."""
         return stands_at(self.world.arena, pose, self.seed, number, self.conditions.occluded)
 
     def _scene_at(self, number: int, pose: F64) -> LitScene:
@@ -143,7 +143,7 @@ def _camera_session(
     lens: Lens | None,
     sensor: Sensor | None,
 ) -> CameraSession:
-    """Put a camera session together; `purposes` are those of its light and of its noise."""
+    """Build a camera session; `purposes` are those of its light and of its noise."""
     lights = named_lights(world, conditions.lights)
     drawn = draw_exposure(stream(Domain.SIMULATOR, seed, 0, purposes[0]))
     moving = reshades(conditions) or conditions.occluded > 0

@@ -1,6 +1,6 @@
 """What may change during a session: light, drift, people, gain; and how bright each part of the light is.
 
-`parse_lights` reads the notation of `--lights`, told in docs/conditions.md.
+`parse_lights` reads the notation of `--lights`, described in docs/conditions.md.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from maurice_mcl.arrays import F64
 
 from ..tasks import Tier
 from ..worlds.world import World
-from .parts import LightPart, windows_of
+from .light import LightPart, windows_of
 
 # What may change during a session: light, drift, people, the camera's gain; and how light is written.
 
-DIM_SHARE = 0.6  # of the light that `dim` leaves when it does not say
-DRIFT_SHARE = 0.2  # largest change of gain that `drift` makes when it does not say, as in tier hard
+DIM_SHARE = 0.6  # of the light that `dim` leaves by default
+DRIFT_SHARE = 0.2  # largest change of gain of `drift` by default, as in tier hard
 TINT_SHARE = 0.5  # white balance drifts by this share of what the gain does
 GAINS = ("fixed", "auto")
 EXAMPLE = "dim@40,off@60,daylight@20-100,on@80"
@@ -63,7 +63,7 @@ def conditions_for(
     gain: str = "fixed",
     half_resolution: bool = False,
 ) -> Conditions:
-    """Put together what a tier asks for and what the user asks for besides; the stronger drift counts."""
+    """Combine the conditions of a tier with those the user adds; the stronger drift counts."""
     asked = max((change.amount or 0.0 for change in lights if change.kind == "drift"), default=0.0)
     return Conditions(
         tuple(change for change in lights if change.kind != "drift"),
@@ -98,7 +98,7 @@ def parse_change(text: str) -> LightChange:
 
 
 def complaint(text: str, wanted: str) -> ValueError:
-    """Say what was found among the light changes and what was expected."""
+    """Return the error for a light change: what was found and what was expected."""
     return ValueError(f"found light change {text!r}, expected {wanted}; for example {EXAMPLE}")
 
 
@@ -147,7 +147,7 @@ def read_update(text: str, number: str) -> int:
     """Read the number of an update, from 1."""
     digits = number.strip()
     if not (digits.isascii() and digits.isdigit() and 0 < int(digits[:10]) < 10**9):
-        raise complaint(text, "an update as a whole number from 1")
+        raise complaint(text, "an update as an integer from 1")
     return int(digits)
 
 
@@ -171,7 +171,7 @@ TURN = 0.85  # so much of each window's far side is then missing, and so much mo
 
 
 def named_lights(world: World, lights: tuple[LightChange, ...]) -> tuple[LightChange, ...]:
-    """Give changes that name their lamp, in order; the first lamp is the default of `off`.
+    """Return changes that name their lamp, in order; the first lamp is the default of `off`.
 
     ValueError with one line for a source that the world does not have.
     """
@@ -190,7 +190,7 @@ def named_lights(world: World, lights: tuple[LightChange, ...]) -> tuple[LightCh
 
 
 def brightness_at(lights: tuple[LightChange, ...], number: int) -> float:
-    """Give the share of the whole building's light that is left at an update."""
+    """Return the share of the complete building's light that is left at an update."""
     share = 1.0
     for change in lights:
         if change.update <= number and change.kind == "dim":
@@ -201,12 +201,12 @@ def brightness_at(lights: tuple[LightChange, ...], number: int) -> float:
 
 
 def left_by(change: LightChange) -> float:
-    """Give the share of light that a dimming leaves."""
+    """Return the share of light that a dimming leaves."""
     return DIM_SHARE if change.amount is None else change.amount
 
 
 def sources_off(lights: tuple[LightChange, ...], number: int) -> frozenset[str]:
-    """Name the sources that give nothing at an update."""
+    """Return the sources that are off at an update."""
     off: frozenset[str] = frozenset()
     for change in lights:
         if change.update <= number and change.kind == "off":
@@ -217,7 +217,7 @@ def sources_off(lights: tuple[LightChange, ...], number: int) -> frozenset[str]:
 
 
 def daylight_at(lights: tuple[LightChange, ...], number: int) -> float:
-    """Give how far daylight has moved, smoothly from 0 to 1; the span that began last counts."""
+    """Return how far daylight has moved, smoothly from 0 to 1; the span that began last counts."""
     spans = [change for change in lights if change.kind == "daylight" and change.update <= number]
     if not spans or spans[-1].until is None:
         return 0.0
@@ -228,7 +228,7 @@ def daylight_at(lights: tuple[LightChange, ...], number: int) -> float:
 def weights_at(
     parts: tuple[LightPart, ...], windows: frozenset[str], lights: tuple[LightChange, ...], number: int
 ) -> F64:
-    """Give the weights (S, 3) of the parts' light at an update, all 1 where nothing has changed."""
+    """Return the weights (S, 3) of the parts' light at an update, all 1 where nothing has changed."""
     off, moved = sources_off(lights, number), daylight_at(lights, number)
     color = 1 + moved * (np.array(LATE) - 1)
     return np.array(
@@ -241,18 +241,18 @@ def weights_at(
 
 
 def reshades(conditions: Conditions) -> bool:
-    """Tell whether shading ever changes, and not only the brightness of everything."""
+    """Return whether shading ever changes, and not only the brightness of everything."""
     return any(change.kind in ("off", "daylight") for change in conditions.lights)
 
 
 def events_at(lights: tuple[LightChange, ...], number: int) -> tuple[str, ...]:
-    """Say what happens to the light at an update, as a log's events do."""
+    """Return what happens to the light at an update, as the text of a log's events."""
     begun = [told(change) for change in lights if change.update == number and change.kind != "drift"]
     return (*begun, *("lights daylight rests" for change in lights if change.until == number))
 
 
 def told(change: LightChange) -> str:
-    """Tell one change."""
+    """Return one change as text."""
     if change.kind == "dim":
         return f"lights dim to {left_by(change):.0%}"
     if change.kind == "daylight":

@@ -25,7 +25,7 @@ class Sensor:
 
     black: tuple[float, float, float] = (27.8, 27.2, 28.6)  # level of each channel in the dark
     read_noise: float = 9.6  # sd in levels of each pixel and channel
-    row_noise: float = 1.2  # sd in levels of whole rows: cheap power supply
+    row_noise: float = 1.2  # sd in levels of complete rows: cheap power supply
     shot_noise: float = 0.35  # variance in levels a level of signal
     span: float = 212.0  # levels from black to white
     gamma: float = 1 / 2.0  # tone curve of the sensor
@@ -33,7 +33,7 @@ class Sensor:
     highest: int = 240  # ... and 240
     white: float = 1.3  # exposed light beyond this gives no more signal
     blur_px: float = 0.75  # sd of the lens's blur ...
-    blur_of_px: int = 176  # ... in a picture of so many columns; it grows with the picture
+    blur_of_px: int = 176  # ... in a picture with this many columns; it grows with the picture
     vignette: float = 0.35  # light lost in the corners
     target: float = 62.0  # levels above black that automatic gain wants on the mean: between the two rooms'
     least_gain: float = 0.4  # what automatic gain does at most to fixed gain
@@ -56,7 +56,7 @@ def draw_exposure(rng: np.random.Generator, gain_sd: float = 0.05, balance_sd: f
 
 
 def falloff(rows: int, columns: int, lost: float) -> F32:
-    """Give how much light reaches each pixel (H, W): 1 in the middle, 1 - `lost` in the corners."""
+    """Return how much light reaches each pixel (H, W): 1 in the middle, 1 - `lost` in the corners."""
     y = np.linspace(-1, 1, rows)[:, None]
     x = np.linspace(-1, 1, columns)[None, :]
     return (1 - lost * (x**2 + y**2) / 2).astype(np.float32)
@@ -71,7 +71,7 @@ def through_lens(light: F32, sensor: Sensor) -> F32:
 
 
 def signal_of(light: F32, sensor: Sensor, gain: tuple[float, float, float]) -> F32:
-    """Give the signal (..., 3) in levels above black of light (..., 3) behind the lens."""
+    """Return the signal (..., 3) in levels above black of light (..., 3) behind the lens."""
     exposed = np.clip(light * np.asarray(gain, dtype=np.float32), 0, sensor.white)
     return np.asarray(np.float32(sensor.span) * exposed**sensor.gamma)
 
@@ -79,7 +79,7 @@ def signal_of(light: F32, sensor: Sensor, gain: tuple[float, float, float]) -> F
 def photograph(
     light: F32, sensor: Sensor, exposure: Exposure, rng: np.random.Generator, *, half: bool = False
 ) -> U8:
-    """Turn linear light (H, W, 3) into the picture (H, W, 3) RGB that the camera hands over.
+    """Turn linear light (H, W, 3) into the picture (H, W, 3) RGB that the camera delivers.
 
     With `half`, every other column is read and handed over twice, noise and all.
     """
@@ -94,8 +94,8 @@ def photograph(
 def metered(behind: F32, sensor: Sensor, exposure: Exposure) -> tuple[float, float, float]:
     """Choose the gain that brings the mean signal of this one picture to the target, within its limits.
 
-    Every fourth pixel each way is measured. The signal grows as gain to the power gamma wherever it is not
-    clipped, so a few steps are enough; white balance stays as it is.
+    Every fourth pixel in each direction is measured. The signal grows as gain to the power gamma where
+    it is not clipped, so a few steps are enough; white balance stays as it is.
     """
     measured, factor = behind[::4, ::4], 1.0
     for _ in range(6):
@@ -129,14 +129,14 @@ SHARES = (0.7, 0.3)  # of the bound that each may take
 
 
 def swings(seed: int, number: int, count: int) -> list[float]:
-    """Give `count` smooth functions of the update, each within -1 and 1."""
+    """Return `count` smooth functions of the update, each within -1 and 1."""
     phases = stream(Domain.SIMULATOR, seed, 0, SimPurpose.LIGHT_DRIFT).uniform(0, 2 * np.pi, (count, 2))
     waves = np.sin(2 * np.pi * number / np.array(PERIODS) + phases)
     return [float(value) for value in waves @ np.array(SHARES)]
 
 
 def drifted(exposure: Exposure, conditions: Conditions, seed: int, number: int) -> Exposure:
-    """Give the exposure at one update: all colors drift together, and red and blue each on their own."""
+    """Return the exposure at one update: all colors drift together, and red and blue each separately."""
     common, red, blue = swings(seed, number, 3)
     gain = 1 + conditions.drift * common
     shares = (1 + conditions.tint * red, 1.0, 1 + conditions.tint * blue)

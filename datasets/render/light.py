@@ -11,9 +11,47 @@ from maurice_mcl.arrays import F32, F64, I32, Bool
 from maurice_mcl.geometry import INCH_M
 
 from ..worlds.world import Box, Face, Lamp, World, inside
-from .parts import LightPart, parts_of
 
-# Light at points: lamps with soft shadows, open sky of each room, dark corners, each source apart.
+# The parts whose light can change separately: every lamp, and both sides of every window.
+
+
+@dataclass(frozen=True, slots=True)
+class LightPart:
+    """A source of light, or one side of a window, so that daylight can come from the other."""
+
+    source: str
+    side: int = 0  # of a window: 1 left and -1 right, as seen from inside; 0: all of a lamp
+
+    @property
+    def whole(self) -> float:
+        """Share of what its source gives evenly, like the light of a room, that this part gives."""
+        return 0.5 if self.side else 1.0
+
+    def shares(self, lamp: Lamp) -> F64:
+        """Return the share of each point (P,) of a lamp of this source that belongs to this part."""
+        if not self.side or lamp.facing is None:
+            return np.full(len(lamp.points), self.whole)
+        left = np.array([lamp.facing[1], -lamp.facing[0]])  # looking at the window, against its light
+        along = (lamp.points[:, :2] - lamp.points[:, :2].mean(axis=0)) @ left
+        return np.asarray(0.5 + self.side * 0.5 * along / max(float(np.abs(along).max()), 1e-9))
+
+
+def windows_of(world: World) -> frozenset[str]:
+    """Return the sources that are windows: their lamps light one side only."""
+    return frozenset(lamp.source for lamp in world.lamps if lamp.facing is not None)
+
+
+def parts_of(world: World) -> tuple[LightPart, ...]:
+    """Return all parts, in the order of the world's sources; of a window first its left side."""
+    windows = windows_of(world)
+    return tuple(
+        LightPart(source, side)
+        for source in world.sources
+        for side in ((1, -1) if source in windows else (0,))
+    )
+
+
+# Light at points: lamps with soft shadows, open sky of each room, dark corners, each source separately.
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +63,12 @@ class Baking:
     reach_m: float = 30 * INCH_M  # things nearer than this take away light of the room
     lift_m: float = 0.1 * INCH_M  # points start this far before their face
     least: float = 0.04  # share of the room's light that seeps in everywhere
-    chunk: int = 1500  # points at once, so that few boxes are near them
+    chunk: int = 1500  # points in a batch, so that few boxes are near them
     probe: int = 5  # every so many points of a chunk ask first whether a lamp is seen at all
 
 
 def hit_distance(start: F32, toward: F32, boxes: tuple[Box, ...]) -> F32:
-    """Give how far each ray (R, 3), (R, 3) goes before it meets a box: (R,), inf where it meets none.
+    """Return how far each ray (R, 3), (R, 3) goes before it meets a box: (R,), inf where it meets none.
 
     The slab method (Kay and Kajiya 1986) in each box's own frame; a ray that starts inside a box has gone 0.
     """
@@ -56,7 +94,7 @@ def hit_distance(start: F32, toward: F32, boxes: tuple[Box, ...]) -> F32:
 
 
 def hemisphere(count: int) -> F64:
-    """Give `count` unit vectors around +z, as dense as the cosine (a Fibonacci spiral)."""
+    """Return `count` unit vectors around +z, as dense as the cosine (a Fibonacci spiral)."""
     k = np.arange(count) + 0.5
     radius, angle = np.sqrt(k / count), k * np.pi * (3 - np.sqrt(5))
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - k / count)], axis=1)
@@ -72,7 +110,7 @@ def face_points(face: Face, baking: Baking) -> tuple[F64, tuple[int, int]]:
 
 
 def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) -> F64:
-    """Give how open the view from each point (K, 3) along its normal (K, 3) is: (K,) from `least` to 1."""
+    """Return how open the view from each point (K, 3) along its normal (K, 3) is: (K,) from `least` to 1."""
     side = np.where(np.abs(normals[:, 2:]) > 0.9, [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
     first = np.cross(side, normals)
     second = np.cross(normals, first)
@@ -85,7 +123,7 @@ def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) 
 
 
 def carried(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...], probe: int = 1) -> F64:
-    """Give how much of each of a lamp's points (P) arrives at points (K, 3) with normals (K, 3): (P, K).
+    """Return how much of each of a lamp's points (P) arrives at points (K, 3) with normals (K, 3): (P, K).
 
     Squared distance, both angles and what stands between are in it. With `probe` above 1 only every so many
     points ask first for the lamp's first and last point: most lamps of a large world are behind walls.
@@ -100,7 +138,7 @@ def carried(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...], probe
 
 
 def arriving(points: F64, normals: F64, lamp: Lamp, source: F64, boxes: tuple[Box, ...]) -> F64:
-    """Give how much of one point (3,) of a lamp arrives at points (K, 3): (K,)."""
+    """Return how much of one point (3,) of a lamp arrives at points (K, 3): (K,)."""
     ray = source - points
     distance = np.maximum(np.linalg.norm(ray, axis=1), 0.15)
     toward = ray / distance[:, None]
@@ -118,7 +156,7 @@ def arriving(points: F64, normals: F64, lamp: Lamp, source: F64, boxes: tuple[Bo
 def reached(start: F64, toward: F64, distance: F64, boxes: tuple[Box, ...]) -> I32:
     """Number the rays (R, 3), (R, 3) that go `distance` (R,) without meeting a box.
 
-    As `hit_distance`, but rays that have met one are dropped at once, so the largest boxes should come first.
+    As `hit_distance`, but rays that have met one are dropped immediately: put the largest boxes first.
     """
     alive = np.arange(len(start), dtype=np.int32)
     origin, way = start.T.astype(np.float32), toward.T.astype(np.float32)
@@ -133,7 +171,7 @@ def reached(start: F64, toward: F64, distance: F64, boxes: tuple[Box, ...]) -> I
 
 
 def blocked(origin: F32, way: F32, far: F32, box: Box) -> Bool:
-    """Tell which rays (3, R), (3, R) meet one box within `far` (R,)."""
+    """Return which rays (3, R), (3, R) meet one box within `far` (R,)."""
     away = origin - np.array(box.center, dtype=np.float32)[:, None]
     if box.yaw_rad:
         cos, sin = np.float32(np.cos(box.yaw_rad)), np.float32(np.sin(box.yaw_rad))
@@ -147,7 +185,7 @@ def blocked(origin: F32, way: F32, far: F32, box: Box) -> Bool:
 
 @lru_cache(maxsize=4)
 def extents(boxes: tuple[Box, ...]) -> tuple[F64, F64]:
-    """Give the lowest and highest corners (B, 3), (B, 3) of boxes."""
+    """Return the lowest and highest corners (B, 3), (B, 3) of boxes."""
     center, half = np.array([box.center for box in boxes]), np.array([box.half for box in boxes])
     turn = np.array([(abs(np.cos(box.yaw_rad)), abs(np.sin(box.yaw_rad))) for box in boxes])
     x = turn[:, 0] * half[:, 0] + turn[:, 1] * half[:, 1]
@@ -157,7 +195,7 @@ def extents(boxes: tuple[Box, ...]) -> tuple[F64, F64]:
 
 
 def boxes_within(boxes: tuple[Box, ...], points: F64, margin_m: float = 0.0) -> tuple[Box, ...]:
-    """Give the boxes that touch the upright box around points (K, 3), the largest first."""
+    """Return the boxes that touch the upright box around points (K, 3), the largest first."""
     if not boxes:
         return ()
     low, high = extents(boxes)
@@ -168,19 +206,19 @@ def boxes_within(boxes: tuple[Box, ...], points: F64, margin_m: float = 0.0) -> 
 
 
 def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
-    """Give the light (K, 3) that one lamp throws on points (K, 3) with normals (K, 3), shadows included."""
+    """Return the light (K, 3) that one lamp throws on points (K, 3) with normals (K, 3), shadows included."""
     return np.asarray(carried(points, normals, lamp, boxes).mean(axis=0)[:, None] * lamp.color)
 
 
 def irradiance(world: World, points: F64, normals: F64, baking: Baking) -> F64:
-    """Give all light (K, 3) at points (K, 3) with normals (K, 3): lamps and the rooms' own."""
+    """Return all light (K, 3) at points (K, 3) with normals (K, 3): lamps and the rooms' own."""
     return np.asarray(irradiance_by_part(world, parts_of(world), points, normals, baking).sum(axis=0))
 
 
 def irradiance_by_part(
     world: World, parts: tuple[LightPart, ...], points: F64, normals: F64, baking: Baking
 ) -> F64:
-    """Give the light (S, K, 3) of each part at points (K, 3) with normals (K, 3)."""
+    """Return the light (S, K, 3) of each part at points (K, 3) with normals (K, 3)."""
     light = np.zeros((len(parts), len(points), 3))
     probe = baking.probe if len(points) > baking.chunk // 4 else 1
     for lamp in world.lamps:
@@ -202,7 +240,7 @@ def irradiance_by_part(
 
 
 def seen_past(point: F64, targets: F64, boxes: tuple[Box, ...]) -> Bool:
-    """Tell which targets (P, 3) can be seen from a point (3,) past boxes, by the slab method."""
+    """Return which targets (P, 3) can be seen from a point (3,) past boxes, by the slab method."""
     if not boxes:
         return np.ones(len(targets), dtype=bool)
     cos, sin = np.array([(np.cos(box.yaw_rad), np.sin(box.yaw_rad)) for box in boxes]).T

@@ -16,8 +16,7 @@ from maurice_mcl.randomness import Domain, stream
 
 from ..seeds import SimPurpose
 from ..worlds.world import World, clearance, inside
-from .light import seen_past
-from .parts import LightPart
+from .light import LightPart, seen_past
 from .people import Skin, figure
 from .scene import LitFace, LitScene, scene_of
 
@@ -27,10 +26,10 @@ BESIDE_RAD = float(np.radians(19))  # at most so far from straight ahead
 ROOM_M = 0.24  # around a person's middle
 APART_M = 0.5  # between two people
 PAIRS = 0.3  # share of occluded frames with two people
-TRIES = 48  # places looked at; where none is free nobody stands in view
+TRIES = 48  # places tried; if none is free, no person is in view
 ROWS = 4  # points of light on each face of a person, from top to bottom
 LAMPS_M = 6.0  # lamps farther than this add nothing that would be seen on a person
-FEET_M = 0.17  # size of the dark patch where somebody stands
+FEET_M = 0.17  # size of the dark patch where a person stands
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +72,7 @@ def stands_at(arena: Arena, pose: F64, seed: int, number: int, share: float) -> 
 
 
 def free(arena: Arena, eye: F64, places: F64) -> Bool:
-    """Tell at which places (K, 2) somebody has room and can be seen from `eye` (2,) by the map."""
+    """Return at which places (K, 2) a person has room and can be seen from `eye` (2,) by the map."""
     x_min, y_min, x_max, y_max = arena.bounds
     x, y = places.T
     within = (x > x_min) & (x < x_max) & (y > y_min) & (y < y_max)
@@ -84,7 +83,7 @@ def free(arena: Arena, eye: F64, places: F64) -> Bool:
 
 
 def crossed(eye: F64, places: F64, starts: F64, ends: F64) -> Bool:
-    """Tell for each place (K, 2) whether the line from `eye` (2,) to it crosses a segment (S, 2), (S, 2)."""
+    """Return whether the line from `eye` (2,) to each place (K, 2) crosses a segment (S, 2), (S, 2)."""
 
     def side(a: F64, b: F64, p: F64) -> F64:
         return np.asarray(
@@ -122,7 +121,7 @@ def people(
 
 
 def turning(angle_rad: float) -> F64:
-    """Give the rotation (3, 3) about z."""
+    """Return the rotation (3, 3) about z."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
 
@@ -135,7 +134,7 @@ def person_light(
     faces: tuple[F64, F64, F64],
     normals: F64,
 ) -> F32:
-    """Give the light (F, ROWS, 2, 3) on the faces of somebody who stands at `at` (3,).
+    """Return the light (F, ROWS, 2, 3) on the faces of a person who stands at `at` (3,).
 
     `faces` are corner, across and down, each (F, 3); `normals` (F, 2, 3) are those of left and right edges.
     Which lamps reach them is asked at knee and chest only; their own parts throw no shadows on each other.
@@ -174,7 +173,7 @@ def person_light(
 def surrounding(
     world: World, parts: tuple[LightPart, ...], weights: F64, at: F64, points: F64, facing: F64
 ) -> F64:
-    """Give the light (..., 3) of the room at points (..., 3): less near the floor and on undersides."""
+    """Return the light (..., 3) of the room at points (..., 3): less near the floor and on undersides."""
     total = np.zeros(3)
     for room in world.room_lights:
         if inside(room.room.polygon, at[None, :2])[0]:

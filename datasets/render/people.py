@@ -1,6 +1,6 @@
 """People made of prisms: shoes, trousers, a top, arms and a head, as a camera near the floor sees them.
 
-A figure stands at the origin and looks along +x. All is in metres.
+A figure stands at the origin and looks along +x. All is in meters.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TROUSERS: tuple[Rgb, ...] = (
 SHOES: tuple[Rgb, ...] = ((0.025, 0.02, 0.018), (0.12, 0.06, 0.03), (0.45, 0.44, 0.42), (0.16, 0.05, 0.05))
 SKINS: tuple[Rgb, ...] = ((0.48, 0.29, 0.20), (0.36, 0.20, 0.12), (0.16, 0.08, 0.05))
 HAIRS: tuple[Rgb, ...] = ((0.02, 0.015, 0.012), (0.09, 0.045, 0.02), (0.28, 0.18, 0.08))
-PER_M = 160.0  # texels a metre
+PER_M = 160.0  # texels a meter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ def skins(prism: Prism, texture: F32) -> list[Skin]:
 
 
 def size_of(prism: Prism) -> Size:
-    """Give rows and columns of the texture that goes around a prism."""
+    """Return rows and columns of the texture that goes around a prism."""
     tall = float(np.linalg.norm(np.subtract(prism.top, prism.bottom)))
     around = 1.6 * (prism.thick + prism.wide)
     return max(8, round(tall * PER_M)), max(8 * prism.sides, round(around * PER_M))

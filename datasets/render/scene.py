@@ -1,4 +1,4 @@
-"""What a camera needs to know of a world: faces with the light they give off."""
+"""What a camera needs of a world: faces with the light they emit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class LitScene:
     light: F32 | None = None  # (K, 3) of the grids of all faces one after the other, where light may change
 
     def grid_of(self, face: LitFace) -> F32 | None:
-        """Give the light (rows, columns, 3) on a face; None where it is in its levels."""
+        """Return the light (rows, columns, 3) on a face; None where it is in its levels."""
         if self.light is None or face.grid is None:
             return None
         first, rows, columns = face.grid
@@ -51,9 +51,9 @@ def scene_of(faces: tuple[LitFace, ...], light: F32 | None = None) -> LitScene:
 
 
 def joined(scene: LitScene, more: LitScene) -> LitScene:
-    """Put the faces and the light of two scenes together, both with light that may change."""
+    """Join the faces and the light of two scenes, both with light that may change."""
     if scene.light is None or more.light is None:
-        raise ValueError("expected two scenes with light of their own, found one that is lit for good")
+        raise ValueError("expected two scenes with light of their own, found one with fixed light")
     before = len(scene.light)
     return LitScene(
         (*scene.faces, *(moved_on(face, before) for face in more.faces)),
@@ -65,7 +65,7 @@ def joined(scene: LitScene, more: LitScene) -> LitScene:
 
 
 def moved_on(face: LitFace, before: int) -> LitFace:
-    """Tell a face that so many points of light come before its scene's."""
+    """Shift a face's index of light points by `count` of another scene."""
     if face.grid is None:
         return face
     first, rows, columns = face.grid
@@ -73,7 +73,7 @@ def moved_on(face: LitFace, before: int) -> LitFace:
 
 
 def halvings(texture: F32) -> tuple[F32, ...]:
-    """Give a texture and its halves by averaging, down to a few pixels."""
+    """Return a texture and its halves by averaging, down to a few pixels."""
     levels = [texture]
     while min(levels[-1].shape[:2]) >= 8:
         rows, columns = levels[-1].shape[:2]

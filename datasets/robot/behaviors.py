@@ -16,7 +16,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
-# Infrared proximity: a ring of short-sighted distance sensors, and what they say about the way ahead.
+# Infrared proximity: a ring of short-sighted distance sensors, and what they show of the space ahead.
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Proximity:
         return float(self.ranges_m.min())
 
     def open_m(self, bearing_rad: float, half_width_m: float) -> float:
-        """Give how far a disc of that half width can go towards a bearing before it touches what is seen."""
+        """Return how far a disc of this half width can go toward a bearing before it touches anything."""
         angle = self.bearings_rad - bearing_rad
         ahead, aside = self.ranges_m * np.cos(angle), np.abs(self.ranges_m * np.sin(angle))
         there = (self.ranges_m < self.reach_m) & (ahead > 0) & (aside < half_width_m)
@@ -51,7 +51,7 @@ class Proximity:
 
 
 def sense(arena: Arena, pose: F64, ring: Ring, rng: np.random.Generator) -> Proximity:
-    """Read the whole ring once at a pose (3,)."""
+    """Read the complete ring once at a pose (3,)."""
     bearings: F64 = np.linspace(0, 2 * np.pi, ring.count, endpoint=False, dtype=np.float64)
     true = distances(arena, pose[:2], pose[2] + bearings)
     read = true * (1 + ring.noise * rng.standard_normal(ring.count))
@@ -59,7 +59,7 @@ def sense(arena: Arena, pose: F64, ring: Ring, rng: np.random.Generator) -> Prox
 
 
 def distances(arena: Arena, point: F64, headings_rad: F64) -> F64:
-    """Give how far it is from a point (2,) along headings (S,) to the first wall or obstacle, else inf."""
+    """Return how far it is from a point (2,) along headings (S,) to the first wall or obstacle, else inf."""
     starts, ends = outlines(arena)
     along = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)[:, None]  # (S, 1, 2)
     wall, away = ends - starts, starts - point  # (W, 2)
@@ -72,7 +72,7 @@ def distances(arena: Arena, point: F64, headings_rad: F64) -> F64:
 
 
 def outlines(arena: Arena) -> tuple[F64, F64]:
-    """Give where every wall and every edge of an obstacle starts and ends, (W, 2) each."""
+    """Return where every wall and every edge of an obstacle starts and ends, (W, 2) each."""
     polygons = [obstacle.polygon for obstacle in arena.obstacles]
     starts = np.concatenate([arena.walls[:, :2], *polygons])
     ends = np.concatenate([arena.walls[:, 2:], *(np.roll(p, -1, axis=0) for p in polygons)])
@@ -94,12 +94,12 @@ class Senses:
     dice: F64  # (DICE,) uniform between 0 and 1, drawn anew every update
     bumped: bool = False  # the last motion ended where the robot ran into something: contact switches
     unseen: bool = False  # a motion was completed and no picture has been taken since
-    goal_rad: float | None = None  # bearing of the next point on the way to the goal; None without a goal
+    goal_rad: float | None = None  # bearing of the next point on the path to the goal; None without a goal
     command: Command | None = None  # the next one of the list, in teleoperation
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
+class BehaviorProposal:
     """What a behavior would do now."""
 
     behavior: str
@@ -112,14 +112,14 @@ class Proposal:
 class Behavior(Protocol):
     """Anything that makes proposals."""
 
-    def propose(self, senses: Senses) -> Proposal | None:
-        """Say what it would do, or None when this is none of its business."""
+    def propose(self, senses: Senses) -> BehaviorProposal | None:
+        """Return its proposal, or None if it does not apply."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Stride:
-    """How far the robot goes at once, and how wide it takes itself to be."""
+    """How far the robot goes in one motion, and the width it assumes for itself."""
 
     shortest_m: float = 5 * INCH_M  # drawn evenly from this ...
     longest_m: float = 18 * INCH_M  # ... to this: 1000 in are reached within 120 updates
@@ -134,9 +134,9 @@ class Stride:
 class Localize:
     """Stop and look: one completed motion, one update (thesis 2: motion is blocked meanwhile)."""
 
-    def propose(self, senses: Senses) -> Proposal | None:
+    def propose(self, senses: Senses) -> BehaviorProposal | None:
         """Look once after every motion."""
-        return Proposal("localization", 4, look=True) if senses.unseen else None
+        return BehaviorProposal("localization", 4, look=True) if senses.unseen else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +147,8 @@ class AvoidCollision:
     back_rad: float = float(np.radians(60))  # after contact: straight back, give or take this
     stride: Stride = Stride()
 
-    def propose(self, senses: Senses) -> Proposal | None:
-        """Turn away, and go: back after contact, else the most open way when something is near."""
+    def propose(self, senses: Senses) -> BehaviorProposal | None:
+        """Turn away, and go: back after contact, else in the most open direction when something is near."""
         if senses.bumped:  # a thin edge may stand between two sensors, so do not trust them here
             bearing = (2 * senses.dice[7] - 1) * self.back_rad
             bearing += np.pi if bearing < 0 else -np.pi
@@ -157,21 +157,21 @@ class AvoidCollision:
             bearing, open_m = most_open(senses.proximity, self.stride)
         else:
             return None
-        return Proposal("collision avoidance", 2, bearing, self.stride.length(senses.dice[0], open_m))
+        return BehaviorProposal("collision avoidance", 2, bearing, self.stride.length(senses.dice[0], open_m))
 
 
 @dataclass(frozen=True, slots=True)
 class Teleoperate:
-    """Do what the next command of a list says."""
+    """Follow a list of commands."""
 
-    def propose(self, senses: Senses) -> Proposal | None:
+    def propose(self, senses: Senses) -> BehaviorProposal | None:
         """Pass the command on."""
-        return None if senses.command is None else Proposal("teleoperation", 3, *senses.command)
+        return None if senses.command is None else BehaviorProposal("teleoperation", 3, *senses.command)
 
 
 @dataclass(frozen=True, slots=True)
 class GoToPoint:
-    """Head for the next point on the way to the goal, loosely.
+    """Head for the next point on the path to the goal, loosely.
 
     Bearings on a raster prefer its eight directions, which are those of the library. Steering off by up to
     half of 45 degrees either way, evenly, leaves headings that prefer nothing.
@@ -180,8 +180,8 @@ class GoToPoint:
     loose_rad: float = float(np.radians(22.5))  # steers off by up to this
     stride: Stride = Stride()
 
-    def propose(self, senses: Senses) -> Proposal | None:
-        """Turn about there and go as far as the die says; None where that way is closed."""
+    def propose(self, senses: Senses) -> BehaviorProposal | None:
+        """Turn roughly there and go a random distance; None where that direction is blocked."""
         if senses.goal_rad is None:
             return None
         for die in senses.dice[1:5]:
@@ -189,29 +189,31 @@ class GoToPoint:
             open_m = senses.proximity.open_m(bearing, self.stride.half_width_m)
             if open_m >= self.stride.shortest_m:
                 turn = (bearing + np.pi) % (2 * np.pi) - np.pi
-                return Proposal("going to a point", 1, turn, self.stride.length(senses.dice[5], open_m))
+                return BehaviorProposal(
+                    "going to a point", 1, turn, self.stride.length(senses.dice[5], open_m)
+                )
         return None
 
 
 @dataclass(frozen=True, slots=True)
 class Wander:
-    """Go anywhere that is open: what is left when nobody wants anything."""
+    """Go anywhere that is open: the behavior of lowest priority."""
 
     stride: Stride = Stride()
 
-    def propose(self, senses: Senses) -> Proposal | None:
+    def propose(self, senses: Senses) -> BehaviorProposal | None:
         """Take the first of some bearings drawn at random that is open, else the most open one."""
         bearings = (2 * senses.dice[8:] - 1) * np.pi
         length = self.stride.length(senses.dice[6], np.inf)
         for bearing in bearings:
             if senses.proximity.open_m(float(bearing), self.stride.half_width_m) >= length:
-                return Proposal("wandering", 0, float(bearing), length)
+                return BehaviorProposal("wandering", 0, float(bearing), length)
         bearing, open_m = most_open(senses.proximity, self.stride)
-        return Proposal("wandering", 0, bearing, min(length, open_m))
+        return BehaviorProposal("wandering", 0, bearing, min(length, open_m))
 
 
 def most_open(proximity: Proximity, stride: Stride) -> Command:
-    """Give the sensor's bearing in which the robot can go farthest, in [-pi, pi), and how far."""
+    """Return the sensor's bearing in which the robot can go farthest, in [-pi, pi), and how far."""
     open_m = [proximity.open_m(float(b), stride.half_width_m) for b in proximity.bearings_rad]
     best = int(np.argmax(open_m))
     bearing = (float(proximity.bearings_rad[best]) + np.pi) % (2 * np.pi) - np.pi
@@ -221,7 +223,7 @@ def most_open(proximity: Proximity, stride: Stride) -> Command:
 # The arbiter: asks all behaviors and does what the most urgent one proposes.
 
 
-def choose(behaviors: Sequence[Behavior], senses: Senses) -> Proposal | None:
-    """Give the proposal of the highest priority, of equals the first one's; None when nobody has any."""
+def choose(behaviors: Sequence[Behavior], senses: Senses) -> BehaviorProposal | None:
+    """Return the proposal of the highest priority, the first of equals; None if there is none."""
     proposals = [p for p in (behavior.propose(senses) for behavior in behaviors) if p is not None]
     return max(proposals, key=lambda p: p.priority, default=None)

@@ -1,6 +1,6 @@
 """A calibration as the thesis did it (3.2, 3.3): single turns, then single straights on each floor.
 
-No picture is taken and no wall is near: only what the robot was told, what it measured and what it did.
+No picture is taken and no wall is near: only the commands, the measurements and the actual motion.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ HERE = np.zeros(3)
 
 @dataclass(frozen=True, slots=True)
 class TrialPlan:
-    """What is tried."""
+    """The range of trials."""
 
     turns: int = 41  # as in figure 4
     straights: int = 41  # dealt out to the floors in turn; figure 9 has 37 or 38
@@ -55,7 +55,7 @@ def floor_everywhere(name: str, reach_m: float = 1e3) -> Arena:
 
 
 def _draws(seed: int, number: int) -> tuple[np.random.Generator, np.random.Generator]:
-    """Open a trial's two streams: what the robot is told, and its luck."""
+    """Return a trial's two random streams: for its command and for its noise."""
     told = stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.DRIVER)
     return told, stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.ROBOT)
 
@@ -73,7 +73,7 @@ def _turn(seed: int, number: int, plan: TrialPlan, chassis: Chassis) -> tuple[fl
 def _straight(
     seed: int, number: int, floor: str, plan: TrialPlan, chassis: Chassis
 ) -> tuple[float, float, float]:
-    """Drive straight once: measured and actual way in m, drift in rad."""
+    """Drive straight once: measured and actual distance in m, drift in rad."""
     told, luck = _draws(seed, number)
     length_m = told.uniform(plan.shortest_m, plan.longest_m)
     moved = drive_by(HERE, length_m, draw_luck(luck), floor_everywhere(floor), chassis)
@@ -82,5 +82,5 @@ def _straight(
 
 
 def _changed(path: F64) -> float:
-    """Give the heading's change along a path (K, 3), the short way round."""
+    """Return the heading's change along a path (K, 3), in [-pi, pi)."""
     return float((path[-1, 2] - path[0, 2] + np.pi) % (2 * np.pi) - np.pi)

@@ -1,7 +1,7 @@
 """A drive: the robot senses, its behaviors propose, the arbiter chooses, the robot moves, and then it looks.
 
-The robot is told the bearing of the next point on the way to its goal, as by somebody who walks beside it and
-sees the whole arena; everything else it decides from its proximity sensors. Nobody knows of library nodes.
+The robot gets the bearing of the next point on the path to its goal, as from a person who walks beside it and
+sees the whole arena; everything else it decides from its proximity sensors. Library nodes play no part.
 Every update is a turn of any size, a straight, and a picture.
 """
 
@@ -22,10 +22,10 @@ from .behaviors import (
     DICE,
     AvoidCollision,
     Behavior,
+    BehaviorProposal,
     Command,
     GoToPoint,
     Localize,
-    Proposal,
     Ring,
     Senses,
     Teleoperate,
@@ -39,19 +39,19 @@ from .planner import Raster, free_pose
 REACHED_M = 9.0 * INCH_M  # a goal counts as reached from here
 KIDNAP_M = 48 * INCH_M  # a kidnapped robot is put down at least so far away
 BEHAVIORS: tuple[Behavior, ...] = (Localize(), Teleoperate(), AvoidCollision(), GoToPoint(), Wander())
-STAY = Proposal("nobody", -1)
+STAY = BehaviorProposal("nobody", -1)
 
 
 @dataclass(frozen=True, slots=True)
 class Instructions:
-    """What somebody else wants of the robot, besides what it senses."""
+    """What the robot is asked to do, besides what it senses."""
 
-    goal_rad: float | None = None  # bearing of the next point on the way to a goal
+    goal_rad: float | None = None  # bearing of the next point on the path to a goal
     command: Command | None = None  # from a list
 
 
 Wish = Callable[[int, F64], Instructions | None]  # by update and true pose (3,); None: that is all
-Carry = Callable[[int, F64], F64 | None]  # where somebody carries the robot after an update; None: nowhere
+Carry = Callable[[int, F64], F64 | None]  # where the robot is carried after an update; None: nowhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,14 +81,14 @@ class Robot:
 
     def decide(
         self, step: int, pose: F64, wanted: Instructions, last: DriveUpdate | None, unseen: bool
-    ) -> Proposal | None:
+    ) -> BehaviorProposal | None:
         """Sense everything once and let the arbiter choose among the behaviors."""
         around = sense(self.arena, pose, self.ring, self.chance(step, SimPurpose.PROXIMITY))
         dice = self.chance(step, SimPurpose.WANDER).random(DICE)
         bumped = last is not None and last.straight.bumped
         return choose(self.behaviors, Senses(around, dice, bumped, unseen, wanted.goal_rad, wanted.command))
 
-    def move(self, step: int, pose: F64, chosen: Proposal) -> DriveUpdate:
+    def move(self, step: int, pose: F64, chosen: BehaviorProposal) -> DriveUpdate:
         """Carry out what was chosen, as well as chance lets it."""
         slip = draw_slip(self.chance(step, SimPurpose.SLIP), self.chassis)
         luck = draw_luck(self.chance(step, SimPurpose.ROBOT), slip)
@@ -102,7 +102,7 @@ class Robot:
 
 
 class Guide:
-    """Walks beside the robot: chooses goals anywhere in free space and says where to go next.
+    """Walks beside the robot: chooses goals anywhere in free space and gives the next point to go to.
 
     Remembers the goal of the moment; the goals themselves are the seed's.
     """
@@ -114,7 +114,7 @@ class Guide:
         self._way = map_.way_to(self._goal[:2])
 
     def bearing(self, pose: F64) -> float:
-        """Give the bearing of the next point on the way from a pose (3,), counter-clockwise from ahead."""
+        """Return the bearing of the next point on the path from a pose (3,), counter-clockwise from ahead."""
         while float(np.hypot(*(self._goal - pose)[:2])) < REACHED_M:
             self._goal = free_pose(self._map, self._rng)
             self._way = self._map.way_to(self._goal[:2])
@@ -125,7 +125,7 @@ class Guide:
 def drive(
     robot: Robot, map_: Raster, updates: int, kidnap_at: int | None = None, start: F64 | None = None
 ) -> tuple[F64, Iterator[DriveUpdate]]:
-    """Give the start pose (3,) and so many updates, driven as they are asked for, from goal to goal.
+    """Return the start pose (3,) and so many updates, driven as they are asked for, from goal to goal.
 
     Without a start one is drawn evenly from all free poses.
     After update `kidnap_at` the robot is carried to a place drawn evenly from all that are far enough away.
@@ -153,9 +153,9 @@ def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[Dri
 
 
 def go(robot: Robot, pose: F64, wish: Wish, carry: Carry = lambda step, pose: None) -> Iterator[DriveUpdate]:
-    """Let the robot live from a pose (3,) until nothing is wished for any more.
+    """Run the behaviors from a pose (3,) until there are no more requests.
 
-    A motion after which nobody has looked stops everything else, as localization outranks all behaviors: one
+    A motion that no picture has followed stops everything else, as localization outranks all behaviors: one
     completed motion is one update.
     """
     step, last, unseen = 1, None, False

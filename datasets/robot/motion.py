@@ -1,4 +1,4 @@
-"""The simulated Maurice: what it really does when told to turn or to drive, and what its encoders say.
+"""The simulated Maurice: how it really moves on a command to turn or to drive, and what its encoders report.
 
 The laws of error are the thesis's (3.2, 3.3): turning is over-read by a gain and scatters once a turn,
 straights fall short once a movement, and the heading drifts with distance, by floor. Where a floor ends the
@@ -56,7 +56,7 @@ class Chassis:
     slip_to_sd: float = 6.0  # ... to this; thesis 3.6 gives neither number nor size, so both are invented
 
     def motion_header(self) -> dict[str, Any]:
-        """Give the motion parameters as a session's header names them, for a filter to read."""
+        """Return the motion parameters as a session's header names them, for a filter to read."""
         return {
             "model": "maurice",
             "turn_gain": 1 / self.turn_over_read,
@@ -109,7 +109,7 @@ class Movement:
 
 
 def turn_by(pose: F64, told_rad: float, luck: Luck, chassis: Chassis) -> Movement:
-    """Turn on the spot: the robot stops when its encoders show the turn it was told, over-reading included.
+    """Turn on the spot: the robot stops when its encoders show the commanded turn, over-reading included.
 
     actual = measured / 1.3695 + N(0.2681, 4.916) degrees.
     """
@@ -123,7 +123,7 @@ def turn_by(pose: F64, told_rad: float, luck: Luck, chassis: Chassis) -> Movemen
 def drive_by(pose: F64, told_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> Movement:
     """Drive straight on: falls short once, drifts by the floor beneath as it goes, stops where it touches.
 
-    A length of 0 is no movement. A robot that is stopped half way has measured half of what it was told, and
+    A length of 0 is no movement. A robot that is stopped halfway has measured half of what was commanded, and
     a little more that the wheels turned on the spot.
     """
     error = chassis.straight_bias_m + chassis.straight_sd_m * luck.straight
@@ -173,12 +173,12 @@ def touches(path: F64, arena: Arena, radius_m: float) -> int:
 
 
 def floors_change(path: F64, arena: Arena) -> bool:
-    """Tell whether a path (K, 3) lies on more than one floor, its last pose aside."""
+    """Return whether a path (K, 3) lies on more than one floor, its last pose aside."""
     return len({floor_at(arena, float(x), float(y)) for x, y, _ in path[:-1]}) > 1
 
 
 def encoders(measured: F64, luck: Luck, chassis: Chassis) -> F64:
-    """Give four wheel advances (4,) whose mean and difference are exactly the measured movement.
+    """Return four wheel advances (4,) whose mean and difference are exactly the measured movement.
 
     Front and rear wheel of one side differ by chance; their mean does not.
     """

@@ -1,4 +1,4 @@
-"""Finding the way: free space on a raster, and the next point on the way to a goal."""
+"""Path planning: free space on a raster, and the next point on the path to a goal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..worlds.world import clearance
 CELL_M = 3.0 * INCH_M  # of the raster
 KEEP_M = 6.0 * INCH_M  # planned ways keep this from the robot's middle to anything solid
 AHEAD = 12  # cells looked ahead for the next point: a stride's length and a little more
-PART = 2000  # cells whose distances to all walls are worked out at once
+PART = 2000  # cells whose distances to all walls are computed in one batch
 TRIES = 100_000  # draws of a free pose before one gives up
 SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # at which a recorded path is tried, in this order
 PLACES = 4000  # places tried at each scale
@@ -35,24 +35,24 @@ class Raster:
     free: Bool  # (columns along x, rows along y) all cells of the arena's bounds
 
     def nearest(self, point: F64) -> int:
-        """Give the free cell nearest to a point (2,)."""
+        """Return the free cell nearest to a point (2,)."""
         return int(np.argmin(np.sum((self.centers - point) ** 2, axis=1)))
 
     def covers(self, points: F64) -> bool:
-        """Tell whether all points (K, 2) lie in free cells."""
+        """Return whether all points (K, 2) lie in free cells."""
         cells = ((points - self.arena.bounds[:2]) / CELL_M).astype(int)
         if (cells < 0).any() or (cells >= self.free.shape).any():
             return False
         return bool(self.free[cells[:, 0], cells[:, 1]].all())
 
     def way_to(self, goal: F64) -> I32:
-        """Give for every free cell (K,) the next one on the way to a goal (2,), negative at the goal."""
+        """Return for every free cell (K,) the next one on the path to a goal (2,), negative at the goal."""
         goals = np.array([self.nearest(goal)])
         onward = dijkstra(self.steps, directed=False, indices=goals, return_predecessors=True)[1]
         return np.asarray(onward[0], np.int32)
 
     def next_point(self, point: F64, way: I32) -> F64:
-        """Give the farthest point (2,) on a way, not far ahead, that can be reached straight from a point."""
+        """Return the farthest point (2,) on a path, not far ahead, in a straight line from a point."""
         cells = [self.nearest(point)]
         while len(cells) < AHEAD and way[cells[-1]] >= 0:
             cells.append(int(way[cells[-1]]))
@@ -114,11 +114,11 @@ def free_pose(map_: Raster, rng: np.random.Generator, away_from: F64 | None = No
         far = away_from is None or float(np.hypot(*(point - away_from[:2]))) >= away_m
         if far and is_free(map_, point):
             return np.array([*point, heading])
-    raise ValueError("no such place")
+    raise ValueError("found no free cell")
 
 
 def is_free(map_: Raster, point: F64) -> bool:
-    """Tell whether the robot can stand at a point (2,) and get from there to everywhere else."""
+    """Return whether the robot can stand at a point (2,) and get from there to everywhere else."""
     gap = map_.centers[map_.nearest(point)] - point
     near = bool(np.hypot(*gap) < CELL_M)
     return near and float(clearance(map_.arena, point[None])[0]) > KEEP_M

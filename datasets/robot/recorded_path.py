@@ -28,18 +28,18 @@ from .planner import Placement
 from .segments import KIDNAPPED, Happened, Moved, Segment
 
 ROW_S = 1 / 3  # between two rows of a folder's tables: about three a second, as their source says
-STRIDE_M = 9 * INCH_M  # the robot looks whenever the odometry says that it went so far ...
+STRIDE_M = 9 * INCH_M  # the robot takes a picture when the odometry has covered this distance ...
 SWING_RAD = float(np.radians(60))  # ... or turned so far
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedPath:
-    """A recorded drive in a frame of its own, cut into updates."""
+    """A recorded drive in its own frame, cut into updates."""
 
     name: str
     start: F64  # (3,)
     segments: tuple[Segment, ...]
-    track: F64  # (K, 2) places on the way, dense where the recording is
+    track: F64  # (K, 2) places along the path, dense where the recording is
     motion: dict[str, Any] | None  # motion parameters of its robot, as a header has them
 
     @property
@@ -48,7 +48,7 @@ class RecordedPath:
         return sum(isinstance(e, Happened) for segment in self.segments for e in segment.entries)
 
     def placed(self, at: Placement) -> Iterator[Segment]:
-        """Give the segments at another place; a scale applies to the odometry's lengths as well."""
+        """Return the segments at another place; a scale applies to the odometry's lengths as well."""
         lengths = np.array([at.scale, at.scale, 1.0])
         for segment in self.segments:
             moved = tuple(
@@ -64,14 +64,14 @@ def read_recording(path: Path, updates: int) -> RecordedPath:
     """
     found = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
     if not found.segments:
-        raise InputError(path, "found no movement with truth before and after it; take a longer recording")
+        raise InputError(path, "found no movement with truth before and after it; choose a longer recording")
     return found
 
 
 def read_tables(folder: Path, updates: int) -> RecordedPath:
     """Read aligned odometry and truth; the robot looks after every stride of its odometry.
 
-    Where truth goes further than the wheels could (somebody carried the robot, or the capture lost it), the
+    Where truth goes further than the wheels could (the robot was carried, or motion capture lost it), the
     simulated robot is carried: its odometry does not see it.
     """
     drive = read_aligned(folder)
@@ -90,7 +90,7 @@ def read_tables(folder: Path, updates: int) -> RecordedPath:
 
 
 def read_log(path: Path, updates: int) -> RecordedPath:
-    """Read a session log's odometry and truth; its pictures say when the robot looked, and stay unopened."""
+    """Read a session log's odometry and truth; its pictures only mark when it looked."""
     info, kind = read_header(path)
     if kind != "session":
         raise InputError(path, f"found a {kind} log, expected a session log with truth", 1)
@@ -120,7 +120,7 @@ def read_log(path: Path, updates: int) -> RecordedPath:
 
 
 def between(a: F64, b: F64) -> F64:
-    """Give the motion (forward_m, left_m, turn_rad) that leads from one pose (3,) to another."""
+    """Return the motion (forward_m, left_m, turn_rad) that leads from one pose (3,) to another."""
     cos, sin = np.cos(a[2]), np.sin(a[2])
     dx, dy = b[:2] - a[:2]
     return np.array([cos * dx + sin * dy, cos * dy - sin * dx, wrap(b[2:] - a[2])[0]])

@@ -1,4 +1,4 @@
-"""What happens between two pictures, with its times: the stuff of a session log, however it came about."""
+"""What happens between two pictures, with its times: what a session log is made of."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Eye(Protocol):
         ...
 
     def events(self, number: int) -> tuple[str, ...]:
-        """Say what happens to the light at that picture."""
+        """Return what happens to the light at that picture."""
         ...
 
 
@@ -107,12 +107,12 @@ def write_segments(
 
 
 def floor_event(arena: Arena, pose: F64) -> str:
-    """Say on which floor a pose (3,) is, as a log does."""
+    """Return the floor that a pose (3,) is on, as a log writes it."""
     return f"floor {floor_at(arena, float(pose[0]), float(pose[1]))}".strip()
 
 
 def driven_segments(updates: Iterable[DriveUpdate], arena: Arena) -> Iterator[Segment]:
-    """Give the updates of a drive their times: each movement settles before the next begins."""
+    """Yield the updates of a drive with their times: each movement settles before the next begins."""
     t_s = 0.0
     for update in updates:
         segment = timed(t_s, update, arena)
@@ -121,7 +121,7 @@ def driven_segments(updates: Iterable[DriveUpdate], arena: Arena) -> Iterator[Se
 
 
 def timed(t_s: float, update: DriveUpdate, arena: Arena) -> Segment:
-    """Give one update that begins at a time its own times."""
+    """Return the segment of one update that begins at a time."""
     turn, straight = update.turn, update.straight
     turned = t_s + 2 * SETTLE_S + abs(float(turn.measured[2])) / TURN_RAD_S
     took = float(straight.measured[0]) / DRIVE_M_S
@@ -143,6 +143,6 @@ def timed(t_s: float, update: DriveUpdate, arena: Arena) -> Segment:
 
 
 def crossings(path: F64, arena: Arena) -> list[tuple[float, str]]:
-    """Give how far along a path (K, 3) the floor changes, as a share of it, and to which floor."""
+    """Return how far along a path (K, 3) the floor changes, as a share of it, and to which floor."""
     names = [floor_at(arena, float(x), float(y)) for x, y, _ in path]
     return [(k / (len(names) - 1), names[k]) for k in range(1, len(names)) if names[k] != names[k - 1]]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.randomness import Domain, stream
 
 from ..seeds import SimPurpose
-from ..tasks import Tier
+from ..tasks import TIERS, Tier
 from .draw import PLAIN_PALETTE, Bareness, Palette, number, paint_of
 from .furniture import MAKERS, Footprint, block
 from .openings import (
@@ -27,7 +28,8 @@ from .openings import (
     opening_of,
     wall_of,
 )
-from .plan import FloorPlan, FurniturePlan, LibraryPlan, RoomPlan, WorldPlan
+from .plan import FloorPlan, FurniturePlan, LibraryPlan, RoomPlan, WorldError, WorldPlan
+from .read_plan import read_plan
 from .shell import DrawnStyle, bounds_of, door_faces, draw_look, rectangle, room_faces, solid_boxes
 from .solids import flat
 from .world import Face, Lamp, Piece, RoomLight, World, clearance, inside, touching
@@ -39,7 +41,7 @@ PER_INCH = 6.0
 
 
 def pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan, ...]:
-    """Give the pieces that are always there and those of one layout."""
+    """Return the pieces that are always there and those of one layout."""
     layout = plan.layouts[int(rng.integers(len(plan.layouts)))] if plan.layouts else ()
     return (*plan.furniture, *layout)
 
@@ -47,18 +49,18 @@ def pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan,
 def place_all(
     rng: np.random.Generator, layout: tuple[FurniturePlan, ...], plan: WorldPlan
 ) -> tuple[Piece, ...]:
-    """Put up all pieces; InputError where one stands in a wall or in another."""
+    """Put up all pieces; WorldError where one stands in a wall or in another."""
     rooms = {room.name: room for room in plan.rooms}
     placed: list[tuple[FurniturePlan, Piece]] = []
     for piece in layout:
         made = make(rng, piece, stand_of(rng, piece, rooms))
         if not any(within(room, made.plan) for room in plan.rooms):
-            raise InputError(
+            raise WorldError(
                 plan.file, f"{piece.key}: the {piece.kind} reaches into a wall or out of its room; move it"
             )
         for other, earlier in placed:
             if touching(made.plan, earlier.plan):
-                raise InputError(
+                raise WorldError(
                     plan.file,
                     f"{piece.key}: the {piece.kind} stands in the {other.kind} of {other.key}; move one",
                 )
@@ -94,7 +96,7 @@ def stand_of(rng: np.random.Generator, piece: FurniturePlan, rooms: dict[str, Ro
 
 
 def within(room: RoomPlan, plan_m: F64) -> bool:
-    """Tell whether an outline (4, 2) in metres lies wholly in a room."""
+    """Return whether an outline (4, 2) in meters lies wholly in a room."""
     (x1, y1), (x2, y2) = plan_m.min(axis=0) / INCH_M, plan_m.max(axis=0) / INCH_M
     return bool(room.rect[0] <= x1 and room.rect[1] <= y1 and x2 <= room.rect[2] and y2 <= room.rect[3])
 
@@ -103,7 +105,7 @@ def within(room: RoomPlan, plan_m: F64) -> bool:
 
 
 def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
-    """Draw the world of a seed; InputError where what is drawn cannot stand or no node is free."""
+    """Draw the world of a seed; WorldError where what is drawn cannot stand or no node is free."""
     check_rooms(plan)
     openings = tuple(opening_of(plan, door) for door in plan.doors)
     check_doors(plan, openings)
@@ -142,7 +144,7 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
 def map_of(
     plan: WorldPlan, openings: tuple[Opening, ...], pieces: tuple[Piece, ...], floors: tuple[Region, ...]
 ) -> Arena:
-    """Give the map of a world: what the robot is told of it."""
+    """Return the map of a world, as the robot gets it."""
     x1, y1, x2, y2 = (float(v) for v in np.array(bounds_of(plan)) * INCH_M)
     return Arena(
         (x1, y1, x2, y2),
@@ -240,7 +242,7 @@ def floor_rect(
 
 
 def grid_nodes(library: LibraryPlan, arena: Arena) -> F64:
-    """Give all places (K, 2) of the library's grid in rooms and clear of walls, from the south-west."""
+    """Return all places (K, 2) of the library's grid in rooms and clear of walls, from the south-west."""
     axes = []
     for axis in (0, 1):
         first, step = library.anchor_in[axis] * INCH_M, library.spacing_in * INCH_M
@@ -258,7 +260,7 @@ def free_nodes(library: LibraryPlan, arena: Arena) -> F64:
 
 
 def in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Tell which points (K, 2) lie in a room."""
+    """Return which points (K, 2) lie in a room."""
     found = np.zeros(len(points), bool)
     for room in arena.rooms:
         found |= inside(room.polygon, points)
@@ -266,9 +268,9 @@ def in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bo
 
 
 def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:
-    """Refuse a world without free nodes, or with something solid where the robot starts."""
+    """Raise WorldError for a world without free nodes, or with something solid where the robot starts."""
     if not len(world.nodes):
-        raise InputError(
+        raise WorldError(
             plan.file,
             f"library: no node of the grid is free in {world.name}; use a smaller spacing or clearance",
         )
@@ -276,13 +278,53 @@ def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:
         return
     at = world.start[None, :2]
     if not in_rooms(world.arena, at)[0]:
-        raise InputError(plan.file, "start.pose: lies in no room; move it into one")
+        raise WorldError(plan.file, "start.pose: lies in no room; move it into one")
     need = plan.library.clearance_in * INCH_M
     bare = Arena(world.arena.bounds, world.arena.walls)
     if clearance(bare, at)[0] < need:
-        raise InputError(plan.file, "start.pose: has a wall through it or nearer than the clearance; move it")
+        raise WorldError(plan.file, "start.pose: has a wall through it or nearer than the clearance; move it")
     for region, key in zip(world.arena.obstacles, keys, strict=True):
         if clearance(Arena(bare.bounds, np.zeros((0, 4)), (region,)), at)[0] < need:
-            raise InputError(
+            raise WorldError(
                 plan.file, f"start.pose: has {key} ({region.name}) on it or too near; move one of them"
             )
+
+
+# Worlds by name or from a TOML file.
+
+
+def shipped_worlds() -> dict[str, Path]:
+    """Return the worlds that ship, by name."""
+    folder = Path(str(files("maurice_datasets.worlds")))
+    return {file.stem: file for file in sorted(folder.glob("*.toml"))}
+
+
+def load_plan(name_or_path: str | Path) -> WorldPlan:
+    """Read a shipped world by its name, or a TOML file by its path; WorldError names what is wrong."""
+    known = shipped_worlds()
+    if str(name_or_path) in known:
+        return read_plan(known[str(name_or_path)])
+    path = Path(name_or_path)
+    if not path.is_file():
+        raise WorldError(
+            path, f"found no world or file of that name; there are {', '.join(known)}, or FILE.toml"
+        )
+    return read_plan(path)
+
+
+def load_world(name_or_path: str | Path, seed: int = 0, tier: str = "nominal") -> World:
+    """Return a simulated world: a shipped one by name, or one from a TOML file, as a seed draws it in a tier.
+
+    Lengths in meters, angles in radians. Raises WorldError where name, file or tier is wrong.
+
+    >>> world = load_world("two-rooms", seed=0)
+    >>> world.arena.bounds
+    """
+    return build_world(load_plan(name_or_path), seed, TIERS[check_tier(name_or_path, tier)])
+
+
+def check_tier(name_or_path: str | Path, tier: str) -> str:
+    """Return the name of a tier; WorldError where there is none of that name."""
+    if tier not in TIERS:
+        raise WorldError(Path(name_or_path), f"found no tier {tier!r}; there are {', '.join(TIERS)}")
+    return tier

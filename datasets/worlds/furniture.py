@@ -27,7 +27,7 @@ from .world import Face, Piece
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """Where a piece stands: the middle of its plan, its size there, and which way its back points."""
+    """Where a piece stands: the center of its plan, its size there, and the direction of its back."""
 
     x_in: float
     y_in: float
@@ -50,7 +50,7 @@ def placed(part: Solid, stand: Footprint) -> Solid:
 def assemble(
     rng: np.random.Generator, name: str, stand: Footprint, parts: list[Part], extra: tuple[Face, ...] = ()
 ) -> Piece:
-    """Put the parts of one piece up; parts off the floor get an underside."""
+    """Build the parts of one piece; parts off the floor get an underside."""
     solids = [(placed(solid, stand), paint) for solid, paint in parts]
     faces = [
         face for solid, paint in solids for face in faces_of(rng, solid, paint, underside=solid.z_in > 4)

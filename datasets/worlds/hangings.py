@@ -29,11 +29,11 @@ class Wall:
 
     @property
     def length_in(self) -> float:
-        """How wide it is."""
+        """Its width."""
         return float(np.hypot(self.right[0] - self.left[0], self.right[1] - self.left[1]))
 
     def at(self, along_in: float, out_in: float = 0.0) -> F64:
-        """Give the plan point (2,) so far from its left end, and so far out into the room."""
+        """Return the plan point (2,) so far from its left end, and so far out into the room."""
         left, right = np.array(self.left), np.array(self.right)
         ahead = (right - left) / self.length_in
         return np.asarray(left + ahead * along_in + np.array([ahead[1], -ahead[0]]) * out_in)
@@ -48,7 +48,7 @@ def hang(
 
 
 def shaded(paint: Paint) -> Paint:
-    """Let what hangs on a wall throw a thin shadow: its lower and right edges are dark."""
+    """Add a thin shadow below and to the right of what hangs on a wall."""
 
     def framed(rng: np.random.Generator, size: textures.Size) -> F32:
         picture = np.array(paint(rng, size), np.float32)

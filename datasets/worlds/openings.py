@@ -7,11 +7,10 @@ from itertools import combinations
 
 import numpy as np
 
-from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F64
 
 from .hangings import Interval, Wall
-from .plan import DoorPlan, PosterPlan, Rect, RoomPlan, WindowPlan, Word, WorldPlan
+from .plan import DoorPlan, PosterPlan, Rect, RoomPlan, WindowPlan, Word, WorldError, WorldPlan
 
 # Which rooms a door joins, and what is left of walls beside it: plan geometry in inches.
 
@@ -38,25 +37,25 @@ class Opening:
 
     @property
     def margin_in(self) -> float:
-        """How far its frame covers the walls beside it."""
+        """How far its frame overlaps the walls beside it."""
         return 0.0 if self.frame is None else CASING_IN
 
     def point(self, along: float, across: float) -> tuple[float, float]:
-        """Give a plan point from how far along the axis and across it."""
+        """Return a plan point from how far along the axis and across it."""
         return (along, across) if self.axis == 0 else (across, along)
 
 
 def overlap(a: Rect, b: Rect, axis: int) -> Interval:
-    """Give what two rectangles share along an axis; the end comes before the start where they share none."""
+    """Return what two rectangles share along an axis; end before start means nothing."""
     return max(a[axis], b[axis]), min(a[axis + 2], b[axis + 2])
 
 
 def check_rooms(plan: WorldPlan) -> None:
-    """Refuse rooms that overlap or have no wall between."""
+    """Raise WorldError for rooms that overlap or have no wall between."""
     for k, a in enumerate(plan.rooms):
         for b in plan.rooms[:k]:
             if all(high - low > -THIN_IN for low, high in (overlap(a.rect, b.rect, i) for i in (0, 1))):
-                raise InputError(
+                raise WorldError(
                     plan.file,
                     f"{a.key}.rect: {a.name!r} overlaps or touches {b.name!r} ({b.key}); "
                     "leave room for the wall between them",
@@ -64,7 +63,7 @@ def check_rooms(plan: WorldPlan) -> None:
 
 
 def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
-    """Find the two rooms that a door joins and the wall it goes through; InputError where it joins none."""
+    """Find the two rooms that a door joins and the wall it goes through; WorldError where it joins none."""
     joined = sorted(
         (
             r
@@ -79,7 +78,7 @@ def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
             if found is not None and len(joined) == 2:
                 return found
     names = " and ".join(repr(room.name) for room in joined) or "no room"
-    raise InputError(
+    raise WorldError(
         plan.file,
         f"{door.key}.rect: reaches {names}, expected two rooms on either side of one wall; "
         "let it reach from one into the other and nowhere beyond the wall they share",
@@ -100,13 +99,13 @@ def _between(door: DoorPlan, first: RoomPlan, second: RoomPlan) -> Opening | Non
 
 
 def corners(rect: Rect) -> tuple[tuple[float, float], ...]:
-    """Give the four corners of a room: south-east, south-west, north-west, north-east."""
+    """Return the four corners of a room: south-east, south-west, north-west, north-east."""
     x1, y1, x2, y2 = rect
     return (x2, y1), (x1, y1), (x1, y2), (x2, y2)
 
 
 def wall_of(room: RoomPlan, name: str) -> Wall:
-    """Give a whole wall of a room as seen from inside."""
+    """Return a complete wall of a room as seen from inside."""
     southeast, southwest, northwest, northeast = corners(room.rect)
     return {
         "south": Wall(southeast, southwest),
@@ -123,7 +122,7 @@ def along(wall: Wall, at_in: float) -> float:
 
 
 def doors_in(room: RoomPlan, name: str, openings: tuple[Opening, ...]) -> list[tuple[Opening, Interval]]:
-    """Give the openings in one wall of a room, with where they are along it, from left to right."""
+    """Return the openings in one wall of a room, with where they are along it, from left to right."""
     axis, side = {"west": (0, 1), "east": (0, 0), "south": (1, 1), "north": (1, 0)}[name]
     wall = wall_of(room, name)
     found = []
@@ -135,7 +134,7 @@ def doors_in(room: RoomPlan, name: str, openings: tuple[Opening, ...]) -> list[t
 
 
 def rest_of(wall: Wall, taken: list[Interval]) -> list[Interval]:
-    """Give the stretches of a wall between what is taken out of it."""
+    """Return the stretches of a wall between what is taken out of it."""
     edges = [0.0, *(edge for interval in taken for edge in interval), wall.length_in]
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 0.01]
 
@@ -147,7 +146,7 @@ def stretch(wall: Wall, interval: Interval) -> Wall:
 
 
 def map_walls(plan: WorldPlan, openings: tuple[Opening, ...]) -> F64:
-    """Give the walls of the map (W, 4) in inches: outlines of rooms without doors, and the doors' jambs."""
+    """Return the walls of the map (W, 4) in inches: outlines of rooms without doors, and the doors' jambs."""
     lines = []
     for room in plan.rooms:
         for name in ("south", "west", "north", "east"):
@@ -160,7 +159,7 @@ def map_walls(plan: WorldPlan, openings: tuple[Opening, ...]) -> F64:
     return np.array(lines)
 
 
-# Where windows, doors and posters may be: whole, in the wall they name, and not in each other.
+# Where windows, doors and posters may be: entirely in the wall they name, and not overlapping.
 
 BEYOND_IN = 24.0  # a window with another room so near behind its wall gets no daylight
 
@@ -168,16 +167,16 @@ Windows = tuple[tuple[WindowPlan, float], ...]  # with the x or y drawn for each
 
 
 def check_doors(plan: WorldPlan, openings: tuple[Opening, ...]) -> None:
-    """Refuse doors in doors: what would stand in each other is their frames."""
+    """Raise WorldError for doors that overlap: their frames would."""
     for (first, a), (second, b) in combinations(zip(plan.doors, openings, strict=True), 2):
         if a.rooms == b.rooms and a.axis == b.axis and _share(_framed(a), _framed(b)):
-            raise InputError(
+            raise WorldError(
                 plan.file, f"{second.key}.rect: stands in {first.key}; leave wall between the two"
             )
 
 
 def check_windows(plan: WorldPlan, room: RoomPlan, windows: Windows, openings: tuple[Opening, ...]) -> None:
-    """Refuse windows that reach beyond their wall, look into a room, or share wall with a door or another."""
+    """Raise WorldError for windows beyond their wall, into another room, or over a door or window."""
     for k, (window, at) in enumerate(windows):
         span = _around(at, window.width_in)
         if not _within_wall(room, window.wall, span) or window.top_in > room.height_in:
@@ -195,17 +194,17 @@ def check_windows(plan: WorldPlan, room: RoomPlan, windows: Windows, openings: t
 def check_poster(
     plan: WorldPlan, room: RoomPlan, poster: PosterPlan, at_in: float, openings: tuple[Opening, ...]
 ) -> None:
-    """Refuse posters that reach beyond their wall or hang where a door is."""
+    """Raise WorldError for posters that reach beyond their wall or hang where a door is."""
     span, top = _around(at_in, poster.size_in[0]), poster.bottom_in + poster.size_in[1]
     if not _within_wall(room, poster.wall, span) or top > room.height_in:
-        raise InputError(plan.file, f"{poster.key}: reaches beyond its wall; move it or make it smaller")
+        raise WorldError(plan.file, f"{poster.key}: reaches beyond its wall; move it or make it smaller")
     for opening in _doors_on(room, poster.wall, openings):
         if _share(span, _framed(opening)) and poster.bottom_in < opening.top_in:
-            raise InputError(plan.file, f"{poster.key}: hangs where a door is; move one of them")
+            raise WorldError(plan.file, f"{poster.key}: hangs where a door is; move one of them")
 
 
 def _refuse(plan: WorldPlan, room: RoomPlan, window: int, why: str) -> None:
-    raise InputError(plan.file, f"{room.key}.windows[{window}]: {why}")
+    raise WorldError(plan.file, f"{room.key}.windows[{window}]: {why}")
 
 
 def _around(at_in: float, width_in: float) -> Interval:
@@ -221,7 +220,7 @@ def _framed(opening: Opening) -> Interval:
 
 
 def _axis(wall: str) -> int:
-    """Give the axis that a wall runs along."""
+    """Return the axis that a wall runs along."""
     return 0 if wall in ("south", "north") else 1
 
 
@@ -235,7 +234,7 @@ def _doors_on(room: RoomPlan, wall: str, openings: tuple[Opening, ...]) -> list[
 
 
 def _room_behind(plan: WorldPlan, room: RoomPlan, wall: str, span: Interval) -> RoomPlan | None:
-    """Give the room right behind a stretch of wall."""
+    """Return the room right behind a stretch of wall."""
     axis = _axis(wall)
     x1, y1, x2, y2 = room.rect
     low, high = {

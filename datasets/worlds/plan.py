@@ -1,4 +1,4 @@
-"""What a world file says, before anything is drawn: one frozen dataclass a table of the file.
+"""The content of a world file, before anything is drawn: one frozen dataclass per table.
 
 Lengths are inches here, whatever units the file is in: furniture and walls are made in inches. A number or a
 word may be left to the seed: a `NumberRange` or a `Choice` in its place. docs/worlds.md documents the file.
@@ -8,6 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+
+from maurice_loaders.errors import InputError
+
+
+class WorldError(InputError):
+    """A world file is wrong: which file and key, what was found, what was expected, what to do."""
+
 
 Rect = tuple[float, float, float, float]  # x1, y1, x2, y2 with x1 < x2 and y1 < y2
 
@@ -142,7 +149,7 @@ class FurniturePlan:
 
 @dataclass(frozen=True, slots=True)
 class LibraryPlan:
-    """Where references are taken: a grid through `anchor`, wherever a robot has room enough."""
+    """Where references are taken: a grid through `anchor`, wherever a robot has enough room."""
 
     anchor_in: tuple[float, float]
     spacing_in: float
@@ -152,7 +159,7 @@ class LibraryPlan:
 
 @dataclass(frozen=True, slots=True)
 class WorldPlan:
-    """A whole world file."""
+    """A complete world file."""
 
     file: Path
     name: str

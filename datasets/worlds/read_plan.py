@@ -37,7 +37,7 @@ HEX = '"#rrggbb"'
 
 
 class Vocabulary:
-    """Which words are known, and how they are listed in an error."""
+    """The known words of one kind, and how an error lists them."""
 
     def __init__(self, what: str, tell: Callable[[str], bool], listed: str) -> None:
         self.what, self.tell, self.listed = what, tell, listed
@@ -51,7 +51,7 @@ TEXTURE = Vocabulary("texture", TEXTURES.__contains__, ", ".join(TEXTURES))
 def word(
     table: Table, key: str, known: Vocabulary, default: str | None = None, more: tuple[str, ...] = ()
 ) -> Word:
-    """Take a word of some kind out, or a choice of them; `more` are known as well."""
+    """Read a word of some kind, or a choice of them; `more` are known as well."""
     if default is not None and not table.has(key):
         return default
     value = table.word(key, table.take(key))
@@ -63,7 +63,7 @@ def word(
 
 
 def paint(table: Table, key: str, default: PaintPlan, more: tuple[str, ...] = ()) -> PaintPlan:
-    """Take a paint out; `more` are names of colors that the room knows."""
+    """Read a paint; `more` are names of colors that the room knows."""
     return paint_value(table, key, table.take(key), more) if table.has(key) else default
 
 
@@ -93,7 +93,7 @@ def paint_value(table: Table, key: str, value: object, more: tuple[str, ...] = (
 
 
 def light(table: Table, key: str, brightness: float, color: str) -> LightPlan:
-    """Take a light out: `{ brightness = 1.2, color = "warm" }`."""
+    """Read a light: `{ brightness = 1.2, color = "warm" }`."""
     inner = table.table(key)
     plan = LightPlan(inner.number("brightness", brightness, 0, 100), word(inner, "color", LIGHT, color))
     inner.done()
@@ -153,7 +153,7 @@ KINDS = (*MAKERS, BLOCK)
 
 
 def read_plan(file: Path) -> WorldPlan:
-    """Read a world file; InputError names the file, the key and what is wrong with it."""
+    """Read a world file; WorldError names the file, the key and what is wrong with it."""
     top = read_toml(file)
     if top.take("format") != FORMAT:
         top.fail("format", f"expected {FORMAT}; this program reads no other")
@@ -188,7 +188,7 @@ def read_plan(file: Path) -> WorldPlan:
 
 
 def named_tables(top: Table, key: str) -> list[Table]:
-    """Take the tables [key.NAME] out, each with its name as key."""
+    """Read the tables [key.NAME], each with its name as key."""
     inner = top.table(key)
     tables = [inner.as_table(name, value) for name, value in inner.items()]
     if not tables:
@@ -225,7 +225,7 @@ def place(table: Table, key: str, value: object) -> tuple[float, float]:
 
 
 def one_length(table: Table, key: str, low: float = -1e5) -> Number:
-    """Take one length out that a seed may draw."""
+    """Read one length that a seed may draw."""
     return table.drawn(key, table.take(key), table.inches, low)
 
 
@@ -273,12 +273,12 @@ def read_floor(table: Table, first: bool) -> FloorPlan:
 
 
 def lowest(value: Number) -> float:
-    """Give the least that can be drawn."""
+    """Return the least that can be drawn."""
     return value.low if isinstance(value, NumberRange) else value
 
 
 def highest(value: Number) -> float:
-    """Give the most that can be drawn."""
+    """Return the most that can be drawn."""
     return value.high if isinstance(value, NumberRange) else value
 
 
@@ -341,7 +341,7 @@ def read_library(table: Table) -> LibraryPlan:
     anchor = place(table, "anchor", table.take("anchor"))
     headings = table.number("headings", 8, 1, 360)
     if not isinstance(headings, float | int) or headings != int(headings):
-        table.fail("headings", "expected a whole number")
+        table.fail("headings", "expected an integer")
     library = LibraryPlan(
         anchor, table.length("spacing", low=1.0), int(headings), table.length("clearance", 4.5)
     )

@@ -24,8 +24,8 @@ TRIES = 4000  # places tried for one piece before it is given up
 def move_things(world: World, count: int, seed: int) -> World:
     """Move `count` pieces of furniture to other free places, each at least 24 in away, any way round.
 
-    Pieces stay whole, in rooms, off doors and off each other. InputError where there are not so many pieces,
-    or where no free place is found.
+    Pieces keep their shape and stand in rooms, clear of doors and of each other. InputError where there are
+    fewer pieces, or where no free place is found.
     """
     if count > len(world.furniture):
         found = f"found {len(world.furniture)} pieces of furniture"
@@ -55,14 +55,14 @@ def moved(world: World, piece: Piece, others: list[F64], rng: np.random.Generato
 
 
 def stands_free(arena: Arena, plan: F64, others: list[F64], gaps: list[F64]) -> bool:
-    """Tell whether an outline (4, 2) lies in one room, on no other piece and in no door."""
+    """Return whether an outline (4, 2) lies in one room, on no other piece and in no door."""
     if not any(inside(room.polygon, plan).all() for room in arena.rooms):
         return False
     return not any(touching(plan, other) for other in (*others, *gaps))
 
 
 def door_middles(arena: Arena) -> list[F64]:
-    """Give the ground (4, 2) around each door gap: between a pair of jambs, and a little to either side.
+    """Return the ground (4, 2) around each door gap: between a pair of jambs, and a little to either side.
 
     Jambs are the walls of the map that lie in no room's outline: each door has two, one after the other.
     """

@@ -248,12 +248,12 @@ def _behind(room: RoomPlan, name: str, where: tuple[float, float], heights: tupl
 
 
 def bounds_of(plan: WorldPlan) -> tuple[float, float, float, float]:
-    """Give the rectangle around all rooms, in inches."""
+    """Return the rectangle around all rooms, in inches."""
     rects = np.array([room.rect for room in plan.rooms])
     (x1, y1), (x2, y2) = rects[:, :2].min(axis=0), rects[:, 2:].max(axis=0)
     return float(x1), float(y1), float(x2), float(y2)
 
 
 def rectangle(x1: float, y1: float, x2: float, y2: float) -> F64:
-    """Give the corners (4, 2) of an upright rectangle, counter-clockwise from its lower left."""
+    """Return the corners (4, 2) of an upright rectangle, counter-clockwise from its lower left."""
     return np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]])

@@ -1,6 +1,6 @@
 """From boxes to faces: the geometry that furniture and walls are made of.
 
-Sizes here are inches, as furniture is measured; `Face` and `Box` come out in metres.
+Sizes here are inches, as furniture is measured; `Face` and `Box` come out in meters.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Solid:
 
 
 def pixels(width_in: float, height_in: float, per_inch: float) -> Size:
-    """How many rows and columns a texture needs; at least 6 each, at most 1600."""
+    """Rows and columns that a texture needs; at least 6 each, at most 1600."""
     return (
         int(np.clip(round(height_in * per_inch), 6, 1600)),
         int(np.clip(round(width_in * per_inch), 6, 1600)),
@@ -82,7 +82,7 @@ def flat(
 
 
 def footprint(solid: Solid) -> F64:
-    """Give the plan (4, 2) of a solid in inches, counter-clockwise from its front left corner."""
+    """Return the plan (4, 2) of a solid in inches, counter-clockwise from its front left corner."""
     half = np.array([solid.width_in, solid.depth_in]) / 2
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     cos, sin = np.cos(solid.yaw_rad), np.sin(solid.yaw_rad)
@@ -91,7 +91,7 @@ def footprint(solid: Solid) -> F64:
 
 
 def box_of(solid: Solid) -> Box:
-    """The shadow-throwing box of a solid, in metres."""
+    """The shadow-throwing box of a solid, in meters."""
     center = np.array([solid.x_in, solid.y_in, solid.z_in + solid.height_in / 2]) * INCH_M
     half = np.array([solid.width_in, solid.depth_in, solid.height_in]) / 2 * INCH_M
     return Box(

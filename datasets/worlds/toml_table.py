@@ -1,6 +1,6 @@
-"""One table of a TOML file, read key by key: whatever is wrong with it is said with its full key.
+"""One table of a TOML file, read key by key; errors name the full key.
 
-Every reader takes its key out; `done` then refuses what nobody asked for.
+Every method that reads removes its key; `done` then refuses the keys that were not read.
 """
 
 from __future__ import annotations
@@ -10,9 +10,7 @@ import tomllib
 from pathlib import Path
 from typing import NoReturn
 
-from maurice_loaders.errors import InputError
-
-from .plan import Choice, Number, NumberRange, Rect, Word
+from .plan import Choice, Number, NumberRange, Rect, Word, WorldError
 
 FARTHEST = 1e5  # no length of a building is longer, in inches
 MOST_NUMBER = 1e300
@@ -26,46 +24,46 @@ class Table:
         self._left = dict(values)
 
     def named(self, key: str) -> str:
-        """Give the full key, like `room[1].rect`."""
+        """Return the full key, like `room[1].rect`."""
         return f"{self.key}.{key}" if self.key else key
 
     def fail(self, key: str, why: str) -> NoReturn:
         """Raise the one-line error for a key of this table."""
-        raise InputError(self.file, f"{self.named(key) if key else self.key}: {why}")
+        raise WorldError(self.file, f"{self.named(key) if key else self.key}: {why}")
 
     def has(self, key: str) -> bool:
-        """Tell whether a key is there and was not read yet."""
+        """Return whether a key is there and was not read yet."""
         return key in self._left
 
     def take(self, key: str) -> object:
-        """Take a value out, whatever it is; an error where it is missing."""
+        """Remove and return a value of any type; an error if it is missing."""
         if key not in self._left:
             self.fail(key, "is missing; add it (docs/worlds.md has all keys)")
         return self._left.pop(key)
 
     def text(self, key: str, default: str | None = None) -> str:
-        """Take a word out."""
+        """Read a word."""
         value = default if default is not None and not self.has(key) else self.take(key)
         if not isinstance(value, str) or not value.strip():
             self.fail(key, f"found {value!r}, expected a word in quotes")
         return value
 
     def one_of(self, key: str, known: tuple[str, ...], default: str | None = None) -> str:
-        """Take one of some words out."""
+        """Read one of some words."""
         value = self.text(key, default)
         if value not in known:
             self.fail(key, f"found {value!r}; there are {', '.join(known)}")
         return value
 
     def flag(self, key: str, default: bool = False) -> bool:
-        """Take true or false out."""
+        """Read true or false."""
         value = self.take(key) if self.has(key) else default
         if not isinstance(value, bool):
             self.fail(key, f"found {value!r}, expected true or false")
         return value
 
     def tables(self, key: str) -> tuple[Table, ...]:
-        """Take a list of tables out; none where the key is missing."""
+        """Read a list of tables; none where the key is missing."""
         value = self.take(key) if self.has(key) else []
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
             self.fail(key, f"expected tables, written [[{key}]] or {key} = [{{...}}, ...]")
@@ -74,7 +72,7 @@ class Table:
         )
 
     def table(self, key: str) -> Table:
-        """Take one table out; an empty one where the key is missing."""
+        """Read one table; an empty one where the key is missing."""
         return self.as_table(key, self.take(key) if self.has(key) else {})
 
     def as_table(self, key: str, value: object) -> Table:
@@ -84,11 +82,11 @@ class Table:
         return Table(self.file, self.named(key), value, self.inches)
 
     def items(self) -> list[tuple[str, object]]:
-        """Give all that was not read yet."""
+        """Return all that was not read yet."""
         return list(self._left.items())
 
     def items_of(self, key: str, count: tuple[int, ...]) -> list[object]:
-        """Take a list of so many values out."""
+        """Read a list of so many values."""
         value = self.take(key)
         if not isinstance(value, list) or len(value) not in count:
             wanted = " or ".join(map(str, count)) if len(count) < 4 else f"{count[0]} to {count[-1]}"
@@ -101,7 +99,7 @@ class Table:
         """Check one number, and bring it to inches or radians by `unit`."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.fail(key, f"found {value!r}, expected a number")
-        if abs(value) > MOST_NUMBER:  # true of infinity, and of whole numbers that no float can hold
+        if abs(value) > MOST_NUMBER:  # true of infinity, and of integers that no float can hold
             self.fail(key, "found a number without bound, expected a finite number")
         if math.isnan(value):
             self.fail(key, "found nan, expected a finite number")
@@ -129,23 +127,23 @@ class Table:
         low: float = -FARTHEST,
         high: float = FARTHEST,
     ) -> Number:
-        """Take a plain number or a span of them out."""
+        """Read a plain number or a span of them."""
         if default is not None and not self.has(key):
             return default
         return self.drawn(key, self.take(key), 1.0, low, high)
 
     def length(self, key: str, default_in: float | None = None, low: float = 0.0) -> float:
-        """Take a length out, in inches."""
+        """Read a length, in inches."""
         if default_in is not None and not self.has(key):
             return default_in
         return self.real(key, self.take(key), self.inches, low)
 
     def lengths(self, key: str, count: tuple[int, ...], low: float = -FARTHEST) -> tuple[Number, ...]:
-        """Take a list of lengths or spans out, in inches."""
+        """Read a list of lengths or spans, in inches."""
         return tuple(self.drawn(key, item, self.inches, low) for item in self.items_of(key, count))
 
     def rect(self, key: str) -> Rect:
-        """Take [x1, y1, x2, y2] out, in inches."""
+        """Read [x1, y1, x2, y2], in inches."""
         x1, y1, x2, y2 = (self.real(key, item, self.inches) for item in self.items_of(key, (4,)))
         if x1 >= x2 or y1 >= y2:
             self.fail(key, "has no area; write [x1, y1, x2, y2] with x1 < x2 and y1 < y2")
@@ -161,23 +159,23 @@ class Table:
         return Choice(tuple(options))
 
     def done(self) -> None:
-        """Refuse keys that nobody knows."""
+        """Raise WorldError for keys that were not read."""
         if self._left:
             first = next(iter(self._left))
-            self.fail(first, "no such key; take it out or see docs/worlds.md for those there are")
+            self.fail(first, "no such key; remove it (docs/worlds.md lists all keys)")
 
 
 def read_toml(file: Path) -> Table:
-    """Read a file as one table; InputError where it cannot be read or is no TOML."""
+    """Read a file as one table; WorldError where it cannot be read or is no TOML."""
     try:
         return Table(file, "", tomllib.loads(file.read_text(encoding="utf-8")))
     except tomllib.TOMLDecodeError as problem:
-        raise InputError(file, f"is no valid TOML: {problem}; mend it there") from None
+        raise WorldError(file, f"found no valid TOML: {problem}; fix it there") from None
     except UnicodeDecodeError:
-        raise InputError(file, "is no text in UTF-8; save it as such") from None
+        raise WorldError(file, "found text that is not UTF-8; save it as UTF-8") from None
     except (ValueError, RecursionError):  # thousands of digits, or of brackets
-        raise InputError(
-            file, "is no valid TOML: numbers too long or nested too deep; mend it there"
+        raise WorldError(
+            file, "found no valid TOML: numbers too long or nested too deep; fix it there"
         ) from None
     except OSError as problem:
-        raise InputError(file, f"cannot be read: {problem.strerror}") from None
+        raise WorldError(file, f"cannot be read: {problem.strerror}") from None

@@ -1,7 +1,7 @@
 """A simulated world as plain data: textured faces, solid boxes, lamps, and the map that goes with them.
 
 Renderer, surveyor and robot take a `World` as an argument and know nothing of how it was made. Everything
-is in metres; z points up and the floor is z = 0. Colors are linear (not gamma-coded) RGB.
+is in meters; z points up and the floor is z = 0. Colors are linear (not gamma-coded) RGB.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Piece:
     name: str
     faces: tuple[Face, ...]
     boxes: tuple[Box, ...]
-    plan: F64  # (4, 2) outline on the floor, metres
+    plan: F64  # (4, 2) outline on the floor, meters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +103,7 @@ class World:
 
 
 def inside(polygon: F64, points: F64) -> Bool:
-    """Tell which points (K, 2) lie inside a polygon (P, 2), by counting crossings."""
+    """Return which points (K, 2) lie inside a polygon (P, 2), by counting crossings."""
     x, y = points[:, 0], points[:, 1]
     result = np.zeros(len(points), dtype=bool)
     for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -114,7 +114,7 @@ def inside(polygon: F64, points: F64) -> Bool:
 
 
 def floor_at(arena: Arena, x_m: float, y_m: float) -> str:
-    """Name the topmost floor at a point; "" where there is none."""
+    """Return the name of the topmost floor at a point; "" where there is none."""
     point = np.array([[x_m, y_m]])
     for floor in reversed(arena.floors):
         if inside(floor.polygon, point)[0]:
@@ -123,7 +123,7 @@ def floor_at(arena: Arena, x_m: float, y_m: float) -> str:
 
 
 def segment_distance(points: F64, start: F64, end: F64) -> F64:
-    """Give the distance (K,) of points (K, 2) to the nearest segment from start (S, 2) to end (S, 2)."""
+    """Return the distance (K,) of points (K, 2) to the nearest segment from start (S, 2) to end (S, 2)."""
     along = end - start
     away = points[:, None] - start
     length2 = np.maximum(np.sum(along**2, axis=1), 1e-12)
@@ -133,7 +133,7 @@ def segment_distance(points: F64, start: F64, end: F64) -> F64:
 
 
 def clearance(arena: Arena, points: F64) -> F64:
-    """Give the distance (K,) from points (K, 2) to the nearest wall or obstacle; 0 inside obstacles."""
+    """Return the distance (K,) from points (K, 2) to the nearest wall or obstacle; 0 inside obstacles."""
     outlines = [obstacle.polygon for obstacle in arena.obstacles]
     starts = np.concatenate([arena.walls[:, :2], *outlines])
     ends = np.concatenate([arena.walls[:, 2:], *(np.roll(outline, -1, axis=0) for outline in outlines)])
@@ -144,7 +144,7 @@ def clearance(arena: Arena, points: F64) -> F64:
 
 
 def touching(a: F64, b: F64) -> bool:
-    """Tell whether two rectangles (4, 2) share any ground.
+    """Return whether two rectangles (4, 2) share any ground.
 
     They do not where some side of either has all of the other beyond it.
     """

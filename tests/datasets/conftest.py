@@ -6,8 +6,8 @@ import pytest
 
 from maurice_datasets.render.baking import bake
 from maurice_datasets.render.scene import LitScene
+from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World
-from maurice_datasets.worlds.world_file import load_world
 
 
 @pytest.fixture(scope="session")

@@ -15,14 +15,14 @@ from .textures import Size, carpet, clouds, noise, tint
 
 
 def joints(size: Size, step: int, wide: int, shift: int = 0) -> Bool:
-    """Tell which pixels (H, W) are joints of a square raster; every other row is shifted by `shift`."""
+    """Return which pixels (H, W) are joints of a square raster; every other row is shifted by `shift`."""
     rows, columns = np.arange(size[0])[:, None], np.arange(size[1])[None, :]
     across = (columns + (rows // step % 2) * shift) % step
     return np.asarray((rows % step < wide) | (across < wide))
 
 
 def shades(rng: np.random.Generator, size: Size, high: int, wide: int, sd: float) -> F32:
-    """Give one brightness a tile (H, W), around 1."""
+    """Return one brightness a tile (H, W), around 1."""
     rows, columns = np.arange(size[0]) // high, np.arange(size[1]) // wide
     each = 1 + sd * rng.standard_normal((rows[-1] + 1, columns[-1] + 1))
     return np.asarray(each[rows[:, None], columns[None, :]], np.float32)

@@ -69,10 +69,10 @@ def read_image(file: Path) -> F32:
     try:
         data = np.frombuffer(file.read_bytes(), np.uint8)
     except OSError as problem:
-        raise InputError(file, f"cannot be read: {problem.strerror}; mend the image's path") from None
+        raise InputError(file, f"cannot be read: {problem.strerror}; fix the image's path") from None
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if bgr is None:
-        raise InputError(file, "is no image that can be read; save it as PNG or JPEG")
+        raise InputError(file, "found no readable image; save it as PNG or JPEG")
     shrink = min(1.0, MOST_PX / max(bgr.shape))  # a photograph has more than any face can show
     if shrink < 1:
         bgr = cv2.resize(bgr, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
@@ -82,7 +82,7 @@ def read_image(file: Path) -> F32:
 
 
 def image_paint(file: Path) -> Callable[[np.random.Generator, Size], F32]:
-    """A painter that puts an image over the whole face."""
+    """A painter that puts an image over the complete face."""
 
     def paint(rng: np.random.Generator, size: Size) -> F32:
         image = cv2.resize(read_image(file), (size[1], size[0]), interpolation=cv2.INTER_AREA)

@@ -19,7 +19,7 @@ Painter = Callable[[np.random.Generator, Size], F32]
 
 
 def finish(rng: np.random.Generator, picture: F32) -> F32:
-    """Give a drawing the unevenness of print and a pale margin."""
+    """Return a drawing the unevenness of print and a pale margin."""
     rows, columns = picture.shape[:2]
     worn = picture * (1 + 0.06 * clouds(rng, (rows, columns), rows / 2))[..., None]
     margin = max(1, min(rows, columns) // 24)

@@ -33,7 +33,7 @@ def environment(folder: Path) -> dict[str, str]:
         (["tracking"], "either -o DIR or --serve"),
         (["tracking", "-o", "a", "--serve", "tcp://127.0.0.1:0"], "either -o DIR or --serve"),
         (["flying", "-o", "a"], "expected one of tracking, global, kidnapped"),
-        (["tracking", "-o", "a", "--kidnap-at", "3"], "kidnaps nobody"),
+        (["tracking", "-o", "a", "--kidnap-at", "3"], "found a kidnapping in the task"),
         (["tracking", "-o", "a", "--lights", "blink@3"], "light change"),
         (["tracking", "-o", "a", "--tier", "easy"], "there are nominal, dim, hard"),
         (["tracking", "-o", "a", "--rate", "2"], "go with --serve"),

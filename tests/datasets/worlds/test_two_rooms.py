@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from maurice_datasets.surveys import reference_poses
-from maurice_datasets.worlds.build import grid_nodes
+from maurice_datasets.worlds.build import grid_nodes, load_plan, load_world
 from maurice_datasets.worlds.world import World, clearance, floor_at, inside, touching
-from maurice_datasets.worlds.world_file import load_plan, load_world
 from maurice_mcl.geometry import INCH_M
 
 SEEDS = range(12)

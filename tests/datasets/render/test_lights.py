@@ -16,7 +16,7 @@ from maurice_datasets.render.conditions import (
     weights_at,
 )
 from maurice_datasets.render.image_sensor import Exposure, drifted, swings
-from maurice_datasets.render.parts import LightPart, parts_of, windows_of
+from maurice_datasets.render.light import LightPart, parts_of, windows_of
 from maurice_datasets.worlds.world import World
 
 PARTS = (LightPart("lamp"), LightPart("other lamp"), LightPart("window", 1), LightPart("window", -1))

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from maurice_datasets.worlds.build import load_world, shipped_worlds
 from maurice_datasets.worlds.surfaces.paints import read_image
 from maurice_datasets.worlds.world import World, clearance, floor_at, inside
-from maurice_datasets.worlds.world_file import load_world, shipped_worlds
 from maurice_loaders.errors import InputError
 
-DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"
+DOCS = Path(__file__).parents[3] / "docs" / "worlds.md"
 SMALL = """
 format = 1
 units = "m"
@@ -127,8 +127,8 @@ def test_walls_of_the_map_are_outlines_without_doors_and_jambs(tmp_path: Path) -
         ('style = "plain"', 'style = "fancy"', "room[0].style: found 'fancy'; there are plain"),
         ("height = 2.5", "height = 1" + "0" * 400, "height: found a number without bound"),
         ("height = 2.5", "height = inf", "height: found a number without bound"),
-        ("height = 2.5", "height = 1" + "0" * 5000, "is no valid TOML"),
-        ("height = 2.5", "height = " + 3000 * "[" + 3000 * "]", "is no valid TOML"),
+        ("height = 2.5", "height = 1" + "0" * 5000, "found no valid TOML"),
+        ("height = 2.5", "height = " + 3000 * "[" + 3000 * "]", "found no valid TOML"),
         ("[style.plain]", '[style.plain]\nhang = [["a"]]', "style.plain.hang: nothing called ['a'] can hang"),
         ("[style.plain]", "[style.plain]\nhang = []", "expected a list of 1 to 64 values"),
         ('name = "wood"', 'name = "wood"\npaint = { image = "mine.toml" }', "floor[0].paint.image: "),
@@ -144,7 +144,7 @@ def test_walls_of_the_map_are_outlines_without_doors_and_jambs(tmp_path: Path) -
         ("[[floor]]", poster("north", 9, (1, 1)), "poster[0]: reaches beyond its wall"),
         ("[[floor]]", poster("north", 1, (1, 3)), "poster[0]: reaches beyond its wall"),
         ("format = 1", "format = 2", "format: expected 1"),
-        ("format = 1", "format = ", "is no valid TOML"),
+        ("format = 1", "format = ", "found no valid TOML"),
         ('[[floor]]\nname = "wood"', "", "floor: found none"),
     ],
 )  # fmt: skip

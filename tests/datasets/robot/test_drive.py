@@ -11,8 +11,8 @@ from maurice_datasets.robot.drive import KIDNAP_M, DriveUpdate, Robot, drive, st
 from maurice_datasets.robot.motion import Chassis, draw_luck
 from maurice_datasets.robot.planner import is_free, raster
 from maurice_datasets.seeds import SimPurpose
+from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World, clearance, floor_at
-from maurice_datasets.worlds.world_file import load_world
 from maurice_mcl.geometry import INCH_M, wrap
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Domain, stream

@@ -61,7 +61,7 @@ def test_a_pose_far_away_is_far_away_or_refused() -> None:
     rng = np.random.default_rng(5)
     far = [free_pose(found, rng, np.array([1.0, 1.0, 0]), 0.6) for _ in range(100)]
     assert min(np.hypot(x - 1, y - 1) for x, y, _ in far) >= 0.6
-    with pytest.raises(ValueError, match="no such place"):
+    with pytest.raises(ValueError, match="no free cell"):
         free_pose(found, rng, np.array([1.0, 1.0, 0]), 2.0)
 
 

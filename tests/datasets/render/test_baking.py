@@ -5,7 +5,7 @@ import pytest
 
 from maurice_datasets.render.baking import bake, lighting_of, nearest_source, relit, unlit
 from maurice_datasets.render.camera import radiance
-from maurice_datasets.render.parts import windows_of
+from maurice_datasets.render.light import windows_of
 from maurice_datasets.render.scene import LitScene
 from maurice_datasets.worlds.world import World
 
