@@ -26,8 +26,7 @@ from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.detail import Detail
-from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.panels.observer import Detail, RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks

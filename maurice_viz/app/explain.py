@@ -22,7 +22,7 @@ from ..entities import STEP, RunPaths
 from ..errors import OptionError, SinkError
 from ..explanations.table import to_json
 from ..explanations.words import say_step
-from ..layouts.explanation_screen import explanation_blueprint
+from ..layouts.explain import explanation_blueprint
 from ..panels.explanation_screen import ExplainedUpdate, draw_explanation
 from ..scene import SceneInfo
 from ..style import scale_for

@@ -20,8 +20,7 @@ from ..drawing.contact_sheet import cell_height
 from ..errors import OptionError, SinkError
 from ..layouts.names import DETAILS, LAYOUT_NAMES
 from ..layouts.registry import runs_blueprint
-from ..panels.detail import Detail, expected_bytes
-from ..panels.observer import Observer, RerunObserver
+from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes
 from ..scene import RunView, SceneInfo
 from ..style import scale_for
 from ..viewer import sinks

@@ -21,11 +21,11 @@ from ..panels.comparison import (
     heading_difference_plot,
     run_belief_view,
 )
+from ..panels.events import words_view
 from ..panels.histograms import SHORT_LEGEND, histogram_views
 from ..panels.references import best_references_view, circles_view, narrow_circles_view
 from ..panels.traces import CONFIDENCE, SPREAD, error_plots
 from ..panels.views import plot_of_runs
-from ..panels.words import words_view
 from ..scene import RunView, SceneInfo
 
 

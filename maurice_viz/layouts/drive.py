@@ -13,8 +13,7 @@ from ..panels.drive import (
     motion_plots,
     path_view,
 )
-from ..panels.views import window
-from .registry import FPS
+from ..panels.views import FPS, window
 
 
 def drive_blueprint(drive: DriveView) -> rrb.Blueprint:

@@ -5,15 +5,12 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from ..entities import RunPaths
-from ..panels.ancestry import ancestry_plot
 from ..panels.belief import closeup_view
 from ..panels.camera import camera_view, filmstrip_view
-from ..panels.events import events_view
-from ..panels.headings import headings_view
-from ..panels.modes import modes_view
+from ..panels.events import events_view, words_view
+from ..panels.population import ancestry_plot, headings_view, modes_view
 from ..panels.references import circles_view, likelihood_views
 from ..panels.traces import evidence_key, evidence_plot, key_share
-from ..panels.words import words_view
 from ..scene import RunView, SceneInfo
 
 

@@ -7,11 +7,10 @@ import rerun.blueprint as rrb
 from ..entities import RunPaths
 from ..panels.belief import belief_view
 from ..panels.camera import camera_view, edges_view
-from ..panels.events import events_view
+from ..panels.events import events_view, words_view
 from ..panels.histograms import difference_views, histogram_views
 from ..panels.references import best_references_view, circles_view
 from ..panels.traces import single_plots
-from ..panels.words import words_view
 from ..scene import RunView, SceneInfo
 
 

@@ -9,11 +9,9 @@ import rerun.blueprint as rrb
 from ..entities import RunPaths
 from ..panels.belief import belief_view, closeup_view
 from ..panels.camera import camera_view
-from ..panels.events import events_view
-from ..panels.headings import headings_view
-from ..panels.modes import modes_view
+from ..panels.events import events_view, words_view
+from ..panels.population import headings_view, modes_view
 from ..panels.traces import cloud_plots, error_plots, single_plots
-from ..panels.words import words_view
 from ..scene import RunView, SceneInfo
 
 

@@ -6,14 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 import rerun.blueprint as rrb
 
-from ..panels.views import window
+from ..panels.views import FPS, window
 from ..scene import RunView, SceneInfo
 from ..style import font_safe_names
 from . import compare, explain, inside_a_step, overview, recorded, traces
 
 Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
-
-FPS = 4.0
 
 
 def _a_tab_a_run(one: Callable[[RunView, SceneInfo], rrb.Container]) -> Layout:

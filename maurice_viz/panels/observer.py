@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Protocol
 
 import rerun as rr
@@ -16,13 +18,69 @@ from maurice_mcl.session import Moment, SessionInfo
 
 from ..entities import Phase, RunPaths
 from ..style import scale_for
-from .detail import Detail, DetailFilter
 from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
 from .registry import panels_of
 
+# How much of each update is drawn: all of it, or only what is cheap where nothing happens.
+
+AROUND = 2  # updates before and after an event that are drawn whole
+
+# bytes of a recording, measured by benchmarks/recording.py on two drives; fixed, a particle, a channel
+FULL_BYTES = (68_000, 10.6, 6_000)
+LIGHT_BYTES = (27_000, 0.0, 0)
+
+
+class Detail(StrEnum):
+    """How much is drawn."""
+
+    FULL = "full"  # every panel at every update
+    EVENTS = "events"  # the same around events, elsewhere as light
+    LIGHT = "light"  # camera, words, traces, estimate, and a cloud of a few hundred particles
+
+
+@dataclass(slots=True)
+class DetailFilter:
+    """Decides which updates are drawn whole. That depends on events to come, so it holds some back."""
+
+    detail: Detail = Detail.FULL
+    _held: deque[StepUpdate] = field(default_factory=deque)
+    _last_event: int = -AROUND - 1  # number of the update, counted from 0
+    _seen: int = 0
+
+    def see(self, update: StepUpdate) -> Iterator[StepUpdate]:
+        """Take the next update; yield those that can be drawn now, in order."""
+        if self.detail is not Detail.EVENTS:
+            yield replace(update, whole=self.detail is Detail.FULL)
+            return
+        if any(not event.is_routine for event in update.events):
+            self._last_event = self._seen
+        self._seen += 1
+        self._held.append(update)
+        if len(self._held) > AROUND:
+            yield self._first()
+
+    def rest(self) -> Iterator[StepUpdate]:
+        """Yield what was held back."""
+        while self._held:
+            yield self._first()
+
+    def _first(self) -> StepUpdate:
+        number = self._seen - len(self._held)
+        near = abs(number - self._last_event) <= AROUND
+        return replace(self._held.popleft(), whole=near)
+
+
+def expected_bytes(detail: Detail, steps: int, particles: int, channels: int) -> int:
+    """Estimate the size of the recording of one run; around events, one step in four is taken as whole."""
+    whole = {Detail.FULL: 1.0, Detail.EVENTS: 0.25, Detail.LIGHT: 0.0}[detail]
+    full, light = (
+        fixed + particles * each + channels * channel for fixed, each, channel in (FULL_BYTES, LIGHT_BYTES)
+    )
+    return round(steps * (whole * full + (1 - whole) * light))
+
 
 class Observer(Protocol):
-    """What is told of a run, update by update."""
+    """What a run is reported to, update by update."""
 
     def begin(self, info: SessionInfo, library: Library) -> None:
         """Take what is known before the first picture. Called once."""

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .ancestry import AncestryPanel
 from .belief import CloseupPanel, CloudPanel, EstimatePanel, TruthPanel
 from .camera import CameraPanel, FilmstripPanel
-from .events import EventsPanel
+from .events import EventsPanel, WordsPanel
 from .explanation import ExplanationPanel
-from .headings import HeadingsPanel
 from .histograms import HistogramsPanel
-from .modes import ModesPanel
 from .panel import DrawnRun, Panel
+from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
 from .traces import TracesPanel
-from .words import WordsPanel
 from .world import WorldPanel
 
 PanelMaker = Callable[[DrawnRun], Panel]

@@ -16,8 +16,8 @@ from ..entities import Phase, RunPaths
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, RGB, RUN_COLORS, font_safe
 from ..text.narration import errors
-from .ancestry import ANCESTORS, SURVIVORS
 from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
+from .population import ANCESTORS, SURVIVORS
 from .views import picture_view, plot, plot_of_runs
 
 POSITION_ERROR = "position_error"

@@ -18,6 +18,7 @@ from ..style import GROUND, RUN_COLORS, TRUTH
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 MAP = (FLOORS, WALLS)
+FPS = 4.0  # updates a second when the viewer plays
 SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
 
 

@@ -24,7 +24,7 @@ from ..app.tracks import Collected, collect, known_of
 from ..errors import OptionError
 from ..playback import RunResult
 from ..style import ESTIMATE, LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
-from ..text.summary import to_table
+from ..text.summary import paired_rows, score_rows
 from .charts import DASHES, Chart, ChartLine, DrawnChart, Mark, px
 from .choosing import (
     MANY,
@@ -79,17 +79,14 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     again = restored_together(opened.restored, Pictures(opened.session, lambda text: None))  # warned before
     shot = shots(photographer, again, [one.step for one in pictured])
     charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
-    names, *scores = [
-        [str(cell) for cell in column.cells]
-        for column in to_table(collected.results, scale.units, "").columns
-    ]
     template = _environment().get_template("page.html")
+    results, units = collected.results, scale.units
     return template.render(
         info=info,
         version=version("maurice-replay"),
         labels=[track.label for track in collected.tracks],
         summaries=[(result.label, _summary(result, scale)) for result in collected.results],
-        scores=list(zip(names, *scores, strict=True)),
+        scores=[(name, *cells) for rows in (score_rows, paired_rows) for name, cells in rows(results, units)],
         map=DrawnMap(library.arena, scale, collected.tracks, [(one.step, one.number) for one in pictured]),
         charts=charts,
         unknown=unknown,

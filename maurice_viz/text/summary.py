@@ -1,4 +1,4 @@
-"""What a replay ends with: a table for people, JSON for programs."""
+"""The scores of runs: rows of a table for people, JSON for programs."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
 
 from maurice_mcl.analysis.run_comparison import ComparisonResult, ErrorDifference
 from maurice_mcl.analysis.success import LEFT, Success
@@ -19,9 +17,9 @@ Cell = Callable[[RunResult, Units], str]
 
 
 def to_json(results: Sequence[RunResult]) -> dict[str, Any]:
-    """Give `{"runs": [...]}` in metres and radians; null where a figure does not apply.
+    """Return `{"runs": [...]}` in meters and radians; null where a figure does not apply.
 
-    Where several runs are compared each has "against_first", which is null for the first one.
+    If several runs are compared, each has "against_first", which is null for the first one.
     """
     if len(results) == 1:
         return {"runs": [_run_json(results[0])]}
@@ -87,23 +85,15 @@ def _success_json(success: Success) -> dict[str, Any]:
     }
 
 
-def to_table(results: Sequence[RunResult], units: Units, title: str) -> Table:
-    """Give a table with a column a run, in the session's own units."""
-    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
-    table.add_column("")
-    for result in results:
-        table.add_column(result.label, justify="right")
-    for name, cell in _rows(units):
-        table.add_row(name, *(cell(result, units) for result in results))
-    if len(results) > 1:
-        table.add_section()
-        for name, cells in paired_rows(results, units):
-            table.add_row(name, *cells)
-    return table
+def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
+    """Return the rows of a table of scores in display units: a name, and one cell per run."""
+    return [(name, [cell(result, units) for result in results]) for name, cell in _rows(units)]
 
 
 def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
-    """Give rows that compare every run with the first: a name, and a cell a run."""
+    """Return the rows that compare every run with the first: a name and one cell per run."""
+    if len(results) == 1:
+        return []
     first, many = results[0].label, 1 / units.per_m
     degrees = float(np.deg2rad(1))
     rows: list[tuple[str, Callable[[ComparisonResult], str]]] = [
@@ -127,7 +117,7 @@ def _against(difference: ErrorDifference | None, unit: float, digits: int) -> st
 
 
 def say_difference(difference: ErrorDifference, unit: float, digits: int) -> str:
-    """Write a mean difference and its 95 % interval, in so many metres or radians: "-0.4 [-0.9, 0.1]"."""
+    """Write a mean difference and its 95 % interval in multiples of `unit`: "-0.4 [-0.9, 0.1]"."""
     ends = () if difference.interval is None else difference.interval
     mean, *interval = (f"{value / unit:z.{digits}f}" for value in (difference.mean, *ends))
     return f"{mean} [{', '.join(interval)}]" if interval else mean
@@ -138,7 +128,7 @@ def _closer(difference: ErrorDifference | None) -> str:
 
 
 def _parts(paired: ComparisonResult) -> str:
-    if paired.apart_mean_m is None:  # runs of different drives are apart anyway
+    if paired.apart_mean_m is None:  # runs of different drives
         return "-"
     return "never" if paired.parted_at is None else f"at step {paired.parted_at}"
 
@@ -174,7 +164,7 @@ def _share(value: float | None) -> str:
 
 
 def _or_never(update: int | None, lost: bool | None) -> str:
-    if lost is None:  # no truth to say so
+    if lost is None:  # the truth is not known
         return "-"
     return "never" if update is None else str(update)
 
@@ -189,7 +179,7 @@ def _lost(result: RunResult) -> str:
 
 
 def _success(result: RunResult, preset: str, units: Units) -> str:
-    """Say when, and how far driven by then; or how it failed."""
+    """Return when the run succeeded, after what distance and time; or how it failed."""
     for one in result.score.success:
         if one.preset == preset:
             if one.failed == LEFT:

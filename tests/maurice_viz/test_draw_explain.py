@@ -26,7 +26,7 @@ from maurice_viz.drawing.bars import MOST, bars_for
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.explanations.paths import card_path, chart_path, marks_path, table_path
 from maurice_viz.layouts import explain
-from maurice_viz.layouts.explanation_screen import explanation_blueprint
+from maurice_viz.layouts.explain import explanation_blueprint
 from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card
 from maurice_viz.panels.explanation_screen import (
     ExplainedUpdate,

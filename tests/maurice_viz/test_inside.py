@@ -19,12 +19,10 @@ from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
-from maurice_viz.panels.ancestry import ANCESTORS
 from maurice_viz.panels.camera import COLUMNS
-from maurice_viz.panels.detail import AROUND, Detail, DetailFilter, expected_bytes
-from maurice_viz.panels.headings import outline, shares
-from maurice_viz.panels.modes import HEIGHT, LENGTH, bands
+from maurice_viz.panels.observer import AROUND, Detail, DetailFilter, expected_bytes
 from maurice_viz.panels.panel import EntryFinder, StepUpdate
+from maurice_viz.panels.population import ANCESTORS, ROWS, UPDATES_SEEN, bands, outline, shares
 from maurice_viz.panels.references import map_names
 from maurice_viz.panels.traces import (
     EVIDENCE,
@@ -119,11 +117,11 @@ def _mode(identity: int, mass: float) -> TrackedMode:
 
 def test_modes_over_time_are_stacked_by_age_and_keep_their_colors() -> None:
     image = bands([(_mode(1, 1.0),), (_mode(2, 0.5), _mode(1, 0.25))])
-    assert image.shape == (HEIGHT, LENGTH, 3)
-    assert (image[:, LENGTH - 2] == MODE_COLORS[1]).all()
-    assert (image[-HEIGHT // 4 :, LENGTH - 1] == MODE_COLORS[1]).all()
-    assert (image[HEIGHT // 4 : -HEIGHT // 4, LENGTH - 1] == MODE_COLORS[2]).all()
-    assert (image[: HEIGHT // 4, LENGTH - 1] == EMPTY).all()
+    assert image.shape == (ROWS, UPDATES_SEEN, 3)
+    assert (image[:, UPDATES_SEEN - 2] == MODE_COLORS[1]).all()
+    assert (image[-ROWS // 4 :, UPDATES_SEEN - 1] == MODE_COLORS[1]).all()
+    assert (image[ROWS // 4 : -ROWS // 4, UPDATES_SEEN - 1] == MODE_COLORS[2]).all()
+    assert (image[: ROWS // 4, UPDATES_SEEN - 1] == EMPTY).all()
     assert (image[:, 0] == EMPTY).all()
 
 

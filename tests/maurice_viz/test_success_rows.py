@@ -7,9 +7,10 @@ from rich.console import Console
 
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.analysis.success import Success
+from maurice_viz.cli.scores import to_table
 from maurice_viz.playback import RunResult
 from maurice_viz.style import units_named
-from maurice_viz.text.summary import to_json, to_table
+from maurice_viz.text.summary import to_json
 
 ROWS = ("localized (thesis, sd < 10 %)", "localized (thesis, one foot)")
 

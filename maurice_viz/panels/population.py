@@ -1,0 +1,294 @@
+"""What the cloud is made of: its headings, its modes over time, and the ancestors of its survivors."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from maurice_mcl.analysis.ancestry import Ancestry
+from maurice_mcl.analysis.modes import TrackedMode
+from maurice_mcl.arrays import F32, F64, U8
+from maurice_mcl.records import Belief, StepRecord
+
+from ..drawing.arrow import strips_of
+from ..drawing.canvas import Extent
+from ..drawing.raster import png, put_text, text_size
+from ..entities import Phase, RunPaths
+from ..style import (
+    EMPTY,
+    ESTIMATE,
+    FAMILY,
+    GROUND,
+    HEADINGS,
+    MODE_COLORS,
+    MOVED,
+    PALE,
+    RULER,
+    TRUTH,
+    heading_vector,
+)
+from .belief import copies_of, positions
+from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .views import plane_view, plot
+
+# Headings: a histogram of all directions at once, area by weight.
+
+SECTORS = 36  # of ten degrees
+RIM = 1.0  # radius of the rim; a sector's length is the root of its share, so that its area is
+ROSE_REACH = 1.42  # from the middle to the edge of the view, with the labels
+RIM_PX = 160.0  # radius of the rim in its drawing
+ROSE_TEXT_PX = 17.0
+DIRECTIONS = ((0, "0"), (90, "90"), (180, "180"), (270, "270"))
+
+
+class HeadingsPanel(Panel):
+    """Draws the cloud's headings by weight, and the arrows of estimate and truth."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._path, self._has_truth = run.paths.headings, run.has_truth
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log the rim with its labels, colors, sizes."""
+        radius = rr.components.Radius.ui_points
+        rec.log(
+            f"{self._path}/rim",
+            rr.EncodedImage(contents=png(rim(self._has_truth)), media_type="image/png", draw_order=-10.0),
+            rr.Transform3D(translation=[-ROSE_REACH, -ROSE_REACH, 0], scale=1 / RIM_PX),
+            static=True,
+        )
+        shape = rr.LineStrips2D.from_fields(colors=[HEADINGS], radii=radius(1.25), draw_order=1.0)
+        arrows = rr.Arrows2D.from_fields(draw_order=2.0, radii=radius([1.75, 2.5]))
+        rec.log(self._path, shape, arrows, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the sectors and the arrows of one update."""
+        poses, colors = [update.record.estimate.pose], [ESTIMATE]
+        if update.moment.truth is not None:
+            poses, colors = [*poses, update.moment.truth], [ESTIMATE, TRUTH]
+        vectors = np.concatenate([heading_vector(float(pose[2]), RIM) for pose in poses])
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        rec.log(
+            self._path,
+            rr.LineStrips2D.from_fields(strips=strips_of([outline(update.record.weighted)])),
+            rr.Arrows2D.from_fields(origins=np.zeros_like(vectors), vectors=vectors, colors=colors),
+        )
+
+
+def rim(has_truth: bool) -> U8:
+    """Draw the rim (H, W, 3) RGB with its spokes and labels, and the key in two corners."""
+    size = round(2 * ROSE_REACH * RIM_PX)
+    image = np.full((size, size, 3), GROUND, np.uint8)
+    middle = np.array([size / 2, size / 2])
+    cv2.circle(image, (size // 2, size // 2), round(RIM * RIM_PX), RULER, 2, cv2.LINE_AA)
+    for turn in np.arange(8) * np.pi / 4:
+        end = middle + heading_vector(float(turn), RIM * RIM_PX)[0]
+        cv2.line(image, (size // 2, size // 2), (round(end[0]), round(end[1])), RULER, 1, cv2.LINE_AA)
+    for deg, text in DIRECTIONS:
+        width, height = text_size(text, ROSE_TEXT_PX)
+        x, y = middle + heading_vector(np.radians(deg), 1.2 * RIM_PX)[0]
+        put_text(image, text, x - width / 2, y + height / 2, ROSE_TEXT_PX, PALE)
+    items = [("cloud", HEADINGS), ("estimate", ESTIMATE)] + ([("truth", TRUTH)] if has_truth else [])
+    for row, (text, color) in enumerate(items):
+        base = 1.7 * ROSE_TEXT_PX * (row + 1)
+        cv2.circle(image, (12, round(base - ROSE_TEXT_PX / 2)), 7, color, -1, cv2.LINE_AA)
+        put_text(image, text, 26, base, ROSE_TEXT_PX, color)
+    return image
+
+
+def shares(belief: Belief) -> F64:
+    """Return the weight (SECTORS,) that looks within each sector, the first from 0 to 10 degrees."""
+    turn = belief.poses[:, 2] % np.float32(2 * np.pi) * np.float32(SECTORS / (2 * np.pi))
+    sector = np.minimum(turn.astype(np.int64), SECTORS - 1)
+    return np.asarray(np.bincount(sector, belief.weights, SECTORS))
+
+
+def outline(belief: Belief) -> F32:
+    """Return the outline (3 SECTORS, 2) as drawn, y down; the longest sector reaches the rim."""
+    held = shares(belief)
+    reach = np.sqrt(held / held.max())
+    edges = np.arange(SECTORS + 1) * (2 * np.pi / SECTORS)
+    radius = np.column_stack([np.zeros(SECTORS), reach, reach]).ravel()
+    angle = np.column_stack([edges[:-1], edges[:-1], edges[1:]]).ravel()
+    points = np.column_stack([radius * np.cos(angle), -radius * np.sin(angle)])
+    return np.concatenate([points, points[:1]]).astype(np.float32)
+
+
+def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show which way the cloud looks."""
+    return plane_view(
+        "Headings (deg)", f"{paths.headings}/**", Extent(-ROSE_REACH, ROSE_REACH, -ROSE_REACH, ROSE_REACH)
+    )
+
+
+# Modes over time: how the weight was shared among the modes of the cloud over the last updates. Every mode
+# keeps its color as long as it lives. Modes are stacked by age, the oldest at the bottom, so that a band does
+# not jump when another overtakes it. Weight in no mode stays empty at the top.
+
+UPDATES_SEEN = 60  # updates that are seen at once, a column each
+ROWS = 24  # rows for the whole weight
+TIMES = (
+    (0.0, f"{UPDATES_SEEN} steps ago"),
+    (UPDATES_SEEN / 2, f"{UPDATES_SEEN // 2}"),
+    (UPDATES_SEEN, "now"),
+)
+MODES_MARGIN = (6.0, 3.5, 1.5, 3.5)  # left, right, top, bottom of the drawing, in columns
+FRAME_PX = 16  # pixels a column of the frame's drawing
+MODES_TEXT_PX = 18.0
+
+
+class ModesPanel(Panel):
+    """Draws the bands of one run."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._path = run.paths.modes
+        self._past: deque[tuple[TrackedMode, ...]] = deque(maxlen=UPDATES_SEEN)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log the frame with its labels, and what kind of pictures will come."""
+        left, _, top, _ = MODES_MARGIN
+        rec.log(
+            f"{self._path}/frame",
+            rr.EncodedImage(contents=png(frame()), media_type="image/png", draw_order=-20.0),
+            rr.Transform3D(translation=[-left, -top, 0], scale=1 / FRAME_PX),
+            static=True,
+        )
+        kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
+        rec.log(f"{self._path}/bands", kind, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the bands up to this update."""
+        self._past.append(update.modes)
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        rec.log(f"{self._path}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
+
+
+def frame() -> U8:
+    """Draw the frame (H, W, 3) RGB with labels below and beside it.
+
+    Labels of the viewer's own cannot be read in its light theme, on a ground that is dark.
+    """
+    left, right, top, bottom = MODES_MARGIN
+    size = round((top + ROWS + bottom) * FRAME_PX), round((left + UPDATES_SEEN + right) * FRAME_PX)
+    image = np.full((*size, 3), GROUND, np.uint8)
+    corner = np.array([left, top]) * FRAME_PX
+    far = corner + np.array([UPDATES_SEEN, ROWS]) * FRAME_PX
+    image[round(corner[1]) - 2 : round(far[1]) + 2, round(corner[0]) - 2 : round(far[0]) + 2] = RULER
+    for column, text in TIMES:
+        at = corner[0] + column * FRAME_PX - text_size(text, MODES_TEXT_PX)[0] / 2
+        put_text(image, text, max(at, 4), far[1] + 2 * MODES_TEXT_PX, MODES_TEXT_PX, PALE)
+    for row, text in ((0.0, "100 %"), (ROWS / 2, "50 %"), (float(ROWS), "0 %")):
+        width, height = text_size(text, MODES_TEXT_PX)
+        put_text(
+            image, text, corner[0] - width - 12, corner[1] + row * FRAME_PX + height / 2, MODES_TEXT_PX, PALE
+        )
+    return image
+
+
+def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:
+    """Draw the bands (ROWS, UPDATES_SEEN, 3) RGB, the latest update at the right."""
+    image = np.full((ROWS, UPDATES_SEEN, 3), EMPTY, np.uint8)
+    for ago, modes in enumerate(reversed(past)):
+        mass = 0.0
+        for mode in sorted(modes, key=lambda mode: mode.identity):
+            base, mass = mass, mass + mode.estimate.mass
+            rows = slice(ROWS - round(mass * ROWS), ROWS - round(base * ROWS))
+            image[rows, UPDATES_SEEN - 1 - ago] = MODE_COLORS[mode.identity % len(MODE_COLORS)]
+    return image
+
+
+def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show how the weight was shared among the modes of the last updates."""
+    left, right, top, bottom = MODES_MARGIN
+    extent = Extent(-left, UPDATES_SEEN + right, -top, ROWS + bottom)
+    return plane_view("Modes: share of the weight (%), a color each", f"{paths.modes}/**", extent)
+
+
+# Ancestry: how particles moved in an update, and which ancestors the survivors come from. A copy stands where
+# its parent stood, so lines from parents to children are drawn where they can be seen: in the phase `predict`
+# from where each copy was made to where it has moved, and in the phase `resample` along the ancestors of a
+# few survivors over the last updates.
+
+MOST_MOVES = 150  # lines of moved particles: more cannot be distinguished
+MOST_FAMILIES = 40
+LINE_PT = 0.6  # radius in points of the screen
+SURVIVORS = "survivors"
+ANCESTORS = "ancestors"
+
+_NO_LINES = rr.LineStrips2D.from_fields(strips=[])
+
+
+class AncestryPanel(Panel):
+    """Draws the lines of one run, and traces how many survive; remembers the last updates."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._paths, self._scale = run.paths, run.scale
+        self._ancestry = Ancestry()
+        self._before: Belief | None = None  # what the last update handed on
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log the looks of the lines."""
+        radius = rr.components.Radius.ui_points
+        for path, color, order in ((self._paths.moves, MOVED, 15.0), (self._paths.families, FAMILY, 16.0)):
+            lines = rr.LineStrips2D.from_fields(colors=[color], radii=radius(LINE_PT), draw_order=order)
+            rec.log(path, lines, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log moves and ancestors in the phases in which they can be seen, and the shares at the end."""
+        if update.whole:
+            self._draw_moves(rec, update)
+        record = update.record
+        self._ancestry.see(record)
+        self._before = record.belief
+        if update.whole and record.parents is not None:
+            self._draw_ancestors(rec, update)
+        if update.whole and update.is_reseeded:  # so that particles drawn anew can be seen
+            set_phase_only(rec, update.moment, Phase.RESEED)
+            rec.log(self._paths.families, _NO_LINES)
+        set_phase(rec, update.moment, Phase.ESTIMATE)
+        rec.log(self._paths.trace(SURVIVORS), rr.Scalars(survivors(record)))
+        rec.log(self._paths.trace(ANCESTORS), rr.Scalars(self._ancestry.distinct() / record.belief.size))
+
+    def clear(self, rec: rr.RecordingStream) -> None:
+        """Remove all lines."""
+        for path in (self._paths.moves, self._paths.families):
+            rec.log(path, rr.Clear(recursive=True))
+
+    def _draw_moves(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log lines from where some particles were to where the motion model put them, in one phase."""
+        before, after = self._before, update.record.predicted
+        set_phase_only(rec, update.moment, Phase.PREDICT)
+        rec.log(self._paths.families, _NO_LINES)
+        if before is not None and before.size == after.size:  # else particles have no one parent
+            some = spread_over(after.size, MOST_MOVES)
+            ends = np.stack([positions(before, self._scale)[some], positions(after, self._scale)[some]], 1)
+            rec.log(self._paths.moves, rr.LineStrips2D.from_fields(strips=strips_of(ends)))
+        set_phase_only(rec, update.moment, Phase.MEASURE)
+        rec.log(self._paths.moves, _NO_LINES)
+
+    def _draw_ancestors(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        """Log the paths by which the ancestors of some survivors came here."""
+        set_phase_only(rec, update.moment, Phase.RESAMPLE)
+        lines = [self._scale.screen(line) for line in self._ancestry.lines(MOST_FAMILIES) if len(line) > 1]
+        rec.log(self._paths.families, rr.LineStrips2D.from_fields(strips=strips_of(lines)))
+
+
+def spread_over(count: int, most: int) -> NDArray[np.int64]:
+    """Return at most `most` indices, spread evenly over `count` things."""
+    return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64) if count else np.zeros(0, int)
+
+
+def survivors(record: StepRecord) -> float:
+    """Return the share of the weighted particles that left a copy; 1 where there was no resampling."""
+    return float((copies_of(record.parents, record.weighted.size) > 0).mean())
+
+
+def ancestry_plot(paths: RunPaths) -> rrb.TimeSeriesView:
+    """Plot how many particles survive, and from how many the cloud descends."""
+    lines = [paths.trace(SURVIVORS), paths.trace(ANCESTORS)]
+    return plot("Survivors pink, ancestors 10 steps back green (share)", lines, top=1.1)
