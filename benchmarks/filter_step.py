@@ -190,7 +190,7 @@ def whole_step(feature: str, particles: int, between: bool) -> None:
         rows.append(record.took_s)
     stages = {name: float(np.median([row[name] for row in rows])) * 1e6 for name in rows[0]}
     inside = ", ".join(f"{name} {us:.0f}" for name, us in stages.items())
-    name = f"{feature}, {particles} particles, {'with' if between else 'without'} references between"
+    name = f"{feature}, {particles} particles, {'with' if between else 'without'} virtual references"
     print(f"Localizer.step, {name}, us: {sum(stages.values()):.0f} ({inside})")
 
 

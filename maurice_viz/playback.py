@@ -34,7 +34,7 @@ class RunResult:
 
     label: str
     score: RunScore
-    steps_per_s: float | None  # filter steps a second, without decoding and drawing; None before the first
+    steps_per_s: float | None  # filter steps per second, without decoding and drawing; None before the first
     against: str | None = None  # label of the run that it is compared with; None: it is the first, or alone
     paired: ComparisonResult | None = None  # how it compares
 

@@ -147,7 +147,7 @@ def _rows(units: Units) -> list[tuple[str, Cell]]:
         ("wrong and confident", lambda r, u: _share(r.score.wrong_confident_share)),
         ("localized (thesis, sd < 10 %)", lambda r, u: _success(r, "tenth", u)),
         ("localized (thesis, one foot)", lambda r, u: _success(r, "circle", u)),
-        ("filter steps a second", lambda r, u: "-" if r.steps_per_s is None else f"{r.steps_per_s:.0f}"),
+        ("filter steps per second", lambda r, u: "-" if r.steps_per_s is None else f"{r.steps_per_s:.0f}"),
     ]
 
 
