@@ -18,7 +18,7 @@ from maurice_loaders.libraries.store import open_library
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
 
 PICTURES, ROUNDS = 40, 3

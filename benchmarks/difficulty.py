@@ -31,8 +31,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import FilterParameters
-from maurice_mcl.config.presets import PRESETS
+from maurice_mcl.config.parameters import PRESETS, FilterParameters
 from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.library import Library

@@ -26,7 +26,7 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import normals
 from maurice_mcl.records import Belief, uniform_log_weights
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import thesis
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import InterpolationParameters, NearestReference, nearest_reference

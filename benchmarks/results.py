@@ -35,12 +35,11 @@ from maurice_loaders.libraries.store import open_library
 from maurice_mcl.analysis.metrics import Scorer, score_step
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.presets import PRESETS
+from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
-from maurice_mcl.sensor.descriptors import CHANNELS
-from maurice_mcl.sensor.features import FEATURES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.session import Moment, SessionInfo

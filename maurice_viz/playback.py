@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from maurice_mcl.analysis.metrics import RunScore, Scorer
+from maurice_mcl.analysis.localization_status import Say, in_meters
+from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
 from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
-from maurice_mcl.analysis.success import SuccessJudge
-from maurice_mcl.analysis.watchers import Say, in_meters
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.records import StepRecord

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .analysis.metrics import RunScore, score
     from .config.build import make_localizer
-    from .config.presets import PRESETS
+    from .config.parameters import PRESETS
     from .errors import InputError
     from .examples import tiny_library, tiny_session
     from .filter.localizer import Localizer, run
@@ -43,7 +43,7 @@ _HOME = {
     "Library": "library",
     "Localizer": "filter.localizer",
     "Moment": "session",
-    "PRESETS": "config.presets",
+    "PRESETS": "config.parameters",
     "RunScore": "analysis.metrics",
     "Session": "session",
     "StepRecord": "records",

@@ -11,7 +11,7 @@ from .arrays import F64, U8
 from .geometry import compose
 from .library import ChannelIndex, Library
 from .map import Arena
-from .sensor.descriptors import CHANNELS
+from .sensor.descriptors.registry import CHANNELS
 from .session import Frame, Moment, SessionInfo
 
 ARENA = Arena((0.0, 0.0, 2.0, 1.5), np.array([[1.0, 0.0, 1.0, 0.5]]))

@@ -20,7 +20,7 @@ from maurice_mcl.diagnosis.pictures import ComparedPictures
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.library import Library
-from maurice_mcl.sensor.features import FEATURES
+from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import FieldError, InputError, PictureError

@@ -17,7 +17,7 @@ import polars as pl
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
-from maurice_mcl.sensor.descriptors import CHANNELS, OUR_NAMES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
 
 from ..errors import FieldError, InputError
 from ..io.fields import MOST, items, mapping, read_json, show, text, up_to

@@ -13,7 +13,8 @@ import numpy as np
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena, open_arena
-from maurice_mcl.sensor.descriptors import CHANNELS, OUR_NAMES, Channel, describe
+from maurice_mcl.sensor.descriptors.channel import Channel
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describe
 
 from ..errors import InputError
 from ..io.files import cache_root, discard

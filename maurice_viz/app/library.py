@@ -18,9 +18,8 @@ from maurice_loaders.libraries.survey import EVERY, open_survey
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.library import Library
-from maurice_mcl.library_quality.coverage import Coverage, coverage_of
-from maurice_mcl.library_quality.self_similarity import SelfSimilarity, self_similarity_of
-from maurice_mcl.sensor.features import FEATURES
+from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
+from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 

@@ -28,8 +28,7 @@ from maurice_mcl.calibration.tuning import (
 )
 from maurice_mcl.calibration.tuning import tune as fit_channels
 from maurice_mcl.library import Library
-from maurice_mcl.sensor.descriptors import CHANNELS
-from maurice_mcl.sensor.features import FEATURES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maurice_mcl.config.presets import PRESETS
-from maurice_mcl.sensor.descriptors import CHANNELS
-from maurice_mcl.sensor.features import FEATURES
+from maurice_mcl.config.parameters import PRESETS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
 from ..errors import OptionError
 from ..layouts.names import DETAILS, LAYOUT_NAMES

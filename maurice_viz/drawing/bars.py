@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from maurice_mcl.arrays import F32, F64, I32
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.sensor.descriptors.histogram import BINS
+from maurice_mcl.sensor.descriptors.channel import BINS
 from maurice_mcl.sensor.distances import DISTANCES, contributions
 
 from ..style import PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS

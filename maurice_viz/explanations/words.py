@@ -23,16 +23,9 @@ from maurice_mcl.analysis.explanation import (
     StepExplanation,
 )
 from maurice_mcl.arrays import F64
-from maurice_mcl.sensor.descriptors import (
-    CHANNELS,
-    chromaticity,
-    color_grid,
-    color_layout,
-    gain_color,
-    hog,
-    tiny,
-)
-from maurice_mcl.sensor.descriptors.histogram import BINS, HIGH, LOW, WIDTH
+from maurice_mcl.sensor.descriptors import chromaticity, color_grid, color_layout, gain_color, hog, tiny
+from maurice_mcl.sensor.descriptors.channel import BINS, HIGH, LOW, WIDTH
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 
 from ..style import Scale
 

@@ -18,7 +18,7 @@ from maurice_mcl.arrays import F32, F64
 from maurice_mcl.geometry import compose, compose_motions, motion_between
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.session import Moment, SessionInfo
 
 from .. import entities

@@ -20,8 +20,8 @@ from maurice_mcl.analysis.explanation import (
 from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor.descriptors import CHANNELS
 from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.session import Moment
 
 from .. import entities

@@ -11,8 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from maurice_mcl.analysis.ancestry import Ancestry
-from maurice_mcl.analysis.modes import TrackedMode
+from maurice_mcl.analysis.modes import Ancestry, TrackedMode
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.records import Belief, StepRecord
 

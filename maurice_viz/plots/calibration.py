@@ -16,7 +16,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.motion import Calibration, Trials
 from maurice_mcl.calibration.noise import COLORS, NoiseFloor, stretched
 from maurice_mcl.calibration.statistics import Fitted, Spread
-from maurice_mcl.sensor.descriptors.histogram import BINS, LOW, WIDTH
+from maurice_mcl.sensor.descriptors.channel import BINS, LOW, WIDTH
 
 from ..style import Units
 from .figure import (

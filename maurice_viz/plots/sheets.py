@@ -12,7 +12,7 @@ import numpy as np
 from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
-from maurice_mcl.library_quality.self_similarity import SelfSimilarity
+from maurice_mcl.library_quality import SelfSimilarity
 from maurice_mcl.map import spacing
 
 from ..drawing.canvas import TEXT, Canvas, draw_ground, long_side

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from maurice_mcl.analysis.metrics import LEFT, Success
 from maurice_mcl.analysis.run_comparison import ComparisonResult, ErrorDifference
-from maurice_mcl.analysis.success import LEFT, Success
 
 from ..playback import RunResult
 from ..style import Units

@@ -1,11 +1,9 @@
 """What a run was like: computed from its records, never fed back into the filter.
 
-- `metrics`: the definitions of localized, lost and converged; scores of a step and of a run
-- `success`: the thesis's own two readings of success
+- `metrics`: definitions of localized, lost and converged; scores of a step and a run; the thesis's success
 - `localization_status`: where "localized", "lost" and "recovered" are decided, update by update
-- `events`: the updates that a person would want to look at; `watchers`: the detectors behind them
-- `modes`: modes of the belief, followed from step to step
-- `ancestry`: where particles come from, some updates back
+- `events`: the updates that a person wants to look at, and their detectors
+- `modes`: modes of the belief, followed from step to step, and the ancestry of particles
 - `explanation`: why one reference is believed, and where another one loses
 - `run_comparison`: how much better one run is than another, with confidence intervals
 """

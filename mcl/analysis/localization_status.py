@@ -5,13 +5,20 @@ By the definitions of `analysis.metrics`. What is known only in hindsight is rep
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly
-from .watchers import Say
+
+Say = Callable[[float], str]  # writes a length in meters, with its unit
+
+
+def in_meters(length_m: float) -> str:
+    """Return a length as text: "0.32 m"."""
+    return f"{length_m:.2f} m"
+
 
 LOCALIZED, SEARCHING, WRONG, LOST = "localized", "searching", "wrong and confident", "lost"
 CONVERGED, SPREAD = "converged", "spread"

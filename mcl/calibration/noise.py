@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import F64, U8
-from ..sensor.descriptors.histogram import BINS, LOW, WIDTH, camera_histogram
+from ..sensor.descriptors.channel import BINS, LOW, WIDTH, camera_histogram
 
 COLORS = ("red", "green", "blue")
 LIT = 64.0  # a mean level above this is no covered lens

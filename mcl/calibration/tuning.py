@@ -19,7 +19,7 @@ from ..arrays import F32, F64, I32
 from ..geometry import wrap
 from ..library import ChannelIndex, Library
 from ..map import place_tree
-from ..sensor.descriptors import CHANNELS
+from ..sensor.descriptors.registry import CHANNELS
 from ..sensor.distances import DISTANCES
 from ..sensor.references import SAME_PLACE_M, NearestReference, crosses
 from ..session import Moment

@@ -15,7 +15,7 @@ from ..filter.recovery import RecoveryStep, RecoveryStrategy, none
 from ..filter.recovery import always as always_some
 from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
 from ..library import Library
-from ..sensor.features import weights_of
+from ..sensor.descriptors.registry import weights_of
 from ..sensor.model import SensorModel
 from ..sensor.references import (
     NearestReference,
@@ -24,8 +24,7 @@ from ..sensor.references import (
     virtual_references,
 )
 from ..session import Session
-from .parameters import FilterParameters, RecoveryParameters, ResamplingParameters
-from .presets import PRESETS
+from .parameters import PRESETS, FilterParameters, RecoveryParameters, ResamplingParameters
 from .schema import Layer, configure
 
 
@@ -41,7 +40,7 @@ def make_localizer(
 ) -> Localizer:
     """Make a filter over a library, with the same defaults as the command line.
 
-    `preset` is a key of `PRESETS`; `feature` a key of `maurice_mcl.sensor.features.FEATURES` or a channel
+    `preset` is a key of `PRESETS`; `feature` a key of `FEATURES` (`sensor.descriptors.registry`) or a channel
     ("blended" unless a preset says otherwise); `particles` defaults to 2000; the same `seed` repeats a run
     bit for bit. `motion` holds motion parameters as under robot.motion in a session's header; with None, the
     motion model is that of the session which `run` is given. `settings` maps any key of

@@ -1,4 +1,4 @@
-"""Everything that can be chosen about a filter, as plain values with names for what is looked up.
+"""Every choice of a filter as plain values, with names for what is looked up, and presets.
 
 `docs/configuration.md` lists every field; a TOML file has the same tables and names.
 """
@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from ..filter.motion import MotionOutliers
 from ..filter.proposal import MixtureParameters
 from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
 from ..filter.resampling import KldParameters
-from ..sensor.features import weights_of
+from ..sensor.descriptors.registry import FEATURES, weights_of
 from ..sensor.model import SensorParameters
 from ..sensor.references import InterpolationParameters
 
@@ -68,3 +69,43 @@ class FilterParameters:
 def of_feature(feature: str, particles: int = 2000, sharpness: float = 1.0) -> FilterParameters:
     """Return the default filter with one feature: a key of FEATURES, or the name of a channel."""
     return FilterParameters(sensor=SensorParameters(weights_of(feature), sharpness), particles=particles)
+
+
+# Presets: complete filters by name, as layers of configuration.
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    # the thesis's first filter (its section 3), faithful to the letter where we hold the letter
+    "thesis": {
+        "particles": 2000,
+        "sensor.weights": {"color": 1.0},
+        "sensor.distances": {"color": "thesis", "edges": "thesis", "smoothed": "thesis"},
+        "sensor.blend": "sum",
+        "sensor.likelihood": "power",
+        "sensor.sharpness": 1.0,
+        "references.method": "nearest",
+        "resampling.scheme": "multinomial",
+        "resampling.when": "always",
+        "recovery.strategy": "none",
+    },
+    # with the refinements of its section 4: smoothed color and edges blended, recovery under a threshold
+    "refined": {
+        "sensor.weights": {"smoothed": 0.5, "edges": 0.5},
+        "sensor.distances": {"smoothed": "thesis", "edges": "thesis"},
+        "sensor.blend": "sum",
+        "sensor.likelihood": "power",
+        "sensor.sharpness": 8.0,
+        "references.method": "nearest",
+        "resampling.scheme": "systematic",
+        "recovery.strategy": "threshold",
+        "recovery.draw": "evenly",
+    },
+    # what we would put on a robot
+    "robust": {
+        "sensor.weights": dict(FEATURES["best"]),
+        "sensor.blend": "calibrated",
+        "sensor.likelihood": "exponential",
+        "references.method": "interpolated",
+        "recovery.strategy": "threshold",
+        "motion_outliers.share": 0.02,
+    },
+}

@@ -13,10 +13,9 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from ..filter.resampling import RESAMPLERS
-from ..sensor.descriptors import CHANNELS
+from ..sensor.descriptors.registry import CHANNELS
 from ..sensor.distances import DISTANCES
-from ..sensor.fusion import BLENDS, QUALITIES
-from ..sensor.likelihood import LIKELIHOODS
+from ..sensor.likelihood import BLENDS, LIKELIHOODS, QUALITIES
 from .parameters import FilterParameters
 
 # What each configurable value may be: one rule a key, and messages that name key, value and range.

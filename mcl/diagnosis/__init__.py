@@ -1,9 +1,8 @@
 """What is wrong with a recording, as codes and numbers; `maurice_viz.text.diagnosis` puts them into words.
 
 - `findings`: a recording as plain arrays, and the findings about it
-- `clocks`: pictures, odometry and truth that have no time in common
-- `plausibility`: whether numbers can be what they are called, without truth or pictures
-- `odometry`: readings of the odometry, compared with the truth; `odometry_findings`: what follows
+- `plausibility`: whether times and numbers can be what they are called, without truth or pictures
+- `odometry`: readings of the odometry, compared with the truth
 - `pictures`: where the camera looks and when, by a library and the truth
 - `evidence`: the same without truth, by a short localization under each hypothesis
 """

@@ -29,9 +29,8 @@ from .findings import (
     scale_finding,
     turn_finding,
 )
-from .odometry import Reading, motions_read
+from .odometry import Reading, direction_of, motions_read
 from .pictures import ComparedPictures
-from .plausibility import direction_of
 
 PARTICLES = 1500
 MOST_MOTIONS = 4  # between two pictures; more are put together, as noise is added to each

@@ -1,8 +1,8 @@
 """Odometry against truth: which reading of the odometry explains best what the robot really did.
 
 A reading says what the numbers might be in place of what they should be: degrees, clockwise, absolute poses,
-steps along the axes of a fixed frame. For each the drive is cut into segments by the truth, the odometry of
-a segment is combined, and the share of the true movement that it does not explain is what counts.
+steps along the axes of a fixed frame. For each, the drive is cut into segments by the truth, the odometry of
+a segment is combined, and what counts is the share of the true movement that it leaves unexplained.
 """
 
 from __future__ import annotations
@@ -14,15 +14,26 @@ import numpy as np
 from ..arrays import F64, I32
 from ..geometry import wrap_angle
 from .findings import (
+    DEGREE,
     TURNS,
+    Evidence,
+    Finding,
     RecordedDrive,
     RecordedOdometry,
     RecordedTruth,
+    direction_finding,
+    frame_finding,
+    gain_finding,
     motions_between,
     motions_of,
     rotated,
+    scale_finding,
+    turn_finding,
 )
 
+FASTEST_M_S = 12.0  # faster than any robot that looks around drives, as the 95th percentile
+STEP_M = 0.05  # poses are compared over steps of this length
+ONE_WAY = 0.8  # share of the distance that goes in one direction
 SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a segment is as long as it takes to go or turn so far
 MOST_SEGMENTS = 400  # spread over the drive
 FEWEST_SEGMENTS = 8
@@ -190,3 +201,172 @@ def shifts(drive: RecordedDrive) -> F64:
     spacing = max((float(np.median(s[s > 0])) for s in steps if (s > 0).any()), default=1.0)
     most = 2.0 if spacing < 0.5 else 2.5 * spacing
     return np.linspace(-most, most, 41)
+
+
+def moves_of(poses: F64) -> F64:
+    """Return the way between poses (n, 2) some centimeters apart, seen from each step's end."""
+    gone = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T))
+    chosen = np.unique(np.searchsorted(gone, np.arange(0.0, min(gone[-1], 1000.0), STEP_M)))
+    some = poses[chosen]
+    step = np.diff(some[:, :2], axis=0)
+    return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
+
+
+def direction_of(odometry: RecordedOdometry, reading: Reading) -> float:
+    """Return the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
+    if odometry.poses:
+        return main_direction(moves_of(odometry.values * [1, 1, TURNS[reading.turn]]))
+    return main_direction(motions_read(odometry, reading))
+
+
+def main_direction(motions: F64) -> float:
+    """Return the direction in which nearly all of the way of motions (K, 3) goes; 0 for no direction."""
+    x, y = motions[:, 0].sum(), motions[:, 1].sum()
+    whole = np.hypot(motions[:, 0], motions[:, 1]).sum()
+    return float(np.arctan2(y, x)) if np.hypot(x, y) > ONE_WAY * whole else 0.0
+
+
+# Findings from that comparison; none where all is well.
+
+GOOD = 0.2  # unexplained share up to which a reading is believed as it stands (healthy drives: under 0.02)
+FAR_BETTER = 0.4  # another reading has to leave less than this share of what the first one leaves
+POOR = 0.4  # no reading at all explains the truth
+WHOLE_TURN = 6.6  # rad: headings in radians are usually within a whole turn
+FAR_OFF = np.radians(25)  # of a direction
+FAR_GAIN = 0.2  # natural log of a ratio of gains
+WORTH_S = 0.15  # a smaller delay is not told
+
+
+def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
+    """Return what is wrong with the odometry, or with the truth, by the other.
+
+    `movement_s` is what would be added to the truth's times by how both move, for a delay of any length.
+    """
+    if drive.truth.size < 2 or drive.odometry.size < 2:
+        return []
+    findings: list[Finding] = []
+    legs, usual = segments_of(drive.truth), None
+    if np.abs(drive.truth.poses[:, 2]).max() > WHOLE_TURN:
+        legs, findings = _in_degrees(drive, legs)
+    usual = agreement(drive.odometry, legs, Reading())
+    if usual is None:
+        return findings
+    best = best_agreement(drive, legs, usual)
+    if best.unexplained > POOR and movement_s is not None:
+        late = agreement(drive.odometry, legs, Reading(), round(movement_s, 1))
+        best = late if late and late.unexplained < FAR_BETTER * best.unexplained else best
+    if best.unexplained > POOR:
+        return [*findings, Finding("disagreement", (_agreement(best),))]
+    if best.shift_s:
+        findings.append(_delay(best, usual))
+    return [*findings, *_about(best, usual, drive)]
+
+
+def best_agreement(drive: RecordedDrive, legs: TruthSegments, usual: Agreement) -> Agreement:
+    """Find the reading and delay that explain the truth best; the usual one unless another is far better."""
+    found = [one for r in readings(drive.odometry) if (one := agreement(drive.odometry, legs, r))]
+    best = min(found, key=lambda one: one.unexplained)
+    if best.unexplained > GOOD:  # a delay may hide which reading is right
+        best = min((_shifted(drive, legs, one) for one in found), key=lambda one: one.unexplained)
+    as_it_stands = usual.unexplained <= GOOD and abs(usual.offset_rad) <= FAR_OFF
+    if as_it_stands or best.unexplained > FAR_BETTER * usual.unexplained:
+        best = usual
+    return _shifted(drive, legs, best) if not best.shift_s else best
+
+
+def _shifted(drive: RecordedDrive, legs: TruthSegments, at_once: Agreement) -> Agreement:
+    """Try delays; the agreement that was given unless one explains far more."""
+    tried = [agreement(drive.odometry, legs, at_once.reading, float(s)) for s in shifts(drive)]
+    known = [one for one in tried if one is not None]
+    best = min(known, key=lambda one: one.unexplained, default=at_once)
+    if best.unexplained > FAR_BETTER * at_once.unexplained or at_once.unexplained < 0.01:
+        return at_once
+    near = [one for one in known if one.unexplained <= 1.2 * best.unexplained + 0.002]
+    middle = near[len(near) // 2]
+    return middle if abs(middle.shift_s) > WORTH_S else at_once
+
+
+def _in_degrees(drive: RecordedDrive, legs: TruthSegments) -> tuple[TruthSegments, list[Finding]]:
+    """Check whether the truth's headings are in degrees; return the segments to use, and findings."""
+    other = segments_of(drive.truth, DEGREE)
+    best = [
+        min(
+            (a.unexplained for r in readings(drive.odometry) if (a := agreement(drive.odometry, one, r))),
+            default=1.0,
+        )
+        for one in (legs, other)
+    ]
+    if best[1] > FAR_BETTER * best[0]:
+        return legs, []
+    largest = float(np.abs(drive.truth.poses[:, 2]).max())
+    seen = Evidence("degrees", {"largest": largest, "if_degrees": best[1], "if_radians": best[0]})
+    options = {"truth_turn_scale": DEGREE}
+    return other, [Finding("truth-degrees", (seen,), {"largest": largest}, options)]
+
+
+def _delay(found: Agreement, usual: Agreement) -> Finding:
+    """Report that odometry's clock is not the truth's."""
+    late = round(found.shift_s, 2)
+    seen = Evidence("moved", {"by_s": -late, "before": usual.unexplained, "after": found.unexplained})
+    return Finding("odometry-delay", (seen,), {"delay_s": late}, {"odometry_offset_s": -late})
+
+
+def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
+    """Return the numbers of a comparison with the truth, and beside them those of the usual reading."""
+    values: dict[str, float | str] = {
+        "segments": found.legs,
+        "gain": found.gain,
+        "scale": found.scale,
+        "turn_unexplained": found.turn_unexplained,
+        "way_unexplained": found.way_unexplained,
+    }
+    if usual is not None and not usual.reading == Reading() == found.reading:
+        values |= {"usual_turn": usual.turn_unexplained, "usual_way": usual.way_unexplained}
+    return Evidence("agreement", values)
+
+
+def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Finding]:
+    """Return what the best reading means."""
+    findings, seen = list[Finding](), _agreement(best, usual)
+    if best.reading.turn:
+        findings.append(turn_finding(best.reading.turn, seen, unexplained=best.unexplained))
+    if best.reading.frame:
+        offset = _offset(best, drive) if best.reading.frame == "world" else 0.0
+        found = frame_finding(best.reading.frame, seen, offset_rad=offset, unexplained=best.unexplained)
+        findings.append(found)
+    if abs(best.offset_rad) > FAR_OFF and best.reading.frame != "world" and best.way_unexplained < POOR:
+        travel = Evidence("travel", {"off_deg": float(np.degrees(best.offset_rad))})
+        findings.append(direction_finding(_offset(best, drive), travel, seen))
+    if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < POOR:
+        findings.append(_scale(best, drive, seen))
+    if not findings and best.turn_unexplained < POOR and _gains_apart(best, drive):
+        findings.append(gain_finding(best.gain, drive.turn_gain, seen))
+    return findings
+
+
+def _offset(best: Agreement, drive: RecordedDrive) -> float:
+    """Return where forward is: by the odometry alone if near, as the robot's drift is not in it."""
+    own = -direction_of(drive.odometry, best.reading)
+    near = own and abs(wrap_angle(np.array(own - best.offset_rad))) < FAR_OFF
+    return own if near else best.offset_rad
+
+
+def _gains_apart(best: Agreement, drive: RecordedDrive) -> bool:
+    return bool(abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN)
+
+
+def _scale(best: Agreement, drive: RecordedDrive, seen: Evidence) -> Finding:
+    """Report whose lengths are wrong: the truth's, where it spans far more than the map is."""
+    span = float(np.ptp(drive.truth.poses[:, :2], axis=0).max())
+    if best.scale > 1 and (span > 3 * drive.size_m or _too_fast(drive)):
+        return scale_finding(
+            1 / best.scale, Evidence("span", {"span": span, "map_m": drive.size_m}), seen, truth=True
+        )
+    return scale_finding(best.scale, seen)
+
+
+def _too_fast(drive: RecordedDrive) -> bool:
+    """Return whether no robot goes as the truth does."""
+    legs = segments_of(drive.truth)
+    speeds = np.hypot(legs.moved[:, 0], legs.moved[:, 1]) / np.maximum(legs.end_s - legs.begin_s, 1e-3)
+    return bool(np.median(speeds) > FASTEST_M_S)

@@ -15,8 +15,8 @@ from ..arrays import F64, Bool
 from ..filter.localizer import Localizer
 from ..geometry import wrap_angle
 from ..records import Comparison
-from .clocks import same_moments
 from .findings import Evidence, Finding, RecordedTruth, picture_delay_finding
+from .plausibility import same_moments
 
 YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # where the camera may look
 DELAYS = 41

@@ -1,4 +1,4 @@
-"""Return whether numbers can be what they are called: without truth, pictures or a library."""
+"""Whether times and numbers can be what they are called: without pictures, a library or a comparison."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from .findings import (
     direction_finding,
     frame_finding,
     motions_of,
-    rotated,
     scale_finding,
     turn_finding,
 )
-from .odometry import Reading, motions_read, readings
+from .odometry import FASTEST_M_S, Reading, direction_of, motions_read, moves_of, readings
 
-SLOWEST_M_S, FASTEST_M_S = 0.002, 12.0  # what a robot that looks about drives at, as the 95th percentile
+# Numbers of the odometry by themselves.
+
+SLOWEST_M_S = 0.002  # what a robot that looks around drives at least, as the 95th percentile
 FASTEST_RAD_S = 12.0  # two turns a second
 USUAL_M_S = 0.3
 PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 FEWEST = 8  # records that move
 MOST_OF_ONE = 10.0  # times the median way, that one record counts
-STEP_M = 0.05  # poses are compared over steps of so much
-ONE_WAY, OFF_RAD = 0.8, 0.44  # share of the way that goes one way, and how far off forward that is told
+OFF_RAD = 0.44  # how far off forward the main direction may be before it is reported
 ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the way that goes sideways: too much, and hardly any
 
 
@@ -102,7 +102,7 @@ def best_reading(odometry: RecordedOdometry) -> Reading:
 def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
     """Return the share of the way that goes sideways, 0 to 1, if the odometry is what the reading says."""
     if odometry.poses:
-        motions = _steps(odometry.values * [1, 1, TURNS[reading.turn]])
+        motions = moves_of(odometry.values * [1, 1, TURNS[reading.turn]])
     else:
         motions = motions_read(odometry, reading)
     ways = np.hypot(motions[:, 0], motions[:, 1])
@@ -113,31 +113,97 @@ def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
     return float(counted @ aside / counted.sum())
 
 
-def _steps(poses: F64) -> F64:
-    """Return the way between poses (n, 2) some centimeters apart, seen from each step's end."""
-    gone = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T))
-    chosen = np.unique(np.searchsorted(gone, np.arange(0.0, min(gone[-1], 1000.0), STEP_M)))
-    some = poses[chosen]
-    step = np.diff(some[:, :2], axis=0)
-    return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
-
-
-def direction_of(odometry: RecordedOdometry, reading: Reading) -> float:
-    """Return the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
-    if odometry.poses:
-        return main_direction(_steps(odometry.values * [1, 1, TURNS[reading.turn]]))
-    return main_direction(motions_read(odometry, reading))
-
-
-def main_direction(motions: F64) -> float:
-    """Return the direction in which nearly all of the way of motions (K, 3) goes; 0 for no direction."""
-    x, y = motions[:, 0].sum(), motions[:, 1].sum()
-    whole = np.hypot(motions[:, 0], motions[:, 1]).sum()
-    return float(np.arctan2(y, x)) if np.hypot(x, y) > ONE_WAY * whole else 0.0
-
-
 def _too_fast(way: float, size_m: float) -> Finding:
     """Report that lengths are not in meters."""
     scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
     seen = Evidence("fast", {"m_s": way, "map_m": size_m, "then_m_s": way * scale})
     return scale_finding(scale, seen, m_s=way)
+
+
+# Clocks of pictures, odometry and truth that have no time in common, and what would align them.
+
+FEW = 0.2  # share of the pictures
+MAX_GAP_S = 1.0  # truth is interpolated across no more
+MOST_TIMES = 5000  # of one kind that are compared
+MOST_PICTURES = 60
+ALIKE_S = 2e-3  # times that differ by less are the same
+MOST, OTHER = 0.8, 0.5  # share of the times that meet with an offset, and that may meet with any other
+
+
+def same_moments(late_t_s: F64, t_s: F64) -> float | None:
+    """Return by how much some times are late where nearly all of them or of the others are then the same.
+
+    None where no offset does that, or several do, as with times that come evenly.
+    """
+    most = (MOST_PICTURES, MOST_TIMES) if len(late_t_s) <= len(t_s) else (MOST_TIMES, MOST_PICTURES)
+    late, ours = late_t_s[: most[0]], t_s[: most[1]]
+    fewer = min(len(late), len(ours))
+    if fewer < FEWEST:
+        return None
+    apart = np.sort((late[:, None] - ours).ravel())
+    met = np.searchsorted(apart, apart + ALIKE_S, side="right") - np.arange(len(apart))
+    best = int(met.argmax())
+    others = met[np.abs(apart - apart[best]) > 2 * ALIKE_S]
+    if met[best] < MOST * fewer or (len(others) and others.max() > OTHER * fewer):
+        return None
+    return float(np.median(apart[best : best + met[best]]))
+
+
+def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
+    """Return whether pictures, odometry and truth have no time in common.
+
+    `movement_s` is what has to be added to the truth's times so that it moves when the odometry does.
+    """
+    findings: list[Finding] = []
+    shared = {name: _overlap(times, drive.picture_t_s) for name, times in _others(drive)}
+    for name, times in _others(drive):
+        ours = drive.picture_t_s
+        if not len(times) or not len(ours) or shared[name]:
+            continue
+        other = shared["truth" if name == "odometry" else "odometry"]
+        moved_s = None if movement_s is None or not other else movement_s
+        late, by = _late(times, ours, moved_s if name == "odometry" or moved_s is None else -moved_s)
+        spans: dict[str, float | str] = {
+            "name": name,
+            "from_s": float(times.min()),
+            "to_s": float(times.max()),
+        }
+        spans |= {"pictures_from_s": float(ours.min()), "pictures_to_s": float(ours.max())}
+        evidence, options = (Evidence("spans", spans),), {f"{name}_offset_s": -round(late, 3)}
+        findings.append(Finding(f"{name}-clock", evidence, {"late_s": late}, options, {"by": by}))
+    return findings
+
+
+def _others(drive: RecordedDrive) -> tuple[tuple[str, F64], ...]:
+    return ("odometry", drive.odometry.t_s), ("truth", drive.truth.t_s)
+
+
+def _overlap(times: F64, ours: F64) -> bool:
+    return bool(len(times) and len(ours) and times.min() <= ours.max() and ours.min() <= times.max())
+
+
+def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
+    """Return how late a clock is, by the best that is known, and what that is: a word for the finding."""
+    exact = same_moments(times, ours)
+    if exact is not None:
+        return exact, "pictures"
+    if moved_s is not None:
+        return moved_s, "movement"
+    return float(times.min() - ours.min()), "beginnings"
+
+
+def truth_apart(drive: RecordedDrive) -> list[Finding]:
+    """Return whether the truth passes the pictures by: none at their times, though it goes on beside them."""
+    truth, pictures = drive.truth, drive.picture_t_s
+    if truth.size < FEWEST or len(pictures) < FEWEST:
+        return []
+    after = np.clip(np.searchsorted(truth.t_s, pictures), 1, truth.size - 1)
+    before = after - 1
+    exact = (truth.t_s[after] == pictures) | (truth.t_s[before] == pictures)
+    between = (truth.t_s[after] - truth.t_s[before] <= MAX_GAP_S) & (truth.t_s[before] <= pictures)
+    known = float((exact | (between & (pictures <= truth.t_s[after]))).mean())
+    if known >= FEW:
+        return []
+    late = float(np.median(pictures - truth.t_s[before]))
+    seen = {"share": known, "pictures": len(pictures), "gap_s": MAX_GAP_S, "age_s": late}
+    return [Finding("truth-apart", (Evidence("no-truth", seen),), {"share": known, "age_s": late})]

@@ -1,17 +1,100 @@
-"""Likelihoods: from a blended distance to how likely the picture is at every reference, chosen by name.
+"""From distances to likelihoods: fusion of channels, then the weight that a fused distance gives a pose.
 
-This decides more than which feature is measured. Every function takes a `Blended` and a sharpness and gives
-log-likelihoods (L,), always finite.
+Both are chosen by name. Fusion takes distances (C, L), weights (C,) and scales (C,), and returns a fused
+distance (L,) and its quality (L,) in [0, 1], 1 for a perfect match. A likelihood takes that and a sharpness
+and returns log-likelihoods (L,), always finite: the floor under a weight is `LEAST_QUALITY`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import F32
-from .fusion import LEAST_QUALITY, Blended
+from ..arrays import F32, F64
+
+# Fusion: several channels to one distance.
+
+# A spread over the library that is smaller than this share of the distance itself is rounding.
+LEAST_SPREAD = 1e-5
+# Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out forever.
+LEAST_QUALITY = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blended:
+    """What all channels together say of L references."""
+
+    distance: F32  # (L,) >= 0
+    quality: F32  # (L,) in [0, 1]
+
+
+Blend = Callable[[F32, F64, F64, Callable[[F32], F32]], Blended]
+
+
+def relative_quality(distances: F32) -> F32:
+    """Return 1 - D/D_max (..., L): 1 is a perfect match, 0 this picture's worst entry; all 1 if all are 0."""
+    worst = distances.max(axis=-1, keepdims=True)
+    share = np.divide(distances, worst, out=np.zeros_like(distances), where=worst > 0)
+    return np.asarray(1 - share, np.float32)
+
+
+def absolute_quality(distances: F32) -> F32:
+    """Return 1 - D (..., L), not under 0: the other reading of the thesis (4.2), alike for all pictures."""
+    return np.asarray(np.clip(1 - distances, 0, 1), np.float32)
+
+
+QUALITIES: Mapping[str, Callable[[F32], F32]] = {"relative": relative_quality, "absolute": absolute_quality}
+
+
+def calibrated(
+    distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
+) -> Blended:
+    """Sum of weight * D / scale: log-likelihoods added up, as if channels erred independently.
+
+    Scales are measured on fitting drives, so the sum is in nats and means the same in every picture.
+    """
+    total = np.asarray((weights / scales) @ distances, np.float32)
+    return Blended(total, relative_quality(total))
+
+
+def weighted_sum(
+    distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
+) -> Blended:
+    """Each channel at the same spread over the library, times its weight, added up (thesis 4.2.5).
+
+    A channel that tells no entry from another (no spread but rounding) has no say.
+    """
+    spread = distances.std(axis=1, dtype=np.float64)
+    tells = spread > LEAST_SPREAD * distances.max(axis=1)
+    scale = np.divide(weights, spread, out=np.zeros_like(weights), where=tells)
+    total = np.asarray(scale @ distances, np.float32)
+    if len(distances) == 1:  # one channel keeps its own unit, which an absolute quality needs
+        return Blended(total, quality(distances)[0])
+    return Blended(total, relative_quality(total))
+
+
+def weighted_product(
+    distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
+) -> Blended:
+    """Qualities to the power of their weights, multiplied: all channels must agree (thesis 4.2.5).
+
+    Qualities under 0.001 count as 0.001. The distance is minus the product's logarithm.
+    """
+    logs = np.log(np.maximum(quality(distances), np.float32(LEAST_QUALITY)))
+    total = np.asarray(weights @ logs, np.float32)
+    return Blended(-total, np.exp(total))
+
+
+BLENDS: Mapping[str, Blend] = {
+    "calibrated": calibrated,
+    "sum": weighted_sum,
+    "product": weighted_product,
+}
+
+
+# Likelihood: from the fused distance to a log-likelihood.
 
 Likelihood = Callable[[Blended, float], F32]
 

@@ -15,11 +15,9 @@ import numpy as np
 from ..arrays import F32, U8
 from ..library import ChannelIndex, Library
 from ..records import Comparison, Sighting
-from .descriptors import CHANNELS
+from .descriptors.registry import CHANNELS, SCALES
 from .distances import DISTANCES
-from .features import SCALES
-from .fusion import BLENDS, QUALITIES
-from .likelihood import LIKELIHOODS
+from .likelihood import BLENDS, LIKELIHOODS, QUALITIES
 from .references import ReferenceLookup
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from maurice_mcl.geometry import compose
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena, Region
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 WIDTH_M, DEPTH_M, PITCH_M, DOOR_M = 4.0, 3.0, 0.5, 2.0

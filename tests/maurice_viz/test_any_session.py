@@ -20,7 +20,7 @@ from maurice_mcl.config.parameters import FilterParameters, RecoveryParameters
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena, Region
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.session import Moment
 from maurice_viz import entities

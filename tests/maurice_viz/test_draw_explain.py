@@ -19,7 +19,7 @@ from maurice_mcl.config.parameters import FilterParameters, of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
 from maurice_viz.drawing.bars import MOST, bars_for

@@ -12,9 +12,8 @@ import viz_fakes as fakes
 import viz_recordings as recordings
 from PIL import Image
 
-from maurice_mcl.analysis.ancestry import Ancestry
 from maurice_mcl.analysis.events import RunEvent
-from maurice_mcl.analysis.modes import TrackedMode
+from maurice_mcl.analysis.modes import Ancestry, TrackedMode
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_viz import entities

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, SCALES
 from maurice_mcl.sensor.distances import DISTANCES
-from maurice_mcl.sensor.features import SCALES
 
 DOCS = (Path(__file__).parents[2] / "docs" / "channels.md").read_text()
 SOURCE = re.findall(r"```python\n(.*?)```", DOCS, re.S)[0]

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from maurice_mcl.analysis.metrics import Scorer
-from maurice_mcl.analysis.success import Success
+from maurice_mcl.analysis.metrics import Scorer, Success
 from maurice_viz.cli.scores import to_table
 from maurice_viz.playback import RunResult
 from maurice_viz.style import units_named

@@ -18,7 +18,7 @@ from maurice_mcl.geometry import INCH_M, compose
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 SPACING_M = 18 * INCH_M

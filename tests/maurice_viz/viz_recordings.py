@@ -14,8 +14,7 @@ from rerun.chunk import RrdReader
 
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor.descriptors import CHANNELS
-from maurice_mcl.sensor.features import FEATURES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.session import Moment
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint

@@ -12,8 +12,7 @@ import typer
 from rich.table import Table
 
 from maurice_mcl.library import Library
-from maurice_mcl.library_quality.coverage import Coverage
-from maurice_mcl.library_quality.self_similarity import CURVE, SelfSimilarity
+from maurice_mcl.library_quality import CURVE, Coverage, SelfSimilarity
 
 from ...app.library import check_library
 from ...style import Scale, scale_for

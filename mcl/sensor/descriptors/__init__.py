@@ -1,8 +1,9 @@
-"""Channels: what is measured in a picture. One file per channel; `CHANNELS` knows them by name."""
+"""Channels: what is measured in a picture. One file per channel.
 
-from __future__ import annotations
-
-from .channel import Channel
-from .registry import BROKEN, CHANNELS, OUR_NAMES, describe, load_channels
-
-__all__ = ["BROKEN", "CHANNELS", "OUR_NAMES", "Channel", "describe", "load_channels"]
+- `channel`: what every channel does, and the CMUcam2's histogram
+- `registry`: all channels by name, `CHANNELS`; named sets of them with weights, `FEATURES`
+- colors of the whole picture: `color`, `smoothed`, `blurred`, `cumulative`, `gain_color`, `chromaticity`
+- `moments`: mean, spread and skew of its colors
+- colors by place in the picture: `color_grid`, `color_layout`, `tiny`
+- edges: `edges`, `edge_color`, `hog`
+"""

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ...arrays import F32, U8
-from .histogram import camera_histogram
+from .channel import camera_histogram
 
 BLUR_PX = 2.0  # sd of the Gaussian: takes away the sensor's noise, which widens every peak
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...arrays import F32, U8
-from .histogram import BINS, HIGH, LOW, camera_histogram
+from .channel import BINS, HIGH, LOW, camera_histogram
 
 
 @dataclass(frozen=True, slots=True)

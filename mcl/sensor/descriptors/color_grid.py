@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from ...arrays import F32, U8
-from .histogram import HIGH, LOW
+from .channel import HIGH, LOW
 
 COLUMNS, ROWS, BINS = 4, 3, 8
 

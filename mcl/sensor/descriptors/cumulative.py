@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...arrays import F32, U8
-from .histogram import BINS, camera_histogram
+from .channel import BINS, camera_histogram
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from ...arrays import F32, U8
+from .channel import BINS, HIGH, LOW, SCALE
 from .edges import edge_image
-from .histogram import BINS, HIGH, LOW, SCALE
 
 LEAST_EDGE = 32  # of the edge image, 0 to 255: above what the sensor's noise leaves after its blur
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ...arrays import F32, U8
-from .histogram import BINS, HIGH, LOW, camera_histogram
+from .channel import BINS, HIGH, LOW, camera_histogram
 
 BLUR_PX = 1.0  # sd of the Gaussian, at the width for which it was chosen
 GAIN = 0.5  # a step of 128 gray levels from one pixel to the next then reads 164

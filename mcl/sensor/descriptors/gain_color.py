@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from ...arrays import F32, U8
+from .channel import BINS, SCALE
 from .chromaticity import BLACK
-from .histogram import BINS, SCALE
 from .smoothed import smooth
 
 MOST = 4.0  # times the mean; what is brighter counts in the last bin

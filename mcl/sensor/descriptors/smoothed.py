@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...arrays import F32, U8
-from .histogram import BINS, camera_histogram
+from .channel import BINS, camera_histogram
 
 KERNEL = (0.06, 0.24, 0.40, 0.24, 0.06)  # adds up to one: nothing is lost or won
 

@@ -21,7 +21,7 @@ from maurice_loaders.inspection.doctor import Diagnosis, diagnose
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, RecordedTruth
-from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
+from maurice_mcl.diagnosis.odometry import compared_with_truth
 from maurice_mcl.library import Library
 
 from ..conftest import WriteLog

@@ -10,7 +10,7 @@ import pytest
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.store import build_library, open_library
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.references import nearest_reference
 
 from ..conftest import WriteLog

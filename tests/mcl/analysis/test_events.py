@@ -9,10 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.step_records import Cloud, at, made, moment
-from maurice_mcl.analysis.events import KINDS, EventDetector, RunEvent
+from maurice_mcl.analysis.events import (
+    KINDS,
+    BeyondSigma,
+    Burst,
+    Dip,
+    EventDetector,
+    EventThresholds,
+    RunEvent,
+    deviations,
+)
 from maurice_mcl.analysis.localization_status import STATES
 from maurice_mcl.analysis.metrics import Scorer
-from maurice_mcl.analysis.watchers import BeyondSigma, Burst, Dip, EventThresholds, deviations
 
 HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off
 SPREAD = [*at(0, 0, 0.4), *at(3, 0, 0.35), *at(6, 0, 0.25)]

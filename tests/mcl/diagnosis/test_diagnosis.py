@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from maurice_mcl.arrays import F64
-from maurice_mcl.diagnosis.clocks import clocks_apart, same_moments, truth_apart
 from maurice_mcl.diagnosis.findings import (
     RecordedDrive,
     RecordedOdometry,
@@ -15,9 +14,22 @@ from maurice_mcl.diagnosis.findings import (
     motions_of,
     rotated,
 )
-from maurice_mcl.diagnosis.odometry import Reading, agreement, motions_read, readings, segments_of
-from maurice_mcl.diagnosis.odometry_findings import compared_with_truth
-from maurice_mcl.diagnosis.plausibility import aside_share, odometry_doubts, time_unit
+from maurice_mcl.diagnosis.odometry import (
+    Reading,
+    agreement,
+    compared_with_truth,
+    motions_read,
+    readings,
+    segments_of,
+)
+from maurice_mcl.diagnosis.plausibility import (
+    aside_share,
+    clocks_apart,
+    odometry_doubts,
+    same_moments,
+    time_unit,
+    truth_apart,
+)
 
 RATE_HZ = 10.0
 

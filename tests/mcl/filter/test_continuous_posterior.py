@@ -18,7 +18,7 @@ from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters,
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.session import Frame, SessionInfo
 

@@ -20,7 +20,7 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import stream
 from maurice_mcl.records import Belief, FilterState, uniform_log_weights
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.session import Frame

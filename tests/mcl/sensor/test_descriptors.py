@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_mcl.sensor.descriptors import CHANNELS
+from maurice_mcl.sensor.descriptors.channel import camera_histogram
 from maurice_mcl.sensor.descriptors.edges import edge_image
-from maurice_mcl.sensor.descriptors.histogram import camera_histogram
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.descriptors.smoothed import KERNEL, smooth
 from maurice_mcl.sensor.distances import DISTANCES
 

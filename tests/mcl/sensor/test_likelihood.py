@@ -1,10 +1,159 @@
+"""Fusion of channels, and likelihoods from fused distances."""
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.sensor.fusion import Blended
-from maurice_mcl.sensor.likelihood import LIKELIHOODS, exponential, power
+from maurice_mcl.sensor.likelihood import (
+    BLENDS,
+    LEAST_QUALITY,
+    LIKELIHOODS,
+    QUALITIES,
+    Blended,
+    absolute_quality,
+    calibrated,
+    exponential,
+    power,
+    relative_quality,
+    weighted_product,
+    weighted_sum,
+)
+
+EACH = pytest.mark.parametrize("name", sorted(BLENDS))
+ONES = np.ones(2)
+
+
+def _distances(seed=3, entries=500):
+    rng = np.random.default_rng(seed)
+    return np.stack([rng.gamma(2, 0.01, entries), rng.gamma(3, 0.2, entries)]).astype(np.float32)
+
+
+@pytest.mark.parametrize("quality", sorted(QUALITIES))
+@given(raw=st.lists(st.floats(0, 2, width=32), min_size=1, max_size=40))
+def test_quality_lies_between_zero_and_one_and_falls_with_distance(quality, raw):
+    distances = np.array(raw, np.float32)
+    found = QUALITIES[quality](distances)
+    assert np.all((found >= 0) & (found <= 1))
+    assert np.all(np.diff(found[distances.argsort()]) <= 0)
+    assert np.all(found[distances == 0] == 1)
+
+
+def test_the_worst_has_a_relative_quality_of_zero_unless_all_are_perfect():
+    assert relative_quality(np.array([0.1, 0.4, 0.2], np.float32)) == pytest.approx([0.75, 0, 0.5])
+    assert np.array_equal(relative_quality(np.zeros(3, np.float32)), np.ones(3))
+
+
+def test_relative_quality_has_no_unit_and_is_of_each_row_alone():
+    distances = _distances()
+    assert relative_quality(distances * 84) == pytest.approx(relative_quality(distances), abs=1e-6)
+    rows = np.stack([relative_quality(row) for row in distances])
+    assert np.array_equal(relative_quality(distances), rows)
+
+
+def test_absolute_quality_does_not_know_the_other_entries():
+    found = absolute_quality(np.array([0.0, 0.25, 1.0, 1.5], np.float32))
+    assert found.tolist() == [1, 0.75, 0, 0]
+
+
+@EACH
+@pytest.mark.parametrize("quality", sorted(QUALITIES))
+def test_every_blend_is_finite_and_falls_where_all_distances_rise(name, quality):
+    distances = np.sort(_distances(), axis=1)
+    kept = distances.copy()
+    found = BLENDS[name](distances, np.array([0.3, 0.7]), np.array([0.01, 0.2]), QUALITIES[quality])
+    assert np.array_equal(distances, kept)
+    for values in (found.distance, found.quality):
+        assert values.shape == (500,)
+        assert values.dtype == np.float32
+        assert np.isfinite(values).all()
+    assert np.all(found.distance >= 0)
+    assert np.all((found.quality >= 0) & (found.quality <= 1))
+    assert np.all(np.diff(found.distance) >= 0)
+    assert np.all(np.diff(found.quality) <= 0)
+
+
+@EACH
+def test_the_order_of_channels_does_not_matter(name):
+    weights, scales = np.array([0.3, 0.7]), np.array([0.01, 0.2])
+    once = BLENDS[name](_distances(), weights, scales, relative_quality)
+    other = BLENDS[name](_distances()[::-1], weights[::-1], scales[::-1], relative_quality)
+    assert other.distance == pytest.approx(once.distance, rel=1e-5)
+    assert other.quality == pytest.approx(once.quality, abs=1e-5)
+
+
+@EACH
+def test_a_channel_of_weight_zero_has_no_say(name):
+    scales = np.array([0.01, 0.2])
+    both = BLENDS[name](_distances(), np.array([0.0, 1.0]), scales, relative_quality)
+    alone = BLENDS[name](_distances()[1:], np.ones(1), scales[1:], relative_quality)
+    assert both.quality == pytest.approx(alone.quality, abs=1e-5)
+
+
+def test_calibrated_adds_nats():
+    distances = np.array([[0.1, 0.2, 0.0], [3.0, 0.0, 1.5]], np.float32)
+    found = calibrated(distances, np.array([2.0, 0.5]), np.array([0.1, 1.5]))
+    assert found.distance == pytest.approx([2 * 1 + 0.5 * 2, 2 * 2, 0.5 * 1])
+    assert found.quality == pytest.approx(1 - found.distance / 4)
+
+
+def test_calibrated_distances_do_not_depend_on_the_other_entries():
+    whole = calibrated(_distances(), ONES, ONES).distance
+    assert np.array_equal(calibrated(_distances()[:, :10], ONES, ONES).distance, whole[:10])
+
+
+def test_the_sum_gives_each_channel_the_spread_of_its_weight():
+    distances = _distances()
+    for channel in (0, 1):
+        for weight in (0.3, 0.7):
+            alone = np.zeros(2)
+            alone[channel] = weight
+            assert weighted_sum(distances, alone, ONES).distance.std() == pytest.approx(weight, rel=1e-5)
+    weights = np.array([0.3, 0.7])
+    expected = 0.3 * distances[0] / distances[0].std() + 0.7 * distances[1] / distances[1].std()
+    assert weighted_sum(distances, weights, ONES).distance == pytest.approx(expected, rel=1e-5)
+    scaled = weighted_sum(distances * np.array([[100], [1]], np.float32), weights, ONES)
+    assert scaled.distance == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("dull", [0.2, 0.3, 0.1 + 0.2])
+def test_a_channel_that_tells_nothing_apart_has_no_say_in_the_sum(dull):
+    distances = np.stack([np.linspace(0.1, 0.4, 50), np.full(50, dull)]).astype(np.float32)
+    distances[1, ::2] = np.nextafter(distances[1, ::2], np.float32(1))  # rounding is no difference
+    found = weighted_sum(distances, np.array([0.5, 0.5]), ONES)
+    assert found.quality == pytest.approx(relative_quality(distances[0]), abs=1e-5)
+
+
+def test_when_no_channel_tells_anything_all_entries_of_the_sum_are_alike():
+    found = weighted_sum(np.full((2, 9), 0.2, np.float32), np.array([0.5, 0.5]), ONES)
+    assert np.array_equal(found.quality, np.ones(9))
+
+
+@pytest.mark.parametrize("quality", sorted(QUALITIES))
+def test_the_sum_of_one_channel_is_its_own_quality(quality):
+    rule = QUALITIES[quality]
+    found = weighted_sum(_distances()[:1], np.array([0.4]), np.ones(1), rule)
+    assert np.array_equal(found.quality, rule(_distances()[0]))
+
+
+def test_the_product_is_qualities_to_their_weights():
+    distances = np.array([[0.0, 0.5, 0.75], [0.4, 0.0, 0.9]], np.float32)
+    found = weighted_product(distances, np.array([1.0, 2.0]), ONES, absolute_quality)
+    expected = [1 * 0.6**2, 0.5 * 1, 0.25 * 0.1**2]
+    assert found.quality == pytest.approx(expected, rel=1e-5)
+    assert found.distance == pytest.approx(-np.log(expected), rel=1e-5, abs=1e-6)
+
+
+def test_in_a_product_one_channel_alone_can_say_no_but_not_for_ever():
+    distances = np.array([[0.0, 5.0], [0.0, 0.0]], np.float32)
+    found = weighted_product(distances, ONES, ONES, absolute_quality)
+    assert found.quality == pytest.approx([1, LEAST_QUALITY], rel=1e-5)
+
+
+def test_a_product_tells_entries_by_the_channel_that_disagrees_more_than_a_sum_does():
+    distances = np.array([[0.5, 0.0], [0.5, 0.95]], np.float32)
+    product = weighted_product(distances, ONES, ONES, absolute_quality).quality
+    assert product[0] > 4 * product[1], "0.5 x 0.5 against 1 x 0.05, of nearly equal sums"
 
 
 def _of_quality(*values):

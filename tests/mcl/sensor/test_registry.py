@@ -7,8 +7,7 @@ from importlib.metadata import EntryPoint, entry_points
 import numpy as np
 import pytest
 
-from maurice_mcl.sensor.descriptors import CHANNELS, describe, load_channels
-from maurice_mcl.sensor.descriptors.registry import GROUP, OURS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, GROUP, OURS, describe, load_channels
 
 MEAN = """
 import numpy as np
