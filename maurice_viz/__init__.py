@@ -33,31 +33,31 @@ if TYPE_CHECKING:
     from .app.calibrate import make_trials as make_trials
     from .app.compare import compare as compare
     from .app.convert import convert as convert
+    from .app.convert import export as export
     from .app.events import drop_bookmarks as drop_bookmarks
     from .app.events import events as events
     from .app.events import jump as jump
     from .app.events import keep_bookmark as keep_bookmark
     from .app.explain import explain as explain
-    from .app.export import export as export
     from .app.inspect import diagnose as diagnose
     from .app.inspect import formats as formats
     from .app.inspect import inspect as inspect
     from .app.library import build_library as build_library
     from .app.library import check_library as check_library
-    from .app.listener import Listener as Listener
+    from .app.library import tune as tune
     from .app.notebook import results as results
     from .app.notebook import show as show
     from .app.notebook import traces as traces
     from .app.replay import replay as replay
     from .app.run import RunScores as RunScores
+    from .app.saved import verify as verify
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
-    from .app.tune import tune as tune
-    from .app.verify import verify as verify
+    from .listener import Listener as Listener
     from .reports.make import report as report
 
 _WHERE = {
-    "Listener": ".app.listener",
+    "Listener": ".listener",
     "RunScores": ".app.run",
     "build_library": ".app.library",
     "calibrate_motion": ".app.calibrate",
@@ -70,7 +70,7 @@ _WHERE = {
     "events": ".app.events",
     "explain": ".app.explain",
     "figures": ".app.calibrate",
-    "export": ".app.export",
+    "export": ".app.convert",
     "formats": ".app.inspect",
     "inspect": ".app.inspect",
     "jump": ".app.events",
@@ -83,8 +83,8 @@ _WHERE = {
     "show": ".app.notebook",
     "snapshot": ".app.snapshot",
     "traces": ".app.notebook",
-    "tune": ".app.tune",
-    "verify": ".app.verify",
+    "tune": ".app.library",
+    "verify": ".app.saved",
 }
 __all__ = tuple(_WHERE)
 

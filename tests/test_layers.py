@@ -63,7 +63,7 @@ ROOMS = {
         ("simulation",),
     ),
     "maurice_viz": (
-        ("errors", "style"),
+        ("errors", "listener", "style"),
         ("entities", "playback"),
         ("drawing",),
         ("scene",),

@@ -20,8 +20,8 @@ from maurice_mcl.calibration.noise import NoiseFloor, noise_floor
 from maurice_mcl.calibration.statistics import Spread
 
 from ..errors import OptionError
+from ..listener import SILENT, Listener
 from ..style import Units, units_named
-from .listener import SILENT, Listener
 
 
 @dataclass(frozen=True, slots=True, eq=False)

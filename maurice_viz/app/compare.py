@@ -20,13 +20,13 @@ from maurice_mcl.map import Arena
 
 from ..entities import RESERVED
 from ..errors import OptionError
+from ..listener import SILENT, Listener
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..scene import RunView
-from .listener import SILENT, Listener
-from .open import AnySession, RunSpec, make_runs, open_library_for, unique_labels
+from .open import AnySession, RunSpec, make_runs, open_library_for, remark_skipped, unique_labels
 from .output import DriveScene, OutputOptions
 from .replay import opened_session, output_of, replay_session
-from .run import Playback, Report, RunScores, no_report, play, remark_skipped, remark_zeros
+from .run import Playback, Report, RunScores, no_report, play, remark_zeros
 from .saved import Opened, open_saved, playback_of, remark_saved, view_of
 
 COLOR_AND_BLENDED = ("color", "blended")

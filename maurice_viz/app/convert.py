@@ -1,22 +1,43 @@
-"""Converting a session of any readable format to a native session log, or to MCAP with ROS 2 messages."""
+"""Files for other tools: sessions as native logs or MCAP; saved runs as paths, tables, MCAP or for evo."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.export.drive import convert_to_mcap
+from maurice_loaders.export.evo import EvoSink, evo_sink
+from maurice_loaders.export.run import McapScene, mcap_sink, scene_of
 from maurice_loaders.export.session import Converted, PictureKind, convert_to_log, records_to_log
+from maurice_loaders.export.tables import (
+    PATHS,
+    PathSink,
+    Sink,
+    csv_sink,
+    export_steps,
+    kitti_line,
+    parquet_sink,
+    path_files,
+    path_sink,
+    tum_line,
+)
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import begin_of
 from maurice_loaders.recording import Picture, Recording
+from maurice_loaders.runs.store import SavedRun, open_runs
 
 from ..errors import OptionError
-from .listener import SILENT, Listener
+from ..listener import SILENT, Listener
 from .open import AnySession, as_recorded_session, open_session
+from .saved import session_of
+from .saved_steps import Pictures
 
 LOG, MCAP = ".log", ".mcap"
 PICTURES = ("png", "jpeg")
@@ -101,3 +122,177 @@ def _report(path: Path, read: ReadingNotes | AnySession, listener: Listener) -> 
     count = read.count if isinstance(read, ReadingNotes) else read.problem_count
     if count:
         listener.warning(f"{path}: skipped {count} broken records, the first: {read.problems[0]}")
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was exported of one run."""
+
+    label: str
+    updates: int
+    files: tuple[Path, ...]
+    position_error_m: Mapping[str, float] | None  # statistics by evo's names; None without truth
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        return {
+            "label": self.label,
+            "updates": self.updates,
+            "files": [str(file) for file in self.files],
+            "position_error_m": self.position_error_m,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class _Targets:
+    """The files asked for, by format."""
+
+    paths: Sequence[str]  # some of PATHS
+    tum: Path | None
+    kitti: Path | None
+    csv: Path | None
+    parquet: Path | None
+    mcap: Path | None
+    evo: Path | None
+
+    @property
+    def given(self) -> list[Path]:
+        """The files as they were named."""
+        found = [getattr(self, one.name) for one in fields(self) if one.name != "paths"]
+        return [file for file in found if file is not None]
+
+    @property
+    def written(self) -> list[Path]:
+        """Every file that may be written: TUM and KITTI have one for each path."""
+        named = [path_files(file, self.paths) for file in (self.tum, self.kitti) if file]
+        several = [file for files in named for file in files.values()]
+        others = (self.csv, self.parquet, self.mcap, self.evo)
+        return [*several, *(file for file in others if file is not None)]
+
+
+def export(
+    run: str | Path,
+    *,
+    tum: str | Path | None = None,
+    kitti: str | Path | None = None,
+    csv: str | Path | None = None,
+    parquet: str | Path | None = None,
+    mcap: str | Path | None = None,
+    evo: str | Path | None = None,
+    only: str | None = None,
+    scored: bool = False,
+    t_offset_s: float = 0.0,
+    run_label: str | None = None,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> Exported:
+    """Export estimate, truth and odometry of a saved run; nothing is filtered again.
+
+    At least one file is named. TUM and KITTI get one file per path, or just the path `only` ("estimate",
+    "truth" or "odometry"). `scored` leaves out the first three updates, as the table of scores does.
+    `t_offset_s` (seconds) is added to every time. `run_label` chooses a run of a comparison. Lengths are in
+    meters, headings in radians; all files appear together at the end.
+
+    Raises OptionError for arguments that contradict each other and InputError for a folder that holds no such
+    run, no truth that `only` asks for, no update, or for files that exist (unless `force`).
+
+        >>> exported = mv.export("my-run", tum="my-run.tum", only="estimate")
+        >>> [file.name for file in exported.files]
+        ['my-run.tum']
+    """
+    named = [None if file is None else Path(file) for file in (tum, kitti, csv, parquet, mcap, evo)]
+    targets = _Targets(PATHS if only is None else (only,), *named)
+    if not targets.given:
+        raise OptionError("name a file: --tum, --kitti, --csv, --parquet, --mcap or --evo")
+    if len({file.absolute() for file in targets.given}) < len(targets.given):
+        raise OptionError("two formats cannot go to one file")
+    if only is not None and only not in PATHS:
+        raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
+    if not np.isfinite(t_offset_s):
+        raise OptionError(f"--t-offset is a number of seconds, found {t_offset_s}")
+    saved = chosen_run(Path(run), run_label)
+    if only == "truth" and not saved.manifest.has_truth:
+        raise InputError(saved.folder, "has no truth, and --only truth asks for nothing else; leave it out")
+    steps, errors = 0, EvoSink(saved.manifest.label)
+    session, begin_s = _session(saved, targets, listener)
+    pictures = Pictures(session, listener.warning) if targets.mcap else None
+    with ExitStack() as stack:
+        sinks = _open(stack, saved, targets, session, force)
+        for number, step in enumerate(export_steps(saved, t_offset_s=begin_s + t_offset_s), start=1):
+            image = None if pictures is None else pictures.of(step.rows)
+            if step.scored or not scored:
+                for sink in (*sinks, errors):
+                    sink.add(step, image)
+                steps += 1
+            listener.progress(number, saved.manifest.pictures, "export")
+        if not steps:
+            raise InputError(saved.folder, "holds no such update, so there is nothing to export; replay more")
+    _report_left_out(saved, sinks, targets, listener)
+    files = tuple(file for file in targets.written if file.exists())
+    return Exported(saved.manifest.label, steps, files, errors.statistics() or None)
+
+
+def chosen_run(folder: Path, label: str | None) -> SavedRun:
+    """Open a saved run, or the one of a comparison that has this label.
+
+    Raises InputError where the label is missing or unknown.
+    """
+    runs = {run.manifest.label: run for run in open_runs(folder)}
+    return runs[chosen_label(folder, list(runs), label)]
+
+
+def chosen_label(folder: Path, labels: Sequence[str], label: str | None) -> str:
+    """Return the label of the run that is meant: the given one, or the only run's. Raises InputError."""
+    if label is None and len(labels) > 1:
+        raise InputError(folder, f"holds the runs {', '.join(labels)}; choose one with --run-label")
+    if label is not None and label not in labels:
+        raise InputError(folder, f"holds no run {label!r}; it holds {', '.join(labels)}")
+    return labels[0] if label is None else label
+
+
+def _open(
+    stack: ExitStack, run: SavedRun, targets: _Targets, session: AnySession | None, force: bool
+) -> list[Sink]:
+    """Open all files that were asked for; they appear together at the end."""
+    channels, label, paths = run.manifest.channels, run.manifest.label, targets.paths
+    origin = np.array(run.manifest.origin_m)
+    together = run.manifest.has_truth and len(paths) > 1
+    opening: Mapping[Path | None, Callable[[Path], Any]] = {
+        targets.tum: lambda file: path_sink(path_files(file, paths), tum_line, force=force),
+        targets.kitti: lambda file: path_sink(
+            path_files(file, paths), kitti_line, together=together, force=force
+        ),
+        targets.csv: lambda file: csv_sink(file, channels, force=force),
+        targets.parquet: lambda file: parquet_sink(file, channels, force=force),
+        targets.mcap: lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
+        targets.evo: lambda file: evo_sink(file, label, force=force),
+    }
+    return [stack.enter_context(make(file)) for file, make in opening.items() if file is not None]
+
+
+def _session(run: SavedRun, targets: _Targets, listener: Listener) -> tuple[AnySession | None, float]:
+    """Return the session and the time on its own clock at which it began, if it is still there."""
+    try:
+        session = session_of(run)
+        return session, begin_of(session)
+    except InputError as problem:
+        missing = "pictures are left out and times" if targets.mcap else "times"
+        listener.warning(f"{str(problem).split(';')[0]}: {missing} count from its first record")
+        return None, 0.0
+
+
+def _scene(run: SavedRun, session: AnySession | None) -> McapScene:
+    """Return what does not change with time; the map is the one that the run was made with."""
+    if session is None:
+        return McapScene(None, run.arena(), None)
+    found = scene_of(session.info, run.manifest.reading.camera)
+    return replace(found, arena=run.arena())
+
+
+def _report_left_out(run: SavedRun, sinks: Sequence[Sink], targets: _Targets, listener: Listener) -> None:
+    for sink in sinks:
+        if isinstance(sink, PathSink) and sink.left_out:
+            why = "KITTI rows have no time, so that only updates with a known truth are written"
+            listener.remark(f"{targets.kitti}: {sink.left_out} updates are left out: {why}")
+    if not run.manifest.has_truth and (targets.tum or targets.kitti):
+        listener.remark("the run has no truth: there is no file of it")

@@ -1,28 +1,48 @@
-"""A drive that no library goes with: shown by itself, with a remark on what is missing."""
+"""Drives that no filter of ours runs on: alone, without a library; or with another localizer's particles.
+
+Of the latter nothing is filtered and no picture is compared: what a bag does not hold stays empty or unknown.
+"""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.bags.formats import BAGS
+from maurice_loaders.bags.localizer import Overview, RecordedLocalizer, RecordedUpdate
+from maurice_loaders.errors import InputError, PictureError
+from maurice_loaders.formats.registry import chosen, open_recording
 from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import Glance, RecordedSession
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms.gating import FewerPictures
 from maurice_loaders.transforms.placeholders import Placeholders
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.filter.estimate import CLUSTER_M, CONFIDENCE_M, heaviest_cluster, share_within, weighted_mean
+from maurice_mcl.library import Library
+from maurice_mcl.records import (
+    Belief,
+    Estimate,
+    StepRecord,
+    effective_sample_size,
+    normalize,
+    uniform_log_weights,
+)
 from maurice_mcl.session import Frame, Moment
 
 from ..layouts.drive import drive_blueprint
+from ..listener import SILENT, Listener
 from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
-from .listener import Listener
-from .output import NEXT_KEYS, OutputOptions, opened
-from .run import remark_skipped
+from ..scene import RunView
+from .open import remark_skipped
+from .output import NEXT_KEYS, DriveScene, OutputOptions, opened
+from .run import Playback
+from .saved_steps import NO_PICTURE, nothing_seen
 
 MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
 MISSING = "Nothing was localized: there is no library"
@@ -118,3 +138,150 @@ def glances_of(log: SessionLog) -> Iterator[Glance]:
         return
     for moment in moments_of(log):
         yield Glance(moment.frame.motions, moment.truth, ())
+
+
+AFTER_RESAMPLING = (
+    "shown as recorded: AMCL and Beluga publish their particles after resampling, so the weights are nearly "
+    "equal and say little of how well each particle matched"
+)
+
+
+def map_of(localizer: RecordedLocalizer, overview: Overview) -> Library:
+    """Make a library without entries, of which only the map can be drawn."""
+    return Library(localizer.info.name, np.zeros((0, 3)), (), {}, overview.arena)
+
+
+@dataclass(slots=True)
+class AsRecorded:
+    """The updates of one recorded localizer."""
+
+    localizer: RecordedLocalizer
+    overview: Overview
+    label: str
+    findings: ReadingNotes
+    unweighted: int = 0  # clouds so far whose weights were of no use, and count as equal
+    _begin_s: float | None = field(init=False, default=None)
+
+    def updates(self) -> Iterator[Mapping[str, tuple[Moment, StepRecord]]]:
+        """Give one moment and record a cloud, in order."""
+        origin = map_of(self.localizer, self.overview).origin
+        for number, update in enumerate(self.localizer.updates(self.findings), start=1):
+            self._begin_s = update.t_s if self._begin_s is None else self._begin_s
+            image = self._image(update)
+            name = update.picture or "no picture"
+            frame = Frame(number, update.t_s - self._begin_s, update.motions, image, name)
+            events = (AFTER_RESAMPLING,) if number == 1 else ()
+            moment = Moment(frame, update.truth, events)
+            yield {self.label: (moment, record_of(frame, update, self._belief(update, origin)))}
+
+    def _image(self, update: RecordedUpdate) -> U8:
+        if update.read is None:
+            return NO_PICTURE
+        try:
+            return update.read()
+        except PictureError as problem:
+            self.findings.problem(InputError(self.localizer.path, f"{update.picture}: {problem}"))
+            return NO_PICTURE
+
+    def _belief(self, update: RecordedUpdate, origin: F64) -> Belief:
+        local = update.poses.copy()
+        local[:, :2] -= origin
+        log_weights = _log_weights(update.weights)
+        if log_weights is None:
+            self.unweighted += update.weights is not None
+            log_weights = uniform_log_weights(len(local))
+        return Belief(local.astype(np.float32), log_weights, origin)
+
+
+def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecord:
+    """Make the record of one cloud; what only the filter itself could know is left empty or NaN."""
+    return StepRecord(
+        frame=frame,
+        predicted=belief,  # as it was before the sensor is not in the bag
+        sighting=nothing_seen(belief.size),
+        weighted=belief,
+        estimate=estimate_of(update, belief),
+        mean_estimate=weighted_mean(belief),
+        effective_sample_size=effective_sample_size(belief.log_weights),
+        log_evidence=float("nan"),
+        calibrated_evidence=float("nan"),
+        channel_evidence=np.zeros(0),
+        parents=None,
+        injected=None,
+        belief=_without_heirs(belief),
+        events=(),
+        took_s={},
+    )
+
+
+def _without_heirs(belief: Belief) -> Belief:
+    """Give the same cloud with one particle of no weight more.
+
+    Whom the next cloud's particles come from is not in the bag. Lines from particle to particle are drawn
+    where a cloud is as large as the one before it was left, and would mean nothing here.
+    """
+    poses = np.append(belief.poses, belief.poses[:1], axis=0)
+    return Belief(poses, np.append(belief.log_weights, -np.inf), belief.origin)
+
+
+def estimate_of(update: RecordedUpdate, belief: Belief) -> Estimate:
+    """Give the localizer's own pose with its own spread, or the heaviest cluster where it said none."""
+    if update.pose is None:
+        return heaviest_cluster(belief)
+    own = update.pose
+    x, y, heading = (float(value) for value in own.sd)
+    near = share_within(belief, own.pose, CLUSTER_M)
+    return Estimate(
+        own.pose, (x, y), heading, near, share_within(belief, own.pose, CONFIDENCE_M), converged=near
+    )
+
+
+def _log_weights(weights: F64 | None) -> F64 | None:
+    """Give normalized log-weights (N,), or None where the weights make no sense."""
+    if weights is None or not (np.isfinite(weights).all() and (weights >= 0).all() and weights.sum() > 0):
+        return None
+    with np.errstate(divide="ignore"):
+        return normalize(np.log(weights))[0]
+
+
+def open_as_recorded(path: Path, options: ReadingOptions) -> AsRecorded:
+    """Open a bag's localizer. InputError for what is no bag, and for one without particles."""
+    name = chosen(path, options).name
+    if name not in BAGS:
+        raise InputError(
+            path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded"
+        )
+    own = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
+    if own.corrections:
+        raise InputError(path, f"--as-recorded shows a bag as it is, expected no {own.corrections[0]}")
+    localizer = RecordedLocalizer(path, BAGS[name], options)
+    label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
+    return AsRecorded(localizer, localizer.overview(), label, ReadingNotes(options.keep_going))
+
+
+def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> Playback:
+    """Prepare a recorded localizer for `play`."""
+    seen = recorded.overview
+    drawn = RunView(recorded.label, (), None, seen.most_particles)
+    library = map_of(recorded.localizer, seen)
+    scene = DriveScene(
+        recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
+    )
+    return Playback(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded, listener))
+
+
+def _remark(recorded: AsRecorded, listener: Listener) -> None:
+    """Report what the scores stand for, and what was skipped."""
+    pose = recorded.localizer.pose
+    where = f"the pose of {pose.name}" if pose else "the heaviest cluster of the cloud"
+    listener.remark(f"{recorded.localizer.cloud.name} {AFTER_RESAMPLING}; the estimate is {where}")
+    for text in recorded.localizer.info.notes:
+        listener.remark(text)
+    if recorded.unweighted:
+        listener.warning(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")
+    for warning in recorded.findings.warnings:
+        listener.warning(warning)
+    if recorded.findings.count:
+        listener.warning(
+            f"skipped {recorded.findings.count} broken messages, the first: {recorded.findings.problems[0]}"
+        )

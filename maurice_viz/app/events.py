@@ -25,9 +25,9 @@ from maurice_mcl.session import Moment
 
 from ..entities import PHASE, STEP, Phase, phase_number
 from ..errors import OptionError
+from ..listener import SILENT, Listener
 from ..style import Scale, units_named
-from .listener import SILENT, Listener
-from .restoring import Pictures, Restored, restored_together
+from .saved_steps import Pictures, Restored, restored_together
 
 Update: TypeAlias = tuple[Moment, StepRecord]
 

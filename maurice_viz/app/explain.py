@@ -23,17 +23,17 @@ from ..errors import OptionError, SinkError
 from ..explanations.table import to_json
 from ..explanations.words import say_step
 from ..layouts.explain import explanation_blueprint
+from ..listener import SILENT, Listener
 from ..panels.explanation_screen import ExplainedUpdate, draw_explanation
 from ..scene import SceneInfo
 from ..style import scale_for
 from ..viewer import sinks
 from ..viewer.snapshot import expect_driver, headless_viewer
 from ..viewer.spawn import viewer_binary
-from .export import chosen_label
-from .listener import SILENT, Listener
+from .convert import chosen_label
 from .open import typed_pose
-from .restoring import Restored
 from .saved import Opened, open_saved
+from .saved_steps import Restored
 
 SIZE = (1600, 1000)
 

@@ -19,7 +19,7 @@ from maurice_loaders.reading import ReadingOptions, write_reading
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_mcl.library import Library
 
-from .listener import SILENT, Listener, progress_of
+from ..listener import SILENT, Listener, progress_of
 
 EXTRAS = {"ros": "rosbags"}  # the module that tells whether an extra is installed
 

@@ -17,13 +17,12 @@ import polars as pl
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 
+from ..listener import SILENT, progress_of
 from ..style import scale_for
 from ..text.summary import to_json
-from .listener import SILENT, progress_of
 from .replay import replay
-from .restoring import Pictures, Restored, restored_together
+from .saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect, known_of, restored_together
 from .snapshot import draw_saved
-from .tracks import NUMBERS, POSES, Collected, collect, known_of
 
 if TYPE_CHECKING:
     from rerun.notebook import Viewer

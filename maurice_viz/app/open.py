@@ -30,9 +30,9 @@ from maurice_mcl.session import Session, SessionInfo
 
 from ..entities import RESERVED
 from ..errors import OptionError
+from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun
 from ..style import Units, units_named
-from .listener import SILENT, Listener, progress_of
 
 FARTHEST_M = 1e9  # no map reaches further
 STARTS = "a start is tracking, truth, global or X,Y,HEADING"
@@ -266,3 +266,12 @@ def unique_labels(names: Sequence[str]) -> list[str]:
             label = f"{name}-{number}"
         labels.append(label)
     return labels
+
+
+def remark_skipped(session: AnySession, listener: Listener) -> None:
+    """Report what was skipped of a session."""
+    for warning in session.warnings:
+        listener.warning(warning)
+    if session.problem_count:
+        skipped = f"skipped {session.problem_count} broken records"
+        listener.warning(f"{session.path}: {skipped}, the first: {session.problems[0]}")

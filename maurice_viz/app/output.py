@@ -20,11 +20,11 @@ from ..drawing.contact_sheet import cell_height
 from ..errors import OptionError, SinkError
 from ..layouts.names import DETAILS, LAYOUT_NAMES
 from ..layouts.registry import runs_blueprint
+from ..listener import Listener
 from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes
 from ..scene import RunView, SceneInfo
 from ..style import scale_for
 from ..viewer import sinks
-from .listener import Listener
 from .open import check_name
 
 # Runs drawn into a recording that somebody else opened: their layout, and an observer a run.

@@ -1,24 +1,29 @@
-"""Going through runs once: score, save and draw each update; return the scores."""
+"""Going through runs once: score, save and draw each update; return the scores.
+
+Ctrl-C and SIGTERM wait for the end of an update, so that scores, recording and saved run end at the same one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.runs.writer import RunWriter
 from maurice_mcl.analysis.run_comparison import Step
 
-from ..errors import SinkError
+from ..errors import SinkError, Terminated
+from ..listener import Listener
 from ..playback import ResultCollector, RunResult
 from ..scene import RunView
 from ..style import scale_for
-from .listener import Listener
-from .open import AnySession
+from .open import AnySession, remark_skipped
 from .output import DriveScene, OutputOptions, drawing
-from .stop import stops_between
 
 if TYPE_CHECKING:
     from ..panels.comparison import ComparisonDrawing
@@ -175,15 +180,6 @@ def remark(collector: ResultCollector, session: AnySession, listener: Listener) 
         listener.warning(f"{session.path}: holds no picture, so nothing was localized")
 
 
-def remark_skipped(session: AnySession, listener: Listener) -> None:
-    """Report what was skipped of a session."""
-    for warning in session.warnings:
-        listener.warning(warning)
-    if session.problem_count:
-        skipped = f"skipped {session.problem_count} broken records"
-        listener.warning(f"{session.path}: {skipped}, the first: {session.problems[0]}")
-
-
 def remark_zeros(collector: ResultCollector, listener: Listener) -> None:
     """Report how often all of a run's particles were where a robot cannot be."""
     for label, times in collector.all_zero.items():
@@ -192,3 +188,50 @@ def remark_zeros(collector: ResultCollector, listener: Listener) -> None:
             listener.warning(
                 f"{label}: at {times} of {collector.updates} updates all weights were zero: {why}"
             )
+
+
+STOPS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Stops:
+    """Remembers a request to stop while an update is processed; a second one takes effect at once."""
+
+    def __init__(self) -> None:
+        self._inside = False
+        self._requested: int | None = None  # the signal that came inside
+
+    @contextmanager
+    def wait(self) -> Iterator[None]:
+        """Hold back a request that comes inside until the block has ended without an error."""
+        self._inside = True
+        try:
+            yield
+        finally:
+            self._inside = False
+        if self._requested is not None:
+            raise Terminated if self._requested == signal.SIGTERM else KeyboardInterrupt
+
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal, as `signal.signal` takes it."""
+        first, self._requested = self._requested is None, number
+        if not (self._inside and first):
+            raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+
+
+@contextmanager
+def stops_between() -> Iterator[Stops]:
+    """Handle both signals in the main thread, the only one in which Python can; what is ignored stays so.
+
+    SIGTERM is left alone where nobody has set a handler: it then ends the process at once, as usual.
+    """
+    stops, before = Stops(), dict[int, Any]()
+    if threading.current_thread() is threading.main_thread():
+        before = {number: signal.getsignal(number) for number in STOPS}
+        before = {number: handler for number, handler in before.items() if callable(handler)}
+    try:
+        for number in before:
+            signal.signal(number, stops.handle)
+        yield stops
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

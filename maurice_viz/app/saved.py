@@ -1,36 +1,43 @@
-"""Opening saved runs with what they were made from, and replaying them without filtering again."""
+"""Saved runs: written while they go, opened to replay them without filtering, verified to the last bit."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.runs.manifest import library_hash
-from maurice_loaders.runs.sources import Source, source_hash
-from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_now
+from maurice_loaders.runs.rows import StepRows, rows_of
+from maurice_loaders.runs.sources import Source, source_hash, source_of
+from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference, open_runs
+from maurice_loaders.runs.writer import RunWriter, begin_comparison
 from maurice_loaders.transforms.made_odometry import NAMED
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.localizer import run as run_filter
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..playback import ResultCollector, shared
+from ..errors import SinkError
+from ..listener import SILENT, Listener, progress_of
+from ..playback import FilterRun, ResultCollector, shared
 from ..scene import RunView
 from .events import find_notes
-from .listener import SILENT, Listener, progress_of
 from .open import AnySession
-from .output import DriveScene
-from .restoring import Pictures, Restored, restored_together
+from .output import DriveScene, OutputOptions
 from .run import Playback, remark_zeros
+from .saved_steps import Pictures, Restored, restored_together
 
 
 def unchanged(
@@ -191,3 +198,176 @@ def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun], listener:
             how = {"writing": "was cut off", "complete": "skipped pictures"}
             got = f"it holds {collector.updates} of {manifest.pictures} steps"
             listener.warning(f"{run.folder}: the run {how.get(manifest.state, manifest.state)}; {got}")
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What all runs of a replay are made from."""
+
+    session: AnySession
+    library: Path  # a library folder or a survey log
+    pictures: int
+    has_truth: bool
+    keep_going: bool
+    opening: ReadingOptions  # how the session was read
+
+
+@contextmanager
+def saving(
+    runs: Sequence[FilterRun], inputs: Inputs, output: OutputOptions
+) -> Iterator[Mapping[str, RunWriter]]:
+    """Open a writer a run, and at the end have each record how it ended; no writers without a folder.
+
+    Raises InputError when the folder is taken, SinkError when it can be written to no longer.
+    """
+    if output.save_run is None:
+        yield {}
+        return
+    writers = _writers(runs, inputs, output.save_run, output.force)
+    state = "failed"
+    try:
+        yield writers
+        state = "complete"
+    except KeyboardInterrupt:
+        state = "stopped"
+        raise
+    except OSError as problem:
+        raise _full(output.save_run, problem) from None
+    finally:
+        _close(writers, state, output.save_run)
+
+
+def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
+    """Return a writer a run: one run is the folder itself, several are folders below it."""
+    folders = {runs[0].label: target}
+    if len(runs) > 1:
+        begin_comparison(target, [run.label for run in runs], force=force)
+        folders = {run.label: target / run.label for run in runs}
+    return {
+        run.label: RunWriter(
+            folders[run.label],
+            manifest_of(run, inputs, folders[run.label]),
+            run.configuration,
+            run.localizer.library.arena,
+            force=force,
+        )
+        for run in runs
+    }
+
+
+def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
+    """Return the manifest of a run before its first step: what it is made from."""
+    localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
+    channels, path = tuple(localizer.sensor.distances), inputs.session.path
+    form = chosen(path, opening)
+    return RunManifest(
+        label=run.label,
+        seed=localizer.seed,
+        start=None if run.start is None else tuple(run.start.tolist()),
+        channels=channels,
+        origin_m=tuple(localizer.library.origin.tolist()),
+        name=info.name,
+        display_units=info.display_units,
+        pictures=inputs.pictures,
+        has_truth=inputs.has_truth,
+        keep_going=inputs.keep_going,
+        session=source_of(path, folder, form.beside(path)),
+        library=source_of(inputs.library, folder),
+        library_content=library_hash(localizer.library, channels),
+        configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
+        versions=versions_now(),
+        reading=replace(opening, format=form.name),
+        table=None if opening.table is None else source_of(opening.table, folder),
+    )
+
+
+def _close(writers: Mapping[str, RunWriter], state: str, target: Path) -> None:
+    for writer in writers.values():
+        try:
+            writer.close(state)
+        except OSError as problem:
+            raise _full(target, problem) from None
+
+
+def _full(target: Path, problem: OSError) -> SinkError:
+    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); free some space")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The outcome of filtering one saved run again."""
+
+    label: str
+    steps: int  # equal ones, from the first
+    pictures: int  # of the session; a run that was stopped early has fewer steps
+    difference: RunDifference | None  # the first one; None: the runs are identical
+    changed: tuple[str, ...]  # packages whose version differs from then
+
+    @property
+    def same(self) -> bool:
+        """Whether the run is identical to the last bit."""
+        return self.difference is None
+
+    def __str__(self) -> str:
+        versions = f" ({'; '.join(self.changed)})" if self.changed else ""
+        if self.difference is None:
+            short = f"; it ended before the last of {self.pictures}" if self.steps < self.pictures else ""
+            return f"{self.label}: the same, all {self.steps} steps to the last bit{short}{versions}"
+        return f"{self.label}: differs first at {self.difference}{versions or ' (with the same versions)'}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        first = self.difference
+        place = None if first is None else {"step": first.step, "field": first.field}
+        values = {} if first is None else {"stored": first.stored, "now": first.now}
+        return {
+            "label": self.label,
+            "same": first is None,
+            "steps": self.steps,
+            "difference": place and place | values,
+            "changed_versions": list(self.changed),
+        }
+
+
+def verify(run: str | Path, *, listener: Listener = SILENT) -> list[Verdict]:
+    """Filter a saved run, or each run of a comparison, again from its manifest and compare step by step.
+
+    Only one step is held in memory. Raises InputError when a session or library is gone or changed, or when
+    the saved run is damaged or has no step.
+
+        >>> [verdict] = mv.verify("my-run")
+        >>> verdict.same
+        True
+    """
+    return [_verified(saved, listener) for saved in open_runs(Path(run))]
+
+
+def _verified(run: SavedRun, listener: Listener) -> Verdict:
+    manifest, steps = run.manifest, 0
+    session, library = session_of(run), library_of(run, listener)
+    localizer = localizer_of(run, session, library)
+    start = None if manifest.start is None else np.array(manifest.start)
+    again = run_filter(localizer, session, start)
+    changed = changed_versions(run)
+    for stored in run.steps():
+        update = next(again, None)
+        found = ended(stored) if update is None else first_difference(stored, rows_of(*update))
+        if found is not None:
+            return Verdict(manifest.label, steps, manifest.pictures, found, changed)
+        steps += 1
+        listener.progress(steps, manifest.pictures, f"verify {manifest.label}")
+    if not steps:
+        raise InputError(run.folder, "holds no step, so there is nothing to verify; replay its session again")
+    return Verdict(manifest.label, steps, manifest.pictures, None, changed)
+
+
+def ended(stored: StepRows) -> RunDifference:
+    """Return the difference of a step that the session no longer has."""
+    return RunDifference(stored.step["step"], "picture", str(stored.step["picture"]), "no more pictures")
+
+
+def changed_versions(run: SavedRun) -> tuple[str, ...]:
+    """Name the packages whose version differs from the one that the run was made with."""
+    then, now = run.manifest.versions, versions_now()
+    names = [name for name in {**then, **now} if then.get(name) != now.get(name)]
+    return tuple(f"{name} was {then.get(name, 'unknown')}, is {now.get(name, 'not there')}" for name in names)

@@ -12,12 +12,12 @@ from maurice_loaders.io.files import expect_absent, write_whole
 
 from ..entities import PHASE, PHASES_PER_STEP, STEP, Phase, phase_number
 from ..errors import OptionError
+from ..listener import SILENT, Listener
 from ..viewer import sinks
 from ..viewer.movie import SUFFIXES as MOVIES
 from ..viewer.movie import film, from_png
 from ..viewer.snapshot import Viewer, expect_driver, headless_viewer
 from .events import PHASES
-from .listener import SILENT, Listener
 from .output import layout_of, observed
 from .run import collector_of, step_through
 from .saved import open_saved, playback_of

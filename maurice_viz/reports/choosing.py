@@ -9,7 +9,7 @@ import numpy as np
 
 from maurice_mcl.analysis.events import KINDS, RunEvent
 
-from ..app.tracks import Collected
+from ..app.saved_steps import Collected
 
 MAX_PICTURES = 12
 MANY = 20  # a kind with more events in a run is counted, not listed

@@ -16,7 +16,7 @@ from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
-from ..app.tracks import Collected
+from ..app.saved_steps import Collected
 from ..style import Scale
 
 SHORT_HASH = 16  # digits of a SHA-256 that are shown: enough to compare by eye

@@ -17,11 +17,10 @@ from maurice_loaders.io.files import expect_absent, write_whole
 from maurice_mcl.analysis.events import KINDS
 from maurice_mcl.filter.estimate import CONFIDENCE_M
 
-from ..app.listener import SILENT, Listener, progress_of
-from ..app.restoring import Pictures, restored_together
 from ..app.saved import Opened, open_saved
-from ..app.tracks import Collected, collect, known_of
+from ..app.saved_steps import Collected, Pictures, collect, known_of, restored_together
 from ..errors import OptionError
+from ..listener import SILENT, Listener, progress_of
 from ..playback import RunResult
 from ..style import ESTIMATE, LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
 from ..text.summary import paired_rows, score_rows

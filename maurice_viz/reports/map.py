@@ -11,7 +11,7 @@ from maurice_mcl.analysis.metrics import LOST_M
 from maurice_mcl.arrays import F64
 from maurice_mcl.map import Arena
 
-from ..app.tracks import Track
+from ..app.saved_steps import Track
 from ..drawing.canvas import ticks
 from ..panels.world import clipped
 from ..style import Scale

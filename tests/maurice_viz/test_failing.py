@@ -63,7 +63,7 @@ IGNORED = """
 import os, signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for a job in the background, and nohup
 import maurice_viz.cli.app, maurice_viz.cli.main
-from maurice_viz.app.stop import stops_between
+from maurice_viz.app.run import stops_between
 def app():
     with stops_between() as stops, stops.wait():
         os.kill(os.getpid(), signal.SIGINT)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from maurice_loaders.runs.manifest import read_manifest
 from maurice_loaders.runs.writer import RunWriter
-from maurice_viz.app.stop import stops_between
+from maurice_viz.app.run import stops_between
 from maurice_viz.cli.app import app
 from maurice_viz.viewer import sinks
 

@@ -10,7 +10,7 @@ import typer
 
 from maurice_loaders.export.tables import PATHS
 
-from ...app.export import export as export_run
+from ...app.convert import export as export_run
 from ..console import listening, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption

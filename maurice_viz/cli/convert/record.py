@@ -64,7 +64,7 @@ def record(
     json_output: JsonOption = False,
 ) -> None:
     """Record a live source into a session log, until it ends or you press Ctrl-C."""
-    from ...app.live import patience_of
+    from ...app.replay import patience_of
 
     topics = ReadingOptions(
         image_topic=image_topic, odometry_topic=odometry_topic, truth_topic=truth_topic, max_dt_s=max_dt

@@ -14,7 +14,7 @@ from maurice_loaders.libraries.store import open_library
 from maurice_mcl.library import ChannelIndex, Library
 
 from ...app.library import build_library
-from ...app.listener import progress_of
+from ...listener import progress_of
 from ...style import scale_for, units_named
 from ..console import listening, results
 from ..errors import one_line_errors

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from ...app.tune import TuningResult
-from ...app.tune import tune as tune_channels
+from ...app.library import TuningResult
+from ...app.library import tune as tune_channels
 from ..console import listening, note, results
 from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption, KeepGoingOption

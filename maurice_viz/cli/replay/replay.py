@@ -60,9 +60,8 @@ def replay(
     as_recorded: AsRecordedOption = False,
 ) -> None:
     """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
-    from ...app.live import LiveOptions
     from ...app.open import RunSpec
-    from ...app.replay import replay_any
+    from ...app.replay import LiveOptions, replay_any
 
     given = settings_of(settings)
     motion = given.pop("motion", None)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ...app.verify import verify as verify_run
+from ...app.saved import verify as verify_run
 from ..console import listening, results
 from ..errors import one_line_errors
 from ..options import JsonOption

@@ -18,9 +18,9 @@ from maurice_loaders.formats.registry import guess
 from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
+from maurice_viz.app.drive import AFTER_RESAMPLING, open_as_recorded, playback_as_recorded
 from maurice_viz.app.open import RunSpec
 from maurice_viz.app.output import OutputOptions, layout_of
-from maurice_viz.app.recorded import AFTER_RESAMPLING, open_as_recorded, playback_as_recorded
 from maurice_viz.app.replay import replay_any
 from maurice_viz.cli.app import app
 from maurice_viz.entities import Phase

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_mcl.analysis.events import RunEvent
-from maurice_viz.app.tracks import NOWHERE, NUMBERS, Collected, Track
+from maurice_viz.app.saved_steps import NOWHERE, NUMBERS, Collected, Track
 from maurice_viz.reports.charts import MAX_POINTS, px, thin_chart, ticks
 from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
 from maurice_viz.reports.make import _environment
