@@ -12,9 +12,9 @@ from enum import IntEnum
 
 from .style import font_safe
 
-STEP = "step"  # sequence: the number of the picture; on it one sees the weighted cloud
+STEP = "step"  # sequence: the number of the picture; shows the weighted cloud
 SESSION = "session"  # duration in seconds since the session's first record
-PHASE = "phase"  # sequence: 6 * step + slot; on it one walks through one update
+PHASE = "phase"  # sequence: 6 * step + slot; shows the phases of one update
 TIMELINES = (STEP, SESSION, PHASE)
 
 PHASES_PER_STEP = 6  # phases of one update on the phase timeline, whether or not they are filled
@@ -67,12 +67,12 @@ class RunPaths:
             raise ValueError(f"a run's label is a word without '/', not one of {RESERVED}: {self.label!r}")
 
     def at(self, *parts: str) -> str:
-        """Return the path of something of this run: `at("belief", "particles")`."""
+        """Return a path below this run: `at("belief", "particles")`."""
         return "/".join(("", escaped(self.label), *parts))
 
     @property
     def particles(self) -> str:
-        """The cloud: Points2D, one a particle."""
+        """The cloud: Points2D, one per particle."""
         return self.at("belief", "particles")
 
     @property
@@ -82,12 +82,12 @@ class RunPaths:
 
     @property
     def moves(self) -> str:
-        """How particles moved in this update: LineStrips2D, on the phase timeline alone."""
+        """How particles moved in this update: LineStrips2D, on the phase timeline only."""
         return self.at("belief", "moves")
 
     @property
     def families(self) -> str:
-        """The paths of a few survivors' ancestors: LineStrips2D, on the phase timeline alone."""
+        """The paths of a few survivors' ancestors: LineStrips2D, on the phase timeline only."""
         return self.at("belief", "families")
 
     @property
@@ -112,7 +112,7 @@ class RunPaths:
 
     @property
     def circles(self) -> str:
-        """Match circles (thesis fig. 34): Points2D, one a library entry."""
+        """Match circles (thesis fig. 34): Points2D, one per library entry."""
         return self.at("match", "circles")
 
     @property
@@ -140,7 +140,7 @@ class RunPaths:
 
     @property
     def text(self) -> str:
-        """What this step did, in words: one TextDocument."""
+        """Text about this step: one TextDocument."""
         return self.at("text")
 
     def histogram(self, channel: str, kind: str) -> str:
@@ -148,7 +148,7 @@ class RunPaths:
         return self.at("histogram", channel, kind)
 
     def trace(self, quantity: str) -> str:
-        """Scalars over the session, one entity a quantity."""
+        """Scalars over the session, one entity per quantity."""
         return self.at("trace", quantity)
 
 
@@ -161,10 +161,10 @@ RUNS_KEY = "/compare/key/runs"
 BELIEF_KEY = "/compare/key/belief"
 CIRCLE_KEY = "/compare/key/circles"
 POSITION_DIFFERENCE = (
-    "/compare/trace/position"  # Scalars, one a run but the first: its error minus the first's
+    "/compare/trace/position"  # Scalars, one per run but the first: its error minus the first's
 )
 HEADING_DIFFERENCE = "/compare/trace/heading"
-APART = "/compare/trace/apart"  # Scalars, one a run but the first: from its estimate to the first's
+APART = "/compare/trace/apart"  # Scalars, one per run but the first: from its estimate to the first's
 
 
 def _of(label: str, *parts: str) -> str:
@@ -182,7 +182,7 @@ def parted_of(label: str) -> str:
 
 
 def truth_of(label: str, own_drive: bool = True) -> str:
-    """The truth that a run is measured by: its own where it replays another drive than the first run."""
+    """The truth of a run: its own if it replays another drive than the first run."""
     return _of(label, "truth") if own_drive else TRUTH
 
 

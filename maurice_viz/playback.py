@@ -24,17 +24,17 @@ class FilterRun:
     label: str  # unique among the runs of a recording
     localizer: Localizer
     start: F64 | None  # (3,) in the map's frame; None: anywhere
-    configuration: str = ""  # what is in force, as TOML
+    configuration: str = ""  # effective configuration, as TOML
 
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """What came of one run."""
+    """The scores of one run."""
 
     label: str
     score: RunScore
     steps_per_s: float | None  # filter steps per second, without decoding and drawing; None before the first
-    against: str | None = None  # label of the run that it is compared with; None: it is the first, or alone
+    against: str | None = None  # label of the run that it is compared with; None: the first or only one
     paired: ComparisonResult | None = None  # how it compares
 
 
@@ -43,7 +43,7 @@ def run_together(
 ) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
     """Step all runs through one session side by side; every picture is decoded once.
 
-    Each run owns its state and its randomness, so that it goes exactly as it would alone.
+    Each run owns its state and its randomness, so that its records are those of a run by itself.
     """
     states = {run.label: run.localizer.initialize(run.start) for run in runs}
     for moment in session.moments():
@@ -56,19 +56,19 @@ def run_together(
 def shared(
     updates: Iterable[tuple[Moment, Mapping[str, StepRecord]]],
 ) -> Iterator[Mapping[str, Step]]:
-    """Give each run of one drive the moment that it shares with the others."""
+    """Yield the updates of runs that share one drive, each run with its moment."""
     for moment, records in updates:
         yield {label: (moment, record) for label, record in records.items()}
 
 
 def aligned(drives: Sequence[Iterable[Mapping[str, Step]]]) -> Iterator[Mapping[str, Step]]:
-    """Put runs of several drives side by side, by the number of the update, as far as the shortest goes."""
+    """Yield updates of several drives together, by their number, until the shortest drive ends."""
     for parts in zip(*drives, strict=False):
         yield {label: step for part in parts for label, step in part.items()}
 
 
 class ResultCollector:
-    """Scores runs while they go; can be asked at any time, also after an interruption."""
+    """Scores runs update by update; results are available at any time, also after an interruption."""
 
     def __init__(
         self,
@@ -88,15 +88,15 @@ class ResultCollector:
             for label in labels[1:]
         }
         self._took_s = dict.fromkeys(labels, 0.0)
-        self.updates = 0  # taken in so far
-        self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, a run
+        self.updates = 0  # added so far
+        self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, per run
 
     def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> Mapping[str, StepComparison]:
-        """Take in one update of every run of one drive; give how all after the first compare with it."""
+        """Add one update of every run of one drive; return how each run compares with the first."""
         return self.add_steps({label: (moment, record) for label, record in records.items()})
 
     def add_steps(self, steps: Mapping[str, Step]) -> Mapping[str, StepComparison]:
-        """Take in one update of every run, each with its own moment."""
+        """Add one update of every run, each with its own moment."""
         self.updates += 1
         for label, (moment, record) in steps.items():
             self.all_zero[label] += ALL_ZERO in record.events
@@ -106,7 +106,7 @@ class ResultCollector:
         return {label: one.see(steps[one.first], steps[label]) for label, one in self._pairings.items()}
 
     def results(self) -> list[RunResult]:
-        """Give a result for each run, in order, as far as it went."""
+        """Return a result for each run, in order, up to now."""
         return [self._result(label, scorer.result()) for label, scorer in self._scorers.items()]
 
     def _result(self, label: str, score: RunScore) -> RunResult:

@@ -1,7 +1,7 @@
 """How things look: display units, the one place where y is flipped, colors, sizes, font-safe texts.
 
-Colors are told apart by people with color-vision deficiencies too: viridis for weights, and for the
-rest the set of Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
+Colors can be distinguished with color-vision deficiencies: viridis for weights, and for the rest the set of
+Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
 have the viewer's, dark or light, so that what is drawn in them must be seen on both: `RUN_COLORS`, `BAR`,
 `TINTS`.
 
@@ -41,8 +41,8 @@ MISSING: RGB = (48, 50, 56)
 EMPTY: RGB = (30, 32, 37)  # of the map, and of a drawing where there is nothing
 PALE: RGB = (170, 174, 184)
 RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
-MOVED: RGB = (86, 180, 233)  # ways of particles in one update
-FAMILY: RGB = (240, 228, 66)  # ways of a few survivors' ancestors
+MOVED: RGB = (86, 180, 233)  # paths of particles in one update
+FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
 HEADINGS: RGB = (86, 180, 233)
 # Okabe and Ito's orange, sky blue, pink and green; the first two darker, or they would be faint on white
@@ -59,10 +59,10 @@ DARKEST = 48  # viridis below this entry cannot be seen on the dark ground
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """What people are shown: everything stored is metres, everything drawn is in these units."""
+    """What people are shown: everything is stored in meters and drawn in these units."""
 
     name: str  # "in" or "m", written beside every number
-    per_m: float  # units in one metre
+    per_m: float  # units in one meter
     digits: int  # decimals that make sense for a position
     grid: float  # smallest step of the ruler, in this unit
     fine: float  # drawn positions are rounded to this, which makes recordings a quarter smaller
@@ -80,13 +80,13 @@ def units_named(name: str) -> Units:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """From metres in the map's frame to what is drawn: display units, y pointing down."""
+    """Converts meters in the map's frame to drawn coordinates: display units, y pointing down."""
 
     units: Units
     origin_m: tuple[float, float] = (0.0, 0.0)  # the map point that is drawn at (0, 0)
 
     def screen(self, xy_m: NDArray[Any]) -> F32:
-        """Turn map points (K, 2) in metres, y up, into drawn points (K, 2) in display units, y down.
+        """Return map points (K, 2) in meters, y up, as drawn points (K, 2) in display units, y down.
 
         Rerun's 2D views have y pointing down and cannot be flipped; this is the only place that knows.
         """
@@ -95,7 +95,7 @@ class Scale:
         return (whole * self.units.fine).astype(np.float32)
 
     def length(self, length_m: float) -> float:
-        """Turn a length into display units."""
+        """Return a length in display units."""
         return length_m * self.units.per_m
 
     def say(self, length_m: float) -> str:
@@ -153,28 +153,27 @@ LUT = _viridis()  # (256,) packed colors, dark to bright
 
 
 def shade(share: NDArray[Any]) -> U32:
-    """Give packed colors (K,) for values (K,) between 0 (dark) and 1 (bright); outside is clipped."""
+    """Return packed colors (K,) for values (K,) between 0 (dark) and 1 (bright); outside is clipped."""
     return np.asarray(LUT[np.clip(np.asarray(share) * 255, 0, 255).astype(np.uint8)], np.uint32)
 
 
 def weight_colors(log_weights: F64, of: int | None = None) -> U32:
-    """Return each particle (N,) a color by its weight against the average, on a log scale.
+    """Return a color for each particle (N,) by its weight against the average, on a log scale.
 
-    The average is 1/N, or one over the number of particles they are `of`.
-
-    The middle of the scale is the average, the ends are 1/8 and 8 times it, in every step alike.
+    The average is 1/N, or one over the number of particles `of`. The middle of the scale is the average; the
+    ends are 1/8 and 8 times it, at every step.
     """
     octaves = (log_weights + np.log(of or len(log_weights))) / np.log(2)
     return shade(0.5 + octaves / (2 * WEIGHT_OCTAVES))
 
 
 def copy_colors(copies: NDArray[Any]) -> U32:
-    """Return each survivor (N,) a color by how often its parent was copied: the same scale, 1 is average."""
+    """Return a color for each survivor (N,) by its number of copies: the same scale, 1 is average."""
     return shade(0.5 + np.log2(np.maximum(copies, 1)) / (2 * WEIGHT_OCTAVES))
 
 
 COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
-DEEPEST = 8.0  # nats under the best place that are still told from nothing
+DEEPEST = 8.0  # nats below the best place that still have a color
 
 
 # Texts that the viewer can show: what its font has no sign for is written as a code.

@@ -17,14 +17,14 @@ from rerun.components import TensorDataBatch
 
 from maurice_mcl.arrays import F32
 
-# Line strips as Arrow data: Rerun's own conversion goes through every strip by itself.
+# Line strips as Arrow data: Rerun's own conversion loops over the strips.
 
 _POINT = pa.field("item", pa.float32(), nullable=False)
 _STRIP = pa.field("item", pa.list_(_POINT, 2), nullable=False)
 
 
 def strips_of(lines: Sequence[F32] | F32) -> Any:
-    """Give lines (M, K, 2), or M lines (K_i, 2), as what `LineStrips2D.from_fields` takes as it is."""
+    """Return lines (M, K, 2), or M lines (K_i, 2), as `LineStrips2D.from_fields` takes them unchanged."""
     points = np.concatenate(lines) if len(lines) else np.zeros((0, 2), np.float32)
     ends = np.cumsum([0, *(len(line) for line in lines)], dtype=np.int32)
     numbers = pa.array(np.ascontiguousarray(points, np.float32).ravel())
@@ -46,7 +46,7 @@ class Mold:
     at: int  # which of them is float32
 
     def cast(self, values: F32) -> Any:
-        """Give the Arrow array of one tensor that holds these values (length,)."""
+        """Return the Arrow array of one tensor with these values (length,)."""
         numbers = pa.Array.from_buffers(pa.float32(), len(values), [None, pa.py_buffer(values)])
         hole = self.kinds[self.at]
         filled = pa.Array.from_buffers(hole.type, 1, hole.buffers()[:2], children=[numbers])
@@ -67,5 +67,5 @@ def mold_for(length: int) -> Mold:
 
 
 def tensor_of(values: F32) -> Any:
-    """Give a vector (D,) as the Arrow array that `rr.BarChart.from_fields(values=...)` takes as it is."""
+    """Return a vector (D,) as the Arrow array that `rr.BarChart.from_fields(values=...)` takes unchanged."""
     return mold_for(len(values)).cast(np.ascontiguousarray(values, np.float32))

@@ -44,12 +44,12 @@ class Extent:
 
 
 def long_side(arena: Arena, scale: Scale) -> float:
-    """Give the longer side of the arena in display units."""
+    """Return the longer side of the arena in display units."""
     return max(scale.length(max(arena.size_m)), scale.units.fine)
 
 
 def arena_extent(arena: Arena, scale: Scale) -> Extent:
-    """Give the rectangle of the arena itself."""
+    """Return the rectangle of the arena itself."""
     x_min, y_min, x_max, y_max = arena.bounds
     corners = scale.screen(np.array([[x_min, y_max], [x_max, y_min]]))
     (left, top), (right, bottom) = corners.tolist()
@@ -57,7 +57,7 @@ def arena_extent(arena: Arena, scale: Scale) -> Extent:
 
 
 def map_extent(arena: Arena, scale: Scale) -> Extent:
-    """Give the rectangle that a map view shows: the arena, its ruler and the key above it."""
+    """Return the rectangle that a map view shows: the arena, its ruler and the key above it."""
     inner, side = arena_extent(arena, scale), long_side(arena, scale)
     return Extent(
         inner.left - MARGIN["left"] * side,
@@ -107,7 +107,7 @@ def _fill_arena(canvas: Canvas, arena: Arena, scale: Scale) -> None:
 
 
 def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:
-    """Fill a floor with its color; wood has planks and carpet has dots, so that color is not all."""
+    """Fill a floor with its color; planks for wood and dots for carpet also show without color."""
     color = FLOORS.get(name.lower(), OTHER_FLOORS[number % len(OTHER_FLOORS)])
     tile = np.full((24, 24, 3), color, np.uint8)
     if name.lower() == "wood":
@@ -146,12 +146,12 @@ def _put_name(image: U8, name: str, polygon: F64, at_top: bool, text_px: float) 
 
 
 def _is_bare(part: U8) -> bool:
-    """Tell whether part of the drawing (h, w, 3) holds neither obstacle nor text."""
+    """Return whether part of the drawing (h, w, 3) is free of obstacles and text."""
     return not any((part == color).all(axis=2).any() for color in (OBSTACLE, PALE))
 
 
 def ticks(low: float, high: float, smallest: float) -> list[float]:
-    """Give round values from low to high, at most `MOST_TICKS`, a multiple of `smallest` apart."""
+    """Return round values from low to high, at most `MOST_TICKS`, spaced by a multiple of `smallest`."""
     step = smallest
     while (high - low) / step >= MOST_TICKS:
         power = 10 ** int(np.floor(np.log10(step / smallest) + 1e-9))

@@ -26,7 +26,7 @@ ENTRY_AT_PX, QUALITY_AT_PX = 24, 78  # where in a cell these captions begin
 WIDTH_OF_A_LETTER = 0.78  # in text heights, on average in a caption
 NOT_KEPT = "picture not kept"
 GAP_PX = 6
-TRIED = 16  # pictures that are tried before their shape is given up on
+TRIED = 16  # pictures that are tried before a usual shape is assumed
 KEPT = 640  # cells in memory, at most about 50 MB: matches come back, and reading one costs 0.5 ms
 
 
@@ -40,7 +40,7 @@ class Match:
 
 
 def best_matches(comparison: Comparison) -> tuple[Match, ...]:
-    """Give the best entries, best first; fewer than five where the library has fewer."""
+    """Return the best entries, best first; fewer than five if the library has fewer."""
     ranking = comparison.best(BEST).tolist()
     return tuple(
         Match(rank, entry, float(comparison.quality[entry])) for rank, entry in enumerate(ranking, 1)
@@ -60,7 +60,7 @@ class ContactSheet:
         self._height = cell_height(self.library.pictures)
 
     def draw(self, matches: Sequence[Match]) -> U8:
-        """Draw one row, always five wide so that the sheet does not jump: (H, W, 3) RGB."""
+        """Draw one row, always five wide so that the sheet keeps its size: (H, W, 3) RGB."""
         cells = [self._cell(match.entry) for match in matches]
         cells += [_empty(self._height) for _ in range(len(matches), BEST)]
         sheet = np.concatenate(cells, axis=1)
@@ -96,7 +96,7 @@ class ContactSheet:
 
 @lru_cache(maxsize=KEPT)
 def thumbnail_of(path: Path, height: int) -> U8 | None:
-    """Read a picture and make it a cell wide (height, CELL_PX, 3); kept for all runs, read only."""
+    """Return a picture in a cell's size (height, CELL_PX, 3), read-only and cached; None if unreadable."""
     image = read_picture(path)
     if image is None:
         return None
@@ -106,7 +106,7 @@ def thumbnail_of(path: Path, height: int) -> U8 | None:
 
 
 def cell_height(pictures: Sequence[Path | None]) -> int:
-    """Give the height in pixels of a picture in its cell: the shape of the first one that can be read."""
+    """Return the height in pixels of a picture in its cell, by the shape of the first readable one."""
     kept = [path for path in pictures if path is not None]
     for path in kept[:TRIED]:
         image = read_picture(path)
@@ -117,7 +117,7 @@ def cell_height(pictures: Sequence[Path | None]) -> int:
 
 
 def read_picture(path: Path) -> U8 | None:
-    """Read a picture (H, W, 3) RGB; None when it is missing or broken."""
+    """Read a picture (H, W, 3) RGB; None if it is missing or damaged."""
     try:
         data = np.frombuffer(path.read_bytes(), np.uint8)
     except OSError:
@@ -139,5 +139,5 @@ def _empty(height: int) -> U8:
 
 
 def _fitting(text: str) -> float:
-    """Give the text height at which a caption fits into its cell; measuring it would take 0.1 ms."""
+    """Return the text height at which a caption fits into its cell, estimated: measuring takes 0.1 ms."""
     return min(TEXT_PX, (CELL_PX - 4) / (WIDTH_OF_A_LETTER * len(text)))

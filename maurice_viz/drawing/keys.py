@@ -117,7 +117,7 @@ def _arrow(color: RGB) -> U8:
 
 
 def line_key(lines: Sequence[tuple[str, RGB, float]]) -> U8:
-    """Draw what lines of a plot mean, by name, color and width, in as many rows as they need."""
+    """Draw the key of a plot's lines, by name, color and width, in as many rows as they need."""
     at, row, places = 24, 0, []
     for name, _, _ in lines:
         needed = LINE_PX + 10 + text_size(name, LINE_TEXT_PX)[0]
@@ -171,7 +171,7 @@ def runs_key(labels: Sequence[str], has_truth: bool) -> U8:
 
 
 def _drawable(label: str, number: int) -> str:
-    """Name a color where a label is in a script that cannot be drawn; panels of words have both."""
+    """Return the label, or the run's color if its script cannot be drawn; text panels have both."""
     return COLOR_WORDS[number] if ascii_of(label).count("?") > label.count("?") else label
 
 

@@ -13,23 +13,23 @@ from ..style import RGB
 
 FONT = cv2.FONT_HERSHEY_DUPLEX
 EDGE_GAIN = 3
-JPEG_QUALITY = 90  # 60 microseconds for 176 x 144; lower is hardly quicker and shows
+JPEG_QUALITY = 90  # 60 microseconds for 176 x 144; a lower one is hardly faster and visible
 
 
 def ascii_of(text: str) -> str:
-    """Write a text in ASCII, which is all that OpenCV's fonts have: accents go, the rest becomes '?'."""
+    """Return a text in ASCII, which is all that OpenCV's fonts have: accents are dropped, others become '?'."""
     bare = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
     return bare.encode("ascii", "replace").decode("ascii")
 
 
 def text_size(text: str, height_px: float) -> tuple[int, int]:
-    """Give width and height in pixels of a text whose capitals are `height_px` high."""
+    """Return width and height in pixels of a text whose capitals are `height_px` high."""
     (width, height), _ = cv2.getTextSize(ascii_of(text), FONT, _font_scale(height_px), 1)
     return width, height
 
 
 def put_text(image: U8, text: str, left: float, base: float, height_px: float, color: RGB) -> None:
-    """Write a text on an image of one's own, its lower left corner at (left, base)."""
+    """Write a text on an image, in place, with its lower left corner at (left, base)."""
     at = (round(left), round(base))
     thickness = max(1, round(height_px / 26))
     cv2.putText(image, ascii_of(text), at, FONT, _font_scale(height_px), color, thickness, cv2.LINE_AA)
@@ -40,7 +40,7 @@ def _font_scale(height_px: float) -> float:
 
 
 def brightened(edges: U8) -> U8:
-    """Make an edge image (H, W, 3) `EDGE_GAIN` times as bright, for the eye only: most edges are faint."""
+    """Return an edge image (H, W, 3) `EDGE_GAIN` times as bright, for display only: most edges are faint."""
     return np.asarray(cv2.convertScaleAbs(edges, alpha=EDGE_GAIN), np.uint8)
 
 

@@ -18,12 +18,12 @@ Column = tuple[str, Explained | None]  # which reference; None: the truth is not
 
 
 def columns_of(has_truth: bool) -> tuple[str, ...]:
-    """Name the references that have a column."""
+    """Return the references that have a column."""
     return (TRUTH, ESTIMATE, WINNER) if has_truth else (ESTIMATE, WINNER)
 
 
 def columns(step: StepExplanation, has_truth: bool) -> list[Column]:
-    """Return the content of each column; their number is always the same."""
+    """Return the content of each column; always the same number of columns."""
     return [(who, step.of(who)) for who in columns_of(has_truth)]
 
 

@@ -1,4 +1,4 @@
-"""Why the best reference wins and where others lose, in plain sentences.
+"""Why the best reference wins and where others lose, in sentences.
 
 The elements of a channel stand in planes of equal length (the red bins, the green ones, ...). A run of them
 lies within one plane and has a name: "blue 96 to 119". A channel that is not known here has one plane.
@@ -29,7 +29,7 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS
 
 from ..style import Scale
 
-# Names of the elements of a descriptor, which tell where two pictures differ.
+# Names of the elements of a descriptor: they locate where two pictures differ.
 
 COLORS = ("red", "green", "blue")
 PARTS = color_grid.COLUMNS * color_grid.ROWS
@@ -71,7 +71,7 @@ def _chromaticity(red: int, first: int, last: int) -> str:
 
 
 def _raster(rows: int, columns: int, numbers: int) -> Name:
-    """Name cells of a raster over the picture, row by row, with this many numbers per cell."""
+    """Return names for cells of a raster over the picture, row by row, with this many numbers per cell."""
 
     def name(row: int, first: int, last: int) -> str:
         at, left, right = f"row {row + 1} of {rows}", first // numbers, last // numbers
@@ -133,7 +133,7 @@ KNOWN: Mapping[str, tuple[int, Planes]] = {
 }
 
 
-# Why the winner wins and where others lose, in plain sentences.
+# Why the winner wins and where others lose, in sentences.
 
 LITTLE = 0.05  # nats: less is no reason
 MOST_LISTED = 3  # channels that a sentence lists
@@ -250,7 +250,7 @@ def say_behind(nats: float) -> str:
 
 
 def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
-    """Name the channel that costs most, where in it, and the others."""
+    """Return the channel that costs most, where in it, and the others."""
     costs = entry.lost_to(winner)
     order = np.argsort(-costs, kind="stable")
     first = int(order[0])
@@ -282,7 +282,7 @@ def _weighed(step: StepExplanation) -> str:
         parts.append(f"{at} (its nearest reference alone: {entry.log_likelihood:.1f})")
     if not parts:
         return ""
-    start = "Particles are weighed by the references around them, those in between as well"
+    start = "Particles are weighed by the references around them, virtual ones included"
     return f"{start}: one {', one '.join(parts)}."
 
 

@@ -1,7 +1,7 @@
-"""Two to four runs side by side: one column a run, and between them what they share.
+"""Two to four runs side by side: one column per run, and between them what they share.
 
-Columns are narrow where there are three or four runs, so titles are short there and a run's histograms are
-left to its own tab of the layout `overview`.
+Columns are narrow with three or four runs, so titles are short, and the histograms of a run are only in its tab
+of the layout `overview`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ..scene import RunView, SceneInfo
 
 
 def layout(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
-    """Lay out runs: half of them left of what they share, the others right of it, in their order."""
+    """Lay out the runs in order: half of them left of what they share, the others right of it."""
     side, shared = (_wide, _wide_shared) if len(runs) < NARROW_FROM else (_narrow, _narrow_shared)
     columns = [side(run, number, len(runs), scene) for number, run in enumerate(runs)]
     half = len(runs) // 2

@@ -1,4 +1,4 @@
-"""A drive by itself: where it went, what was seen, what the wheels measured."""
+"""A drive by itself: its path, its pictures, its odometry."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..panels.views import FPS, window
 
 
 def drive_blueprint(drive: DriveView) -> rrb.Blueprint:
-    """Lay out what there is of a drive: the path left, pictures and what was measured right."""
+    """Lay out a drive: the path left, pictures and measurements right, as far as it has them."""
     left, right = _left(drive), _right(drive)
     if right is None:
         body: rrb.Container = left

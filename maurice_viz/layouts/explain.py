@@ -23,7 +23,7 @@ from ..panels.views import window
 from ..scene import RunView, SceneInfo
 
 LEFT_SHARE = 1.9  # how much higher than the words a square map is
-FEW_CHANNELS = 4  # beyond it the table gets more of the screen
+FEW_CHANNELS = 4  # with more, the table gets more of the screen
 
 
 def layout(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
@@ -44,7 +44,7 @@ def layout(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
 
 
 def map_share(scene: SceneInfo) -> float:
-    """Return how much higher than the words the map is: as its shape needs, within limits."""
+    """Return the height of the map relative to the text: as its shape needs, within limits."""
     extent = map_extent(scene.arena, scene.scale)
     return float(np.clip(LEFT_SHARE * extent.height / extent.width, 1.0, 2.6))
 

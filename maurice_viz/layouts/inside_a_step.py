@@ -1,4 +1,4 @@
-"""One update from the inside: walk through it on the timeline `phase`."""
+"""One update from the inside: its phases are on the timeline `phase`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..scene import RunView, SceneInfo
 
 
 def layout(run: RunView, scene: SceneInfo) -> rrb.Container:
-    """The cloud large; what it was weighed by, which way it looks and whom it comes from beside it."""
+    """Lay out one run: the cloud large; likelihoods, headings, ancestors and evidence beside it."""
     paths = RunPaths(run.label)
     cloud = rrb.Vertical(
         closeup_view(paths, scene, ": moves blue, ancestors yellow, died red, new pink"),

@@ -1,4 +1,4 @@
-"""Names of layouts and details, apart from what they mean: the command line lists them without Rerun."""
+"""Names of layouts and details on their own: the command line lists them without importing Rerun."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Another localizer's recorded clouds: nothing was compared here, so there is nothing about references."""
+"""Another localizer's recorded clouds: nothing is known about references."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..scene import RunView, SceneInfo
 
 
 def overview(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
-    """Lay out one run: the arena and the words left, the cloud from near in the middle, traces right."""
+    """Lay out one run: the arena and the words left, the close-up in the middle, traces right."""
     (run,) = runs
     paths = RunPaths(run.label)
     left = rrb.Vertical(
@@ -30,7 +30,7 @@ def overview(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
 
 
 def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
-    """Plot one quantity a panel."""
+    """Plot one quantity per panel."""
     labels = [run.label for run in runs]
     columns = [error_plots(labels, scene)] if scene.has_truth else []
     columns.append(cloud_plots(labels, scene))

@@ -1,4 +1,4 @@
-"""All layouts by name: tabs of one blueprint, so that the viewer can change from one to another."""
+"""All layouts by name: tabs of one blueprint, so that the viewer can switch between them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
 
 
 def _a_tab_a_run(one: Callable[[RunView, SceneInfo], rrb.Container]) -> Layout:
-    """Make a layout of many runs from one of a single run."""
+    """Return a layout of several runs, one tab per run, from that of a single run."""
 
     def layout(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
         if len(runs) == 1:
@@ -42,16 +42,16 @@ RECORDED: Mapping[str, Layout] = {"overview": recorded.overview, "traces": recor
 
 
 def usual(runs: Sequence[RunView]) -> str:
-    """Name the layout that is shown first: one run by itself, more side by side."""
+    """Return the layout that is shown first: "overview" for one run, "compare" for several."""
     return "overview" if len(runs) == 1 else "compare"
 
 
 def runs_blueprint(
     runs: Sequence[RunView], scene: SceneInfo, first: str | None = None, *, live: bool = False
 ) -> rrb.Blueprint:
-    """Return a blueprint with a tab a layout; `first` names the one that is open. KeyError for others.
+    """Return a blueprint with one tab per layout, the tab `first` open.
 
-    `live` makes the viewer follow what comes.
+    `live` makes the viewer follow new updates. Raises ValueError if `first` is not one of the tabs.
     """
     layouts = LAYOUTS if any(run.channels for run in runs) else RECORDED
     names = [name for name in layouts if name != "compare" or len(runs) > 1]

@@ -1,4 +1,4 @@
-"""Everything that is one number an update, over the whole session."""
+"""All quantities with one number per update, over the session."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..scene import RunView, SceneInfo
 
 
 def layout(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
-    """Plot one quantity a panel, a line a run."""
+    """Plot one quantity per panel, one line per run."""
     labels = [run.label for run in runs]
     who = who_is_who(labels)  # stands in the first title
     columns = []
@@ -34,7 +34,7 @@ def layout(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
 
 
 def _last(runs: Sequence[RunView]) -> rrb.Vertical:
-    """Plot evidence, a panel a run, over the key of its lines and the events."""
+    """Plot evidence, one panel per run, over the key of its lines and the events."""
     titles = {run.label: f"{run.label}: " if len(runs) > 1 else "" for run in runs}
     evidence = [evidence_plot(RunPaths(run.label), titles[run.label]) for run in runs]
     by_channels = {run.channels: run for run in reversed(runs)}  # the same channels have the same key

@@ -1,4 +1,4 @@
-"""The belief on the map: the cloud through one update, seen whole and from near, with estimate and truth."""
+"""The belief: the cloud through one update, on the map and in a close-up, with estimate and truth."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ DEAD_PARTICLE = 0.9
 FRESH: RGB = (255, 120, 220)  # drawn anew in this step
 SETTLED: RGB = (120, 124, 134)  # all others, while the fresh ones are shown
 FRESH_PARTICLE = 2.5
-FEW = 300  # particles where little detail is asked for
+FEW = 300  # particles drawn in updates with less detail
 TRAIL = 25  # poses of a trail that are kept: more would bury the cloud, and cost more the longer it runs
 ARROW = 0.055  # length of a heading arrow, as a share of the arena's long side
 
@@ -53,8 +53,8 @@ BARS: dict[str, tuple[float, ...]] = {  # lengths of the bar, by unit
 }
 BARS_WIDE = 4.0  # the frame reaches so many bars from its middle
 REACH = 3.0  # standard deviations of the cloud that are seen at least
-ASIDE = 0.2  # of the frame: a cloud that is further from its middle brings it along
-LOOSE = 0.35  # of the frame: a smaller cloud brings the frame nearer
+ASIDE = 0.2  # of the frame: the frame follows a cloud farther from its middle
+LOOSE = 0.35  # of the frame: a smaller cloud makes the frame smaller
 KEY_WIDTH = 1.5  # of the key above, in frames (the frame is 2 wide)
 LEFT, TOP, BOTTOM = -0.96, -0.98, 0.93
 
@@ -70,7 +70,7 @@ class CloudPanel(Panel):
         prepare_cloud(rec, self._path)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the cloud in every phase in which it looks different."""
+        """Log the cloud in every phase that changes it."""
         moment, record, scale = update.moment, update.record, self._scale
         set_phase(rec, moment, Phase.PREDICT)
         draw_cloud(rec, self._path, record.predicted if update.whole else few_of(record.weighted), scale)
@@ -105,9 +105,9 @@ def draw_cloud(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale)
 
 
 def resampled_points(record: StepRecord) -> rr.Points2D:
-    """Return new looks of the weighted particles: sized and colored by their copies, the dead small and red.
+    """Return sizes and colors of the weighted particles by their copies, the dead small and red.
 
-    Copies stand where their parent stood, so nothing has moved; fresh particles come in the next phase.
+    Copies are at their parent's pose, so nothing has moved; fresh particles come in the next phase.
     """
     copies = copies_of(record.parents, record.weighted.size)
     gone = copies == 0
@@ -181,27 +181,27 @@ class PoseMarker:
 
 
 def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
-    """Make the marker of the true pose: white, the larger one, so that it shows under the estimate."""
+    """Return the marker of the true pose: white and larger, so that it is visible under the estimate."""
     return PoseMarker(path, TRUTH, 6.0, 40.0, scale, ARROW * long_side(arena, scale))
 
 
 def estimate_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
-    """Make the marker of an estimate."""
+    """Return the marker of an estimate."""
     return PoseMarker(path, ESTIMATE, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
 
 
 class TruthPanel(Panel):
-    """Draws where the robot really is."""
+    """Draws the true pose."""
 
     def __init__(self, run: DrawnRun) -> None:
         self._marker = truth_marker(entities.TRUTH, run.library.arena, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the marker's looks."""
+        """Log what does not change."""
         self._marker.prepare(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the true pose, where it is known."""
+        """Log the true pose if it is known."""
         if update.moment.truth is not None:
             set_phase(rec, update.moment, Phase.PREDICT)
             self._marker.draw(rec, update.moment.truth)
@@ -214,7 +214,7 @@ class EstimatePanel(Panel):
         self._marker = estimate_marker(run.paths.estimate, run.library.arena, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the marker's looks."""
+        """Log what does not change."""
         self._marker.prepare(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -224,9 +224,9 @@ class EstimatePanel(Panel):
 
 
 class CloseupPanel(Panel):
-    """Moves the frame of a view that follows the cloud, with a bar that shows the scale.
+    """Moves the frame of a view that follows the cloud, with a scale bar.
 
-    What is drawn on the map is seen in it too: only place and size of the frame are logged.
+    The view shows the entities of the map: only place and size of the frame are logged.
     """
 
     def __init__(self, run: DrawnRun) -> None:
@@ -257,13 +257,13 @@ class CloseupPanel(Panel):
         )
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Bring the frame to the cloud, if it does not show it well."""
+        """Move the frame to the cloud if it does not show it well."""
         mean = update.record.mean_estimate
         needed = REACH * self._scale.length(float(np.hypot(*mean.sd_m))) / BARS_WIDE
         resized = not LOOSE * self._bar < needed <= self._bar
         at = self._scale.screen(mean.pose[None, :2])[0]
         if not resized and np.abs(at - self._at).max() < ASIDE * self._bar * BARS_WIDE:
-            return  # a view that stands still is easier to read, and costs nothing
+            return  # a still view is easier to read and costs nothing
         set_phase(rec, update.moment, Phase.PREDICT)
         if resized:
             unit = self._scale.units.name
@@ -288,7 +288,7 @@ def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
 
 
 def closeup_view(paths: RunPaths, scene: SceneInfo, colors: str = "") -> rrb.Spatial2DView:
-    """Show the cloud from near, with the meaning of `colors` in the title."""
+    """Show the close-up of the cloud; `colors` explains colors in the title."""
     contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return rrb.Spatial2DView(

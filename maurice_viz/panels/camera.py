@@ -1,4 +1,4 @@
-"""What was seen: the camera's picture, its edges, and a strip of the last updates."""
+"""What the robot saw: the camera's picture, its edges, and a strip of the last updates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..style import ESTIMATE, GROUND, MISSING, PALE, RGB, TRUTH
 from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
 from .views import picture_view, plane_view
 
-EDGES_QUALITY = 75  # a drawing made for the eye; the channel measures the picture itself
+EDGES_QUALITY = 75  # for display; the channel measures the picture itself
 
 
 class CameraPanel(Panel):
@@ -31,11 +31,11 @@ class CameraPanel(Panel):
         pass
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what kind of pictures will come."""
+        """Log the media type."""
         prepare_camera(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the picture; in the very first phase, in which none has been taken, gray."""
+        """Log the picture; in the very first phase, before a picture is taken, a gray one."""
         image = update.moment.frame.image
         if update.whole and update.is_first:
             set_phase_only(rec, update.moment, Phase.PREDICT)
@@ -49,19 +49,19 @@ class CameraPanel(Panel):
 
 
 def prepare_camera(rec: rr.RecordingStream) -> None:
-    """Log what kind of pictures camera and edges are."""
+    """Log the media type of camera and edges, static."""
     for path in (entities.CAMERA, entities.EDGES):
         prepare_jpeg(rec, path)
 
 
 def draw_camera(rec: rr.RecordingStream, image: U8) -> None:
-    """Log a picture (H, W, 3) RGB and its edge image, which is what the edge channel measures."""
+    """Log a picture (H, W, 3) RGB and its edge image, which the edge channel measures."""
     draw_jpeg(rec, entities.CAMERA, jpeg(image))
     draw_jpeg(rec, entities.EDGES, jpeg(brightened(edge_image(image)), EDGES_QUALITY))
 
 
 def prepare_jpeg(rec: rr.RecordingStream, path: str, order: float | None = None) -> None:
-    """Log once what kind of pictures will come."""
+    """Log the media type, static."""
     kind = rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=order)
     rec.log(path, kind, static=True)
 
@@ -80,8 +80,8 @@ FILM_QUALITY = 70
 class FilmstripPanel(Panel):
     """Draws the last updates: what was seen, and the references at the truth and at the estimate.
 
-    A strip has a column an update, the latest one at the right. Columns stand in a row that only grows; at
-    each update the new one takes the place of the oldest, and the row as a whole is moved to the left.
+    A strip has one column per update, the latest at the right. Columns are in a row that only grows: at each
+    update the new one replaces the oldest, and the row is moved to the left.
     """
 
     def __init__(self, run: DrawnRun) -> None:
@@ -92,7 +92,7 @@ class FilmstripPanel(Panel):
         self._height = cell_height(run.library.pictures)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what kind of pictures will come, and gray columns where none is yet."""
+        """Log the media type, and gray columns in place of updates to come."""
         rows = len(ROWS) if self._has_truth else len(ROWS) - 1
         gray = np.concatenate([self._cell(None, "", PALE)] * rows)
         for slot in range(COLUMNS):
@@ -160,5 +160,5 @@ def filmstrip_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show what was seen in the last updates, over the references at the truth and at the estimate."""
     rows = len(ROWS) if scene.has_truth else len(ROWS) - 1
     width, height = COLUMNS * (CELL_PX + GAP_PX) - GAP_PX, rows * (scene.picture_height + CAPTION_PX)
-    name = f"Last {COLUMNS} updates: seen, and the references there"
+    name = f"Last {COLUMNS} updates: picture over references"
     return plane_view(name, f"{paths.at('film')}/**", Extent(0, width, 0, height))

@@ -45,12 +45,12 @@ from .traces import LINE
 from .views import MAP, Overrides, picture_view, plane_view, plot
 
 LONGEST = 12  # letters of a label in a title of the shared column
-DOTS = 200  # of each cloud on the shared map: four clouds of thousands would hide each other
+DOTS = 200  # per cloud on the shared map: four full clouds would hide each other
 DOT = 1.5  # radius in points of the screen
 
 
 class ComparisonDrawing:
-    """Draws into the recording of runs that are observed side by side. The first run is the measure.
+    """Draws what runs share in a recording of several. All are compared with the first run.
 
     `other_drives` are labels of runs that replay another drive, whose camera and truth are drawn here.
     """
@@ -96,7 +96,7 @@ class ComparisonDrawing:
         self._rec.log(TEXT, rr.TextDocument.from_fields(text=font_safe(self._words.at(steps, pairs))))
 
     def end(self, results: Sequence[RunResult]) -> None:
-        """Log how the runs compare over the whole drive, as far as it went."""
+        """Log how the runs compare over the drive so far."""
         text = result(results, self._scale.units)
         self._rec.log(RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
@@ -165,10 +165,10 @@ class ComparisonDrawing:
 
 
 def by_weight(weights: F64, count: int) -> I32:
-    """Choose at most `count` particles of weights (N,), as densely as the weight lies, without randomness."""
+    """Return at most `count` particles of weights (N,) in proportion to their weight, without randomness."""
     ends = np.cumsum(weights)
     chosen = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1])
-    return np.asarray(chosen[np.diff(chosen, prepend=-1) > 0], np.int32)  # each once: they are in order
+    return np.asarray(chosen[np.diff(chosen, prepend=-1) > 0], np.int32)  # each once, in order
 
 
 def _places(belief: Belief, chosen: I32) -> F64:
@@ -176,21 +176,21 @@ def _places(belief: Belief, chosen: I32) -> F64:
 
 
 def distance_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
-    """Plot how far estimates are from the first run's; of other drives nothing is to be seen."""
+    """Plot distances to the first run's estimate; none if all runs replay other drives."""
     if all(run.own_drive for run in runs[1:]):
         return []
     contents = [APART, *(parted_of(run.label) for run in runs[1:])]
-    return [plot(f"Apart from {first_label(runs)} ({scene.scale.units.name})", contents)]
+    return [plot(f"Distance to {first_label(runs)} ({scene.scale.units.name})", contents)]
 
 
 def first_label(runs: Sequence[RunView]) -> str:
-    """Name the first run in a title; a long name would be cut off there."""
+    """Return a name for the first run in titles, where a long label would be cut off."""
     label = runs[0].label
     return label if len(label) <= LONGEST else "the first"
 
 
 def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
-    """Show one run's cloud; the title says by which color it is known elsewhere."""
+    """Show one run's cloud; the title names the run's color in shared panels."""
     contents = [*MAP, NODES, BELIEF_KEY, f"{RunPaths(run.label).at('belief')}/**"]
     contents += [f"{truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     name = f"{run.label}, {COLOR_WORDS[number]}: belief ({scene.scale.units.name})"
@@ -211,14 +211,14 @@ def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DVie
             kind.from_fields(colors=[color]) for kind in (rr.Points2D, rr.Arrows2D, rr.LineStrips2D)
         ]
     key = runs_key(labels, scene.has_truth)
-    name = f"All on one map ({scene.scale.units.name})"
+    name = f"All runs on one map ({scene.scale.units.name})"
     return plane_view(
         name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale), overrides
     )
 
 
 def camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
-    """Show what the robot saw; of different drives, each one's camera in place of the edges."""
+    """Show camera and edges; for runs of different drives, each drive's camera."""
     own = [run.label for run in runs if run.own_drive]
     if not own:
         return [camera_view(), edges_view()]
@@ -237,6 +237,6 @@ def heading_difference_plot() -> rrb.TimeSeriesView:
 
 
 def comparison_words() -> rrb.Tabs:
-    """Show how the runs compare, at this step and over the whole drive."""
+    """Show how the runs compare, at this step and over the drive."""
     this_step = rrb.TextDocumentView(name="This step", origin=TEXT)
     return rrb.Tabs(this_step, rrb.TextDocumentView(name="Whole drive", origin=RESULT), active_tab=0)

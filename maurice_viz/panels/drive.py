@@ -37,7 +37,7 @@ LEAST_M = 1.0  # free on each side of them
 
 
 class KnownMoment(Protocol):
-    """What is known of a moment without its picture."""
+    """A moment without its picture."""
 
     @property
     def motions(self) -> F64:
@@ -51,19 +51,19 @@ class KnownMoment(Protocol):
 
     @property
     def events(self) -> tuple[str, ...]:
-        """What the log says."""
+        """Events in the log."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivePaths:
-    """What is known of a drive beforehand."""
+    """The paths of a drive and what it holds, known before it is drawn."""
 
     moments: int
     events: int
     moves: bool  # whether there is any odometry
     begins: F64 | None  # (3,) where the path by odometry begins on the map; None: neither truth nor odometry
-    measured: F64  # (K, 2) in metres on the map, by odometry alone
+    measured: F64  # (K, 2) in meters on the map, by odometry alone
     true: F64  # (T, 2)
 
     @property
@@ -84,7 +84,7 @@ class DrivePaths:
 
 
 def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
-    """Go through a drive once. The path by odometry is laid so that it meets the truth where that begins."""
+    """Read a drive once. The path by odometry is placed so that it meets the first true pose."""
     own, measured, true = np.zeros(3), SimplifiedPath(MOST), SimplifiedPath(MOST)
     begins, count, events, moves = info.start, 0, 0, False
     for one in known:
@@ -114,12 +114,12 @@ def _laid(points: F64, begins: F64) -> F64:
 ODOMETRY = "/session/odometry"
 EVENTS = "/session/events"
 TEXT = "/session/text"
-PATHS = "/world/ways"  # under it truth and odometry, whole and faint
+PATHS = "/world/ways"  # below it truth and odometry, complete and faint
 HISTOGRAM = "/session/histogram"  # under it a channel each, under that a plane each
 TRACE = "/session/trace"
 SHOWN = ("color", "edges")  # channels whose vectors are drawn, of those there are
 NOWHERE = Arena((0.0, 0.0, 10.0, 10.0), np.zeros((0, 4)))  # for the size of arrows only
-FAINT = 90  # opacity of the whole paths, of 255
+FAINT = 90  # opacity of the complete paths, of 255
 PLANE_COLORS: tuple[RGB, ...] = ((200, 60, 50), (50, 160, 80), (60, 110, 230))
 BY_ODOMETRY, BY_TRUTH = RUN_COLORS[0], RUN_COLORS[1]
 LINES: dict[str, RGB] = {
@@ -128,13 +128,13 @@ LINES: dict[str, RGB] = {
     "apart": BY_ODOMETRY,
     "brightness": RUN_COLORS[2],
 }
-DIGITS = 6  # of what is plotted: of a steady drive the axis would else show what rounding left
+DIGITS = 6  # of plotted values: else the axis of a steady drive would show rounding errors
 DOTS = ("forward/truth", "turn/truth")
 
 
 @dataclass(frozen=True, slots=True)
 class DriveView:
-    """What is drawn of a drive, known beforehand."""
+    """A drive to draw, and what is known before its first moment."""
 
     info: SessionInfo
     paths: DrivePaths
@@ -148,7 +148,7 @@ class DriveView:
 
     @property
     def scale(self) -> Scale:
-        """From metres to what is drawn."""
+        """The scale from meters to drawn units."""
         return scale_for(self.info.display_units, self.arena or NOWHERE)
 
     @property
@@ -255,22 +255,22 @@ class _Pen:
         self.rec.log(f"{TRACE}/{quantity}", rr.Scalars(round(value, DIGITS)))
 
     def _words(self, moment: Moment) -> str:
-        """Say what is known of this moment, and what to do next."""
+        """Return what is known about this moment, and what to do next."""
         frame, scale = moment.frame, self.drive.scale
         what = "Picture" if self.drive.pictures else "Moment"
         parts = [f"### {what} {frame.step}, {frame.time_s:.2f} s"]
         if self.drive.paths.moves:
             parts.append(f"By odometry the robot {said_motion(frame.motions, scale)}.")
         if moment.truth is not None:
-            parts.append(f"It really was at {scale.say_pose(moment.truth)}.")
-        parts += [f"The log says: {text}." for text in moment.events[:3]]
+            parts.append(f"True pose: {scale.say_pose(moment.truth)}.")
+        parts += [f"Log: {text}." for text in moment.events[:3]]
         if self.drive.pictures and frame.picture:
             parts.append(f"`{frame.picture}`, {frame.image.shape[1]} x {frame.image.shape[0]} px")
         return "\n\n".join([*parts, self.drive.advice])
 
 
 def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:
-    """Draw one plane's bins (B,), each plane 1 wide: red from 0 to 1, green to 2, blue to 3."""
+    """Return the bars of one plane (B,), each plane 1 wide: red from 0 to 1, green to 2, blue to 3."""
     bins = len(values)
     at = plane + (np.arange(bins) + 0.5) / bins
     return rr.BarChart(values, abscissa=at.astype(np.float32), widths=np.full(bins, 1 / bins), color=color)
@@ -279,7 +279,7 @@ def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:
 def path_view(drive: DriveView) -> rrb.Spatial2DView:
     """Show the map with the paths by odometry and in truth."""
     extent, unit = reach(drive), drive.scale.units.name
-    name = f"Path ({unit}): the whole of it faint, where the robot is now bright"
+    name = f"Path ({unit}): complete path faint, robot and trail bright"
     contents = [*MAP, entities.WEIGHT_KEY, f"{PATHS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
     return plane_view(name, contents, extent)
 
@@ -295,12 +295,12 @@ def reach(drive: DriveView) -> Extent:
 
 
 def drive_words() -> rrb.TextDocumentView:
-    """Show in words what is known of a moment."""
+    """Show what is known about a moment."""
     return rrb.TextDocumentView(name="This drive", origin=TEXT)
 
 
 def log_events_view() -> rrb.TextLogView:
-    """Show what the log says."""
+    """Show the events in the log."""
     columns = rrb.TextLogColumns(
         timeline_columns=[TimelineColumn(entities.STEP)],
         text_log_columns=[TextLogColumn(TextLogColumnKind.Body)],
@@ -315,7 +315,7 @@ def channel_view(channel: str) -> rrb.BarChartView:
 
 
 def motion_plots(drive: DriveView) -> list[rrb.TimeSeriesView]:
-    """Plot what odometry and truth say of each movement: a wrong sign or unit shows at once."""
+    """Plot each movement by odometry and by truth: a wrong sign or unit is visible at once."""
     unit, each = drive.scale.units.name, "picture" if drive.pictures else "moment"
     kinds = [
         ("odometry", "odometry orange", drive.paths.moves),
@@ -329,7 +329,7 @@ def motion_plots(drive: DriveView) -> list[rrb.TimeSeriesView]:
             lines = [f"{TRACE}/{quantity}/{kind}" for kind, _ in known]
             plots.append(plot(f"{what} since the last {each} ({of}): {who}", lines))
     if len(known) == len(kinds):
-        plots.append(plot(f"Distance of odometry and truth ({unit})", [f"{TRACE}/apart"]))
+        plots.append(plot(f"Distance between odometry and truth ({unit})", [f"{TRACE}/apart"]))
     if drive.pictures and len(plots) < len(kinds) + 1:
         plots.append(plot("Brightness of the picture (mean of 0 to 255)", [f"{TRACE}/brightness"]))
     return plots

@@ -18,7 +18,7 @@ from ..style import ESTIMATE, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
 
-NOT_WHOLE = " · only partly drawn, see `--detail`"
+PARTLY = " · only partly drawn, see `--detail`"
 
 
 class WordsPanel(Panel):
@@ -28,7 +28,7 @@ class WordsPanel(Panel):
         self._path, self._scale = run.paths.text, run.scale
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what kind of text will come."""
+        """Log the media type."""
         rec.log(self._path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -43,14 +43,14 @@ class WordsPanel(Panel):
                 self._log(rec, narration.phase(moment, record, phase, self._scale))
         set_phase(rec, moment, Phase.ESTIMATE)
         title, rest = narration.summary(moment, record, self._scale).split("\n\n", 1)
-        self._log(rec, f"{title}{'' if update.whole else NOT_WHOLE}\n\n{rest}")
+        self._log(rec, f"{title}{'' if update.whole else PARTLY}\n\n{rest}")
 
     def _log(self, rec: rr.RecordingStream, text: str) -> None:
         rec.log(self._path, rr.TextDocument.from_fields(text=font_safe(text)))
 
 
 def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDocumentView:
-    """Show in words what happened."""
+    """Show what happened in words."""
     return rrb.TextDocumentView(name=title, origin=paths.text)
 
 
@@ -58,14 +58,14 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
 # until the next one. An event is a moment: it is at the left edge of its mark, and the mark lasts for a
 # share of the run that can be read on a screen, or until the next one. Only changes are logged.
 
-LOG_LANE = "/session/events"  # what the log says is the same for all runs of a recording
-USUAL_UPDATES = 120  # where nobody knows how many there will be
+LOG_LANE = "/session/events"  # the log's events are the same for all runs of a recording
+USUAL_UPDATES = 120  # if the number is not known beforehand
 LEAST_HOLD = 2
-MARKS_A_RUN = 8  # so many marks would fill a lane: each then has room for a word
+MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
 
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
 LOST, NEUTRAL = ESTIMATE, PALE
-LEGEND = "green good, orange doubtful, red lost, blue acts"  # longer ones are cut off in narrow columns
+LEGEND = "green good, orange doubtful, red lost, blue acts"  # a longer one is cut off in narrow columns
 
 STATUS_COLORS: Mapping[str, RGB] = {
     states.LOCALIZED: GOOD,
@@ -87,7 +87,7 @@ NOTICED_COLORS: Mapping[str, RGB] = {
     RESEEDED: ACTS,
     EXPANDED: ACTS,
     kinds.BOOKMARK: NOTE,
-}  # the first of several at one step is shown
+}  # of several at one step the first is shown
 LOG_COLORS: Mapping[str, RGB] = {
     kinds.KIDNAPPED: LOST,
     kinds.LIGHTS_CHANGED: DOUBTFUL,
@@ -102,12 +102,12 @@ SHORT = {
     kinds.ALL_WEIGHTS_ZERO: "all zero",
     kinds.MODE_SWITCH: "switch",
     kinds.SESSION: "log",
-}  # what is written on a mark, where that is not the kind's own name
+}  # labels of marks, if not the kind's name
 
 
 @dataclass(slots=True)
 class _Lane:
-    """One lane of moments: shows the first event of a step for so many steps, then nothing."""
+    """One lane of events: shows the first event of a step for `hold_steps`, then nothing."""
 
     path: str
     colors: Mapping[str, RGB]
@@ -154,7 +154,7 @@ class EventsPanel(Panel):
 
 
 def hold_for(updates: int) -> int:
-    """Choose for how many steps marks go on, in a run of so many updates."""
+    """Return for how many steps a mark lasts, in a run of this many updates."""
     return max(LEAST_HOLD, round(updates / MARKS_A_RUN))
 
 
@@ -164,7 +164,7 @@ def status_path(paths: RunPaths) -> str:
 
 
 def noticed_path(paths: RunPaths) -> str:
-    """Return the lane of what was noticed of a run."""
+    """Return the lane of what was noticed in a run."""
     return paths.at("events", "noticed")
 
 

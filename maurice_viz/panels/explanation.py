@@ -59,7 +59,7 @@ from .views import MAP, bars_view, map_view, picture_view
 
 FOOT_NATS = 0.3  # height of the tints in the chart of costs; higher bars make the chart grow
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
-THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows that lie upon each other can all be seen
+THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
 LEFT_OUT = "Not drawn at this update (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
 CARD_PX = 120  # width: with 144 px three of them were 16 kB an update
@@ -73,7 +73,7 @@ SIDES = {2: "left {}, right {}", 3: "left {}, middle {}, right {}"}
 
 
 class ExplanationPanel(Panel):
-    """Draws the explanation of each step. In a saved run without its library it stays empty."""
+    """Draws the explanation of each step; empty for a saved run without its library."""
 
     def __init__(self, run: DrawnRun) -> None:
         self._paths, self._scale, self._has_truth = run.paths, run.scale, run.has_truth
@@ -154,7 +154,7 @@ class _References:
 
 @lru_cache(maxsize=KEPT)
 def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
-    """Return the card of a reference's picture; gray with words on it where the picture is not to be had."""
+    """Return the card of a reference's picture; gray with a reason if the picture is not available."""
     thumbnail = None if path is None else thumbnail_of(path, cell_height)
     if thumbnail is None:
         return blank_card(height, NOT_KEPT)
@@ -164,7 +164,7 @@ def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
 
 @lru_cache(maxsize=8)
 def blank_card(height: int, words: str) -> bytes:
-    """Return a card without a picture that says why."""
+    """Return a card with the reason why it has no picture."""
     gray = np.full((height, CARD_PX, 3), MISSING, np.uint8)
     width, _ = text_size(words, CARD_TEXT_PX)
     small = min(CARD_TEXT_PX, CARD_TEXT_PX * (CARD_PX - 6) / max(width, 1))
@@ -215,7 +215,7 @@ def draw_charts(
 
 
 def _block(bars: Bars, column: Column) -> tuple[F32, F32]:
-    """Give heights of one reference's descriptors and costs; none where there is no reference."""
+    """Return the heights of one reference's descriptors and costs; zeros if there is no reference."""
     _, explained = column
     if explained is None or explained.entry is None:
         nothing = np.zeros(len(bars.starts), np.float32)
@@ -226,7 +226,7 @@ def _block(bars: Bars, column: Column) -> tuple[F32, F32]:
 
 
 def labels_on_map(shown: Sequence[Column]) -> list[str]:
-    """Name each arrow; those of one reference are named together, at the last of them: "all" for all."""
+    """Return the arrows' labels; arrows of one reference share one, at the last of them: "all" for all."""
     entries = [None if e is None or e.entry is None else e.entry.entry for _, e in shown]
     labels = []
     for k, entry in enumerate(entries):
@@ -238,7 +238,7 @@ def labels_on_map(shown: Sequence[Column]) -> list[str]:
 
 
 def headline(step: StepExplanation) -> str:
-    """Say in a sentence or two who wins, and by how much over the reference that should."""
+    """Return a sentence or two: which reference wins, and by how much over the one nearest to the truth."""
     winner = step.winner
     first = f"**Step {step.step}**: entry {winner.entry} matches best of {winner.entries}."
     rival = step.of(TRUTH) or step.of(ESTIMATE)

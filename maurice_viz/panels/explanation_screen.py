@@ -1,4 +1,4 @@
-"""One update explained at full size, as a recording of its own: whole pictures, a chart for each channel."""
+"""One update explained at full size, as a recording of its own: full pictures, one chart per channel."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from .references import match_circles
 from .views import MAP, bars_view, map_view, picture_view
 from .world import draw_world
 
-GRAY = (144, 176)  # rows and columns of what stands for a picture that is not there
+GRAY = (144, 176)  # rows and columns of the gray picture in place of a missing one
 WHO = {TRUTH: "Truth's", ESTIMATE: "Estimate's", WINNER: "Winner", ASKED: "Asked for"}
 NOTES = """
 **Columns**: the references nearest to truth and estimate, and the winner, which matches best.
@@ -81,13 +81,13 @@ def words_path(paths: RunPaths) -> str:
 
 
 def notes_path(paths: RunPaths) -> str:
-    """Return the entity of how to read it all."""
+    """Return the entity of the notes on how to read the screen."""
     return paths.at("explain", "notes")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExplainedUpdate:
-    """What is drawn."""
+    """The update to draw."""
 
     moment: Moment
     record: StepRecord
@@ -102,7 +102,7 @@ class ExplainedUpdate:
 
 
 def costliest_first(step: StepExplanation) -> list[int]:
-    """Order channel numbers by what they cost the first reference that is not the winner, else the winner."""
+    """Return channel numbers by what they cost the first reference other than the winner, else the winner."""
     others = [e.entry for e in step.shown if e.entry is not None and e.entry.entry != step.winner.entry]
     costs = others[0].lost_to(step.winner) if others else np.array([c.loses for c in step.winner.channels])
     return [int(k) for k in np.argsort(-costs, kind="stable")]
@@ -240,7 +240,7 @@ def explained_words(paths: RunPaths) -> rrb.TextDocumentView:
 
 
 def explained_notes(paths: RunPaths) -> rrb.TextDocumentView:
-    """Show how to read it all."""
+    """Show the notes on how to read the screen."""
     return rrb.TextDocumentView(name="How to read this", origin=notes_path(paths))
 
 

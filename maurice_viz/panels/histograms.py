@@ -1,8 +1,8 @@
 """Histograms: the picture's over that of its best match, and how much each bin adds to the distance.
 
-The picture's bars are narrower and stand over the reference's: where they cover each other the viewer mixes
-their colors, to a pale one in its dark theme and a dull one in its light theme. Static bands behind the bars
-tell red, green and blue apart, and fix the height of the chart, so that steps can be compared.
+The picture's bars are narrower and drawn over the reference's: where they overlap the viewer mixes their
+colors, to a pale one in its dark theme and a dull one in its light theme. Static bands behind the bars
+separate red, green and blue, and fix the height of the chart, so that steps can be compared.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def histogram_views(paths: RunPaths, channels: Sequence[str], legend: str = LEGE
 
 
 def difference_views(paths: RunPaths, channels: Sequence[str]) -> list[rrb.BarChartView]:
-    """Show what each element adds to the distance D from the best match, a view a channel."""
+    """Show what each element adds to the distance D from the best match, one view per channel."""
     titles = [f"{c}, D" if k else f"{c}, D: what each element adds to it" for k, c in enumerate(channels)]
     return [
         _view(paths, c, t, "difference_bands", "difference") for c, t in zip(channels, titles, strict=True)

@@ -1,4 +1,4 @@
-"""Watching a run: an observer sees every moment and record, and owns nothing of the filter."""
+"""Observing a run: an observer gets every moment and record, and never changes the filter."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from .registry import panels_of
 
 # How much of each update is drawn: all of it, or only what is cheap where nothing happens.
 
-AROUND = 2  # updates before and after an event that are drawn whole
+AROUND = 2  # updates before and after an event that are drawn in full
 
-# bytes of a recording, measured by benchmarks/recording.py on two drives; fixed, a particle, a channel
+# bytes of a recording, measured by benchmarks/recording.py on two drives; fixed, per particle, per channel
 FULL_BYTES = (68_000, 10.6, 6_000)
 LIGHT_BYTES = (27_000, 0.0, 0)
 
@@ -35,12 +35,12 @@ class Detail(StrEnum):
 
     FULL = "full"  # every panel at every update
     EVENTS = "events"  # the same around events, elsewhere as light
-    LIGHT = "light"  # camera, words, traces, estimate, and a cloud of a few hundred particles
+    LIGHT = "light"  # camera, text, traces, estimate, and a cloud of a few hundred particles
 
 
 @dataclass(slots=True)
 class DetailFilter:
-    """Decides which updates are drawn whole. That depends on events to come, so it holds some back."""
+    """Decides which updates are drawn in full. That depends on events to come, so some are held back."""
 
     detail: Detail = Detail.FULL
     _held: deque[StepUpdate] = field(default_factory=deque)
@@ -71,7 +71,7 @@ class DetailFilter:
 
 
 def expected_bytes(detail: Detail, steps: int, particles: int, channels: int) -> int:
-    """Estimate the size of the recording of one run; around events, one step in four is taken as whole."""
+    """Estimate the size of one run's recording; with the detail "events" a quarter of the steps are full."""
     whole = {Detail.FULL: 1.0, Detail.EVENTS: 0.25, Detail.LIGHT: 0.0}[detail]
     full, light = (
         fixed + particles * each + channels * channel for fixed, each, channel in (FULL_BYTES, LIGHT_BYTES)
@@ -99,7 +99,7 @@ class Observer(Protocol):
 class RerunObserver:
     """Draws one run into a recording. Several, with different labels, share a recording.
 
-    `scene` says whether this one also draws what the runs share: map, camera, truth. Exactly one should.
+    `scene` makes this one also draw what the runs share: map, camera, truth. Exactly one should.
     """
 
     rec: rr.RecordingStream
@@ -149,7 +149,7 @@ class RerunObserver:
             self._draw(ready)
 
     def end(self) -> None:
-        """Log what was held back. Whoever opened the recording writes it out and reports a failure."""
+        """Log what was held back. Flushing the recording and reporting failures is up to the caller."""
         for update in self._filter.rest():
             self._draw(update)
         for panel in self._panels:

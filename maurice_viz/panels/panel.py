@@ -1,4 +1,4 @@
-"""What a panel is: it logs once what does not change, then draws every update of its run.
+"""What a panel is: it logs what does not change, then draws every update of its run.
 
 A panel owns the entities that it draws: no other panel logs them. Beside the class, its file holds the view
 (or views) in which layouts show it, with the title.
@@ -71,7 +71,7 @@ class StepUpdate:
     events: tuple[RunEvent, ...] = ()
     status: str = ""  # the localization status after this update
     modes: tuple[TrackedMode, ...] = ()  # heaviest first
-    whole: bool = True  # draw everything; else only what is cheap
+    whole: bool = True  # draw in full; else only what is cheap
     is_first: bool = False
 
     @property
@@ -90,7 +90,7 @@ class Panel(Protocol):
         """Log one update; sets the time of what it logs."""
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        """Empty what is not drawn until the next whole update, or it would show an earlier one."""
+        """Empty what is not drawn until the next full update, or it would show an earlier one."""
 
     def finish(self, rec: rr.RecordingStream) -> None:
         """Log what is known only when the run is over."""

@@ -101,7 +101,7 @@ def rim(has_truth: bool) -> U8:
 
 
 def shares(belief: Belief) -> F64:
-    """Return the weight (SECTORS,) that looks within each sector, the first from 0 to 10 degrees."""
+    """Return the weight (SECTORS,) in each sector of headings, the first from 0 to 10 degrees."""
     turn = belief.poses[:, 2] % np.float32(2 * np.pi) * np.float32(SECTORS / (2 * np.pi))
     sector = np.minimum(turn.astype(np.int64), SECTORS - 1)
     return np.asarray(np.bincount(sector, belief.weights, SECTORS))
@@ -119,7 +119,7 @@ def outline(belief: Belief) -> F32:
 
 
 def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
-    """Show which way the cloud looks."""
+    """Show the headings of the cloud."""
     return plane_view(
         "Headings (deg)", f"{paths.headings}/**", Extent(-ROSE_REACH, ROSE_REACH, -ROSE_REACH, ROSE_REACH)
     )
@@ -129,7 +129,7 @@ def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
 # keeps its color as long as it lives. Modes are stacked by age, the oldest at the bottom, so that a band does
 # not jump when another overtakes it. Weight in no mode stays empty at the top.
 
-UPDATES_SEEN = 60  # updates that are seen at once, a column each
+UPDATES_SEEN = 60  # updates that are shown, one column each
 ROWS = 24  # rows for the whole weight
 TIMES = (
     (0.0, f"{UPDATES_SEEN} steps ago"),
@@ -149,7 +149,7 @@ class ModesPanel(Panel):
         self._past: deque[tuple[TrackedMode, ...]] = deque(maxlen=UPDATES_SEEN)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the frame with its labels, and what kind of pictures will come."""
+        """Log the frame with its labels, and the media type."""
         left, _, top, _ = MODES_MARGIN
         rec.log(
             f"{self._path}/frame",
@@ -170,7 +170,7 @@ class ModesPanel(Panel):
 def frame() -> U8:
     """Draw the frame (H, W, 3) RGB with labels below and beside it.
 
-    Labels of the viewer's own cannot be read in its light theme, on a ground that is dark.
+    The viewer's own labels cannot be read on a dark ground in its light theme.
     """
     left, right, top, bottom = MODES_MARGIN
     size = round((top + ROWS + bottom) * FRAME_PX), round((left + UPDATES_SEEN + right) * FRAME_PX)
@@ -213,7 +213,7 @@ def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
 # from where each copy was made to where it has moved, and in the phase `resample` along the ancestors of a
 # few survivors over the last updates.
 
-MOST_MOVES = 150  # lines of moved particles: more cannot be distinguished
+MOST_MOVES = 150  # lines of moved particles; more cannot be distinguished
 MOST_FAMILIES = 40
 LINE_PT = 0.6  # radius in points of the screen
 SURVIVORS = "survivors"
@@ -223,15 +223,15 @@ _NO_LINES = rr.LineStrips2D.from_fields(strips=[])
 
 
 class AncestryPanel(Panel):
-    """Draws the lines of one run, and traces how many survive; remembers the last updates."""
+    """Draws the lines of one run, and logs the shares of survivors and ancestors."""
 
     def __init__(self, run: DrawnRun) -> None:
         self._paths, self._scale = run.paths, run.scale
         self._ancestry = Ancestry()
-        self._before: Belief | None = None  # what the last update handed on
+        self._before: Belief | None = None  # what the last update passed on
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the looks of the lines."""
+        """Log colors and widths of the lines."""
         radius = rr.components.Radius.ui_points
         for path, color, order in ((self._paths.moves, MOVED, 15.0), (self._paths.families, FAMILY, 16.0)):
             lines = rr.LineStrips2D.from_fields(colors=[color], radii=radius(LINE_PT), draw_order=order)
@@ -263,7 +263,7 @@ class AncestryPanel(Panel):
         before, after = self._before, update.record.predicted
         set_phase_only(rec, update.moment, Phase.PREDICT)
         rec.log(self._paths.families, _NO_LINES)
-        if before is not None and before.size == after.size:  # else particles have no one parent
+        if before is not None and before.size == after.size:  # else particles have no single parent
             some = spread_over(after.size, MOST_MOVES)
             ends = np.stack([positions(before, self._scale)[some], positions(after, self._scale)[some]], 1)
             rec.log(self._paths.moves, rr.LineStrips2D.from_fields(strips=strips_of(ends)))
@@ -278,7 +278,7 @@ class AncestryPanel(Panel):
 
 
 def spread_over(count: int, most: int) -> NDArray[np.int64]:
-    """Return at most `most` indices, spread evenly over `count` things."""
+    """Return at most `most` indices, spread evenly over `count` items."""
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64) if count else np.zeros(0, int)
 
 
@@ -288,6 +288,6 @@ def survivors(record: StepRecord) -> float:
 
 
 def ancestry_plot(paths: RunPaths) -> rrb.TimeSeriesView:
-    """Plot how many particles survive, and from how many the cloud descends."""
+    """Plot the shares of particles that survive, and of ancestors from which the cloud descends."""
     lines = [paths.trace(SURVIVORS), paths.trace(ANCESTORS)]
     return plot("Survivors pink, ancestors 10 steps back green (share)", lines, top=1.1)

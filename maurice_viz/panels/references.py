@@ -1,6 +1,6 @@
 """What the picture was compared with: match circles, the five best references, likelihood over the map.
 
-In a saved run without its library these panels stay empty.
+In a saved run without its library these panels are empty.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from .world import distinct_places
 OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
 LARGEST = 0.13  # radius of the best entry's circle, in node spacings: neighbors just touch
 LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
-SMALLEST = 0.012  # so that every entry can be seen to be there
+SMALLEST = 0.012  # so that every entry is visible
 SHEET_QUALITY = 70
 MOST_PX = 120  # along the longer side of a map
 ALL_CHANNELS = "all"  # the map of all channels together
 
 
 class MatchCirclesPanel(Panel):
-    """Draws at every library node one circle a heading, its area the likelihood (thesis fig. 34)."""
+    """Draws one circle per heading at every library node, its area the likelihood (thesis fig. 34)."""
 
     def __init__(self, run: DrawnRun) -> None:
         self._paths, self._circles = run.paths, match_circles(run.library, run.scale)
@@ -89,7 +89,7 @@ class MatchCircles:
 
 
 def match_circles(library: Library, scale: Scale) -> MatchCircles:
-    """Place one circle an entry, off its node along its heading."""
+    """Return one circle per entry, off its node along its heading."""
     spacing_m = max(node_spacing(library.poses), LEAST_SPACING * max(library.arena.size_m))
     heading = library.poses[:, 2]
     along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
@@ -98,7 +98,7 @@ def match_circles(library: Library, scale: Scale) -> MatchCircles:
 
 
 def node_spacing(poses: F64) -> float:
-    """Return the median distance in metres from a node to the next; half a metre when there is only one."""
+    """Return the median distance in meters from a node to the next; half a meter if there is only one."""
     places = distinct_places(poses)
     if len(places) < 2:
         return 0.5
@@ -107,7 +107,7 @@ def node_spacing(poses: F64) -> float:
 
 
 def relative_likelihood(log_likelihood: F32) -> F32:
-    """Return each entry's likelihood (L,) as a share of the best one's; all 0 when none is possible."""
+    """Return each entry's likelihood (L,) relative to the best one; all 0 if none is possible."""
     top = log_likelihood.max()
     if not np.isfinite(top):
         return np.zeros_like(log_likelihood)
@@ -121,11 +121,11 @@ class BestReferencesPanel(Panel):
         self._path, self._sheet = run.paths.contact_sheet, ContactSheet(run.library, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what kind of picture will come."""
+        """Log the media type."""
         prepare_jpeg(rec, self._path)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the sheet; in the very first phase, in which nothing has been compared, an empty one."""
+        """Log the sheet; in the very first phase, before anything is compared, an empty one."""
         if not update.whole:
             return
         if update.is_first:
@@ -141,10 +141,10 @@ class BestReferencesPanel(Panel):
 
 
 class LikelihoodPanel(Panel):
-    """Draws for every place how likely the picture is there in its best heading.
+    """Draws for every place the likelihood of the picture there in the best heading.
 
-    A map a channel, and one of all channels together. Only surveyed references are drawn, each over the part
-    of the map that is nearest to it, so that what is drawn is what was measured.
+    There is one map per channel, and one of all channels together. Only surveyed references are drawn, each
+    over the part of the map that is nearest to it.
     """
 
     def __init__(self, run: DrawnRun) -> None:
@@ -209,12 +209,12 @@ _OUTSIDE: U8 = np.array([MISSING[::-1]], np.uint8)
 
 
 def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of the maps: all channels together first, then each, unless there is but one."""
+    """Return the names of the maps: all channels together first, then each, unless there is only one."""
     return (ALL_CHANNELS, *channels) if len(channels) > 1 else (ALL_CHANNELS,)
 
 
 def likelihood_maps(library: Library, nearest: NearestReference, scale: Scale) -> LikelihoodMaps:
-    """Make the tables for a library with at least one entry."""
+    """Return the tables for a library with at least one entry."""
     grid = nearest.grid
     step = max(1, -(-max(grid.shape) // MOST_PX))
     cells = nearest.place_of_cell[:-1].reshape(grid.shape)
@@ -262,7 +262,7 @@ def best_references_view(
 
 
 def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo) -> list[rrb.Spatial2DView]:
-    """Show the likelihood over the whole map, all channels together and each alone, under the cloud."""
+    """Show the likelihood over the map under the cloud, for all channels together and for each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):
         contents = [*MAP, entities.LIKELIHOOD_KEY, paths.likelihood(channel), paths.particles]

@@ -44,15 +44,15 @@ COLORS: dict[str, RGB] = {
 EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (88, 88, 205))  # of channels, in turn
 ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
 THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
-# plots that begin at zero, and how many steps of a scale their smallest panel has labels for
+# plots that begin at zero, and how many steps of a scale their smallest panel labels
 LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 
 
 class TracesPanel(Panel):
-    """Logs one value a line; errors and the rank of the truth only where the truth is known.
+    """Logs one value per line; errors and the rank of the truth only if the truth is known.
 
-    In the end it lets the scales of plots reach a round number: in a small plot that ends between 4 and 10 of
-    anything the viewer labels nothing but zero.
+    At the end it extends the scales of plots to a round number: in a small plot that ends between 4 and 10
+    the viewer labels nothing but zero.
     """
 
     def __init__(self, run: DrawnRun) -> None:
@@ -104,7 +104,7 @@ class TracesPanel(Panel):
         rec.log(self._paths.trace(quantity), rr.Scalars(value))
 
     def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate, finder: EntryFinder) -> None:
-        """Log how well the picture fits the true pose: against the estimate, and among all references."""
+        """Log how well the picture fits the true pose: relative to the estimate, and by rank."""
         logs, truth = update.record.sighting.comparison.log_likelihood, update.moment.truth
         if truth is None or not len(logs):
             return
@@ -117,7 +117,7 @@ class TracesPanel(Panel):
 
 
 def evidence_lines(channels: tuple[str, ...]) -> list[tuple[str, RGB, float]]:
-    """Give name, color and width of each line of evidence; colors come again, thinner, where all are used."""
+    """Return name, color and width of each line of evidence; colors repeat in thinner lines."""
     colors = [EVIDENCE_COLORS[k % len(EVIDENCE_COLORS)] for k in range(len(channels))]
     widths = [LINE if k < len(EVIDENCE_COLORS) else THIN for k in range(len(channels))]
     return [("all", ALL_TOGETHER, THICK), *zip(channels, colors, widths, strict=True)]
@@ -129,7 +129,7 @@ def top_path(paths: RunPaths, quantity: str) -> str:
 
 
 def round_top(most: float, steps: float) -> float:
-    """Return the power of ten above a value that is more than so many of the one below; else the value."""
+    """Return the power of ten above a value of more than `steps` times the one below; else the value."""
     if not 0 < most < np.inf:
         return 0.0
     below = 10.0 ** np.floor(np.log10(most))
@@ -168,7 +168,7 @@ def truth_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
 
 
 def cloud_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
-    """Plot how the clouds of some runs look."""
+    """Plot spread, confidence and effective sample size of some runs."""
     near = scene.scale.say(CONFIDENCE_M)
     return [
         plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who}", labels),
@@ -178,7 +178,7 @@ def cloud_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[
 
 
 def survival_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
-    """Plot how many particles of some runs survive, and from how many their clouds descend."""
+    """Plot the shares of survivors and distinct ancestors of some runs."""
     return [
         plot_of_runs(SURVIVORS, "Survivors of resampling (share)", labels, top=1.1),
         plot_of_runs(ANCESTORS, "Distinct ancestors ten updates back (share)", labels, top=1.1),
@@ -186,23 +186,23 @@ def survival_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
 
 
 def who_is_who(labels: Sequence[str]) -> str:
-    """Return what a title says of the colors of several runs; nothing for one."""
+    """Return the colors of several runs for a title; empty for one run."""
     if len(labels) == 1:
         return ""
     return ": " + ", ".join(f"{label} {COLOR_WORDS[k]}" for k, label in enumerate(labels))
 
 
 def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
-    """Plot how well the cloud explained each picture: all channels together, and each alone."""
+    """Plot how well the cloud explained each picture, by all channels together and by each one."""
     return plot(f"{title}Evidence of each picture (nats)", [paths.trace(EVIDENCE)])
 
 
 def evidence_key(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
-    """Show what the colors of the evidence mean: in the plot a legend would cover lines."""
-    name = f"{title}lines of evidence" if title else "Lines of evidence: channels"
+    """Show the key of the evidence; a legend would cover lines of the plot."""
+    name = f"{title}key of the evidence" if title else "Key of the evidence: channels"
     return picture_view(name, paths.line_key)
 
 
 def key_share(run: RunView) -> float:
-    """Return how much of a column the key needs: a row for every four channels."""
+    """Return the share of a column that the key needs: a row per four channels."""
     return 0.35 + 0.09 * (len(run.channels) // 4)

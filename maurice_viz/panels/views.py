@@ -1,4 +1,4 @@
-"""Kinds of views that panels are shown in: the map, a picture, bars, lines; and the whole window."""
+"""Kinds of views that panels are shown in: the map, a picture, bars, lines; and the window."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Ra
 def map_view(
     name: str, contents: Sequence[str], scene: SceneInfo, white_cloud: str | None = None
 ) -> rrb.Spatial2DView:
-    """Show some entities on the whole map; a cloud can be drawn small and white."""
+    """Show some entities on the map; `white_cloud` is drawn small and white."""
     overrides: Overrides = {white_cloud: SMALL_AND_WHITE} if white_cloud else {}
     return plane_view(name, contents, map_extent(scene.arena, scene.scale), overrides)
 
@@ -33,7 +33,7 @@ def map_view(
 def plane_view(
     name: str, contents: Sequence[str] | str, extent: Extent, overrides: Overrides | None = None
 ) -> rrb.Spatial2DView:
-    """Show some entities in a part of the plane, all of which is seen."""
+    """Show some entities in a part of the plane, all of it visible."""
     x_range, y_range = (extent.left, extent.right), (extent.top, extent.bottom)
     return rrb.Spatial2DView(
         name=name,
@@ -63,7 +63,7 @@ def bars_view(name: str, paths: Sequence[str]) -> rrb.BarChartView:
 def plot(
     name: str, contents: Sequence[str], top: float | None = None, overrides: Overrides | None = None
 ) -> rrb.TimeSeriesView:
-    """Plot some lines; the scale goes from zero to `top` where that is given, else as far as they need.
+    """Plot some lines; the scale is from zero to `top` if given, else as needed.
 
     Colors are named in titles: a legend would cover a small plot.
     """

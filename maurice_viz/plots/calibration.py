@@ -95,8 +95,8 @@ def turn_scatter(shown: Shown) -> Figure:
     ends = np.array([actual.min(), actual.max()])
     slope = shown.fit.turns.figure_5_slope
     axes.axline((0, 0), slope=1, color="#9AA0AA", linestyle=(0, (4, 4)), label="measured = actual")
-    said = f"least squares through the origin: {slope.value:.4f}"
-    axes.plot(ends, slope.value * ends, color=INK, linewidth=1.6, label=said)
+    label = f"least squares through the origin: {slope.value:.4f}"
+    axes.plot(ends, slope.value * ends, color=INK, linewidth=1.6, label=label)
     axes.scatter(actual, measured, s=28, color=ACTUAL, alpha=0.8, edgecolor="white", label="trials", zorder=3)
     made.legend(loc="outside lower center", ncols=1, frameon=False)
     return made
@@ -134,7 +134,7 @@ def turn_histogram(shown: Shown) -> Figure:
 def straight_trials(shown: Shown) -> Figure:
     """Figure 9: measured and actual length of every straight, by floor."""
     unit, s = shown.units, shown.trials.straights
-    made, axes = figure("Measured and actual straights", "trial", f"way ({unit.name})")
+    made, axes = figure("Measured and actual straights", "trial", f"distance ({unit.name})")
     trial = np.arange(1, len(s.measured_m) + 1)
     _rings(axes, trial, s.measured_m * unit.per_m, "measured")
     for floor, color in _floors(shown):
@@ -166,7 +166,7 @@ def straight_histogram(shown: Shown) -> Figure:
     """Figure 11: how the errors of straights are distributed."""
     unit, s = shown.units, shown.trials.straights
     spread = _scaled(shown.fit.straights.error, unit.per_m)
-    made, axes = figure("Errors of straights", f"actual - measured way ({unit.name})", "trials")
+    made, axes = figure("Errors of straights", f"actual - measured distance ({unit.name})", "trials")
     errors = (s.actual_m - s.measured_m) * np.sign(s.measured_m) * unit.per_m
     against_normal(axes, np.asarray(errors), spread, unit.name)
     legend(made)

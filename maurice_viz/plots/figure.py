@@ -1,4 +1,4 @@
-"""Figures for print: drawn without a display, legends below the axes, written whole or not at all."""
+"""Figures for print: drawn without a display, legends below the axes, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def expect_matplotlib(target: Path) -> None:
 
 
 def figure(title: str, x: str, y: str, size: tuple[float, float] = (8.0, 4.6)) -> tuple[Figure, Axes]:
-    """Open a figure with one pair of axes, a title and labels with their units."""
+    """Return a figure with one pair of axes, a title and labels with their units."""
     from matplotlib.figure import Figure as New
 
     made = New(figsize=size, layout="constrained")

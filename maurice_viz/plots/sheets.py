@@ -28,7 +28,7 @@ SHEET_QUALITY = 80
 
 # The map of expected ambiguity: how many places fit a picture taken at each of a library's places.
 
-MOST_PAIRS = 60  # lines between aliases; more cannot be told apart
+MOST_PAIRS = 60  # lines between aliases; more cannot be distinguished
 DOT = 0.32  # radius, of the distance from a place to the next
 DARKEST = 0.25  # of the scale of colors, so that the number on a dot stays readable
 
@@ -47,7 +47,7 @@ def draw_ambiguity(library: Library, found: SelfSimilarity, scale: Scale) -> U8:
     radius = max(round(DOT * scale.length(spacing(found.places)) / canvas.unit_per_px), 3)
     values = found.at_places(found.ambiguity)
     dots = list(zip(_pixels(canvas, found.places, scale), values.tolist(), _colors(values), strict=True))
-    for (x, y), value, color in sorted(dots, key=lambda dot: dot[1]):  # the worst on top
+    for (x, y), value, color in sorted(dots, key=lambda dot: dot[1]):  # the most ambiguous on top
         cv2.circle(image, (x, y), radius, color, -1, cv2.LINE_AA)
         label = f"{value:.0f}"
         height = radius * 0.8

@@ -1,4 +1,4 @@
-"""What a comparison says in words, in the session's units. Markdown, for the text panels."""
+"""How runs compare, in words and in the session's units: Markdown for the text panels."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from ..style import COLOR_WORDS, Scale, Units
 from .narration import errors
 from .summary import say_difference
 
-NOT_YET = "How the runs compare over the whole drive stands here when the replay has ended."
+NOT_YET = "How the runs compare over the drive is shown here when the replay has ended."
 
 
 class StepWords:
-    """Says at every step how the runs differ; remembers when they parted."""
+    """Describes at every step how the runs differ; remembers when they diverged."""
 
     def __init__(self, labels: Sequence[str], scale: Scale, has_truth: bool) -> None:
         self._labels, self._scale, self._has_truth = tuple(labels), scale, has_truth
         self._parted = dict.fromkeys(labels, "")
 
     def at(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> str:
-        """Give a table with a row a run, under what happened at this very step."""
+        """Return a table with one row per run, below what happened at this step."""
         unit, new = self._scale.units.name, []
         for label, pair in pairs.items():
             if pair.event is not None:
                 self._parted[label] = str(pair.event.step - APART_FOR + 1)
                 new.append(f"**{plain(pair.event.text)}.**")
         off = [f"error ({unit})", "(deg)"] if self._has_truth else []
-        heads = ["run", *off, *([f"apart ({unit})", "parted"] if _on_one_drive(pairs) else [])]
+        heads = ["run", *off, *([f"distance ({unit})", "parted"] if _on_one_drive(pairs) else [])]
         lines = [
             *new,
             "",
@@ -69,11 +69,11 @@ class StepWords:
 
 
 def result(results: Sequence[RunResult], units: Units) -> str:
-    """Say how every run compares with the first over the whole drive."""
+    """Return how every run compares with the first over the drive."""
     first = plain(results[0].label)
     parts = [_paragraph(one, first, units) for one in results[1:]]
     drive = (
-        "Intervals hold 95 %, for the mean over this one drive: another drive can come out otherwise. "
+        "Intervals hold 95 %, for the mean over this one drive: another drive can differ. "
         "Below zero is closer to the truth."
     )
     return "\n\n".join([*parts, drive])
@@ -83,23 +83,23 @@ def _paragraph(result: RunResult, first: str, units: Units) -> str:
     paired = result.paired
     if paired is None:
         return ""
-    says = [f"**{plain(result.label)}** against {first}:"]
+    parts = [f"**{plain(result.label)}** against {first}:"]
     if paired.position is not None:
-        says.append(
+        parts.append(
             f"position error {say_difference(paired.position, 1 / units.per_m, units.digits)} {units.name},"
         )
-        says.append(f"closer at {paired.position.better} of {paired.position.updates} updates;")
+        parts.append(f"closer at {paired.position.better} of {paired.position.updates} updates;")
     if paired.heading is not None:
-        says.append(f"heading error {say_difference(paired.heading, float(np.deg2rad(1)), 1)} deg;")
+        parts.append(f"heading error {say_difference(paired.heading, float(np.deg2rad(1)), 1)} deg;")
     if paired.apart_mean_m is None:
-        return " ".join([*says, "another drive, so that places are not compared."])
-    says.append(f"{paired.apart_mean_m * units.per_m:.{units.digits}f} {units.name} apart on average;")
-    says.append("they never part." if paired.parted_at is None else f"they part at step {paired.parted_at}.")
-    return " ".join(says)
+        return " ".join([*parts, "another drive, so that poses are not compared."])
+    parts.append(f"{paired.apart_mean_m * units.per_m:.{units.digits}f} {units.name} from it on average;")
+    parts.append("they never part." if paired.parted_at is None else f"they part at step {paired.parted_at}.")
+    return " ".join(parts)
 
 
 def _on_one_drive(pairs: Mapping[str, StepComparison]) -> bool:
-    """Tell whether any run is on the drive of the first, so that their places can be compared."""
+    """Return whether any run is on the drive of the first, so that their poses can be compared."""
     return any(pair.apart_m is not None for pair in pairs.values())
 
 
@@ -108,5 +108,5 @@ def _table_row(cells: Sequence[str]) -> str:
 
 
 def plain(text: str) -> str:
-    """Keep a label from being read as Markdown."""
+    """Return a label with Markdown's signs escaped."""
     return "".join(f"\\{sign}" if sign in "\\`*_|[]<>#~" else sign for sign in text)

@@ -1,4 +1,4 @@
-"""What happened, in plain words and in the session's own units. Markdown, for the text panel."""
+"""What happened, in words and in the session's units: Markdown for the text panel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STILL_RAD = np.radians(0.5)  # a turn that would be written "0 deg" is not menti
 
 
 def motion(motions: F64, scale: Scale) -> str:
-    """Say what the robot measured: "drove 18.0 in forward and turned 45 deg left (2 movements)"."""
+    """Return the measured motion in words: "drove 18.0 in forward and turned 45 deg left (2 movements)"."""
     forward, left, turn = motions.sum(axis=0) if len(motions) else np.zeros(3)
     parts = []
     if _shows(forward, scale):
@@ -32,32 +32,32 @@ def motion(motions: F64, scale: Scale) -> str:
 
 
 def _shows(length_m: float, scale: Scale) -> bool:
-    """Tell whether a length would be written as more than 0."""
+    """Return whether a length is written as more than 0."""
     return round(abs(scale.length(length_m)), scale.units.digits) > 0
 
 
 def spread_m(belief: Belief) -> float:
-    """Give the radial standard deviation of a whole cloud, by weight, in metres."""
+    """Return the weighted radial standard deviation of a cloud in meters."""
     weights = belief.weights
     xy = belief.poses[:, :2].astype(np.float64)
     return float(np.sqrt(weights @ ((xy - weights @ xy) ** 2).sum(axis=1)))
 
 
 def errors(estimate: Estimate, truth: F64) -> tuple[float, float]:
-    """Give the distance in metres and the unsigned angle in radians between estimate and truth."""
+    """Return the distance in meters and the unsigned angle in radians between estimate and truth."""
     apart = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
     return apart, angle_between(float(estimate.pose[2]), float(truth[2]))
 
 
 def effective(record: StepRecord) -> str:
-    """Say how many particles really count."""
+    """Return the effective sample size as a sentence."""
     size = record.weighted.size
     share = record.effective_sample_size / size
     return f"Effective sample size {record.effective_sample_size:.0f} of {size} ({share:.0%})."
 
 
 def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
-    """Say where the robot is thought to be, how surely, and how wrong that is."""
+    """Return the estimate, its confidence and its error as a sentence."""
     estimate = record.estimate
     text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
     if truth is None:
@@ -66,33 +66,33 @@ def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
     return f"{text}; **error {scale.say(apart)}, {np.degrees(angle):.0f} deg**."
 
 
-# What another localizer's recorded cloud shows, in plain words: only what a bag holds is told of.
+# What another localizer's recorded cloud shows: only what a bag holds.
 
 NOT_THERE = {
     Phase.MEASURE: "What the localizer measured, and what it compared that with, is not in the bag.",
     Phase.RESAMPLE: "Whether it was resampled, and which particle came from which, is not in the bag.",
-    Phase.RESEED: "Whether particles were drawn afresh is not in the bag.",
+    Phase.RESEED: "Whether particles were drawn anew is not in the bag.",
 }
 
 
 def is_recorded(record: StepRecord) -> bool:
-    """Tell whether a cloud is another localizer's: of those nobody knows the evidence."""
+    """Return whether a cloud is another localizer's, whose evidence is not known."""
     return bool(np.isnan(record.log_evidence))
 
 
 def cloud(record: StepRecord, scale: Scale) -> str:
-    """Say how the published cloud looks."""
+    """Describe the published cloud."""
     return f"The published cloud spreads over {scale.say(spread_m(record.weighted))}. {effective(record)}"
 
 
 def moved(record: StepRecord, scale: Scale) -> str:
-    """Say how the robot moved, where odometry says so."""
+    """Describe the motion if there is odometry; else empty."""
     motions = record.frame.motions
     return f"The robot {motion(motions, scale)}. " if len(motions) else ""
 
 
-def recorded_phase(record: StepRecord, slot: Phase, scale: Scale) -> str:
-    """Say what is known of one recorded_phase of an update."""
+def _recorded_phase(record: StepRecord, slot: Phase, scale: Scale) -> str:
+    """Describe what is known about one phase of an update."""
     if slot is Phase.PREDICT:
         before = "The cloud before the sensor is not in the bag; shown is the published one."
         return f"{moved(record, scale)}{before}"
@@ -101,31 +101,31 @@ def recorded_phase(record: StepRecord, slot: Phase, scale: Scale) -> str:
     return NOT_THERE[slot]
 
 
-def recorded_summary(record: StepRecord, truth: F64 | None, scale: Scale) -> list[str]:
-    """Say what a whole update shows, a paragraph each."""
+def _recorded_summary(record: StepRecord, truth: F64 | None, scale: Scale) -> list[str]:
+    """Return what an update shows, as paragraphs."""
     return [estimated(record, truth, scale), f"{moved(record, scale)}{cloud(record, scale)}"]
 
 
-# What happened, in plain words and in the session's own units. Markdown, for the text panel.
+# What happened, in words and in the session's units: Markdown for the text panel.
 
-NOT_COMPARED = "What the picture was compared with is not at hand."  # of some saved runs
-LEAST_TOLD = 0.01  # a group of fewer particles is not told of
-ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is no longer about any one heading
+NOT_COMPARED = "What the picture was compared with is not available."  # of some saved runs
+LEAST_SHARE = 0.01  # share of the particles; a smaller group is left out
+ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is about no single heading
 
 
 def predicted(record: StepRecord, scale: Scale) -> str:
-    """Say how the cloud moved."""
+    """Describe how the cloud moved."""
     cloud = record.predicted
     _, heading = circular_mean(cloud.poses[:, 2], cloud.weights)
     turned = f"{np.degrees(heading):.0f} deg" if heading < ALL_ROUND_RAD else "every heading"
     return (
-        f"The robot {motion(record.frame.motions, scale)}. Every particle did the same, with its own noise; "
+        f"The robot {motion(record.frame.motions, scale)}. Every particle moved likewise with its own noise; "
         f"the cloud now spreads over {scale.say(spread_m(cloud))} and {turned}."
     )
 
 
 def measured(record: StepRecord) -> str:
-    """Say what the picture was compared with, and what matched best."""
+    """Describe what the picture was compared with, and what matched best."""
     sighting = record.sighting.comparison
     if not len(sighting.quality):
         return NOT_COMPARED
@@ -139,31 +139,31 @@ def measured(record: StepRecord) -> str:
 
 
 def weighted(record: StepRecord, scale: Scale) -> str:
-    """Say how the picture's weights fell: who gained, who lost, and what they were compared with."""
+    """Describe the new weights: who gained, who lost, and what they were compared with."""
     if "all weights zero" in record.events:
         return "No particle is where the picture could be from: all weights zero, so the old ones stay."
     log_weights = record.weighted.log_weights
     heaviest = np.exp(log_weights.max()) * len(log_weights)
     return (
-        f"Each particle was weighed by how well the references about it match; the heaviest has "
+        f"Each particle was weighed by how well the references around it match; the heaviest has "
         f"{heaviest:.1f} times the average weight. {gains(record, scale)}{effective(record)}"
     )
 
 
 def gains(record: StepRecord, scale: Scale) -> str:
-    """Say where those stand whose weight more than doubled, and those whose weight fell under a half."""
+    """Describe where particles more than doubled their weight, and where they lost more than half."""
     gain = record.weighted.log_weights - record.predicted.log_weights
     winners = _group(record, gain > np.log(2), scale)
     losers = _group(record, gain < -np.log(2), scale)
-    told = [f"{winners} more than doubled their weight"] if winners else []
-    told += [f"{losers} lost more than half of theirs"] if losers else []
-    return f"{_capital('; '.join(told))}. " if told else ""
+    groups = [f"{winners} more than doubled their weight"] if winners else []
+    groups += [f"{losers} lost more than half of theirs"] if losers else []
+    return f"{_capital('; '.join(groups))}. " if groups else ""
 
 
 def _group(record: StepRecord, members: Bool, scale: Scale) -> str:
-    """Say how many particles (N,) these are, where they are and which entry most were compared with."""
+    """Describe these particles (N,): how many, where, and which entry most were compared with."""
     count = int(members.sum())
-    if count < LEAST_TOLD * record.weighted.size:
+    if count < LEAST_SHARE * record.weighted.size:
         return ""
     cloud, sighting = record.weighted, record.sighting
     center = cloud.poses[members, :2].mean(axis=0, dtype=np.float64) + cloud.origin
@@ -183,31 +183,31 @@ def _capital(text: str) -> str:
 
 
 def resampled(record: StepRecord) -> str:
-    """Say who survived."""
+    """Describe the resampling step."""
     if record.parents is None:
         return "Not resampled: the particles and their weights stay as they are."
     copies = np.bincount(record.parents[record.parents >= 0], minlength=1)
     return (
         f"Resampled: {np.count_nonzero(copies)} of {record.weighted.size} particles survive, "
-        f"the luckiest in {copies.max()} copies. All weights are equal again."
+        f"at most in {copies.max()} copies. All weights are equal again."
     )
 
 
 def reseeded(record: StepRecord) -> str:
-    """Say how many particles were drawn anew, and why."""
+    """Describe how many particles were drawn anew, and why."""
     if "expanded" in record.events:
         return "Expanded: the picture was explained badly, so every particle was moved at random."
     if record.injected is None:
         return "Not reseeded."
-    drawn = f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles were drawn afresh."
+    drawn = f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles were drawn anew."
     if not np.isfinite(record.calibrated_evidence):
         return f"{drawn} No particle was in free space, so that none explained this picture."
     return f"{drawn} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
 
 
 def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:
-    """Say what one phase of an update did: a heading and a sentence or two."""
-    says = {
+    """Return what one phase of an update did: a heading and a sentence or two."""
+    describe = {
         Phase.PREDICT: lambda: predicted(record, scale),
         Phase.MEASURE: lambda: measured(record),
         Phase.WEIGHT: lambda: weighted(record, scale),
@@ -216,21 +216,21 @@ def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:
     }
     title = f"Phase {slot + 1} of {PHASES_PER_STEP}: {slot.name.lower()}"
     recorded = is_recorded(record)
-    said = recorded_phase(record, slot, scale) if recorded else says[slot]()
-    return f"**{_when(moment)} · {title}**\n\n{said}"
+    text = _recorded_phase(record, slot, scale) if recorded else describe[slot]()
+    return f"**{_when(moment)} · {title}**\n\n{text}"
 
 
 def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
-    """Say what a whole step did, for the last phase and for timelines without phases."""
+    """Return what a step did, for the last phase and for timelines without phases."""
     events = [*moment.events, *(event for event in record.events if event != "resampled")]
     title = f"**{_when(moment)}**" + "".join(f" · {event}" for event in events)
     if is_recorded(record):
-        return "\n\n".join([title, *recorded_summary(record, moment.truth, scale)])
+        return "\n\n".join([title, *_recorded_summary(record, moment.truth, scale)])
     return "\n\n".join([title, estimated(record, moment.truth, scale), _done(record, scale)])
 
 
 def _done(record: StepRecord, scale: Scale) -> str:
-    """Say how the robot moved, what matched, how many particles count, and what became of them."""
+    """Describe motion, best match, effective sample size and resampling of a step."""
     seen = record.sighting.comparison
     first = int(seen.quality.argmax()) if len(seen.quality) else None
     match = (
@@ -238,7 +238,7 @@ def _done(record: StepRecord, scale: Scale) -> str:
     )
     kept = "Resampled." if record.parents is not None else "Not resampled."
     if record.injected is not None:
-        kept = f"{kept} {int(record.injected.sum())} particles drawn afresh."
+        kept = f"{kept} {int(record.injected.sum())} particles drawn anew."
     return f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
 
 

@@ -103,7 +103,7 @@ def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, l
         ),
         (f"heading against {first}, 95 % (deg)", lambda p: _against(p.heading, degrees, 1)),
         (f"closer to the truth than {first}", lambda p: _closer(p.position)),
-        (f"apart from {first}, mean ({units.name})", lambda p: _length(p.apart_mean_m, units)),
+        (f"distance to {first}, mean ({units.name})", lambda p: _length(p.apart_mean_m, units)),
         (f"parts from {first}", _parts),
     ]
     return [
