@@ -97,7 +97,7 @@ class RunPaths:
 
     @property
     def line_key(self) -> str:
-        """What the colors of the lines of evidence mean: one EncodedImage."""
+        """The key of the plot of evidence: one EncodedImage."""
         return self.at("key", "evidence")
 
     @property

@@ -17,7 +17,7 @@ JPEG_QUALITY = 90  # 60 microseconds for 176 x 144; a lower one is hardly faster
 
 
 def ascii_of(text: str) -> str:
-    """Return a text in ASCII, which is all that OpenCV's fonts have: accents are dropped, others become '?'."""
+    """Return a text in ASCII, all that OpenCV's fonts have: accents are dropped, others become '?'."""
     bare = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
     return bare.encode("ascii", "replace").decode("ascii")
 

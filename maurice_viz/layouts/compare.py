@@ -1,7 +1,7 @@
 """Two to four runs side by side: one column per run, and between them what they share.
 
-Columns are narrow with three or four runs, so titles are short, and the histograms of a run are only in its tab
-of the layout `overview`.
+Columns are narrow with three or four runs, so titles are short, and the histograms of a run are only in
+its tab of the layout `overview`.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ FILM_QUALITY = 70
 
 
 class FilmstripPanel(Panel):
-    """Draws the last updates: what was seen, and the references at the truth and at the estimate.
+    """Draws the last updates: the picture, and the references at the truth and at the estimate.
 
     A strip has one column per update, the latest at the right. Columns are in a row that only grows: at each
     update the new one replaces the oldest, and the row is moved to the left.

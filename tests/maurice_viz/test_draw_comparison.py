@@ -170,8 +170,8 @@ def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_t
     assert len(body.contents) == count + 1
     columns = [[str(view.name) for view in views(column)] for column in body.contents]
     middle = columns.pop(count // 2)
-    assert middle[0] == "All on one map (in)"
-    assert any("Apart from seed 0" in title for title in middle)
+    assert middle[0] == "All runs on one map (in)"
+    assert any("Distance to seed 0" in title for title in middle)
     assert any("minus" in title for title in middle) == has_truth
     colors = ("orange", "sky blue", "pink", "green")
     assert [column[0] for column in columns] == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]

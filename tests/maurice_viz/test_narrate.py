@@ -74,7 +74,7 @@ def test_survivors_are_counted() -> None:
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     record = fakes.changed(record, parents=np.array([0, 0, 0, 4, 4, 5], np.int32))
     said = narrate.resampled(record)
-    assert said.startswith("Resampled: 3 of 6 particles survive, the luckiest in 3 copies.")
+    assert said.startswith("Resampled: 3 of 6 particles survive, at most in 3 copies.")
 
 
 def test_all_weights_zero_is_said() -> None:
@@ -98,7 +98,7 @@ def test_reseeding_of_a_cloud_outside_free_space_names_no_infinite_evidence() ->
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     fresh = np.array([0, 0, 0, 0, 1, 1], bool)
     said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
-    assert said.startswith("Reseeded: 2 of 6 particles were drawn afresh.")
+    assert said.startswith("Reseeded: 2 of 6 particles were drawn anew.")
     assert "free space" in said
     assert "inf " not in said
 

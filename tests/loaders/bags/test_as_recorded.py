@@ -139,7 +139,7 @@ def test_no_view_is_of_what_a_bag_does_not_hold(pictures: bool, tmp_path: Path) 
     playing = playback_as_recorded(open_as_recorded(path, ReadingOptions()))
     titles = _titles(layout_of(playing.views, playing.scene).root_container)
     assert ("Camera (px)" in titles) == pictures
-    assert {"Cloud from near", "What this step did"} <= titles
+    assert {"Cloud close up", "What this step did"} <= titles
     for word in (
         "Match",
         "reference",
@@ -173,7 +173,7 @@ def test_words_are_only_of_what_a_bag_holds(nav2: Path) -> None:
                     "was compared",
                     "Every particle",
                     "nan",
-                    "not at hand",
+                    "not available",
                 ):
                     assert wrong not in text
 
