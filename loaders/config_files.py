@@ -13,8 +13,8 @@ from maurice_mcl.config.schema import Configuration, Layer, configure, flatten
 from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters
 
 from .errors import InputError
+from .io.fields import toml_value
 from .io.files import expect_regular
-from .io.toml import toml_value
 
 # Configuration files: TOML with the tables and names of `maurice_mcl.config.parameters`, and the environment.
 

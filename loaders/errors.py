@@ -1,4 +1,4 @@
-"""The errors that bad input raises: `InputError` of `maurice_mcl.errors` and its kinds."""
+"""Errors of bad input (`InputError` of `maurice_mcl.errors`, and its kinds); problems of a reading."""
 
 from __future__ import annotations
 
@@ -28,3 +28,72 @@ class FieldError(BadValueError):
 
 class PictureError(BadValueError):
     """A picture that is missing, damaged or of an unsupported format."""
+
+
+# What reading a log brought to light: broken lines and things worth saying, bounded in number.
+
+MOST_KEPT = 100
+
+
+class ReadingNotes:
+    """Collects problems and warnings of one reading; the first 100 of each are kept, problems are counted.
+
+    Without `keep_going` the first problem is raised.
+    """
+
+    def __init__(self, keep_going: bool) -> None:
+        self._keep_going = keep_going
+        self._problems: list[InputError] = []
+        self._warnings: dict[str, None] = {}  # in order, each once
+        self.count = 0  # problems found, kept or not
+        self._told: set[str] = set()  # of those that are found again and again
+
+    def problem(self, error: InputError) -> None:
+        """Count a broken line, or raise the error when not keeping going."""
+        if not self._keep_going:
+            raise error from None
+        self.count += 1
+        if len(self._problems) < MOST_KEPT:
+            self._problems.append(error)
+
+    def damage(self, error: InputError) -> None:
+        """Count a part of the file that was left out: once, though several passes find it."""
+        if str(error) not in self._told:
+            self._told.add(str(error))
+            self.problem(error)
+
+    def warning(self, text: str) -> None:
+        """Note something worth saying; the same text is kept once."""
+        if len(self._warnings) < MOST_KEPT:
+            self._warnings[text] = None
+
+    @property
+    def problems(self) -> tuple[InputError, ...]:
+        """The first problems found."""
+        return tuple(self._problems)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The first warnings, each once."""
+        return tuple(self._warnings)
+
+
+class HasReadingNotes:
+    """What a session shows of its findings; each says by itself when a reading begins them anew."""
+
+    _notes: ReadingNotes
+
+    @property
+    def problem_count(self) -> int:
+        """How much the last reading left out (0 without `keep_going`: the first problem is raised)."""
+        return self._notes.count
+
+    @property
+    def problems(self) -> tuple[InputError, ...]:
+        """The first 100 problems of the last reading."""
+        return self._notes.problems
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last reading found worth saying, for example an unfinished last line."""
+        return self._notes.warnings

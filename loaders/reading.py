@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 from .errors import FieldError, InputError
-from .io.fields import flag, mapping, number, show, text, whole
+from .io.fields import flag, mapping, number, show, text, toml_value, whole
 from .io.files import expect_regular, write_whole
-from .io.toml import toml_value
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")

@@ -13,8 +13,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between, wrap_angle
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from .errors import InputError, PictureError
-from .io.notes import HasReadingNotes, ReadingNotes
+from .errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from .reading import ReadingOptions
 from .recording import Motion, OdometryPose, Picture, Record, Recording, TruthPose, checked
 from .session_log.header import Kind

@@ -17,9 +17,8 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
 
-from .errors import InputError
+from .errors import InputError, ReadingNotes
 from .io.fields import MOST, MOST_T_S, up_to
-from .io.notes import ReadingNotes
 
 # A recorded drive as a stream of records in time order: what every format is read into.
 

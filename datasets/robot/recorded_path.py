@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.odometry_folder import Cutting, jumps, read_aligned
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.session_log.records import (
     OdometryRecord,
     PictureRecord,
     TruthRecord,
+    is_kidnapping,
     read_header,
     read_records,
+    with_truth,
 )
-from maurice_loaders.session_log.truth import is_kidnapping, with_truth
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M, wrap
 

@@ -20,8 +20,7 @@ from maurice_mcl.arrays import F64, U8, Bool
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
-from ..io.notes import ReadingNotes
+from ..errors import InputError, ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.time_alignment import Aligner, Steps, as_rows

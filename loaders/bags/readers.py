@@ -15,9 +15,8 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError, PictureError
+from ..errors import InputError, PictureError, ReadingNotes
 from ..io.fields import read_json
-from ..io.notes import ReadingNotes
 from ..recording import Motion, Note, Picture
 from ..session_log.header import header_from_json
 from .images import picture_of

@@ -12,9 +12,8 @@ from typing import Any, cast
 
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, ReadingNotes
 from ..formats._poses import forward_axis, leaning, planar
-from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, TruthPose
 from .messages import (

@@ -1,6 +1,6 @@
 """Files for other programs.
 
-* `session`: a recording as our session log; `drive`: the same as MCAP, record by record
-* `run`: a saved run as MCAP; `tables`: as CSV and Parquet, and paths as TUM; `evo`: as evo's result files
-* `mcap`: an MCAP file being written; `ros_messages`: its ROS 2 messages
+* `session`: a recording as our session log, or as MCAP, record by record
+* `tables`: a saved run as CSV and Parquet, paths as TUM and KITTI, errors as evo's result file
+* `mcap`: an MCAP file being written, a saved run as one; `ros_messages`: its ROS 2 messages
 """

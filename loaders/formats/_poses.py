@@ -6,22 +6,23 @@ import heapq
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, PictureError, ReadingNotes
 from ..io.fields import MOST_T_S, show, up_to
-from ..io.notes import ReadingNotes
-from ..recording import OdometryPose, Record, TruthPose
+from ..io.pictures import decode_picture
+from ..recording import OdometryPose, Picture, Record, TruthPose
+from ..session_log.reader import MAX_PICTURE_BYTES
 from ..transforms.clocks import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
-from ._picture_lists import PictureList
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
+from .cmucam import BEGIN, decode_frame
 
 # Poses in space to poses in the plane: x, y, and where the forward axis points.
 
@@ -283,3 +284,80 @@ class TimedFolder:
         together = f"--truth-offset {main.first_s - truth.span.first_s + truth.offset_s:.6f}"
         no_help = "" if odometry is None else "movement does not tell how far; "
         return f"{no_help}if both begin together, use {together}"
+
+
+# Text files that name pictures and when they were taken, and reading the pictures.
+
+
+@dataclass(frozen=True, eq=False)
+class PictureList:
+    """A table of times and file names; nothing is read before it is asked for."""
+
+    file: Path
+    root: Path  # the folder that names start from
+    column: int | None = None  # of the file names; None: all that follows the first column
+    unit: str | None = None  # of the times, which stand in the column before; None: told from them
+
+    def pictures(self, notes: ReadingNotes) -> Iterator[Picture]:
+        """Yield the pictures in file order, not opened; broken rows and falling times are problems."""
+        last_t_s = -float("inf")
+        for row in self._rows():
+            try:
+                picture = self._picture(row)
+                if picture.t_s < last_t_s:
+                    found = f"found t {picture.t_s:.15g} after t {last_t_s:.15g}"
+                    raise InputError(self.file, f"{found}, expected time not to fall", row.number)
+            except InputError as problem:
+                notes.problem(problem)
+                continue
+            last_t_s = picture.t_s
+            yield picture
+
+    @cached_property
+    def span(self) -> TimeSpan:
+        """First and last time of the rows that can be read."""
+        span = TimeSpan()
+        for picture in self.pictures(ReadingNotes(keep_going=True)):
+            span.add(picture.t_s)
+        return span
+
+    @cached_property
+    def _unit(self) -> str:
+        words = [word for row in islice(self._rows(), LOOKED_AT) for word in self._words(row)[:1]]
+        return self.unit or detect_unit([word for word in words if is_number(word)] or ["0"])
+
+    def _rows(self) -> Iterator[Row]:
+        for number, row in enumerate(rows(self.file)):
+            if not row.text.startswith("#") and (number or not names_columns(row.text)):
+                yield row
+
+    def _words(self, row: Row) -> list[str]:
+        """Return time and name."""
+        if self.column is None:
+            return words_of(row.text, 1)
+        return words_of(row.text)[self.column - 1 : self.column + 1]
+
+    def _picture(self, row: Row) -> Picture:
+        words = self._words(row)
+        if len(words) < 2 or not words[1]:
+            raise InputError(
+                self.file, f"found {show(row.text)}, expected a time and a file name", row.number
+            )
+        number_of(self.file, row, words[0], "time", MOST_T_S * PER_SECOND[self._unit])
+        name = words[1]
+        return Picture(seconds(words[0], self._unit), partial(read_picture, self.root / name, name), name)
+
+
+def read_picture(file: Path, name: str) -> U8:
+    """Read a picture's file, or a CMUcam's frame. PictureError when it is not there or not whole."""
+    try:
+        if not file.is_file():
+            raise PictureError(f"found no such picture ({name}), expected a file in {file.parent}")
+        if file.stat().st_size > MAX_PICTURE_BYTES:
+            raise PictureError(f"found a picture of more than {MAX_PICTURE_BYTES // 2**20} MiB")
+        data = file.read_bytes()
+        return decode_frame(data) if data.startswith(BEGIN) else decode_picture(data, deep=True)
+    except (OSError, ValueError) as problem:
+        if isinstance(problem, PictureError):
+            raise
+        raise PictureError(f"cannot be read: {problem}") from None

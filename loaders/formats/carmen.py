@@ -20,9 +20,8 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, ReadingNotes
 from ..io.fields import MOST_T_S, show
-from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, TruthPose
 from ._tables import Row, begin_lines, number_of, rows

@@ -19,9 +19,8 @@ import numpy as np
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError, PictureError
+from ..errors import InputError, PictureError, ReadingNotes
 from ..io.files import natural_order
-from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import Picture, Record
 from .registry import Format

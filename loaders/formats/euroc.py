@@ -21,8 +21,7 @@ from ..io.files import PICTURES
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
 from ..transforms.clocks import unit_in
-from ._picture_lists import PictureList
-from ._poses import Layout, PoseFile, TimedFolder, layout_of
+from ._poses import Layout, PictureList, PoseFile, TimedFolder, layout_of
 from ._tables import begin_lines, begin_of, words_of
 from .registry import Format
 

@@ -19,14 +19,12 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, ReadingNotes
 from ..io.fields import MOST_T_S, show
-from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import Picture, Record, TruthPose
 from ..transforms.clocks import clock_s
-from ._picture_lists import read_picture
-from ._poses import first_file
+from ._poses import first_file, read_picture
 from ._tables import Row, begin_lines, number_of, rows, words_of
 from .registry import Format
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
-from ..io.notes import ReadingNotes
+from ..errors import InputError, ReadingNotes
 from ..io.pictures import decode_picture
 from ..reading import ReadingOptions
 from ..recording import Motion, Note, Picture, Record, TruthPose

@@ -16,8 +16,7 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..errors import InputError
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
-from ._picture_lists import PictureList
-from ._poses import TimedFolder, first_file, pose_file
+from ._poses import PictureList, TimedFolder, first_file, pose_file
 from ._tables import begin_lines
 from .registry import Format
 

@@ -13,15 +13,13 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
+from ..errors import InputError, ReadingNotes
 from ..io.fields import MOST_T_S, show
 from ..io.files import PICTURES, pictures_in
-from ..io.notes import ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..transforms.clocks import PER_SECOND, detect_unit, seconds
-from ._picture_lists import read_picture
-from ._poses import planar, rotation
+from ._poses import planar, read_picture, rotation
 from ._tables import (
     MOTION,
     ODOMETRY,

@@ -13,8 +13,7 @@ from ..errors import InputError
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
 from ..transforms.clocks import unit_in
-from ._picture_lists import PictureList
-from ._poses import COMMENTS, Layout, PoseFile, TimedFolder, first_file, layout_of, pose_file
+from ._poses import COMMENTS, Layout, PictureList, PoseFile, TimedFolder, first_file, layout_of, pose_file
 from ._tables import NAMES, begin_lines, is_number, names_columns, words_of
 from .registry import Format
 

@@ -12,8 +12,7 @@ import numpy as np
 from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError, PictureError
-from ..io.notes import ReadingNotes
+from ..errors import InputError, PictureError, ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import Picture, Record
 from ._tables import begin_of

@@ -114,7 +114,7 @@ def _expect_commas(file: Path, found: Sequence[str]) -> None:
 
 # A map given as a text file of wall segments.
 
-METRES = {"m": 1.0, "mm": 0.001}
+METERS = {"m": 1.0, "mm": 0.001}
 
 
 def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -> Arena:
@@ -124,8 +124,8 @@ def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -
     about rooms that were never surveyed; walls entirely outside are left out. InputError names a bad line,
     or says that the map is larger than any robot's.
     """
-    if unit not in METRES:
-        raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(METRES)}")
+    if unit not in METERS:
+        raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(METERS)}")
     expect_regular(file, "a map")
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
@@ -134,7 +134,7 @@ def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -
     used = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.strip().startswith("#")]
     segments = np.array([_wall(file, n, line) for n, line in used], np.float64).reshape(-1, 4)
     bounds = open_arena(poses, margin_m).bounds
-    arena = Arena(bounds, _near(segments * METRES[unit], bounds))
+    arena = Arena(bounds, _near(segments * METERS[unit], bounds))
     check_span(file, poses, arena)
     return arena
 

@@ -23,9 +23,8 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..errors import FieldError, InputError, PictureError
+from ..errors import FieldError, InputError, PictureError, ReadingNotes
 from ..formats.registry import NATIVE, chosen, open_recording
-from ..io.notes import ReadingNotes
 from ..io.pictures import decode_picture
 from ..reading import ReadingOptions
 from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose

@@ -1,6 +1,5 @@
 """Files and values.
 
 * `files`: atomic writes, the cache, pictures in folders; `pictures`: encoding and decoding
-* `fields`: checks of values from JSON and tables; `toml`: values as TOML
-* `notes`: problems and warnings of one reading
+* `fields`: checks of values from JSON and tables, values as TOML
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import zlib
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ JPEG_OPTIONS = (
     # Full color resolution: halved chroma would blur the color histograms.
     *(cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444),
 )
+PictureKind = Literal["png", "jpeg"]
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _MARKER = re.compile(rb"\xff+([^\x00\xff])", re.DOTALL)
 _START_OF_SCAN = 0xDA
@@ -30,6 +32,16 @@ def encode_jpeg(image_rgb: U8) -> bytes:
     done, data = cv2.imencode(".jpg", cv2.cvtColor(image_rgb, cv2.COLOR_RGB2BGR), list(JPEG_OPTIONS))
     if not done:
         raise ValueError(f"a picture of {image_rgb.shape} cannot be written as JPEG")
+    return data.tobytes()
+
+
+def encode_picture(image: U8, kind: PictureKind) -> bytes:
+    """Encode an RGB picture (H, W, 3): PNG without any loss, or JPEG of quality 95, 4:4:4."""
+    if kind == "jpeg":
+        return encode_jpeg(image)
+    done, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    if not done:
+        raise ValueError(f"a picture of {image.shape} cannot be written as PNG")
     return data.tobytes()
 
 

@@ -16,9 +16,8 @@ from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.sensor.descriptors.channel import Channel
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describe
 
-from ..errors import InputError
+from ..errors import InputError, ReadingNotes
 from ..io.files import cache_root, discard
-from ..io.notes import ReadingNotes
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
 from .files import MANIFEST, VERSION, check_span, hash_file, load_library, manifest_warnings, save_library

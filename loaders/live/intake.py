@@ -13,9 +13,8 @@ from typing import Any
 
 from maurice_mcl.session import SessionInfo
 
-from ..errors import FieldError, PictureError, SourceError
+from ..errors import FieldError, PictureError, ReadingNotes, SourceError
 from ..io.fields import MOST_T_S, up_to
-from ..io.notes import ReadingNotes
 from ..session_log.header import header_from_json
 from ..session_log.reader import picture_bytes
 from ..session_log.records import EventRecord, LogLine, PictureRecord, Record, parse_object, record_of

@@ -19,14 +19,12 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose, compose_motions
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from ..errors import InputError, PictureError, SourceError
+from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
 from ..io.files import expect_absent
-from ..io.notes import HasReadingNotes, ReadingNotes
 from ..io.pictures import decode_picture
 from ..session_log.header import Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
-from ..session_log.records import EventRecord, OdometryRecord, PictureRecord, Record
-from ..session_log.truth import with_truth
+from ..session_log.records import EventRecord, OdometryRecord, PictureRecord, Record, with_truth
 from ..transforms.gating import Gate
 from ..transforms.time_alignment import as_rows
 from .intake import Counts, Intake, Received

@@ -1,5 +1,5 @@
 """Saved runs (docs/saved-runs.md).
 
-* `writer`: written while the filter runs; `store`: read back and compared
-* `manifest`, `sources`: what a run was made from; `rows`: records as table rows; `bookmarks`: steps by name
+* `writer`: records as table rows, written while the filter runs; `store`: read back and compared
+* `manifest`: what a run was made from, and how far it got; `bookmarks`: steps by name
 """

@@ -21,7 +21,7 @@ from ..io.fields import items, read_json
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
 from .manifest import COMPARISON, CONFIGURATION, FORMAT, MAP, RunManifest, read_manifest, read_object
-from .rows import PARTICLES, RENEWED, TOOK, StepRows, steps_schema
+from .writer import PARTICLES, RENEWED, TOOK, StepRows, steps_schema
 
 # Saved runs: reading them back, a part at a time (docs/saved-runs.md).
 

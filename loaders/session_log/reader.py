@@ -13,12 +13,18 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from ..errors import InputError, PictureError
-from ..io.notes import HasReadingNotes, ReadingNotes
+from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from ..io.pictures import decode_picture
 from .header import Kind
-from .records import EventRecord, OdometryRecord, PictureRecord, TruthRecord, read_header, read_records
-from .truth import with_truth
+from .records import (
+    EventRecord,
+    OdometryRecord,
+    PictureRecord,
+    TruthRecord,
+    read_header,
+    read_records,
+    with_truth,
+)
 
 MAX_PICTURE_BYTES = 256 * 2**20
 

@@ -14,8 +14,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between, wrap_angle
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
-from ..io.notes import ReadingNotes
+from ..errors import InputError, ReadingNotes
 from ..reading import MOTIONS_ARE, ReadingOptions
 from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, RecordingWrapper, TruthPose
 

@@ -13,8 +13,7 @@ from maurice_mcl.geometry import compose, motion_between, wrap
 from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError
-from ..io.notes import ReadingNotes
+from ..errors import InputError, ReadingNotes
 from ..recording import Motion, Note, OdometryPose, Record, Recording, RecordingWrapper, TruthPose, checked
 
 # Odometry for drives that come without: made from the steps between known poses, plus stated noise.

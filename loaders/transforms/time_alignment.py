@@ -13,7 +13,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose_motions, motion_between
 
 from ..recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, interpolated
-from ..session_log.truth import MAX_GAP_S
+from ..session_log.records import MAX_GAP_S
 
 MOST_WAITING = 64  # pictures held back while poses after them are awaited; a second of a fast camera
 ROUNDING_S = 1e-6  # decimal seconds are not exact, and Unix time has a quarter of a microsecond

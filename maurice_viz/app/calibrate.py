@@ -7,8 +7,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.calibration.covered_pictures import covered_pictures
-from maurice_loaders.calibration.trials import METRES, mishaps, read_trials, trials_from_session, write_trials
+from maurice_loaders.calibration import (
+    METERS,
+    covered_pictures,
+    mishaps,
+    read_trials,
+    trials_from_session,
+    write_trials,
+)
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.odometry_folder import is_odometry_folder, trials_from_folder
@@ -87,8 +93,8 @@ def calibrate_motion(
         True
     """
     path = Path(source)
-    if unit not in METRES:
-        raise OptionError(f"a unit of length is one of {', '.join(METRES)}, found {unit!r}")
+    if unit not in METERS:
+        raise OptionError(f"a unit of length is one of {', '.join(METERS)}, found {unit!r}")
     if to is not None:
         expect_absent(Path(to), force=force)
     trials, units = _trials(path, unit)

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.errors import InputError
-from maurice_loaders.export.drive import convert_to_mcap
-from maurice_loaders.export.evo import EvoSink, evo_sink
-from maurice_loaders.export.run import McapScene, mcap_sink, scene_of
-from maurice_loaders.export.session import Converted, PictureKind, convert_to_log, records_to_log
+from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.export.mcap import McapScene, mcap_sink, scene_of
+from maurice_loaders.export.session import Converted, convert_to_log, convert_to_mcap, records_to_log
 from maurice_loaders.export.tables import (
     PATHS,
+    EvoSink,
     PathSink,
     Sink,
     csv_sink,
+    evo_sink,
     export_steps,
     kitti_line,
     parquet_sink,
@@ -27,7 +27,7 @@ from maurice_loaders.export.tables import (
     path_sink,
     tum_line,
 )
-from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.io.pictures import PictureKind
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import begin_of
 from maurice_loaders.recording import Picture, Recording

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.io.fields import toml_value
 from maurice_loaders.io.files import expect_absent, write_whole
-from maurice_loaders.io.toml import toml_value
-from maurice_loaders.libraries.choose import read_every
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import open_library, save_library
-from maurice_loaders.libraries.survey import EVERY, open_survey
+from maurice_loaders.libraries.survey import EVERY, open_survey, read_every
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.calibration.tuning import (

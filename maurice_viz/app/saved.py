@@ -15,11 +15,16 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_now
-from maurice_loaders.runs.rows import StepRows, rows_of
-from maurice_loaders.runs.sources import Source, source_hash, source_of
+from maurice_loaders.runs.manifest import (
+    RunManifest,
+    Source,
+    library_hash,
+    source_hash,
+    source_of,
+    versions_now,
+)
 from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference, open_runs
-from maurice_loaders.runs.writer import RunWriter, begin_comparison
+from maurice_loaders.runs.writer import RunWriter, StepRows, begin_comparison, rows_of
 from maurice_loaders.transforms.made_odometry import NAMED
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer

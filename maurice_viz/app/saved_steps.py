@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.runs.rows import StepRows, moment_of, picture_hash, record_of, weighted_of
 from maurice_loaders.runs.store import SavedRun
+from maurice_loaders.runs.writer import StepRows, moment_of, picture_hash, record_of, weighted_of
 from maurice_mcl.analysis.events import EventDetector, RunEvent
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose

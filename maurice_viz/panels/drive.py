@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-from maurice_loaders.transforms.placeholders import PLACEHOLDER
-from maurice_loaders.transforms.simplified_path import SimplifiedPath
+from maurice_loaders.transforms.gating import PLACEHOLDER, SimplifiedPath
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.geometry import compose, compose_motions, motion_between
 from maurice_mcl.library import Library

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from maurice_loaders.runs.manifest import CONFIGURATION, versions_now
-from maurice_loaders.runs.sources import Source
+from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo

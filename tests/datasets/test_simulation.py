@@ -18,7 +18,7 @@ from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World, clearance
-from maurice_loaders.calibration.trials import trials_from_session
+from maurice_loaders.calibration import trials_from_session
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
 

@@ -18,8 +18,7 @@ from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.bags.topics import PoseTopic
-from maurice_loaders.errors import FieldError, InputError
-from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.errors import FieldError, InputError, ReadingNotes
 from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live.bridges import ASK, HEAD, Foxglove, Rosbridge
 from maurice_loaders.live.intake import Intake, Received

@@ -16,9 +16,8 @@ from fuzz_mutations import mutated
 from fuzz_properties import SHARES as PROPERTIES
 from fuzz_seeds import DUMPS, JPEG, LOGS, ON_DISK, STREAMS
 
-from maurice_loaders.errors import InputError, PictureError
+from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import decode_picture
 from maurice_loaders.live.intake import Intake, Received
 from maurice_loaders.live.listening import Listening, Patience

@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture, Record
 

@@ -12,8 +12,7 @@ import pytest
 
 from maurice_loaders.config_files import to_toml
 from maurice_loaders.libraries.store import build_library
-from maurice_loaders.runs.manifest import RunManifest, library_hash, versions_now
-from maurice_loaders.runs.sources import source_of
+from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter

@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import InputError, PictureError
+from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose

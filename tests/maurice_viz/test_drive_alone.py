@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner, Result
 
+from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.recorded_session import Glance, RecordedSession
-from maurice_loaders.transforms.placeholders import PLACEHOLDER, Placeholders
+from maurice_loaders.transforms.gating import PLACEHOLDER, Placeholders
 from maurice_mcl.geometry import compose
 from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from maurice_loaders.calibration.trials import METRES
+from maurice_loaders.calibration import METERS
 from maurice_loaders.io.files import expect_absent
 from maurice_mcl.calibration.motion import Calibration
 from maurice_mcl.calibration.noise import NoiseFloor
@@ -48,7 +48,7 @@ def motion(
     ] = None,
     unit: Annotated[
         str,
-        typer.Option(help=f"Unit of the lengths in a CSV: {' | '.join(METRES)}."),
+        typer.Option(help=f"Unit of the lengths in a CSV: {' | '.join(METERS)}."),
     ] = "m",
     force: ForceOption = False,
     json_output: JsonOption = False,

@@ -13,9 +13,8 @@ from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
 from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
 from maurice_viz.app.drive import AFTER_RESAMPLING, open_as_recorded, playback_as_recorded

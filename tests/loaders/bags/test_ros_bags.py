@@ -17,9 +17,8 @@ import pytest
 
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.calibration.trials import floor_between, mishaps, trials_from_session
+from maurice_loaders.calibration import floor_between, mishaps, trials_from_session
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.map import Arena, Region

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.calibration.trials import read_trials, write_trials
+from maurice_loaders.calibration import read_trials, write_trials
 from maurice_loaders.errors import InputError
 from maurice_mcl.calibration.motion import Straights, Trials, Turns
 

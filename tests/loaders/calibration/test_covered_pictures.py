@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.calibration.covered_pictures import covered_pictures
+from maurice_loaders.calibration import covered_pictures
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo

@@ -14,11 +14,9 @@ pytest.importorskip("rosbags")
 
 from rosbags.highlevel import AnyReader
 
-from maurice_loaders.errors import InputError
-from maurice_loaders.export.drive import convert_to_mcap
-from maurice_loaders.export.session import Converted, convert_to_log
+from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.export.session import Converted, convert_to_log, convert_to_mcap
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose

@@ -18,12 +18,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.export.evo import error_statistics, evo_sink
 from maurice_loaders.export.tables import (
     PATHS,
     ExportStep,
     Sink,
     csv_sink,
+    error_statistics,
+    evo_sink,
     export_steps,
     kitti_line,
     parquet_sink,
@@ -32,8 +33,8 @@ from maurice_loaders.export.tables import (
     table_columns,
     tum_line,
 )
-from maurice_loaders.runs.rows import StepRows
 from maurice_loaders.runs.store import open_runs
+from maurice_loaders.runs.writer import StepRows
 from maurice_mcl.geometry import compose
 
 CHANNELS = ("color", "edges")

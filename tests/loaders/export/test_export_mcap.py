@@ -13,13 +13,22 @@ from maurice_loaders.bags.localizer import RecordedLocalizer
 from maurice_loaders.bags.mcap import open_mcap
 from maurice_loaders.bags.messages import matrix_of
 from maurice_loaders.bags.readers import HEADER, MOTIONS
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.export import mcap as export_mcap
-from maurice_loaders.export.mcap import CLOUD, IMAGE, ODOMETRY, ONCE, POSES, TF, TYPES, mcap_file
-from maurice_loaders.export.run import mcap_sink, scene_of
+from maurice_loaders.export.mcap import (
+    CLOUD,
+    IMAGE,
+    ODOMETRY,
+    ONCE,
+    POSES,
+    TF,
+    TYPES,
+    mcap_file,
+    mcap_sink,
+    scene_of,
+)
 from maurice_loaders.export.tables import export_steps
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.io.pictures import decode_picture
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.store import open_runs

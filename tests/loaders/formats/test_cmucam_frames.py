@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import PictureError
+from maurice_loaders.errors import PictureError, ReadingNotes
 from maurice_loaders.formats.cmucam import decode_frame, frames
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture
 from maurice_mcl.arrays import U8

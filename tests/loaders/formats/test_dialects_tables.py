@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from helpers.dialect_files import COUNTS, QUARTER, counts, image, read, write
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import OdometryPose, Picture, TruthPose
 

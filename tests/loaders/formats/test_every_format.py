@@ -15,9 +15,8 @@ import pytest
 from typer.testing import CliRunner
 
 from helpers.format_samples import SAMPLES, SMALL, sample
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import formats, guess, open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
 from maurice_viz.cli.app import app

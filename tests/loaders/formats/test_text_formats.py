@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Motion, OdometryPose, Picture, Record, TruthPose
 from maurice_mcl.arrays import F64

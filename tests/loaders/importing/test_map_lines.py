@@ -17,10 +17,10 @@ def lines(folder: Path, text: str) -> Path:
 
 
 def test_units(tmp_path: Path) -> None:
-    millimetres = arena_from_lines(lines(tmp_path, "1000 2000 3000 2500\n"), "mm", POSES)
-    metres = arena_from_lines(lines(tmp_path, "1 2 3 2.5"), "m", POSES)
-    assert np.allclose(millimetres.walls, [[1, 2, 3, 2.5]])
-    assert np.allclose(metres.walls, millimetres.walls)
+    millimeters = arena_from_lines(lines(tmp_path, "1000 2000 3000 2500\n"), "mm", POSES)
+    meters = arena_from_lines(lines(tmp_path, "1 2 3 2.5"), "m", POSES)
+    assert np.allclose(millimeters.walls, [[1, 2, 3, 2.5]])
+    assert np.allclose(meters.walls, millimeters.walls)
 
 
 def test_bounds_reach_a_metre_beyond_the_poses(tmp_path: Path) -> None:

@@ -144,10 +144,10 @@ class TestErrors:
         with pytest.raises(InputError, match=r"poses\.csv: found a file, expected the folder"):
             import_pictures(source / "poses.csv", source / "poses.csv", source.parent / "out", OPTIONS)
 
-    def test_poses_in_millimetres(self, source: Path) -> None:
+    def test_poses_in_millimeters(self, source: Path) -> None:
         table = source / "poses.csv"
         table.write_text(table.read_text() + "images/far.JPG,12000,0,0\n")
-        self.expect(source, r"poses\.csv: found poses 12000 m apart, .* at \(12000, 0\), .* in metres\?")
+        self.expect(source, r"poses\.csv: found poses 12000 m apart, .* at \(12000, 0\), .* in meters\?")
 
     def test_a_guard_that_leaves_nothing(self, source: Path) -> None:
         self.expect(source, "found no picture 9 m off the session's", replace(OPTIONS, guard_m=9))

@@ -28,7 +28,7 @@ from ..conftest import WriteLog
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 
-SEEN = ("clockwise", "degrees", "swapped", "backward", "absolute", "world", "centimetres", "gain")
+SEEN = ("clockwise", "degrees", "swapped", "backward", "absolute", "world", "centimeters", "gain")
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +125,7 @@ def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> N
         log = broken(drive[0], tmp_path / f"{name}.log", BREAKS[name][1])
         return dict(diagnose(log, ReadingOptions(), None).complaints[0].numbers)
 
-    assert numbers("millimetres")["scale"] == pytest.approx(0.001, rel=0.15)
+    assert numbers("millimeters")["scale"] == pytest.approx(0.001, rel=0.15)
     assert numbers("swapped")["offset_deg"] == pytest.approx(-90, abs=5)
     assert numbers("nanoseconds")["per_s"] == 1e9
     assert numbers("gain")["gain"] == pytest.approx(0.73 / 2, rel=0.1)

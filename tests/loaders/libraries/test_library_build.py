@@ -95,7 +95,7 @@ def test_a_wild_pose_is_named_and_no_map_is_rastered(write_log: WriteLog, pixel:
         assert caught.value.file == survey
 
 
-def test_ten_kilometres_anywhere_become_a_raster(write_log: WriteLog, pixel: object) -> None:
+def test_ten_kilometers_anywhere_become_a_raster(write_log: WriteLog, pixel: object) -> None:
     poses = [[1e8, -1e8, 0], [1e8 + 0.5, -1e8, 0], [1e8 + 9_990, -1e8 + 9_990, 0]]
     records = [{"t": t, "image": pixel, "pose": pose} for t, pose in enumerate(poses)]
     library = build_library(write_log(*records, kind="survey"))
@@ -119,7 +119,7 @@ def test_a_map_too_large_names_the_survey(write_log: WriteLog, pixel: object, ch
     plan = {"bounds_m": [0, 0, 1, 1]} | change
     path = write_log({"t": 0, "image": pixel, "pose": [0, 0, 0]}, kind="survey", map=plan)
     with pytest.raises(
-        InputError, match=r"found a map that with the poses spans .*; are they in metres"
+        InputError, match=r"found a map that with the poses spans .*; are they in meters"
     ) as caught:
         build_library(path)
     assert caught.value.file == path

@@ -9,10 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.libraries.choose import Spacing, blurred, choose, read_every, sharpness
 from maurice_loaders.libraries.files import load_library, save_library
 from maurice_loaders.libraries.store import build_library
-from maurice_loaders.libraries.survey import SelectedSurvey, open_survey
+from maurice_loaders.libraries.survey import (
+    SelectedSurvey,
+    Spacing,
+    blurred,
+    choose,
+    open_survey,
+    read_every,
+    sharpness,
+)
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter

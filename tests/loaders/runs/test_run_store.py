@@ -13,20 +13,21 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.runs.manifest import library_hash, put, read_manifest, write_manifest
-from maurice_loaders.runs.rows import (
+from maurice_loaders.runs.manifest import library_hash, put, read_manifest, source_of, write_manifest
+from maurice_loaders.runs.store import SavedRun, open_runs, same
+from maurice_loaders.runs.writer import (
     BEST,
+    PART_STEPS,
     PARTICLES,
     RENEWED,
+    RunWriter,
     StepRows,
+    begin_comparison,
     moment_of,
     record_of,
     rows_of,
     steps_schema,
 )
-from maurice_loaders.runs.sources import source_of
-from maurice_loaders.runs.store import SavedRun, open_runs, same
-from maurice_loaders.runs.writer import PART_STEPS, RunWriter, begin_comparison
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment

@@ -10,8 +10,8 @@ import polars as pl
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.runs.rows import rows_of
 from maurice_loaders.runs.store import SavedRun, first_difference, open_runs, same
+from maurice_loaders.runs.writer import rows_of
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from maurice_loaders.errors import InputError
-from maurice_loaders.io.notes import ReadingNotes
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.session_log import records as log_lines
 from maurice_loaders.session_log.records import Record, read_header, read_records
 

@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.session_log.records import (
+    MAX_WAITING,
     EventRecord,
     OdometryRecord,
     PictureRecord,
     Record,
     TruthRecord,
+    with_truth,
 )
-from maurice_loaders.session_log.truth import MAX_WAITING, with_truth
 from maurice_mcl.arrays import F64
 
 

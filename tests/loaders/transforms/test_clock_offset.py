@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.odometry_folder import read_aligned
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.transforms.clocks import offset_between
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose

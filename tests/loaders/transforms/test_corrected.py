@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from helpers.format_samples import sample
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose

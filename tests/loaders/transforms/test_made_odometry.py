@@ -12,9 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from helpers.format_samples import sample
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.io.notes import ReadingNotes
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, before, first_truth
 from maurice_loaders.recording import Motion, Note, OdometryPose, Record, Recording, TruthPose

@@ -12,26 +12,34 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F64
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.calibration.motion import MotionSegment, Straights, Trials, Turns, trials_of
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
-from ..errors import InputError
-from ..formats.odometry_folder import Cutting
-from ..io.fields import number_in, show
-from ..io.files import expect_regular, write_whole
-from ..io.notes import ReadingNotes
-from ..session_log.records import EventRecord, OdometryRecord, TruthRecord, read_header, read_records
-from ..session_log.truth import is_kidnapping
+from .errors import InputError, PictureError, ReadingNotes
+from .formats.odometry_folder import Cutting
+from .io.fields import number_in, show
+from .io.files import PICTURES, expect_regular, write_whole
+from .io.pictures import decode_picture
+from .session_log.reader import picture_bytes
+from .session_log.records import (
+    EventRecord,
+    OdometryRecord,
+    PictureRecord,
+    TruthRecord,
+    is_kidnapping,
+    read_header,
+    read_records,
+)
 
 # A CSV table of calibration trials, one row a turn or a straight, read strictly and written.
 
 NEEDED = ("kind", "measured", "actual")
 COLUMNS = (*NEEDED, "heading_error_deg", "floor")
 KINDS = ("turn", "straight")
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
+METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +56,12 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
 
     InputError names an unknown or missing column, or the row and the column at fault.
     """
-    if unit not in METRES:
-        raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METRES)}")
+    if unit not in METERS:
+        raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
     expect_regular(file, "a table of trials")
     try:
         with file.open(newline="", encoding="utf-8-sig") as data:
-            rows = list(_rows(file, csv.DictReader(data), METRES[unit]))
+            rows = list(_rows(file, csv.DictReader(data), METERS[unit]))
     except FileNotFoundError:
         raise InputError(file, "found no such file, expected a table of trials; check the path") from None
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
@@ -220,3 +228,55 @@ def floor_at(arena: Arena, point: F64) -> str:
         if cv2.pointPolygonTest(floor.polygon.astype(np.float32), (x, y), False) >= 0:
             return floor.name
     return ""
+
+
+# Pictures taken with the lens covered, from a survey log, its folder, or a folder of pictures.
+
+
+def covered_pictures(path: Path) -> Iterator[U8]:
+    """Read the covered pictures of a log, or all of a folder without one; one is held at a time.
+
+    InputError where there are none, naming what was looked for, or for a picture that cannot be read.
+    """
+    log = _log_of(path) if path.is_dir() else path
+    return _of_folder(path) if log is None else _of_log(log)
+
+
+def _log_of(folder: Path) -> Path | None:
+    """Return survey.log, or the only log of a folder; None when it holds no log."""
+    logs = sorted(folder.glob("*.log"))
+    named = folder / "survey.log"
+    if named in logs:
+        return named
+    if len(logs) > 1:
+        raise InputError(folder, f"found {len(logs)} logs, expected one or survey.log; name the log instead")
+    return logs[0] if logs else None
+
+
+def _of_log(log: Path) -> Iterator[U8]:
+    _, kind = read_header(log)
+    none = True
+    for record in read_records(log, kind, ReadingNotes(keep_going=False)):
+        if isinstance(record, PictureRecord) and record.covered:
+            none = False
+            try:
+                yield decode_picture(picture_bytes(record, log))
+            except PictureError as problem:
+                raise InputError(log, f"{record.path or 'inline picture'}: {problem}", record.line) from None
+    if none:
+        raise InputError(
+            log, 'found no picture with "covered": true, expected some taken with the lens cap on'
+        )
+
+
+def _of_folder(folder: Path) -> Iterator[U8]:
+    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES and file.is_file())
+    if not files:
+        raise InputError(
+            folder, "found neither pictures nor a log, expected pictures taken with the lens cap on"
+        )
+    for file in files:
+        try:
+            yield decode_picture(file.read_bytes())
+        except PictureError as problem:
+            raise InputError(file, str(problem)) from None

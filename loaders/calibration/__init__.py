@@ -1,1 +1,0 @@
-"""Recordings that calibration measures: `trials` of movements, and `covered_pictures`."""
