@@ -39,8 +39,8 @@ class Diagnosis:
     said: tuple[str, ...]  # by the reader
     checks: tuple[str, ...]  # what could be asked
     not_asked: tuple[str, ...]  # what could not, and why
-    complaints: tuple[Finding, ...]
-    mended: ReadingOptions  # what to read it with; as it was read where no option mends anything
+    findings: tuple[Finding, ...]
+    fixed: ReadingOptions  # what to read it with; as it was read where no option fixes anything
 
 
 def diagnose(
@@ -90,7 +90,7 @@ def _diagnosis(
     """Put together what is reported; a delay of the pictures is why truth seems to be elsewhere in time."""
     delayed = any(one.code == "picture-delay" for one in known)
     format_name = chosen(path, options).name
-    complaints = [mendable(one, format_name) for one in known if not (delayed and one.code == "truth-apart")]
+    findings = [fixable(one, format_name) for one in known if not (delayed and one.code == "truth-apart")]
     return Diagnosis(
         path,
         found.info.name,
@@ -101,8 +101,8 @@ def _diagnosis(
         found.warnings,
         tuple(asked.checks),
         tuple(asked.without),
-        tuple(complaints),
-        mended(options, complaints),
+        tuple(findings),
+        fixed_options(options, findings),
     )
 
 
@@ -122,18 +122,18 @@ def _lacking(drive: RecordedDrive) -> str:
 
 def _about_reading(found: Gathered) -> list[Finding]:
     """Return what a reader of this log would stumble over."""
-    complaints, truth = [], found.drive.truth.poses
+    findings, truth = [], found.drive.truth.poses
     if found.falls:
-        complaints.append(Finding("times-fall", (Evidence("falling"),), details={"falls": found.falls}))
+        findings.append(Finding("times-fall", (Evidence("falling"),), details={"falls": found.falls}))
     large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (found.drive.odometry.values, truth))
     if large:
         most = {"most": MOST}
         evidence = (Evidence("limits", most),)
-        complaints.append(Finding("too-large", evidence, {"records": large}, details=most))
+        findings.append(Finding("too-large", evidence, {"records": large}, details=most))
     if found.skipped:
         evidence = (Evidence("first-problem", {"problem": found.first_problem}),)
-        complaints.append(Finding("broken", evidence, details={"records": found.skipped}))
-    return complaints
+        findings.append(Finding("broken", evidence, details={"records": found.skipped}))
+    return findings
 
 
 def _about_pictures(
@@ -159,7 +159,7 @@ def _about_pictures(
     return known + more
 
 
-# From what the doctor found to the options of reading that mend it.
+# From what the doctor found to the options of reading that fix it.
 
 UNITS_TAKEN = ("session-log", "table", "tum", "tum-trajectory", "openloris", "euroc")  # by --time-unit
 FACTORS = (
@@ -171,17 +171,17 @@ FACTORS = (
 )  # what was read with one factor and needs another is read with their product
 
 
-def mendable(complaint: Finding, format_name: str) -> Finding:
-    """Leave out of a complaint the options that a format does not take."""
-    if "time_unit" in complaint.options and format_name not in UNITS_TAKEN:
-        return replace(complaint, options={})
-    return complaint
+def fixable(finding: Finding, format_name: str) -> Finding:
+    """Leave out of a finding the options that a format does not take."""
+    if "time_unit" in finding.options and format_name not in UNITS_TAKEN:
+        return replace(finding, options={})
+    return finding
 
 
-def mended(options: ReadingOptions, complaints: Iterable[Finding]) -> ReadingOptions:
-    """Return the options with what fixes the complaints, found in reading with these options."""
-    for complaint in complaints:
-        options = _with(options, complaint.options)
+def fixed_options(options: ReadingOptions, findings: Iterable[Finding]) -> ReadingOptions:
+    """Return the options with what fixes the findings, found in reading with these options."""
+    for finding in findings:
+        options = _with(options, finding.options)
     return options
 
 

@@ -184,7 +184,7 @@ def open_library(
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
     cached = _from_cache(kept, warn)
     if cached is not None and set(chosen_channels(channels)) <= set(cached.index):
-        return cached  # else a channel failed when it was built, and may have been mended since
+        return cached  # else a channel failed when it was built, and may have been fixed since
     warnings: list[str] = []
     built = build_library(path, channels, keep_going=keep_going, progress=progress, warn=warnings.append)
     kept_now = _into_cache(built, kept, warnings)

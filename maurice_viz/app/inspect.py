@@ -10,7 +10,7 @@ from pathlib import Path
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.formats.registry import formats as all_formats
-from maurice_loaders.inspection.doctor import Diagnosis, mended
+from maurice_loaders.inspection.doctor import Diagnosis, fixed_options
 from maurice_loaders.inspection.doctor import diagnose as diagnose_recording
 from maurice_loaders.inspection.overview import Inspection, inspect_recording, inspect_session
 from maurice_loaders.io.files import expect_absent
@@ -86,12 +86,12 @@ def diagnose(
     """Find wrong signs, units, frames, clocks and cameras in a recording, and the options that fix them.
 
     Pictures are compared with the `library`, or the one that the recording names if there is one, unless
-    `pictures` is False. `Diagnosis.mended` are the options that fix everything; `to` writes them to a
+    `pictures` is False. `Diagnosis.fixed` are the options that fix everything; `to` writes them to a
     reading file (.toml), if there is anything to fix. Raises InputError where the recording or the library
     cannot be read, or the file exists (unless `force`).
 
         >>> diagnosis = mv.diagnose("session.log")
-        >>> len(diagnosis.complaints)
+        >>> len(diagnosis.findings)
         0
     """
     path, options = Path(session), options or ReadingOptions()
@@ -100,14 +100,14 @@ def diagnose(
     wanted = None if library is None else Path(library)
     references = _library(path, wanted, options, listener) if pictures else None
     found = diagnose_recording(path, options, references, progress_of(listener, "pictures"))
-    if to is not None and found.mended != options:
-        write_reading(to, found.mended, force=force)
+    if to is not None and found.fixed != options:
+        write_reading(to, found.fixed, force=force)
     return found
 
 
 def fixes(diagnosis: Diagnosis, options: ReadingOptions) -> Sequence[ReadingOptions]:
-    """Return, for each complaint, the options that fix it alone, as far as options can."""
-    return [mended(options, [one]) for one in diagnosis.complaints]
+    """Return, for each finding, the options that fix it alone, as far as options can."""
+    return [fixed_options(options, [one]) for one in diagnosis.findings]
 
 
 def _library(

@@ -66,7 +66,7 @@ def truth(change: Callable[[float, float, float], tuple[float, float, float]]) -
     return lambda records: [r | {"truth": list(change(*r["truth"]))} if "truth" in r else r for r in records]
 
 
-BREAKS: dict[str, tuple[str, Break]] = {  # name -> (code of the complaint, how)
+BREAKS: dict[str, tuple[str, Break]] = {  # name -> (code of the finding, how)
     "clockwise": ("turn-clockwise", odometry(lambda f, s, t: (f, s, -t))),
     "degrees": ("turn-degrees", odometry(lambda f, s, t: (f, s, math.degrees(t)))),
     "clockwise degrees": ("turn-clockwise-degrees", odometry(lambda f, s, t: (f, s, -math.degrees(t)))),

@@ -93,8 +93,8 @@ def test_one_that_fails_on_pictures_is_left_out_of_the_library(small_session, tm
     wanted = _maurice(small_session, "--feature", "mychannel", *RUN, path=path, expect=1)
     assert "mychannel is wanted; build the library again" in wanted.stderr
     _install(tmp_path / "site", SOURCE.replace('"version": 1', '"version": 3'))
-    mended = _maurice(small_session, "--feature", "mychannel", *RUN, path=path)
-    assert _labels(mended) == ["mychannel"], "the cache is no reason to stay broken"
+    fixed = _maurice(small_session, "--feature", "mychannel", *RUN, path=path)
+    assert _labels(fixed) == ["mychannel"], "the cache is no reason to stay broken"
 
 
 @pytest.mark.slow

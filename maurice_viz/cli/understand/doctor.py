@@ -19,7 +19,7 @@ from ..errors import one_line_errors
 from ..options import ForceOption, JsonOption, LibraryOption, SessionArgument
 from ..reading import ReadingOption, reading_of, typed
 
-Options = Sequence[Sequence[str]]  # as typed: what fixes each complaint, and last what fixes all; or nothing
+Options = Sequence[Sequence[str]]  # as typed: what fixes each finding, and last what fixes all; or nothing
 
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Exit with status 1 when something is wrong, for CI.")
@@ -60,18 +60,18 @@ def doctor(
             listener=listener,
         )
     beside = [] if library is None else ["--library", str(library)]
-    fixing = [*fixes(found, opening), found.mended]
+    fixing = [*fixes(found, opening), found.fixed]
     options = [typed(one) if one != opening else [] for one in fixing]
     if json_output:
         results.print_json(json.dumps(_json(found, options)))
     else:
         results.print("\n".join(_lines(found, options, beside)), soft_wrap=True)
-    if fix and found.mended != opening:
+    if fix and found.fixed != opening:
         words = shlex.join([str(session), "--reading", str(output)])
         note(f"{output} written; now try: maurice-replay {words}")
     elif fix:
         note("there is nothing that options fix; no file was written")
-    if strict and found.complaints:
+    if strict and found.findings:
         raise typer.Exit(1)
 
 
@@ -87,24 +87,24 @@ def _json(found: Diagnosis, options: Options) -> dict[str, object]:
         "said": list(found.said),
         "checks": list(found.checks),
         "not_asked": list(found.not_asked),
-        "healthy": not found.complaints,
-        "complaints": [
+        "healthy": not found.findings,
+        "findings": [
             {
                 "code": one.code,
                 "what": describe(one),
                 "evidence": evidence_for(one),
-                "mend": fix_for(one),
+                "fix": fix_for(one),
                 "options": list(fixing),
                 "numbers": dict(one.numbers),
             }
-            for one, fixing in zip(found.complaints, options, strict=False)
+            for one, fixing in zip(found.findings, options, strict=False)
         ],
         "options": list(options[-1]),
     }
 
 
 def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> Iterator[str]:
-    """Yield the report, one line per fact; complaints come last and are numbered.
+    """Yield the report, one line per fact; findings come last and are numbered.
 
     `beside` are words that follow the options wherever a library is asked.
     """
@@ -115,7 +115,7 @@ def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> It
         yield f"could not check: {', '.join(found.not_asked)}"
     for text in found.said:
         yield f"the reader reports: {text}"
-    for number, (one, fixing) in enumerate(zip(found.complaints, options, strict=False), 1):
+    for number, (one, fixing) in enumerate(zip(found.findings, options, strict=False), 1):
         yield f"{number}. {describe(one)} [{one.code}]"
         yield f"   why: {evidence_for(one)}"
         if fixing:
@@ -125,7 +125,7 @@ def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> It
         kept = shlex.join(["FIXED.log", *options[-1]])
         yield f"try: {_command('maurice-replay doctor', found.path, [*options[-1], *beside])}"
         yield f"keep: {_command('maurice-replay convert', found.path)} {kept}"
-    yield f"found {len(found.complaints)} wrong" if found.complaints else "found nothing wrong"
+    yield f"found {len(found.findings)} wrong" if found.findings else "found nothing wrong"
 
 
 def _command(command: str, path: Path, options: Sequence[str] = ()) -> str:

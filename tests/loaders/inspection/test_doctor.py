@@ -44,7 +44,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Libr
 
 
 def codes(found: Diagnosis) -> list[str]:
-    return [one.code for one in found.complaints]
+    return [one.code for one in found.findings]
 
 
 def test_a_healthy_drive_has_nothing_wrong(drive: tuple[Path, Library], tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_what_is_wrong_is_named_with_truth(name: str, drive: tuple[Path, Library
     code, how = BREAKS[name]
     found = diagnose(broken(drive[0], tmp_path / "b.log", how), ReadingOptions(), None)
     assert codes(found)[0] == code
-    assert all(one.evidence and one.options for one in found.complaints)
+    assert all(one.evidence and one.options for one in found.findings)
 
 
 @pytest.mark.slow
@@ -71,10 +71,10 @@ def test_reading_it_with_what_mends_it_leaves_nothing_wrong(
     clocks = {"pictures late": late("image", 9.0), "truth clock": late("truth", 500.25)}
     log = broken(drive[0], tmp_path / "b.log", clocks.get(name) or BREAKS[name][1])
     found = diagnose(log, ReadingOptions(), drive[1])
-    assert codes(diagnose(log, found.mended, drive[1])) == []
-    healthy, mended = list(open_session(drive[0]).moments()), list(open_session(log, found.mended).moments())
-    assert len(mended) == len(healthy) == 24
-    for one, two in zip(mended, healthy, strict=True):
+    assert codes(diagnose(log, found.fixed, drive[1])) == []
+    healthy, fixed = list(open_session(drive[0]).moments()), list(open_session(log, found.fixed).moments())
+    assert len(fixed) == len(healthy) == 24
+    for one, two in zip(fixed, healthy, strict=True):
         assert one.truth is not None
         assert two.truth is not None
         np.testing.assert_allclose(one.truth, two.truth, atol=1e-6)
@@ -87,8 +87,8 @@ def test_a_camera_aside_is_mended_by_the_headings_it_has(drive: tuple[Path, Libr
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     turned = replace(library, poses=poses)
     found = diagnose(log, ReadingOptions(), turned)
-    assert np.degrees(found.mended.camera_yaw_rad) == pytest.approx(-45, abs=15)
-    assert codes(diagnose(log, found.mended, turned)) == []
+    assert np.degrees(found.fixed.camera_yaw_rad) == pytest.approx(-45, abs=15)
+    assert codes(diagnose(log, found.fixed, turned)) == []
 
 
 @pytest.mark.parametrize("name", SEEN)
@@ -115,15 +115,15 @@ def test_a_frame_that_is_turned_is_told_by_itself(
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turned = odometry(lambda f, s, t: (f * cos - s * sin, f * sin + s * cos, t))
     log = broken(drive[0], tmp_path / "b.log", turned, truth=False)
-    (complaint,) = diagnose(log, ReadingOptions(), None).complaints
-    assert complaint.code == ("frame-swapped" if degrees == 75 else "frame-turned")
-    assert complaint.numbers["offset_deg"] == pytest.approx(-degrees, abs=5)
+    (finding,) = diagnose(log, ReadingOptions(), None).findings
+    assert finding.code == ("frame-swapped" if degrees == 75 else "frame-turned")
+    assert finding.numbers["offset_deg"] == pytest.approx(-degrees, abs=5)
 
 
 def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> None:
     def numbers(name: str) -> dict[str, float]:
         log = broken(drive[0], tmp_path / f"{name}.log", BREAKS[name][1])
-        return dict(diagnose(log, ReadingOptions(), None).complaints[0].numbers)
+        return dict(diagnose(log, ReadingOptions(), None).findings[0].numbers)
 
     assert numbers("millimeters")["scale"] == pytest.approx(0.001, rel=0.15)
     assert numbers("swapped")["offset_deg"] == pytest.approx(-90, abs=5)
@@ -135,7 +135,7 @@ def test_late_pictures_are_found_by_truth_and_library(drive: tuple[Path, Library
     log = broken(drive[0], tmp_path / "b.log", late("image", 9.0))
     found = diagnose(log, ReadingOptions(), drive[1])
     assert codes(found) == ["picture-delay"]
-    delay = next(one for one in found.complaints if one.code == "picture-delay")
+    delay = next(one for one in found.findings if one.code == "picture-delay")
     assert delay.numbers["delay_s"] == pytest.approx(9.0, abs=3.5)  # the robot stands while it looks
 
 
@@ -153,7 +153,7 @@ def test_a_camera_that_looks_aside_is_found(degrees: int, drive: tuple[Path, Lib
     turned = replace(library, poses=poses)
     found = diagnose(log, ReadingOptions(), turned)
     assert codes(found) == ["camera-yaw"]
-    assert found.complaints[0].numbers["yaw_deg"] == pytest.approx(-degrees, abs=15)
+    assert found.findings[0].numbers["yaw_deg"] == pytest.approx(-degrees, abs=15)
 
 
 def test_times_that_fall_are_told(write_log: WriteLog) -> None:

@@ -1,4 +1,4 @@
-"""The cache: built once, by content, mended when damaged, safe for two at once."""
+"""The cache: built once, by content, fixed when damaged, safe for two at once."""
 
 import subprocess
 import sys
@@ -96,8 +96,8 @@ def test_a_damaged_cache_is_built_again(
     else:
         file.write_bytes(file.read_bytes()[:30])
     assert open_library(survey).size == 5
-    mended = part != "pictures/00000.jpg" or damage == "remove"  # a picture's content is not looked at
-    assert len(builds) == (2 if mended else 1)
+    fixed = part != "pictures/00000.jpg" or damage == "remove"  # a picture's content is not looked at
+    assert len(builds) == (2 if fixed else 1)
     builds.clear()
     open_library(survey)
     assert builds == []

@@ -52,9 +52,9 @@ def test_json_has_the_numbers(small_session: Path) -> None:
     done = runner.invoke(app, ["doctor", str(wrong), "--no-library", "--json"])
     found = json.loads(done.stdout)
     assert found["healthy"] is False
-    assert [one["code"] for one in found["complaints"]] == ["scale"]
-    assert found["complaints"][0]["numbers"]["scale"] == pytest.approx(0.001, rel=0.05)
-    assert found["complaints"][0]["options"] == found["options"] == ["--reading", "odometry_scale=0.001"]
+    assert [one["code"] for one in found["findings"]] == ["scale"]
+    assert found["findings"][0]["numbers"]["scale"] == pytest.approx(0.001, rel=0.05)
+    assert found["findings"][0]["options"] == found["options"] == ["--reading", "odometry_scale=0.001"]
     assert found["not_asked"] == ["pictures: no library was given"]
 
 
@@ -70,14 +70,14 @@ def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Pat
     wrong, survey = in_millimeters(small_session), small_session.with_name("survey.log")
     said = runner.invoke(app, ["doctor", str(wrong), "--library", str(survey)]).stdout
     lines = dict(line.strip().partition(": ")[::2] for line in said.splitlines())
-    _, *mend = shlex.split(lines["fix"])
-    assert mend == [str(wrong), "--reading", "odometry_scale=0.001", "--library", str(survey)]
-    assert replayed(*mend) == pytest.approx(replayed(str(small_session)))
+    _, *fix = shlex.split(lines["fix"])
+    assert fix == [str(wrong), "--reading", "odometry_scale=0.001", "--library", str(survey)]
+    assert replayed(*fix) == pytest.approx(replayed(str(small_session)))
     _, *again = shlex.split(lines["try"])
     assert "found nothing wrong" in runner.invoke(app, again).stdout
-    _, *keep = shlex.split(lines["keep"].replace("FIXED.log", str(tmp_path / "mended.log")))
+    _, *keep = shlex.split(lines["keep"].replace("FIXED.log", str(tmp_path / "fixed.log")))
     assert runner.invoke(app, keep).exit_code == 0
-    assert replayed(str(tmp_path / "mended.log")) == pytest.approx(replayed(str(small_session)))
+    assert replayed(str(tmp_path / "fixed.log")) == pytest.approx(replayed(str(small_session)))
 
 
 def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> None:
