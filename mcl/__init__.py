@@ -12,7 +12,7 @@ The chapters, from the ground up:
 - `config`: parameters, their checks, presets, and a filter built from them
 - `analysis`: scores, events, modes, explanations, comparison of runs
 - `calibration`: motion constants, the camera's noise floor, and weights of channels, fitted to drives
-- `library_quality`: what a library covers, and how well it tells its own places apart
+- `library_quality`: what a library covers, and how well it distinguishes its own places
 - `diagnosis`: what is wrong with a recording, as codes and numbers
 
 This package knows numpy, OpenCV and scipy, never a viewer; it never prints.

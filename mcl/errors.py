@@ -16,10 +16,10 @@ class InputError(Exception):
     """
 
     def __init__(self, file: Path | None, message: str, line: int | None = None) -> None:
-        """Take the file, None for values that come from no file, and the line, counted from 1."""
-        message = " ".join(message.splitlines())  # one line, whatever names and system messages hold
+        """Take the file (None for values from no file) and the line, counted from 1."""
+        message = " ".join(message.splitlines())  # one line, whatever names and system messages contain
         place = f"{file or ''}" if line is None else f"{file}:{line}"
         super().__init__(f"{place}: {message}" if place else message)
         self.file = file
-        self.line = line  # None when the matter is the whole file
+        self.line = line  # None when the error concerns the entire file
         self.message = message

@@ -1,4 +1,4 @@
-"""A library and a drive so small that they are made in memory in an instant: for examples and first tries."""
+"""A library and a drive small enough to be made in memory in an instant: for examples."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CHANNELS_USED = ("color", "edges", "chromaticity", "blurred", "tiny", "smoothed"
 
 
 def tiny_library() -> Library:
-    """Return a library of 96 references (L = 96): 12 places half a meter apart, 8 headings at each.
+    """Return a library of 96 references (L = 96): 12 places at half a meter, 8 headings at each.
 
     >>> import maurice_mcl as mcl
     >>> mcl.tiny_library().poses.shape
@@ -42,7 +42,7 @@ class _TinySession:
     all_moments: tuple[Moment, ...]
 
     def moments(self) -> Iterator[Moment]:
-        """Start at the first picture, on every call."""
+        """Yield from the first picture, on every call."""
         return iter(self.all_moments)
 
 

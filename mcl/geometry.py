@@ -21,8 +21,8 @@ INCH_M = 0.0254
 def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
     """Bring angles of any size into [-pi, pi); shape and precision are kept.
 
-    Whole turns are taken off by `floor`, which is six times faster than `%` and leaves angles inside the
-    range exactly as they are. In float32 the range is that of pi rounded to float32.
+    Full turns are removed by `floor`, six times faster than `%`; angles inside the range stay exactly as they
+    are. In float32 the range is that of pi rounded to float32.
     """
     # Python floats keep the precision of a numpy array (NEP 50)
     turned = np.asarray(angle_rad + math.pi, angle_rad.dtype)
@@ -40,7 +40,7 @@ Angle = TypeVar("Angle", float, F64)
 
 
 def wrap_angle(angle_rad: Angle) -> Angle:
-    """Bring angles into [-pi, pi) by one modulo: for a few of them, and where rounding may show."""
+    """Bring angles into [-pi, pi) by one modulo: for a few angles, where rounding may be visible."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
@@ -52,8 +52,8 @@ def angle_between(a_rad: float, b_rad: float) -> float:
 def compose(pose: F64, motion: F64) -> F64:
     """Move one pose (3,) by a motion (forward_m, left_m, turn_rad) given in its own frame.
 
-    The straight part is taken in the frame at the start and the turn is made at its end, as a session log
-    means it and the motion models take it.
+    The translation is in the frame at the start, and the turn comes at its end, as in a session log and in
+    the motion models.
     """
     x, y, heading = (float(v) for v in pose)
     forward, left, turn = (float(v) for v in motion)
@@ -64,10 +64,7 @@ def compose(pose: F64, motion: F64) -> F64:
 
 
 def compose_motions(first: F64, second: F64) -> F64:
-    """Return the motion (3,) of two motions (3,) one after the other; its turn is their sum.
-
-    So a robot that turned once around has turned by 2 pi, not by nothing.
-    """
+    """Return the motion (3,) of two motions (3,) in sequence; its turn is their sum, not wrapped."""
     x, y, _ = compose(first, second)
     return np.array([x, y, first[2] + second[2]])
 

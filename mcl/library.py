@@ -15,10 +15,10 @@ from .map import Arena
 
 @dataclass(frozen=True, eq=False)
 class ChannelIndex:
-    """One channel over the whole library, in that channel's own unit."""
+    """One channel over all of a library, in the unit of that channel."""
 
     references: F32  # (L, D)
-    noise_floor: F32  # (D,) what the channel measures with the lens covered; zeros when never surveyed
+    noise_floor: F32  # (D,) what the channel measures with the lens covered; zeros when not measured
     relevance: F32  # (D,) per-bin maximum over the library (thesis fig. 15)
 
     @cached_property

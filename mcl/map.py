@@ -1,8 +1,4 @@
-"""The map: walls, obstacles, floors and rooms in meters, and the same as a raster.
-
-The nearest place is looked up once per raster cell and then only indexed, so that comparing particles
-with references costs the same for any number of walls. A place behind a wall is never nearest.
-"""
+"""The map: walls, obstacles, floors and rooms in meters, and the same as a raster."""
 
 from __future__ import annotations
 
@@ -19,8 +15,6 @@ if TYPE_CHECKING:
 from .arrays import F32, F64, I32, U8, Bool
 from .geometry import INCH_M
 
-# The map: walls, obstacles, floors and rooms, in meters.
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
@@ -32,7 +26,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arena:
-    """Where a robot can be. Everything is in meters; no wall at all means that all inside is free."""
+    """Where a robot can be, in meters. Without walls everything inside the bounds is free."""
 
     bounds: tuple[float, float, float, float]  # x_min, y_min, x_max, y_max
     walls: F64  # (W, 4) x1, y1, x2, y2; W may be 0
@@ -68,13 +62,13 @@ def spacing(places: F64) -> float:
     return float(np.median(np.asarray(place_tree(places).query(places, k=2)[0])[:, 1]))
 
 
-# The map as a raster: what is free, which floor lies there, which reference place is nearest.
+# The map as a raster: what is free, and which floor is there.
 
 CELLS_PER_SPACING = 18  # an 18 in grid of places gives 1 in cells
 FINEST_M = INCH_M
 MOST_CELLS = 1_000_000
 SAMPLES_A_CELL = 16  # points tried along a wall
-ROUNDING = 1e-6  # of a cell: what lies on a border shall not depend on the last bit
+ROUNDING = 1e-6  # of a cell, so that points on a border do not depend on the last bit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +99,7 @@ class Grid:
         column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale
         rows, columns = self.shape
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        with np.errstate(invalid="ignore"):  # far outside no int32 holds the number, and none is needed
+        with np.errstate(invalid="ignore"):  # far outside, the number overflows int32 and is not used
             cell: I32 = row.astype(np.int32) * np.int32(columns) + column.astype(np.int32)
         cell[~inside] = -1
         return cell

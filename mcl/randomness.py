@@ -1,4 +1,4 @@
-"""Randomness by address: every draw can be repeated alone, knowing the seed, the step and the purpose."""
+"""Randomness by address: every draw can be repeated on its own from the seed, the step and the purpose."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .arrays import F32
 
 
 class Domain(IntEnum):
-    """Who draws. Simulator and filter never share a stream."""
+    """The part of the program that draws. Simulator and filter never share a stream."""
 
     FILTER = 1
     SIMULATOR = 2
@@ -33,12 +33,12 @@ class Purpose(IntEnum):
 
 
 def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random.Generator:
-    """Open the generator at one address; the same address always gives the same numbers.
+    """Return the generator at one address; the same address always yields the same numbers.
 
-    Draw per-particle noise row by row, as `random((N, k))` and `normals` do: a larger N then keeps a
-    smaller one's draws. Tricks on whole arrays (pairing its two halves, sorting) would break that.
+    Draw per-particle noise row by row, as `random((N, k))` and `normals` do: a larger N then keeps the draws
+    of a smaller one.
 
-    Raises ValueError where a word of the address is not in 0 to 2**32 - 1.
+    Raises ValueError where a part of the address is not in 0 to 2**32 - 1.
     """
     words = [int(domain), int(seed), int(step), int(purpose)]
     if any(not 0 <= w < 2**32 for w in words):
@@ -49,14 +49,14 @@ def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random
 def normals(rng: np.random.Generator, n: int) -> F32:
     """Draw n rows of three standard normals (n, 3), float32; each column is contiguous.
 
-    By Box and Muller (1958), from four 24-bit uniforms a row: half the time of the generator's own method.
+    By Box and Muller (1958), from four 24-bit uniforms per row: twice as fast as the generator's own method.
     The largest possible value is 5.8, as the uniforms go down to 2**-24.
     """
     bits = rng.integers(0, 2**64, (n, 2), np.uint64).view(np.uint32)
     uniform = (bits.T >> np.uint32(8)).astype(np.float32, order="C")
-    uniform += 1  # never 0, of which there is no logarithm
+    uniform += 1  # never 0, which has no logarithm
     uniform *= 2**-24
-    far, angle = uniform[:2], uniform[2:]  # what follows works in place: at this size, memory is what costs
+    far, angle = uniform[:2], uniform[2:]  # in place from here on: at this size memory dominates the time
     np.sqrt(np.multiply(np.log(far, out=far), -2, out=far), out=far)
     angle *= 2 * math.pi
     drawn = np.empty((3, n), np.float32)

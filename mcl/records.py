@@ -1,7 +1,4 @@
-"""The values of the filter: belief, recovery state, filter state, and the record of one update.
-
-Nothing here is computed; these are the values that the stages hand on.
-"""
+"""The values of the filter: belief, recovery state, filter state, and the record of one update."""
 
 from __future__ import annotations
 
@@ -18,10 +15,10 @@ from .session import Frame
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """N weighted particles. Nothing here is ever changed in place.
+    """N weighted particles. Never changed in place.
 
-    Poses are float32 relative to `origin` (float32 steps are 3 cm at 500 km, so the origin is kept apart
-    in float64). Weights are stored as logs and sum to one: `exp(log_weights).sum() == 1`.
+    Poses are float32 relative to `origin`, which is float64 (float32 steps are 3 cm at 500 km). Weights are
+    stored as logs and sum to one: `exp(log_weights).sum() == 1`.
 
     >>> import numpy as np, maurice_mcl as mcl
     >>> belief = mcl.Belief(np.zeros((2, 3), np.float32), np.log([0.25, 0.75]), np.array([5.0, 0.0]))
@@ -57,9 +54,9 @@ def uniform_log_weights(n: int) -> F64:
 
 
 def normalize(log_weights: F64) -> tuple[F64, float]:
-    """Return normalized log-weights and the log of what they summed to (log-sum-exp in float64).
+    """Return normalized log-weights and the log of their sum (log-sum-exp in float64).
 
-    Returns (log_weights unchanged, -inf) when all are -inf, which the caller must treat as an event.
+    When all are -inf, return them unchanged and -inf, which the caller must handle.
     """
     top = float(log_weights.max())
     if not np.isfinite(top):
@@ -73,7 +70,7 @@ def effective_sample_size(log_weights: F64) -> float:
     return float(1.0 / np.exp(2 * log_weights).sum())
 
 
-# What recovery keeps: running averages of how well the cloud explains pictures.
+# The state of recovery: running averages of how well the cloud explains pictures.
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +80,13 @@ class RecoveryState:
     slow: float = 0.0
     fast: float = 0.0
     spread: float = 0.0  # running mean of the squared deviation of log-likelihoods, nats squared
-    updates: int = 0  # averaged over since the last reset
+    updates: int = 0  # since the last reset
 
 
 NO_HISTORY = RecoveryState()
 
 
-# What one update was like: an atomic snapshot, and the state that the next update needs.
+# The record of one update, and the state that the next update needs.
 
 
 def _none() -> F32:
@@ -98,7 +95,7 @@ def _none() -> F32:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """What the sensor model thinks of one picture, reference by reference.
+    """One picture compared with every reference.
 
     `distances` and costs are absolute and can be compared between pictures; `channel_quality` and `quality`
     are relative to the worst entry for this very picture (unless the quality is an absolute one).
@@ -112,12 +109,10 @@ class Comparison:
     channel_cost: F32  # (C, L) distances over their calibrated scales: nats
     cost: F32  # (L,) weighted sum of them, >= 0: what recovery and people compare between pictures
     log_likelihood: F32  # (L,) of every entry; finite
-    virtual: F32 = field(
-        default_factory=_none
-    )  # (V,) the same of the references between, where the selection has some
+    virtual: F32 = field(default_factory=_none)  # (V,) the same of the virtual references, if any
 
     def best(self, count: int) -> I32:
-        """Entry numbers of the best few (count,), best first; all L of them when there are fewer."""
+        """Return the numbers of the best entries (count,), best first; all L when there are fewer."""
         if count >= len(self.quality):
             return self.ranking()
         some = self.quality.argpartition(-count)[-count:]
@@ -125,7 +120,7 @@ class Comparison:
         return some[(-self.quality[some]).argsort(kind="stable")].astype("int32")
 
     def ranking(self) -> I32:
-        """Entry numbers (L,), best quality first; ties keep the library's order."""
+        """Return entry numbers (L,), best quality first; ties keep the library's order."""
         return (-self.quality).argsort(kind="stable").astype("int32")
 
 
@@ -140,10 +135,10 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """One pose said to stand for the cloud, and how much of the cloud stands by it."""
+    """One pose that represents the cloud, and how much of the cloud supports it."""
 
     pose: F64  # (3,) x_m, y_m, heading_rad in the map's frame
-    sd_m: tuple[float, float]  # weighted standard deviation along x and y of the particles it is made of
+    sd_m: tuple[float, float]  # weighted standard deviation along x and y of its particles
     heading_sd_rad: float  # circular standard deviation of the same particles
     mass: float  # share of all weight that these particles hold
     confidence: float  # share of weight within 12 in (0.3048 m) of the pose, injected particles left out
@@ -152,7 +147,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepRecord:
-    """One whole update: every set of weights stands beside the particles it belongs to.
+    """One complete update; every set of weights is stored with the particles it belongs to.
 
     >>> import maurice_mcl as mcl
     >>> _, record = next(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
@@ -163,12 +158,12 @@ class StepRecord:
     frame: Frame
     predicted: Belief  # after the motion model, with the weights carried over from the last step
     sighting: Sighting
-    weighted: Belief  # the same particles after the picture was weighed in
+    weighted: Belief  # the same particles with weights updated by the picture
     estimate: Estimate  # heaviest cluster of `weighted`: the one that is scored
     mean_estimate: Estimate  # weighted mean of all of `weighted`
     effective_sample_size: float  # of `weighted`, in particles
     log_evidence: float  # log p(o_t | past): log of the mean likelihood; -inf when every particle was outside
-    calibrated_evidence: float  # the same of exp(-cost), whatever the likelihood in force: compares runs
+    calibrated_evidence: float  # the same of exp(-cost), comparable between runs
     channel_evidence: F64  # (C,) the same of each channel alone
     parents: I32 | None  # (N',) which weighted particle each new one copies, -1: fresh; None: not resampled
     injected: Bool | None  # (N',) freshly injected particles of `belief`; None: none
@@ -179,7 +174,7 @@ class StepRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
-    """All that the next step needs: a run can go on from its state and its localizer's seed.
+    """Everything the next step needs: a run can continue from its state and its localizer's seed.
 
     >>> import maurice_mcl as mcl
     >>> state = mcl.make_localizer(mcl.tiny_library(), particles=50).initialize(None)
@@ -187,7 +182,7 @@ class FilterState:
     (0, 50)
     """
 
-    step: int  # of the last frame taken in; 0 before the first
+    step: int  # of the last frame; 0 before the first
     belief: Belief
     injected: Bool | None = None  # (N,) which particles of `belief` were freshly injected
     recovery: RecoveryState = NO_HISTORY  # of the recovery strategy

@@ -1,4 +1,4 @@
-"""What a robot saw and did: frames for the filter, moments for those who also know the truth."""
+"""What a robot saw and did: frames for the filter, and moments, which also hold the truth."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class Frame:
     """
 
     step: int  # 1 for the first picture
-    time_s: float  # since the session's first record; never falls
+    time_s: float  # since the session's first record; never decreases
     motions: F64  # (M, 3) forward_m, left_m, turn_rad, each in the robot's frame at its start
     image: U8  # (H, W, 3) RGB, top row first
-    picture: str  # where the image can be found again, for people; "" when nowhere
+    picture: str  # where the image is stored, for people; "" when nowhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """A frame, and beside it what the filter must not see.
+    """A frame, and what the filter must not see.
 
     >>> import maurice_mcl as mcl
     >>> moment = next(mcl.tiny_session().moments())
@@ -54,16 +54,16 @@ class Camera:
     width_px: int | None = None
     height_px: int | None = None
     horizontal_fov_rad: float | None = None
-    yaw_rad: float = 0.0  # where it looks, counter-clockwise from the robot's forward
+    yaw_rad: float = 0.0  # viewing direction, counter-clockwise from the robot's forward
     height_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SessionInfo:
-    """What a session's header says: known before the first frame, the same for the whole drive."""
+    """The contents of a session's header: known before the first frame, constant during the drive."""
 
     name: str
-    display_units: str = "m"  # "m" or "in": what people are shown; everything stored is meters
+    display_units: str = "m"  # "m" or "in", for display; everything stored is in meters
     robot: str = "robot"
     motion: dict[str, Any] | None = (
         None  # motion parameters, see maurice_mcl.filter.motion; None: generic odometry
@@ -78,7 +78,7 @@ class SessionInfo:
 class Session(Protocol):
     """A recorded drive, which can be read from its beginning any number of times.
 
-    Any class with these two members will do; `maurice_loaders.open_session` returns one for a recording.
+    Any class with these two members is a session; `maurice_loaders.open_session` returns one for a recording.
 
     >>> import maurice_mcl as mcl
     >>> session: mcl.Session = mcl.tiny_session()
@@ -88,9 +88,9 @@ class Session(Protocol):
 
     @property
     def info(self) -> SessionInfo:
-        """What the header says."""
+        """The header."""
         ...
 
     def moments(self) -> Iterator[Moment]:
-        """Start at the first picture, on every call; reads lazily."""
+        """Yield from the first picture, on every call; read lazily."""
         ...

@@ -26,24 +26,26 @@ from .modes import ModeTracker, TrackedMode
 
 @dataclass(frozen=True, slots=True)
 class EventThresholds:
-    """When something counts as an event. Chosen so that each line of a list matters to a person."""
+    """When something counts as an event; chosen so that each line of a list matters to a person."""
 
-    dip_under: float = 0.1  # share of particles; a filter that resamples is far above it nearly always
+    dip_under: float = 0.1  # share of particles; a filter that resamples is nearly always far above it
     dip_over: float = 0.3  # share above which a dip has ended: one dip is one event
-    beyond_sd: float = 3.0  # standard deviations; of a right cloud 1.1 % of updates lie beyond (two axes)
-    within_sd: float = 2.0  # under which an excursion has ended
-    claims_over: float = 0.5  # share of the weight in the cluster; with less the filter claims no place
-    beyond_for: int = 2  # updates in a row; single ones are chance, or a mode switch says so already
-    least_sd_m: float = 0.0254  # a cloud narrower than 1 in claims no more than that, as truth is measured so
+    beyond_sd: float = (
+        3.0  # standard deviations; a consistent cloud exceeds it in 1.1 % of updates (two axes)
+    )
+    within_sd: float = 2.0  # below which an excursion has ended
+    claims_over: float = 0.5  # share of the weight in the cluster that counts as a claim
+    beyond_for: int = 2  # updates in a row; single ones are chance or a mode switch
+    least_sd_m: float = 0.0254  # lower bound on a cloud's width, 1 in: the accuracy of the truth
     leads_with: float = 0.3  # share of the weight that a mode needs to take over
-    leads_by: float = 0.1  # share that it must be ahead of the last leader, or two equals would alternate
-    jump_m: float = CLUSTER_M  # 24 in, a mode's radius: nearer ones are one place to a person
+    leads_by: float = 0.1  # lead over the last leader, or two equals would alternate
+    jump_m: float = CLUSTER_M  # 24 in, a mode's radius: nearer ones are the same place to a person
     quiet_for: int = 5  # updates without, after which fresh particles begin a new burst
 
 
 @dataclass(slots=True)
 class Dip:
-    """Reports when a value falls under a threshold, once until it has risen over a higher one."""
+    """Detects when a value falls below a threshold, once until it rises above a higher one."""
 
     _down: bool = False
 
@@ -56,7 +58,7 @@ class Dip:
 
 @dataclass(slots=True)
 class Burst:
-    """Reports when something happens for the first time in a while."""
+    """Detects when something happens for the first time in a while."""
 
     _last: int | None = None
 
@@ -71,13 +73,13 @@ class Burst:
 
 @dataclass(slots=True)
 class BeyondSigma:
-    """Reports when the truth leaves the estimate's cluster, once an excursion."""
+    """Detects when the truth leaves the estimate's cluster, once per excursion."""
 
     _running: int = 0  # updates beyond
     _out: bool = False
 
     def see(self, record: StepRecord, truth: F64, limits: EventThresholds, say: Say) -> str | None:
-        """Return a line where an excursion is known."""
+        """Return a line where an excursion is certain."""
         claims = record.estimate.mass > limits.claims_over
         off_sd = deviations(record, truth, limits.least_sd_m) if claims else 0.0
         self._running = self._running + 1 if off_sd > limits.beyond_sd else 0
@@ -92,7 +94,7 @@ class BeyondSigma:
 def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
     """Return the Mahalanobis distance of the truth's x, y from the estimate, by the cluster's covariance.
 
-    The cluster is what lies within 24 in of the estimate; to each axis the square of `least_sd_m` is added.
+    The cluster is the particles within 24 in of the estimate; `least_sd_m` squared is added to each variance.
     """
     middle = record.estimate.pose[:2] - record.weighted.origin
     x, y = (record.weighted.poses[:, axis] - np.float32(middle[axis]) for axis in (0, 1))
@@ -106,12 +108,12 @@ def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
 
 @dataclass(slots=True)
 class Leader:
-    """Reports when another mode than before has become the heaviest, by enough and far enough away."""
+    """Detects when another mode becomes the heaviest, by enough and far enough away."""
 
     _leader: TrackedMode | None = None
 
     def see(self, modes: Sequence[TrackedMode], limits: EventThresholds, say: Say) -> str | None:
-        """Return a line where another mode takes over. The first leader of all takes over from none."""
+        """Return a line where another mode takes over; the first leader does not count."""
         if not modes:
             return None
         first, last = modes[0], self._leader
@@ -154,8 +156,8 @@ KINDS: Mapping[str, str] = {
     EXPANDED: "the whole cloud was spread",
     ESS_DIP: "very few particles hold nearly all weight",
     ALL_WEIGHTS_ZERO: "no particle was where the picture could be from; the old weights stay",
-    PARTED: "two runs of a comparison go different ways from here",
-    BOOKMARK: "a note of one's own",
+    PARTED: "two runs of a comparison diverge from here",
+    BOOKMARK: "a note of the user",
     RESAMPLED: "the cloud was resampled",
 }  # the order in which events of one step are listed
 
@@ -171,21 +173,21 @@ class RunEvent:
 
     @property
     def is_routine(self) -> bool:
-        """Return whether it happens so often that a list of what matters leaves it out."""
+        """Return whether it is so frequent that a list of important events leaves it out."""
         return self.kind == RESAMPLED or (self.kind == SESSION and self.text.split()[:1] == ["floor"])
 
 
 @dataclass(slots=True)
 class EventDetector:
-    """Watches one run and says what happened, in order; a few numbers and one per particle are kept.
+    """Detects the events of one run, in order; keeps a few numbers and one per particle.
 
-    Give the first update first. Without truth the kinds that need it never happen. `say` writes lengths:
-    `maurice_viz.style.Scale.say` writes them in the session's units.
+    Start with the first update. Kinds that need truth never happen without it. `say` formats lengths;
+    `maurice_viz.style.Scale.say` does so in the session's units.
     """
 
     say: Say = in_meters
     thresholds: EventThresholds = field(default_factory=EventThresholds)
-    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
+    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of the user, by step
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of localization_status.STATES
     _tracker: ModeTracker = field(default_factory=ModeTracker)
@@ -196,13 +198,13 @@ class EventDetector:
     _bursts: dict[str, Burst] = field(default_factory=lambda: {RESEEDED: Burst(), ALL_ZERO: Burst()})
 
     def see(self, moment: Moment, record: StepRecord) -> tuple[RunEvent, ...]:
-        """Take in the next update; return what happened at it, in the order of KINDS."""
+        """Process the next update; return its events in the order of KINDS."""
         step, time_s = moment.frame.step, moment.frame.time_s
         self.modes = self._tracker.see(record)
         noted = [(BOOKMARK, note) for note in self.bookmarks.get(step, ())]
         happened = [
             *noted,
-            *_told(moment.events),
+            *_logged(moment.events),
             *self._of_filter(step, record),
             *self._judged(moment, record),
         ]
@@ -211,7 +213,7 @@ class EventDetector:
         return tuple(RunEvent(step, time_s, kind, text) for kind, text in happened)
 
     def _of_filter(self, step: int, record: StepRecord) -> Iterator[tuple[str, str]]:
-        """What the filter itself noticed, and what its weights and modes say."""
+        """Yield what the filter noticed, and what its weights and modes show."""
         limits, size = self.thresholds, record.weighted.size
         if self._begins(ALL_ZERO, step, record):
             yield ALL_WEIGHTS_ZERO, "no particle was in free space, so that the old weights stay"
@@ -227,9 +229,9 @@ class EventDetector:
             yield MODE_SWITCH, text
 
     def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
-        """What only the truth can tell."""
+        """Yield what requires the truth."""
         score = score_step(record.estimate, moment.truth)
-        carried_off = any(kind == KIDNAPPED for kind, _ in _told(moment.events))
+        carried_off = any(kind == KIDNAPPED for kind, _ in _logged(moment.events))
         yield from self._status.see(moment.frame.step, score, carried_off, self.say)
         self.state = self._status.state
         if moment.truth is not None:
@@ -241,8 +243,8 @@ class EventDetector:
         return self._bursts[name].begins(step, name in record.events, self.thresholds)
 
 
-def _told(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """Sort what a log says by its first word (docs/session-log.md)."""
+def _logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    """Yield kind and text of a log's events, by their first word (docs/session-log.md)."""
     kinds = {"kidnapped": KIDNAPPED, "lights": LIGHTS_CHANGED}
     for text in texts:
         line = " ".join(text.split())

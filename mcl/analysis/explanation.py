@@ -1,8 +1,8 @@
 """Explaining an update: why one reference is believed, and where another one loses.
 
-Everything here is taken from what the sensor model computed (a `Comparison`); nothing is measured anew. The
-log-likelihood of a reference is divided among channels, and each channel's part among the elements of its
-descriptor, so that all parts add up to what the filter really used, in nats.
+Everything comes from the sensor model's `Comparison`; nothing is measured again. The log-likelihood of a
+reference is divided among channels, and each channel's part among the elements of its descriptor, so that
+all parts add up to what the filter used, in nats.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ TRUTH, ESTIMATE, WINNER, ASKED = "truth", "estimate", "winner", "asked"  # who i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelExplanation:
-    """One channel's opinion of one reference."""
+    """One reference by one channel."""
 
     channel: str
     distance_by: str  # key of maurice_mcl.sensor.distances.DISTANCES
@@ -32,7 +32,7 @@ class ChannelExplanation:
     calibrated: float  # D over the channel's scale, nats at weight 1
     quality: float  # 0 to 1, relative to the worst reference for this very picture
     rank: int  # 1: no reference is nearer; equals share the better rank
-    loses: float  # nats this channel takes off the log-likelihood in force; all channels' add up to minus it
+    loses: float  # nats this channel subtracts from the log-likelihood; all channels add up to minus it
     sample: F32  # (D,) what was measured in the picture
     reference: F32  # (D,) what was measured at the reference
     contributions: F32  # (D,) what each element adds to the distance, see maurice_mcl.sensor.distances
@@ -46,7 +46,7 @@ class ChannelExplanation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EntryExplanation:
-    """Why one library entry got the likelihood that it got."""
+    """Why one library entry has its likelihood."""
 
     entry: int
     pose: F64  # (3,) as surveyed, in the map's frame
@@ -59,7 +59,7 @@ class EntryExplanation:
     behind: float  # nats by which the winner is likelier; 0 for the winner itself
 
     def lost_to(self, winner: EntryExplanation) -> F64:
-        """Return what each channel (C,) costs this entry against another one; they sum to the whole gap."""
+        """Return what each channel (C,) costs this entry against another one; the sum is the total gap."""
         pairs = zip(self.channels, winner.channels, strict=True)
         return np.array([mine.loses - best.loses for mine, best in pairs])
 
@@ -83,7 +83,7 @@ class Explained:
     who: str  # TRUTH, ESTIMATE, WINNER or ASKED
     pose: F64  # (3,) that the reference is nearest to; of the winner and an entry asked for, its own
     entry: EntryExplanation | None  # None: the pose lies outside free space
-    weighed: float | None  # log-likelihood of a particle on that very pose; -inf outside; None: not asked
+    weighed: float | None  # log-likelihood of a particle at that pose; -inf outside; None: not requested
     from_truth: PoseOffset | None  # of the pose; None: the truth is not known
     from_estimate: PoseOffset  # of the pose
 
@@ -94,7 +94,7 @@ class StepExplanation:
 
     step: int
     channels: tuple[str, ...]
-    shown: tuple[Explained, ...]  # in the order truth, estimate, winner; whatever was asked for comes first
+    shown: tuple[Explained, ...]  # in the order truth, estimate, winner; what was asked for comes first
 
     @property
     def winner(self) -> EntryExplanation:
@@ -102,7 +102,7 @@ class StepExplanation:
         return next(e.entry for e in self.shown if e.who == WINNER and e.entry is not None)
 
     def of(self, who: str) -> Explained | None:
-        """Find one of them."""
+        """Return the one for `who`, or None."""
         return next((explained for explained in self.shown if explained.who == who), None)
 
 
@@ -115,7 +115,7 @@ class Asked:
 
 
 def explain(comparison: Comparison, sensor: SensorModel, entry: int) -> EntryExplanation:
-    """Explain one library entry; IndexError for one that there is not."""
+    """Explain one library entry. Raises IndexError for an unknown one."""
     if not 0 <= entry < sensor.library.size:
         raise IndexError(f"no entry {entry}; there are 0 to {sensor.library.size - 1}")
     return explain_all(comparison, sensor, [entry])[0]
@@ -124,7 +124,7 @@ def explain(comparison: Comparison, sensor: SensorModel, entry: int) -> EntryExp
 def explain_all(
     comparison: Comparison, sensor: SensorModel, entries: Sequence[int]
 ) -> tuple[EntryExplanation, ...]:
-    """Explain several library entries at once, which costs hardly more than one."""
+    """Explain several library entries at once, at little more cost than one."""
     some = list(entries)
     by_channel = list(zip(*_channels(comparison, sensor, some), strict=True))
     likely, winner = comparison.log_likelihood, int(comparison.quality.argmax())
@@ -154,15 +154,15 @@ def explain_step(
 ) -> StepExplanation:
     """Explain the references of an update that matter, and one more that was asked for.
 
-    With `weigh` each pose is weighed as a particle on it would be, which references between the surveyed ones
-    and interpolation make another number than its reference's; it costs as much as weighing all particles.
+    With `weigh`, each pose is also weighted like a particle there, which interpolation and virtual references
+    affect; this costs as much as weighting all particles.
     """
     comparison = record.sighting.comparison
     poses = _poses(record, sensor, truth, asked)
     entries = nearest_entries(sensor, np.stack(list(poses.values())))
     nearest = dict(zip(poses, entries.tolist(), strict=True))
     if asked is not None and asked.entry is not None:
-        nearest[ASKED] = asked.entry  # its nearest reference may be an equal one
+        nearest[ASKED] = asked.entry  # the nearest reference may be another of the same pose
     nearest[WINNER] = int(comparison.quality.argmax())
     weighed = _weighed(comparison, sensor, np.stack(list(poses.values()))) if weigh else [None] * len(poses)
     different = sorted({entry for entry in nearest.values() if entry >= 0})
@@ -247,9 +247,9 @@ def _channels(
 def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
     """Divide minus the log-likelihood of every entry among the channels: (C, L), >= 0.
 
-    Every blend is linear in its weights, so that a channel's part of the blended distance is what the blend
-    gives with the other channels at weight 0. The likelihood is divided in proportion to these parts; for
-    the exponential one that is exact.
+    Every blend is linear in its weights, so a channel's part of the blended distance is the blend with the
+    other channels at weight 0. The likelihood is divided in proportion to these parts, which is exact for the
+    exponential one.
     """
     p, names = sensor.parameters, comparison.channels
     weights = np.array([p.weights[name] for name in names])

@@ -1,6 +1,6 @@
-"""Localization status: whether a run knows where it is, at every update, and when that changed for good.
+"""Localization status: whether a run is localized at every update, and when that changed.
 
-By the definitions of `analysis.metrics`. What is known only in hindsight is reported when it is known.
+The definitions are those of `metrics`. What only later updates show is reported when it is known.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ STATES: Mapping[str, str] = {
 
 @dataclass(slots=True)
 class LocalizationStatus:
-    """Follows one run; keeps the last five updates."""
+    """Follows one run; keeps five updates."""
 
     state: str = ""  # at the last update seen: a key of STATES
     _recent: tuple[bool, ...] = ()  # localized or not, of at most the last five updates
@@ -46,7 +46,7 @@ class LocalizationStatus:
     _ever: bool = False  # whether it has been localized at all
 
     def see(self, step: int, score: StepScore, kidnapped: bool, say: Say) -> Iterator[tuple[str, str]]:
-        """Take in the next update; return kind and text of what is known now."""
+        """Process the next update; yield kind and text of each change."""
         if kidnapped:
             self._recent, self._since, self._was, self._found = (), step, "carried away", False
         self._recent = (*self._recent, score.localized is True)[-LOCALIZED_OF[1] :]
@@ -74,7 +74,7 @@ class LocalizationStatus:
         if score.localized:
             return LOCALIZED
         if self._off >= LOST_FOR and (self._ever or score.converged):
-            return LOST  # a cloud that was never anywhere is still searching
+            return LOST  # a cloud that never converged is still searching
         return WRONG if score.wrong_and_confident else SEARCHING
 
 

@@ -18,7 +18,7 @@ from ..map import Arena
 from ..records import Estimate, StepRecord
 from ..session import Moment
 
-FIRST_SCORED = 4  # updates are counted from 1; the first three are left to settle
+FIRST_SCORED = 4  # updates are counted from 1; the first three are not scored
 LOST_M, LOST_RAD, LOST_FOR = 36 * INCH_M, float(np.deg2rad(45)), 4
 RIGHT_M, RIGHT_RAD = 18 * INCH_M, float(np.deg2rad(30))
 CONVERGED_SHARE = 0.9
@@ -35,7 +35,7 @@ class StepScore:
     heading_error_rad: float | None
     converged: bool
     correct: bool | None
-    lost: bool | None  # too far off at this update; a run is lost after four of them running
+    lost: bool | None  # too far off at this update; a run is lost after four in a row
 
     @property
     def localized(self) -> bool | None:
@@ -44,7 +44,7 @@ class StepScore:
 
     @property
     def wrong_and_confident(self) -> bool | None:
-        """Converged and not correct: the worst of all, since nothing in the cloud warns of it."""
+        """Converged and not correct: the worst case, since nothing in the cloud warns of it."""
         return None if self.correct is None else self.converged and not self.correct
 
 
@@ -83,35 +83,35 @@ class RunScore:
     reached: bool | None  # drove 1000 true inches without being lost
     wrong_confident_share: float | None
     right_at_end: bool | None = None  # correct in at least 7 of the last 10 updates
-    success: tuple[Success, ...] = ()  # the thesis's own two readings, where they were judged
+    success: tuple[Success, ...] = ()  # by the thesis's two readings, where judged
 
 
 @dataclass(slots=True)
 class Scorer:
-    """Collects one run's scores: a few numbers per update, never the clouds.
+    """Scores one run; keeps a few numbers per update, never the clouds.
 
-    An update whose truth is not known counts neither as lost nor as localized, and in no error or share.
+    An update without truth counts neither as lost nor as localized, and in no error or share.
     """
 
     _steps: list[StepScore] = field(default_factory=list)
-    _way_m: list[float] = field(default_factory=list)  # true way driven up to each update
+    _driven_m: list[float] = field(default_factory=list)  # true distance up to each update
     _odometry_m: float = 0.0
     _last_truth: F64 | None = None
 
     def add(self, estimate: Estimate, truth: F64 | None, motions: F64) -> StepScore:
-        """Take in the next update; `motions` (M, 3) measure the way where there is no truth."""
+        """Process the next update; `motions` (M, 3) give the distance where there is no truth."""
         score = score_step(estimate, truth)
         self._steps.append(score)
         self._odometry_m += float(np.hypot(motions[:, 0], motions[:, 1]).sum())
-        way = self._way_m[-1] if self._way_m else 0.0
+        driven = self._driven_m[-1] if self._driven_m else 0.0
         if truth is not None and self._last_truth is not None:
-            way += float(np.hypot(*(truth[:2] - self._last_truth[:2])))
-        self._way_m.append(way)
+            driven += float(np.hypot(*(truth[:2] - self._last_truth[:2])))
+        self._driven_m.append(driven)
         self._last_truth = truth if truth is not None else self._last_truth
         return score
 
     def result(self) -> RunScore:
-        """Score the run as far as it went."""
+        """Return the score of the run so far."""
         known = [s for s in self._steps if s.correct is not None]
         scored = [s for s in self._steps[FIRST_SCORED - 1 :] if s.correct is not None]
         off_m = [s.position_error_m for s in scored if s.position_error_m is not None]
@@ -119,7 +119,7 @@ class Scorer:
         lost_at = first_run_of([s.lost is True for s in self._steps], LOST_FOR)
         return RunScore(
             updates=len(self._steps),
-            distance_m=self._way_m[-1] if known else self._odometry_m,
+            distance_m=self._driven_m[-1] if known else self._odometry_m,
             position_error_mean_m=float(np.mean(off_m)) if off_m else None,
             position_error_median_m=float(np.median(off_m)) if off_m else None,
             position_error_final_m=known[-1].position_error_m if known else None,
@@ -135,13 +135,13 @@ class Scorer:
         )
 
     def _reached(self, lost_at: int | None) -> bool:
-        """Return whether the goal was driven before the first of the updates that the run was lost by."""
+        """Return whether the goal distance was reached before the run was lost."""
         good = len(self._steps) if lost_at is None else lost_at - LOST_FOR
-        return good > 0 and self._way_m[good - 1] >= GOAL_M
+        return good > 0 and self._driven_m[good - 1] >= GOAL_M
 
 
 def first_run_of(flags: list[bool], length: int) -> int | None:
-    """Return the update, counted from 1, at which a flag has been up `length` times in a row."""
+    """Return the update, counted from 1, at which a flag is set for the `length`-th time in a row."""
     running = 0
     for number, flag in enumerate(flags, start=1):
         running = running + 1 if flag else 0
@@ -151,9 +151,9 @@ def first_run_of(flags: list[bool], length: int) -> int | None:
 
 
 def first_mostly(localized: Bool) -> int | None:
-    """Return the first update, counted from 1, that is localized as are 4 of the 5 that start with it.
+    """Return the first localized update, from 1, that begins five of which at least four are localized.
 
-    The last four updates cannot be such a start: not enough follows to say so.
+    The last four updates cannot qualify: too few follow.
     """
     needed, window = LOCALIZED_OF
     for first in range(len(localized) - window + 1):
@@ -173,7 +173,7 @@ def _share(flags: list[bool | None]) -> float | None:
 
 
 def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None) -> RunScore:
-    """Score a run by what `run` yields: errors in meters and radians, when it was localized, whether lost.
+    """Score what `run` yields: errors in meters and radians, when it was localized, whether it was lost.
 
     Figures are None where the true pose is not known or the run is too short for them (docs/evaluation.md
     has the definitions). With the arena, usually `library.arena`, success is also judged as the thesis does.
@@ -201,42 +201,42 @@ TOO_LATE, LEFT = "time", "left"
 
 @dataclass(frozen=True, slots=True)
 class Success:
-    """One run by one reading; neither localized nor failed is a run that ended before five minutes."""
+    """One run by one reading; a run that ended before five minutes may be neither localized nor failed."""
 
     preset: str  # "tenth" or "circle"
     at_update: int | None = None  # of the first success, counted from 1
     at_m: float | None = None  # driven by then: by the truth where it is known, else by odometry
     at_s: float | None = None  # robot time by then, since the session's first record
     failed: str | None = None  # "time": not in five minutes; "left": was 36 in off the truth (assumed)
-    failed_at_update: int | None = None  # also when it had been localized before
+    failed_at_update: int | None = None  # also after it was localized
 
 
 def meets_tenth(record: StepRecord, arena_m: tuple[float, float]) -> bool:
-    """More than 90 % within 24 in of the scored estimate, sd under 10 % of the arena on each axis."""
+    """Return whether over 90 % is within 24 in of the estimate, and sd below 10 % of the arena per axis."""
     narrow = [sd < SD_UNDER * side for sd, side in zip(record.mean_estimate.sd_m, arena_m, strict=True)]
     return record.estimate.converged > MORE_THAN and all(narrow)
 
 
 def meets_circle(record: StepRecord, injected: Bool | None) -> bool:
-    """More than 90 % within 6 in of the scored estimate."""
+    """Return whether over 90 % is within 6 in of the scored estimate."""
     return share_within(record.weighted, record.estimate.pose, CIRCLE_M, injected) > MORE_THAN
 
 
 @dataclass(slots=True)
 class SuccessJudge:
-    """Judges one run while it goes, fed like `metrics.Scorer`; keeps a few numbers and no cloud."""
+    """Judges one run update by update, like `Scorer`; keeps a few numbers and no cloud."""
 
     arena_m: tuple[float, float]  # width and depth
     _found: tuple[Success, Success] = (Success("tenth"), Success("circle"))
     _updates: int = 0
-    _way_m: F64 = field(default_factory=lambda: np.zeros(2))  # by the truth, by odometry
+    _driven_m: F64 = field(default_factory=lambda: np.zeros(2))  # by the truth, by odometry
     _truth: F64 | None = None  # the last one known
-    _injected: Bool | None = None  # which particles of the update to come were freshly injected
+    _injected: Bool | None = None  # which particles of the next update are freshly injected
 
     def add(self, record: StepRecord, truth: F64 | None) -> None:
-        """Take in the next update, with the true pose (3,) where it is known."""
+        """Process the next update, with the true pose (3,) where it is known."""
         self._updates += 1
-        self._way_m = self._way_m + self._driven(record.frame.motions, truth)
+        self._driven_m = self._driven_m + self._driven(record.frame.motions, truth)
         self._truth = self._truth if truth is None else truth
         fresh = self._injected
         if fresh is not None and len(fresh) != record.weighted.size:
@@ -249,7 +249,7 @@ class SuccessJudge:
         self._injected = record.injected
 
     def result(self) -> tuple[Success, Success]:
-        """Return both readings of the run as far as it went."""
+        """Return both readings of the run so far."""
         return self._found
 
     def _driven(self, motions: F64, truth: F64 | None) -> F64:
@@ -267,8 +267,8 @@ class SuccessJudge:
                 return replace(so_far, failed=TOO_LATE, failed_at_update=self._updates)
             if not met:
                 return so_far
-            way_m = float(self._way_m[0 if self._truth is not None else 1])
-            so_far = replace(so_far, at_update=self._updates, at_m=way_m, at_s=time_s)
+            driven_m = float(self._driven_m[0 if self._truth is not None else 1])
+            so_far = replace(so_far, at_update=self._updates, at_m=driven_m, at_s=time_s)
         if truth is not None and np.hypot(*(record.estimate.pose[:2] - truth[:2])) > LEFT_M:
             return replace(so_far, failed=LEFT, failed_at_update=self._updates)
         return so_far

@@ -1,9 +1,9 @@
-"""Modes followed from step to step: each keeps its identity for as long as its particles live on.
+"""Modes followed from step to step, and where particles come from.
 
-Every particle carries the identity of the mode that it stood in last, and its copies inherit that. A mode is
-the one from which most of its weight descends. So a mode may drive about, thin out and come back; of two that
-join the heavier one goes on; of one that splits the heavier half does, and the other is new. Where both are
-equally heavy, the older identity goes on, and in the half that `modes` names first.
+Every particle carries the identity of the mode it was last in, and its copies inherit that. A mode continues
+the one from which most of its weight descends. So it may move, shrink and grow; of two that join the heavier
+one continues; of one that splits the heavier half does, and the other is new. Of equal weights the older
+identity continues, in the half that `modes` lists first.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ from ..arrays import F32, F64, I32, Bool
 from ..filter.estimate import CLUSTER_M, TIE, Modes, first_heaviest, modes
 from ..records import Estimate, StepRecord
 
-NO_MODE = 0  # identity of particles that never stood in a mode; modes count from 1
-ALONE = 0.99  # share of weight beyond which nothing is left that `modes` would call one
-LEAST_DESCENT = 0.25  # of a mode's weight must descend from another for it to go on as that one
+NO_MODE = 0  # identity of particles that were never in a mode; modes count from 1
+ALONE = 0.99  # share of weight beyond which the rest is too light for another mode
+LEAST_DESCENT = 0.25  # share of a mode's weight that must descend from another to continue it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedMode:
-    """One mode of a weighted cloud, and who it is."""
+    """One mode of a weighted cloud, and its identity."""
 
-    identity: int  # from 1; the same as long as it lives, never used twice
+    identity: int  # from 1; constant over its life, never reused
     estimate: Estimate
 
 
 @dataclass(slots=True)
 class ModeTracker:
-    """Follows the modes of one run. Keeps one number per particle of the last step, and no cloud.
+    """Follows the modes of one run; keeps one number per particle of the last step, and no cloud.
 
     Modes are those of `maurice_mcl.filter.estimate.modes`: at most five, each of at least 1 % of the weight.
     """
 
-    _identities: I32 | None = None  # (N,) of the particles to come: the mode that each stood in last
+    _identities: I32 | None = None  # (N,) of the next particles: the mode that each was last in
     _injected: Bool | None = None  # (N,) which of them were freshly injected
-    _born: int = field(default=NO_MODE)  # identities given so far
+    _born: int = field(default=NO_MODE)  # identities assigned so far
 
     def see(self, record: StepRecord) -> tuple[TrackedMode, ...]:
-        """Take in the next update; return its modes, heaviest first."""
+        """Process the next update; return its modes, heaviest first."""
         size = record.weighted.size
         held = self._identities
         carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
@@ -55,7 +55,7 @@ class ModeTracker:
         return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
 
     def _named(self, places: I32, carried: I32, weights: F64, count: int) -> list[int]:
-        """Assign identities, the largest bond first, each to one mode; the other modes are new."""
+        """Return identities: the largest bonds first, each to one mode; the other modes are new."""
         width = self._born + 1
         cell = (places + 1) * width + carried
         bonds = np.bincount(cell, weights, (count + 1) * width).reshape(count + 1, width)[1:]
@@ -75,7 +75,7 @@ class ModeTracker:
 
 
 def _modes(record: StepRecord, injected: Bool | None) -> Modes:
-    """Return the modes; an estimate that holds nearly all weight is the only one, and is known already."""
+    """Return the modes; an estimate that holds nearly all weight is the only one."""
     alone = record.estimate.mass > ALONE * (1 + TIE)
     return (record.estimate,) if alone else modes(record.weighted, injected)
 
@@ -103,7 +103,7 @@ DEPTH = 10  # updates looked back
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Generation:
-    """One update: where the weighted particles were, and which of them each renewed one copies."""
+    """One update: where the weighted particles were, and which of them each new one copies."""
 
     poses: F32  # (N, 3) relative to the belief's origin
     origin: F64
@@ -112,25 +112,30 @@ class _Generation:
 
 @dataclass(slots=True)
 class Ancestry:
-    """Remembers the last `depth` updates of one run."""
+    """Remembers the last `depth` updates of one run, to find the ancestors of particles.
+
+    Resampling copies some particles and drops others, so that after a few updates an entire cloud may descend
+    from a handful of ancestors and no longer holds independent guesses, however many particles there are (the
+    path degeneracy of Doucet and Johansen 2009).
+    """
 
     depth: int = DEPTH
     _past: deque[_Generation] = field(default_factory=deque)
 
     def see(self, record: StepRecord) -> None:
-        """Take in the next update."""
+        """Process the next update."""
         self._past.append(_Generation(record.weighted.poses, record.weighted.origin, record.parents))
         if len(self._past) > self.depth:
             self._past.popleft()
 
     def distinct(self) -> int:
-        """Count the particles of `depth` updates back (or of the start) from which all of today's come.
+        """Count the particles `depth` updates back (or at the start) from which all current ones descend.
 
-        A particle drawn afresh since then counts as an ancestor of its own.
+        A fresh particle drawn since then counts as an ancestor.
         """
         if not self._past:
             return 0
-        alive = np.ones(self._size(), bool)  # which particles of a generation have descendants today
+        alive = np.ones(self._size(), bool)  # which particles of a generation have descendants now
         fresh = 0
         for generation in reversed(self._past):
             if generation.parents is None:
@@ -142,10 +147,10 @@ class Ancestry:
         return fresh + int(alive.sum())
 
     def lines(self, count: int) -> list[F64]:
-        """Return the ways (K, 2) in the map's frame of some particles' ancestors, latest first.
+        """Return the paths (K, 2) in the map's frame of some particles' ancestors, latest first.
 
-        The particles are spread evenly over the cloud of the last update; a way ends where its particle was
-        drawn afresh, so some have a single point.
+        The particles are spread evenly over the last cloud; a path ends where its particle was drawn, so some
+        have a single point.
         """
         if not self._past:
             return []
@@ -157,7 +162,7 @@ class Ancestry:
             points.append(generation.poses[np.maximum(current, 0), :2] + generation.origin)
             lengths += current >= 0
         along = np.stack(points, axis=1)
-        return [way[:length] for way, length in zip(along, lengths, strict=True) if length]
+        return [path[:length] for path, length in zip(along, lengths, strict=True) if length]
 
     def _size(self) -> int:
         last = self._past[-1]
@@ -165,7 +170,7 @@ class Ancestry:
 
 
 def _parents_of(current: I32, generation: _Generation) -> I32:
-    """Return whom these particles of the next cloud copy; -1 for fresh ones, then and before."""
+    """Return the parents of these particles of the next cloud; -1 for fresh ones, then and before."""
     if generation.parents is None:
         return current
     return np.where(current < 0, np.int32(-1), generation.parents[np.maximum(current, 0)]).astype(np.int32)

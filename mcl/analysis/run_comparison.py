@@ -1,12 +1,11 @@
 """Run comparison: how much better one run is than another, and where they diverge.
 
-Errors of one drive are no independent draws: where a filter is off at one update it is off at the next.
-Blocks of neighboring values are drawn instead of single ones (Kuensch 1989), and the mean of every drawn
-series is divided by its own standard error (Goetze and Kuensch 1996), which makes up for few blocks.
+Errors within a drive are not independent: where a filter is off at one update it is off at the next. Blocks
+of neighboring values are drawn instead of single ones (Kuensch 1989), and the mean of every drawn series is
+divided by its own standard error (Goetze and Kuensch 1996), which compensates for few blocks.
 
-Runs that are compared draw the same noise for the same particle (maurice_mcl.randomness), so that what
-differs between them comes from what was changed. One drive is one drive all the same: the interval says how
-sure the mean difference is on this very drive, not on the next one (docs/compare.md).
+Compared runs draw the same noise for the same particle (maurice_mcl.randomness), so differences come from
+what was changed. The interval is for the mean difference on this drive, not on the next (docs/compare.md).
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ from .events import PARTED, RunEvent
 from .localization_status import Say
 from .metrics import FIRST_SCORED, StepScore, score_step
 
-# An interval for the mean of a series whose neighbors are alike: the studentized moving-block bootstrap.
+# An interval for the mean of an autocorrelated series: the studentized moving-block bootstrap.
 
 LEVEL = 0.95
 LEAST = 24  # values; with fewer no interval is given
 LEAST_BLOCKS = 6  # a block is at most a sixth of the series
 DRAWS = 2000  # the ends of an interval move by about a fiftieth of its width from one seed to another
-MOST_ALIKE = 0.97  # correlation of neighbors: a longer memory than this cannot be told in any drive
+MOST_ALIKE = 0.97  # correlation of neighbors: no drive is long enough to estimate a higher one
 
 
 def autocorrelation(values: F64) -> float:
-    """Correlation of neighbors in a series (n,), corrected for its bias (Kendall 1954); 0 for a constant."""
+    """Return the bias-corrected correlation of neighbors (Kendall 1954) in a series (n,); 0 for a constant."""
     off = values - values.mean()
     total = float(off @ off)
     if total <= 0:
@@ -45,10 +44,10 @@ def autocorrelation(values: F64) -> float:
 
 
 def block_length(values: F64) -> int:
-    """Choose the length of a block: 1.1447 (a n)^(1/3), a = 4 r^2 / (1 - r^2)^2, rounded up.
+    """Return the length of a block: 1.1447 (a n)^(1/3), a = 4 r^2 / (1 - r^2)^2, rounded up.
 
-    That is best for a series of which each value is r times the last plus noise (Andrews 1991,
-    section 6). At least 1, at most a sixth of the series.
+    Optimal for a first-order autoregressive series (Andrews 1991, section 6). At least 1, at most a sixth of
+    the series.
     """
     alike = min(max(autocorrelation(values), 0.0), MOST_ALIKE)
     memory = 4 * alike**2 / (1 - alike**2) ** 2
@@ -59,7 +58,7 @@ def block_length(values: F64) -> int:
 def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
     """Return the ends of a 95 % interval about the mean of a series (n,); None for fewer than 24 values.
 
-    It is symmetric, and the same every time. Of a constant series it has no width.
+    It is symmetric, repeatable, and of zero width for a constant series.
     """
     if len(values) < LEAST:
         return None
@@ -73,7 +72,7 @@ def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
 
 
 def _critical(blocks: F64, count: int, seed: int) -> float:
-    """Return how many standard errors a drawn mean stays within, in 95 of 100 draws of `count` blocks."""
+    """Return the number of standard errors that 95 of 100 means of `count` drawn blocks stay within."""
     chosen = stream(Domain.COMPARE, seed).integers(0, len(blocks), (DRAWS, count))
     drawn = blocks[chosen]
     away = np.abs(drawn.mean(axis=1) - blocks.mean())
@@ -82,12 +81,12 @@ def _critical(blocks: F64, count: int, seed: int) -> float:
     return float(np.quantile(apart, LEVEL))
 
 
-# Two runs step by step: how much better one is than the other, and where they part.
+# Two runs step by step: how much better one is than the other, and where they diverge.
 
 Step: TypeAlias = tuple[Moment, StepRecord]
 
-APART_M = 12 * INCH_M  # estimates further apart than this stand for different places ...
-APART_FOR = 2  # ... when they do so for as many steps running
+APART_M = 12 * INCH_M  # estimates that differ by more are different places ...
+APART_FOR = 2  # ... if they do for this many steps in a row
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +96,7 @@ class StepComparison:
     position_m: float | None  # its position error minus the first run's: below zero is better; None: no truth
     heading_rad: float | None  # the same of the heading error
     apart_m: float | None  # between the two estimates; None for runs of different drives
-    event: RunEvent | None  # at the update at which it is known that the runs have parted
+    event: RunEvent | None  # at the update at which the divergence is certain
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +115,7 @@ class ErrorDifference:
 
 @dataclass(frozen=True, slots=True)
 class ComparisonResult:
-    """A whole run against the first run."""
+    """A complete run against the first run."""
 
     position: ErrorDifference | None  # None where the truth is not known
     heading: ErrorDifference | None
@@ -127,7 +126,7 @@ class ComparisonResult:
 
 @dataclass(slots=True)
 class RunComparison:
-    """Compares one run with the first one while both go; keeps three numbers per update."""
+    """Compares one run with the first one, update by update; keeps three numbers per update."""
 
     first: str  # label of the run that the others are compared with
     other: str
@@ -141,7 +140,7 @@ class RunComparison:
     _running: int = 0  # updates in a row, up to the last one, at which the estimates were apart
 
     def see(self, first: Step, other: Step) -> StepComparison:
-        """Take in the next update of both runs."""
+        """Process the next update of both runs."""
         self._seen += 1
         scores = [score_step(record.estimate, moment.truth) for moment, record in (first, other)]
         position, heading = _differences(*scores)
@@ -163,7 +162,7 @@ class RunComparison:
         return RunEvent(moment.frame.step, moment.frame.time_s, PARTED, what)
 
     def result(self) -> ComparisonResult:
-        """Sum up as far as the runs went."""
+        """Return the comparison so far."""
         apart = self._apart
         return ComparisonResult(
             _sum_up(np.array(self._position)),

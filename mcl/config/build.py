@@ -1,4 +1,4 @@
-"""From a configuration to a localizer: every name is looked up here and nowhere else."""
+"""From a configuration to a localizer. Every name is looked up here and nowhere else."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def make_localizer(
     ("blended" unless a preset says otherwise); `particles` defaults to 2000; the same `seed` repeats a run
     bit for bit. `motion` holds motion parameters as under robot.motion in a session's header; with None, the
     motion model is that of the session which `run` is given. `settings` maps any key of
-    docs/configuration.md to a value; it goes over the preset, and the other arguments go over it.
+    docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
     Environment variables are not read.
 
     Raises InputError, in one line, for an unknown name, key or channel and for a value out of range.
@@ -84,9 +84,9 @@ def build_localizer(
 ) -> Localizer:
     """Build the localizer that some parameters describe.
 
-    The motion model is the session's own unless the parameters hold one; without either, `run` takes the
-    one of the session it is given. `reference`, the library's tables, can be shared among localizers, as
-    they take a while to build.
+    The motion model is that of the parameters, else of the session; without either, `run` takes that of the
+    session it is given. `reference`, the library's lookup tables, can be shared among localizers, since
+    building them takes time.
 
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """

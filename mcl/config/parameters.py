@@ -20,7 +20,7 @@ from ..sensor.references import InterpolationParameters
 
 @dataclass(frozen=True, slots=True)
 class ReferenceParameters:
-    """Which references a particle is weighed by."""
+    """Which references a particle is compared with."""
 
     method: str = "interpolated"  # "nearest" (the thesis's) or "interpolated"
     interpolation: InterpolationParameters = field(default_factory=InterpolationParameters)
@@ -31,7 +31,7 @@ class ResamplingParameters:
     """How and when particles are resampled."""
 
     scheme: str = "systematic"  # RESAMPLERS
-    when: str = "always"  # "always", "effective" (below a share of N) or "every" (so many updates)
+    when: str = "always"  # "always", "effective" (below a share of N) or "every" (a number of updates)
     below: float = 0.5  # share of N, for "effective"
     every: int = 1  # updates, for "every"
     roughening: float = 0.0  # 0: none; Gordon, Salmond and Smith use 0.2
@@ -41,7 +41,7 @@ class ResamplingParameters:
 
 @dataclass(frozen=True, slots=True)
 class RecoveryParameters:
-    """Whether, when and where particles are drawn anew."""
+    """Whether, when and where fresh particles are drawn."""
 
     strategy: str = "none"  # "none", "always", "threshold", "sensor", "augmented", "expansion" or "mixture"
     draw: str = "likelihood"  # "likelihood" (where the picture says) or "evenly" (over free space)
@@ -62,7 +62,7 @@ class FilterParameters:
     resampling: ResamplingParameters = field(default_factory=ResamplingParameters)
     recovery: RecoveryParameters = field(default_factory=RecoveryParameters)
     motion_outliers: MotionOutliers = field(default_factory=MotionOutliers)
-    motion: Mapping[str, object] | None = None  # in place of the session header's
+    motion: Mapping[str, object] | None = None  # replaces the session header's
     particles: int = 2000
 
 
@@ -74,7 +74,7 @@ def of_feature(feature: str, particles: int = 2000, sharpness: float = 1.0) -> F
 # Presets: complete filters by name, as layers of configuration.
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
-    # the thesis's first filter (its section 3), faithful to the letter where we hold the letter
+    # the thesis's first filter (its section 3), as far as the thesis specifies it
     "thesis": {
         "particles": 2000,
         "sensor.weights": {"color": 1.0},
@@ -99,7 +99,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "recovery.strategy": "threshold",
         "recovery.draw": "evenly",
     },
-    # what we would put on a robot
+    # recommended for a robot
     "robust": {
         "sensor.weights": dict(FEATURES["best"]),
         "sensor.blend": "calibrated",

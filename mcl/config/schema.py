@@ -1,6 +1,6 @@
-"""The schema of a configuration: one rule per key, and the layers that a configuration is made of.
+"""The schema of a configuration: one rule per key, and the layers that a configuration is merged from.
 
-A layer is a mapping from dotted keys ("sensor.sharpness") to raw values, with a word for where it came from.
+A layer is a mapping from dotted keys ("sensor.sharpness") to raw values, with the name of its origin.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from ..sensor.distances import DISTANCES
 from ..sensor.likelihood import BLENDS, LIKELIHOODS, QUALITIES
 from .parameters import FilterParameters
 
-# What each configurable value may be: one rule a key, and messages that name key, value and range.
+# One rule per key; messages name the key, the value and its range.
 
-Rule = Callable[[str, Any], Any]  # key and raw value to the value; raises ValueError in one line
+Rule = Callable[[str, Any], Any]  # from key and raw value to the value; raises ValueError in one line
 
 
 def number(low: float, high: float) -> Rule:
@@ -38,7 +38,7 @@ def number(low: float, high: float) -> Rule:
 
 
 def whole(low: int, high: int) -> Rule:
-    """Take a whole number within bounds, both included."""
+    """Take an integer within bounds, both included."""
 
     def rule(key: str, value: Any) -> int:
         given = _from_text(value, int)
@@ -93,7 +93,7 @@ def weights(key: str, value: Any) -> Mapping[str, float]:
 
 
 def table(key: str, value: Any) -> Mapping[str, Any]:
-    """Take any table; what it means is checked where it is used."""
+    """Take any table; its contents are checked where it is used."""
     if not isinstance(value, Mapping):
         raise ValueError(f"{key}: found {value!r}, expected a table")
     return dict(value)
@@ -165,7 +165,7 @@ RULES: Mapping[str, Rule] = {
     "motion": table,
 }
 
-# Names of earlier versions, which saved runs, configuration files and environment variables still hold.
+# Names of earlier versions, still found in saved runs, configuration files and environment variables.
 
 RENAMED_KEYS: Mapping[str, str] = {
     "selection.method": "references.method",
@@ -183,7 +183,7 @@ RENAMED_KEYS: Mapping[str, str] = {
 RENAMED_WORDS: Mapping[tuple[str, str], str] = {("recovery.strategy", "dual"): "mixture"}
 
 
-# Configuration in layers: defaults, preset, file, environment, command line; the last that speaks wins.
+# Layers: defaults, preset, file, environment, command line; later ones override earlier ones.
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +196,7 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One value in force."""
+    """One value in effect."""
 
     key: str
     value: Any
@@ -205,18 +205,18 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """What is in force, and where each value came from."""
+    """The values in effect, and the origin of each."""
 
     parameters: FilterParameters
     settings: tuple[Setting, ...]  # in the order of the documentation
 
     def values(self) -> dict[str, Any]:
-        """Return dotted keys to values, to be stored beside a recording or a run."""
+        """Return dotted keys to values, to be stored with a recording or a run."""
         return {setting.key: setting.value for setting in self.settings}
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Turn nested tables into dotted keys; tables that are values themselves (weights) stay tables."""
+    """Turn nested tables into dotted keys; tables that are values (weights) stay tables."""
     flat: dict[str, Any] = {}
     for name, value in tree.items():
         key = f"{prefix}{name}"
@@ -228,9 +228,9 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def configure(layers: Iterable[Layer]) -> Configuration:
-    """Merge layers, later ones over earlier ones; names of earlier versions are read as today's.
+    """Merge layers, later ones over earlier ones; names of earlier versions are translated.
 
-    Raises ValueError in one line, naming origin, key, value and what is allowed.
+    Raises ValueError in one line with the origin, the key, the value and its range.
     """
     found = {key: Setting(key, value, "default") for key, value in defaults().items()}
     for layer in layers:

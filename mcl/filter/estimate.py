@@ -14,31 +14,29 @@ from ..arrays import F32, F64, I32, Bool
 from ..geometry import INCH_M, circular_mean, wrap
 from ..records import Belief, Estimate
 
-# Estimates: one pose to stand for a weighted cloud, and how much of the cloud stands by it.
-
 CLUSTER_M = 24 * INCH_M  # radius of the mean shift, and of "converged"
 CONFIDENCE_M = 12 * INCH_M
 CELL_M = CLUSTER_M / 4  # the mode is first sought on a raster of such cells ...
 MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than 60 m
-SETTLED_M = 0.001  # a mean that shifts by less has arrived
-MOST_SHIFTS = 30  # a cloud spread evenly has no mode to arrive at
-TIE = 1e-9  # shares of weight that differ by a smaller part of them are equal: processors round differently
+SETTLED_M = 0.001  # a mean that shifts by less has converged
+MOST_SHIFTS = 30  # an evenly spread cloud has no mode to converge to
+TIE = 1e-9  # relative difference below which shares of weight are equal: processors round differently
 
 Modes: TypeAlias = tuple[Estimate, ...]
 Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
 
 
 def weighted_mean(belief: Belief, injected: Bool | None = None) -> Estimate:
-    """Stand for the whole cloud. Of a cloud with several modes this lies in nowhere."""
+    """Return the mean of the entire cloud. With several modes it lies between them."""
     weights = _counted(belief, injected)
     return _stand_for(belief, weights, weights)
 
 
 def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
-    """Stand for the heaviest cluster, by mean shift with a flat kernel of 24 in: the scored estimate.
+    """Return the heaviest cluster, by mean shift with a flat kernel of 24 in: the scored estimate.
 
-    `injected` (N,) marks freshly injected particles, which are left out. Of equally heavy clusters it is the
-    one at the lowest y, and of those the one at the lowest x, by cells of 6 in.
+    `injected` (N,) marks freshly injected particles, which are left out. Of equally heavy clusters the one
+    with the lowest y is taken, then the lowest x, by cells of 6 in.
     """
     weights = _counted(belief, injected)
     x, y = _columns(belief)
@@ -47,9 +45,9 @@ def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
 
 
 def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
-    """Stand by the one particle with most weight, the first of equals; its spread is zero.
+    """Return the particle with the most weight, the first of equals; its spread is zero.
 
-    Where particles were just resampled all weigh alike, and this says little. `injected` as elsewhere.
+    Of little use where particles were just resampled and have equal weights.
     """
     weights = _counted(belief, injected)
     held = np.zeros_like(weights)
@@ -59,11 +57,11 @@ def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
 
 
 def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least: float = 0.01) -> Modes:
-    """Return the clusters, heaviest first: the heaviest one, then the heaviest of what it left, and so on.
+    """Return the clusters, heaviest first: the heaviest one, then the heaviest of the rest, and so on.
 
-    Each holds what lies within 24 in of its mode and in no cluster before it, so that masses add up to no
-    more than one. At most so many, each of at least so large a share of the weight. Equally heavy ones are
-    in the order in which they are found, by the rule of `heaviest_cluster`.
+    Each holds the particles within 24 in of its mode that are in no earlier cluster, so masses sum to at most
+    one. There are at most `most`, each with at least the share `least` of the weight. Equally heavy ones are
+    in the order of the rule of `heaviest_cluster`.
     """
     least *= 1 - TIE
     weights = _counted(belief, injected)
@@ -87,7 +85,7 @@ def first_heaviest(weights: NDArray[Any]) -> int:
 def covariance(belief: Belief, injected: Bool | None = None) -> F64:
     """Return the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means.
 
-    Headings count by the way round from the mean, in [-pi, pi), so that the seam does no harm.
+    Headings count by their angle from the mean, in [-pi, pi), so that the seam at pi does not matter.
     """
     weights = _counted(belief, injected)
     x, y = _columns(belief)
@@ -98,7 +96,7 @@ def covariance(belief: Belief, injected: Bool | None = None) -> F64:
 
 
 def share_within(belief: Belief, pose: F64, radius_m: float, injected: Bool | None = None) -> float:
-    """Return the share of weight within a radius of a pose's place, in the map's frame, its rim included."""
+    """Return the share of weight within a radius (inclusive) of a pose's position in the map's frame."""
     weights = _counted(belief, injected)
     x, y = _columns(belief)
     center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
@@ -111,7 +109,7 @@ def _heavier_first(a: Estimate, b: Estimate) -> int:
 
 
 def _counted(belief: Belief, injected: Bool | None) -> F64:
-    """Weights (N,) summing to one, injected particles at zero unless nothing else has any weight."""
+    """Return weights (N,) that sum to one, injected particles at zero unless nothing else has any weight."""
     weights = belief.weights
     if injected is None or not weights[~injected].sum() > 0:
         return weights
@@ -125,7 +123,7 @@ def _columns(belief: Belief) -> tuple[F64, F64]:
 
 
 def _amid_most(x: F64, y: F64, weights: F64) -> Point:
-    """Return the particle's place that the mean shift begins at: where most weight lies within 24 in."""
+    """Return the particle's position where the mean shift starts: most weight lies within 24 in."""
     left, low = float(x.min()), float(y.min())
     side = max(CELL_M, float(x.max() - left) / MOST_CELLS_A_SIDE, float(y.max() - low) / MOST_CELLS_A_SIDE)
     column, row = ((x - left) / side).astype(np.int64), ((y - low) / side).astype(np.int64)
@@ -146,7 +144,7 @@ def _disc(radius: float) -> F64:
 
 
 def _shift(center: Point, x: F64, y: F64, weights: F64) -> Point:
-    """Shift the center to the mean of what lies within 24 in of it until it stays (flat mean shift)."""
+    """Shift the center to the mean of the particles within 24 in until it converges (flat mean shift)."""
     for _ in range(MOST_SHIFTS):
         last, center = center, _mean(x, y, weights * _near(x, y, center, CLUSTER_M))
         if math.dist(center, last) < SETTLED_M:
@@ -164,7 +162,7 @@ def _near(x: F64, y: F64, center: Point, radius_m: float) -> Bool:
 
 
 def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
-    """Sum up a cloud of which the estimate holds a part (N,) of all the weights (N,), which sum to one."""
+    """Summarize the part `held` (N,) of a cloud with weights (N,) that sum to one."""
     x, y = _columns(belief)
     center, mass = _mean(x, y, held), float(held.sum())
     heading, heading_sd = circular_mean(belief.poses[:, 2], held)
@@ -180,13 +178,13 @@ def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
     )
 
 
-# Evidence: how well the cloud, as it was before a picture, explains that picture. Needs no truth.
+# Evidence: how well the predicted cloud explains a picture. Needs no truth.
 
 
 def log_mean_likelihood(cost: F32, weights: F64, entries: I32) -> F64:
     """Return the log of the weighted mean of exp(-cost) over particles, for costs (..., L): (...,) nats.
 
-    `entries` (N,) are the particles' nearest entries; those outside (-1) explain nothing. -inf when all are.
+    `entries` (N,) are the particles' nearest entries; those outside (-1) do not count. -inf when all are.
     """
     inside = entries >= 0
     held = np.bincount(entries[inside], weights[inside], cost.shape[-1])

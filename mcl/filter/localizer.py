@@ -3,7 +3,7 @@
     Bel(x_t) = eta p(o_t | x_t) integral p(x_t | x_t-1, a_t-1) Bel(x_t-1) dx_t-1
 
 This is section 3.1 and figure 1 of the thesis. A localizer holds choices and no state: `step` takes a state
-and a frame and returns the next state and a record of the update. A frame does not hold the true pose, so
+and a frame and returns the next state and a record of the update. A frame does not contain the true pose, so
 the filter cannot see it.
 """
 
@@ -70,7 +70,7 @@ class Localizer:
     seed: int = 0
 
     def of_session(self, session: Session) -> Localizer:
-        """Return a localizer with the motion model of a session's header, if it has none of its own."""
+        """Return a localizer with the motion model of a session's header, if it has none."""
         if self.motion is not None:
             return self
         return replace(self, motion=motion_model(session.info.motion, self.reference.grid))
@@ -83,7 +83,7 @@ class Localizer:
         return FilterState(0, uniform_belief(self.reference.grid, self.particles, self.library.origin, rng))
 
     def step(self, state: FilterState, frame: Frame) -> tuple[FilterState, StepRecord]:
-        """Take in one frame; return the next state and a record. The given state is not changed.
+        """Process one frame; return the next state and a record. The given state is not changed.
 
         Raises InputError for a localizer without a motion model: see `of_session`.
         """
@@ -125,7 +125,7 @@ class Localizer:
         return FilterState(frame.step, recovered.belief, recovered.injected, recovery.state), record
 
     def propose(self, belief: Belief, frame: Frame, comparison: Comparison) -> ProposedParticles:
-        """Move the particles by the motion model; with a mixture, draw some where the picture says."""
+        """Move the particles by the motion model; with a mixture, draw some from the picture's likelihood."""
         predicted = self._predict(belief, frame)
         if self.mixture is None:
             return ProposedParticles(predicted)
@@ -149,7 +149,7 @@ class Localizer:
     def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
         """Copy particles in proportion to their weights, leaving room for those that recovery draws.
 
-        Where neither the policy, the recovery nor an adaptive size asks for it, the belief stays as it is.
+        The belief is unchanged where neither the policy, recovery nor an adaptive size requires resampling.
         """
         size = self.resampling.size(weighted)
         fresh = round(recovery.share * size)
@@ -162,7 +162,7 @@ class Localizer:
         self, resampled: Resampled, recovery: Recovery, comparison: Comparison, step: int
     ) -> Resampled:
         """Spread the cloud, or draw fresh particles, as the recovery strategy decided."""
-        if recovery.expand:  # roughening took the first numbers of this address
+        if recovery.expand:  # roughening uses the first numbers of this address
             resampled = self.recovery.expand(resampled, self._rng(step, Purpose.ROUGHEN).spawn(1)[0])
         if not resampled.missing:
             return resampled
@@ -176,8 +176,8 @@ def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, flo
     """Multiply likelihoods (N,) into the weights; return the new belief and log p(o_t | past).
 
     If every weight would be zero (all particles with any weight are outside free space), the picture counts
-    as uninformative: the prior weights stay, and the evidence is -inf, which the step reports as the event
-    "all weights zero".
+    as uninformative: the prior weights are kept, and the evidence is -inf, which the step reports as the
+    event "all weights zero".
     """
     posterior, log_evidence = normalize(proposal.prior_log_weights + log_likelihood)
     if not np.isfinite(log_evidence):
@@ -188,9 +188,9 @@ def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, flo
 def calibrated_evidence(
     comparison: Comparison, proposal: ProposedParticles, entries: I32
 ) -> tuple[float, F64]:
-    """Return the log mean of exp(-cost) over the proposed particles: of all channels, of each one (C,).
+    """Return the log mean of exp(-cost) over the proposed particles: of all channels, and of each (C,).
 
-    It needs no truth. Recovery strategies and diagnosis use it, as it compares between pictures and runs.
+    Used by recovery and diagnosis: it needs no truth and is comparable between pictures and runs.
     """
     prior = np.exp(proposal.prior_log_weights)
     total = log_mean_likelihood(comparison.cost[None], prior, entries)
@@ -217,7 +217,7 @@ def _timed(took: dict[str, float], stage: str) -> Iterator[None]:
 def run(
     localizer: Localizer, session: Session, start: F64 | Literal["header"] | None = "header"
 ) -> Iterator[tuple[Moment, StepRecord]]:
-    """Run a filter over a session, one update at a time; the true poses pass by beside it, unseen.
+    """Run a filter over a session, one update at a time, without showing it the true poses.
 
     `start` is the pose (3,) to begin at (x_m, y_m, heading_rad), or None to spread the particles over all
     free space; by default it is the session header's, or None where the header has none. A localizer without

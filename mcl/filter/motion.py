@@ -1,10 +1,10 @@
 """Motion models: how particles move when the robot reports a movement, and motion outliers.
 
-Maurice's skid-steer model (thesis 3.2) for robots that state their parameters, and the odometry model of
-Probabilistic Robotics for all others, so that a robot that does not over-read is not corrected.
+Maurice's skid-steer model (thesis 3.2) for robots that state its parameters, and the odometry model of
+Probabilistic Robotics for all others.
 
-The thesis's failures began with turns at a threshold more than three standard deviations off (3.6), which a
-Gaussian filter holds for impossible. A mixture of two Gaussians keeps a few particles there.
+The thesis's failures began with turns more than three standard deviations off (3.6), which a Gaussian filter
+considers impossible. A mixture of two Gaussians keeps a few particles there.
 """
 
 from __future__ import annotations
@@ -19,9 +19,7 @@ from ..arrays import F32, F64
 from ..geometry import INCH_M, wrap
 from ..map import Grid
 
-# Motion models: how particles move when the robot says it moved.
-
-MOST = 1e6  # of a header's constants; the poses that follow from more would not fit into float32
+MOST = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 
 
 class MotionModel(Protocol):
@@ -57,11 +55,11 @@ class MauriceParameters:
         default_factory=lambda: {"": FloorDrift(0.0, float(np.deg2rad(1.1)))}
     )
     turn_from_rad: float = float(np.deg2rad(0.5))  # a smaller measured rotation is no turn (ours)
-    straight_from_m: float = 0.001  # a shorter measured way is no movement (ours)
+    straight_from_m: float = 0.001  # a shorter measured distance is no movement (ours)
 
     @classmethod
     def from_header(cls, values: Mapping[str, Any]) -> MauriceParameters:
-        """Read the object that a session header holds under robot.motion; absent fields keep defaults.
+        """Read the object under robot.motion in a session header; absent fields keep defaults.
 
         Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
         """
@@ -109,13 +107,13 @@ def _number(name: str, value: Any) -> float:
 class MauriceMotion:
     """The thesis's model: noise once per movement, the drift of a straight applied when it is over.
 
-    A turn gets the gain and the measured residual and nothing else, since adding the encoders' error
-    would count turning noise twice; a straight gets the encoders' error in length and the floor's drift
-    in heading. A movement that is both is a turn first, then a straight.
+    A turn gets only the gain and the measured residual, since adding the encoders' error would count turning
+    noise twice; a straight gets the encoders' error in length and the floor's drift in heading. A movement
+    that is both is a turn followed by a straight.
     """
 
     parameters: MauriceParameters
-    grid: Grid  # tells the floor under each particle
+    grid: Grid  # knows the floor under each particle
 
     def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
         """See `MotionModel.move`; columns of `noise`: length, drift, turn."""
@@ -134,7 +132,7 @@ class MauriceMotion:
         return _poses(*moved, wrap(heading + drift))
 
     def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
-        """Drift (N,) in radians over a way, by the floor on which each particle starts."""
+        """Return the drift (N,) in radians over a distance, by the floor on which each particle starts."""
         floors = [self.parameters.drift.get(name) for name in self.grid.floors]
         known = [f or self.parameters.drift.get("", FloorDrift()) for f in floors]
         bias = np.array([f.bias_rad_per_m * way_m for f in known], np.float32)
@@ -150,15 +148,15 @@ class MauriceMotion:
 class OdometryParameters:
     """Noise of the odometry model, as variances (Probabilistic Robotics, table 5.6, first edition)."""
 
-    turn_from_turn: float = 0.02  # rad^2 of turn a rad^2 of turn (alpha 1)
-    turn_from_way: float = 0.02  # rad^2 of turn a m^2 of way (alpha 2)
-    way_from_way: float = 0.02  # m^2 of way a m^2 of way (alpha 3)
-    way_from_turn: float = 0.0005  # m^2 of way a rad^2 of turn (alpha 4)
-    way_from_m: float = 0.01  # on a shorter way the direction is noise and counts as no turn (as in AMCL)
+    turn_from_turn: float = 0.02  # rad^2 of turn per rad^2 of turn (alpha 1)
+    turn_from_way: float = 0.02  # rad^2 of turn per m^2 driven (alpha 2)
+    way_from_way: float = 0.02  # m^2 per m^2 driven (alpha 3)
+    way_from_turn: float = 0.0005  # m^2 per rad^2 of turn (alpha 4)
+    way_from_m: float = 0.01  # the direction of a shorter movement counts as no turn (as in AMCL)
 
     @classmethod
     def from_header(cls, values: Mapping[str, Any]) -> OdometryParameters:
-        """Read the object that a session header holds under robot.motion; absent fields keep defaults.
+        """Read the object under robot.motion in a session header; absent fields keep defaults.
 
         Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
         """
@@ -167,16 +165,16 @@ class OdometryParameters:
 
 @dataclass(frozen=True, slots=True)
 class OdometryMotion:
-    """Turn, go, turn (Probabilistic Robotics, section 5.4); right for any robot, if less sharp.
+    """Turn, translate, turn (Probabilistic Robotics, section 5.4); valid for any robot, but less sharp.
 
-    Going backward counts as small turns, not as half turns; a way too short to have a direction has none
-    that adds noise.
+    Driving backward counts as small turns, not as half turns; the direction of a very short movement adds no
+    noise.
     """
 
     parameters: OdometryParameters = OdometryParameters()
 
     def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
-        """See `MotionModel.move`; columns of `noise`: first turn, way, second turn."""
+        """See `MotionModel.move`; columns of `noise`: first turn, length, second turn."""
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
         way = float(np.hypot(forward, left))
@@ -202,10 +200,10 @@ def _poses(x: F32, y: F32, heading: F32) -> F32:
 
 
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
-    """Choose the model that a session header asks for: "maurice" with constants, "odometry" otherwise.
+    """Return the model that a session header names: "maurice" with constants, "odometry" otherwise.
 
-    A header that says nothing about motion gets the odometry model, whose gain is 1. Raises ValueError for
-    any other model, and for bad constants.
+    A header without motion gets the odometry model, whose gain is 1. Raises ValueError for any other model
+    and for bad constants.
     """
     if not values:
         return OdometryMotion()
@@ -216,7 +214,7 @@ def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
     return MauriceMotion(MauriceParameters.from_header(values), grid)
 
 
-# Motion outliers: now and then a movement is off by much more than the motion model's noise.
+# Motion outliers: occasionally a movement is off by much more than the motion model's noise.
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +226,7 @@ class MotionOutliers:
 
 
 def with_outliers(noise: F32, outliers: MotionOutliers, rng: np.random.Generator) -> F32:
-    """Return standard normals (N, 3) of which some rows, chosen by chance, are so many times as large."""
+    """Return standard normals (N, 3) with some rows, chosen at random, multiplied by `outliers.widen`."""
     if outliers.share <= 0:
         return noise
     wide = rng.random(len(noise)) < outliers.share

@@ -1,10 +1,9 @@
 """Proposals: initialization, pose sampling, and the mixture proposal.
 
-Thrun, Fox, Burgard and Dellaert (2001). All particles are weighed as draws of one mixture (the balance
-heuristic of Veach and Guibas 1995): w = likelihood * p / ((1 - share) p + share q), with p the predicted
-density and q that of the sampled poses. Densities are taken per library entry, over the poses that have it
-nearest. With p zero where nobody was, a sampled pose could never count: p is mixed with a little of
-"anywhere".
+The mixture proposal is that of Thrun, Fox, Burgard and Dellaert (2001). All particles are weighted as draws
+of one mixture (the balance heuristic, Veach and Guibas 1995): w = likelihood * p / ((1 - share) p + share q),
+with p the predicted density and q that of the sampled poses. Densities are per library entry, over the poses
+nearest to it. So that sampled poses count where p would be zero, p includes a small uniform share.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from ..records import Belief, uniform_log_weights
 from ..sensor.references import HEADING_BINS, NearestReference
 from .resampling import systematic
 
-# Fresh particles: drawn evenly over free space, or where the picture says the robot could be.
+# Pose sampling: evenly over free space, or from the likelihood of a picture.
 
 
 def uniform_poses(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> F32:
@@ -48,7 +47,7 @@ def _within(grid: Grid, cells: NDArray[np.int64], shares: F64, origin: F64) -> F
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Regions:
-    """Where each entry is the nearest: cells sorted by place, heading bins sorted by place and entry."""
+    """The poses nearest to each entry: cells sorted by place, heading bins sorted by place and entry."""
 
     cells: I32  # (free cells,) flat numbers, place by place
     first_cell: I32  # (P + 1,) where each place's cells begin
@@ -57,7 +56,7 @@ class Regions:
     first_bin: I32  # (L + 1,) where each entry's bins begin
 
     def sizes(self) -> F64:
-        """Return how many (cell, heading bin) pairs each entry (L,) is the nearest of."""
+        """Return how many (cell, heading bin) pairs are nearest to each entry (L,)."""
         cells, bins = np.diff(self.first_cell), np.diff(self.first_bin)
         return np.asarray(cells[self.place_of_entry] * bins, np.float64)
 
@@ -84,7 +83,7 @@ def regions(nearest: NearestReference, entries: int) -> Regions:
 
 
 def shares_of(log_likelihood: F32, where: Regions) -> F64:
-    """Return the probability (L,) that each entry is nearest to a pose drawn from the likelihood."""
+    """Return the probability (L,) of each entry to be nearest to a pose drawn from the likelihood."""
     size = where.sizes()
     weight = np.exp(log_likelihood.astype(np.float64) - float(log_likelihood.max())) * size
     return np.asarray(weight / weight.sum())
@@ -105,12 +104,12 @@ def likely_poses(
 
 
 def _pick(first: I32, group: NDArray[np.integer[Any]], share: F64) -> I32:
-    """Return a place between where each group begins and where it ends, by a share (n,) from 0 to 1."""
+    """Return an index within each group, by a share (n,) from 0 to 1."""
     begin, size = first[group], first[group + 1] - first[group]
     return np.asarray(begin + (share * size).astype(np.int32), np.int32)
 
 
-# Where a run begins: at a known pose, or anywhere.
+# Initialization: at a known pose, or anywhere.
 
 
 def belief_at(pose: F64, n: int, origin: F64) -> Belief:
@@ -130,12 +129,12 @@ def uniform_belief(grid: Grid, n: int, origin: F64, rng: np.random.Generator) ->
     return Belief(uniform_poses(grid, n, origin, rng), uniform_log_weights(n), origin)
 
 
-# Mixture proposal (dual MCL): some particles are drawn where the picture says, weighed by the motion model.
+# Mixture proposal (dual MCL): some particles are drawn from the picture's likelihood.
 
 
 @dataclass(frozen=True, slots=True)
 class MixtureParameters:
-    """How much of it."""
+    """How many particles, and how likely a kidnapping is."""
 
     share: float = 0.1  # of the particles
     teleport: float = 0.01  # probability that the robot was carried anywhere since the last update
@@ -143,14 +142,14 @@ class MixtureParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProposedParticles:
-    """Particles before the picture is weighed in."""
+    """Particles before the weights are updated by the picture."""
 
     belief: Belief
     correction: F64 | None = None  # (N,) log of predicted over proposal density; None: drawn as predicted
 
     @property
     def prior_log_weights(self) -> F64:
-        """Log-weights (N,) as if all had been drawn by the motion model; they sum to one on average."""
+        """Log-weights (N,) as if all were drawn by the motion model; the weights sum to one on average."""
         if self.correction is None:
             return self.belief.log_weights
         return self.belief.log_weights + self.correction
@@ -164,9 +163,9 @@ def mixture_proposal(
     parameters: MixtureParameters,
     rng: np.random.Generator,
 ) -> ProposedParticles:
-    """Return N particles, of which the last share is drawn where the picture says, and their correction.
+    """Return N particles, the last share of them drawn from the picture's likelihood, and their correction.
 
-    The regular ones are resampled from `predicted`, so that all have the same weight before the picture.
+    The others are resampled from `predicted`, so that all have equal prior weights.
     """
     count = round(parameters.share * predicted.size)
     kept = systematic(predicted.weights, predicted.size - count, rng)
@@ -176,7 +175,7 @@ def mixture_proposal(
     q = shares_of(log_likelihood, where)
     share = count / predicted.size
     mixture = (1 - share) * p + share * q
-    ratio = np.divide(p, mixture, out=np.zeros_like(p), where=mixture > 0)  # no entry of nowhere is drawn
+    ratio = np.divide(p, mixture, out=np.zeros_like(p), where=mixture > 0)  # none is drawn at density 0
     with np.errstate(divide="ignore"):
         per_entry = np.log(ratio)
     correction = np.append(per_entry, 0.0)[nearest.entries(poses, predicted.origin)]
@@ -185,7 +184,7 @@ def mixture_proposal(
 
 
 def _predicted_shares(predicted: Belief, nearest: NearestReference, where: Regions, teleport: float) -> F64:
-    """Return the share (L,) of the predicted weight that has each entry nearest, some of it spread evenly."""
+    """Return the share (L,) of the predicted weight nearest to each entry, some of it spread evenly."""
     entry = nearest.entries(predicted.poses, predicted.origin)
     inside = entry >= 0
     size = where.sizes()

@@ -1,8 +1,8 @@
-"""Recovery: which share of particles is drawn afresh, so that a lost filter can localize again.
+"""Recovery: the share of particles that is replaced by fresh ones, so that a lost filter can localize again.
 
-A strategy looks at the evidence of the picture, the log of the mean of exp(-cost) over the cloud, and at
-what it remembers. It uses calibrated costs, which mean the same in every picture; a quality that is
-relative to each picture's worst reference says nothing about being lost.
+A strategy uses the evidence of the picture, the log of the mean of exp(-cost) over the cloud, and its state.
+Costs are calibrated and comparable between pictures; a quality relative to each picture's worst reference
+would not show that the filter is lost.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in n
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What is to be done after resampling, and what is remembered for the next update."""
+    """What to do after resampling, and the state for the next update."""
 
-    share: float  # of the particles, 0 to 1, drawn anew
+    share: float  # of the particles, 0 to 1, replaced by fresh ones
     state: RecoveryState = NO_HISTORY
-    expand: bool = False  # spread the particles there are, instead of drawing new ones
+    expand: bool = False  # spread the particles instead of drawing new ones
 
 
 def none(evidence: float, state: RecoveryState) -> Recovery:
-    """Never draw anew, as the thesis's first filter."""
+    """Never draw fresh particles, as the thesis's first filter."""
     return Recovery(0.0, state)
 
 
 def always(share: float) -> RecoveryStrategy:
-    """Draw the same share anew at every update."""
+    """Draw the same share of fresh particles at every update."""
 
     def strategy(evidence: float, state: RecoveryState) -> Recovery:
         return Recovery(share, state)
@@ -49,16 +49,16 @@ def always(share: float) -> RecoveryStrategy:
 
 @dataclass(frozen=True, slots=True)
 class DynamicThreshold:
-    """Draw anew when a picture is explained much worse than pictures were lately (thesis 3.6.3).
+    """Draw fresh particles when a picture is explained much worse than recent ones (thesis 3.6.3).
 
-    The thesis asks for a dynamic threshold on match quality and gives no rule; this one is the running mean
-    of the evidence less a few of its running standard deviations.
+    The thesis requires a dynamic threshold on match quality without a rule; this one is the running mean of
+    the evidence minus a few of its running standard deviations.
     """
 
-    share: float = 0.05  # drawn anew when under the threshold
-    deviations: float = 2.0  # of the evidence under its running mean
+    share: float = 0.05  # of fresh particles when below the threshold
+    deviations: float = 2.0  # of the evidence below its running mean
     rate: float = 0.1  # of the running mean
-    settle: int = 5  # updates before the first verdict
+    settle: int = 5  # updates before the first decision
     least_sd: float = 1.0  # nats: chance alone moves the evidence by this much
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
@@ -68,7 +68,7 @@ class DynamicThreshold:
         sd = max(math.sqrt(state.spread), self.least_sd)
         known = state.updates >= self.settle
         if known and evidence < state.slow - self.deviations * sd:
-            return Recovery(self.share, state)  # a bad picture does not lower the bar for the next
+            return Recovery(self.share, state)  # a bad picture does not lower the threshold
         rate = max(self.rate, 1 / (state.updates + 1))
         off = evidence - state.slow
         spread = 0.0 if state.updates == 0 else (1 - rate) * (state.spread + rate * off * off)
@@ -77,10 +77,10 @@ class DynamicThreshold:
 
 @dataclass(frozen=True, slots=True)
 class SensorResetting:
-    """Draw anew as the mean likelihood falls short of a fixed one (Lenser and Veloso 2000)."""
+    """Draw fresh particles when the mean likelihood is below a fixed one (Lenser and Veloso 2000)."""
 
-    evidence: float = -12.0  # nats that are good enough
-    most: float = 0.5  # share at the most
+    evidence: float = -12.0  # nats above which nothing is drawn
+    most: float = 0.5  # maximum share
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`: share 1 - mean likelihood / good likelihood."""
@@ -90,17 +90,17 @@ class SensorResetting:
 
 @dataclass(frozen=True, slots=True)
 class Augmented:
-    """Draw anew as the short-term likelihood falls under the long-term one (Thrun et al. 2005, table 8.3).
+    """Draw fresh particles when the short-term likelihood falls below the long-term one.
 
-    share = max(0, 1 - fast / slow). The book's rates are for thousands of updates; these are for ninety.
-    After a reset the averages begin anew, or one kidnapping would inject particles for as long as the slow
-    one lasts.
+    Thrun et al. 2005, table 8.3: share = max(0, 1 - fast / slow). The book's rates are for thousands of
+    updates; these are for ninety. Averages restart after a large share, since one kidnapping would otherwise
+    inject particles for as long as the slow average remembers.
     """
 
     slow: float = 0.1  # rate of the long-term average
     fast: float = 0.5  # rate of the short-term one
-    most: float = 0.5  # share at the most
-    resets: float = 0.3  # a share above this begins both averages anew
+    most: float = 0.5  # maximum share
+    resets: float = 0.3  # a share above this restarts both averages
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`."""
@@ -119,7 +119,7 @@ class Augmented:
 class Expansion:
     """Spread the cloud when a picture is explained badly (expansion resetting; Ueda et al. 2004)."""
 
-    evidence: float = -14.0  # nats under which the cloud is spread
+    evidence: float = -14.0  # nats below which the cloud is spread
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`."""
@@ -131,15 +131,15 @@ class Expansion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecoveryStep:
-    """When a lost filter is helped, and where fresh particles are drawn."""
+    """The strategy, and where fresh particles are drawn."""
 
     strategy: RecoveryStrategy
     reference: NearestReference
     regions: Regions
-    draw_evenly: bool = False  # over all free space, instead of where the picture says
+    draw_evenly: bool = False  # over all free space, instead of from the picture's likelihood
 
     def inject(self, resampled: Resampled, comparison: Comparison, rng: np.random.Generator) -> Resampled:
-        """Append the missing particles, freshly drawn; all have the same weight then."""
+        """Append the missing particles, freshly drawn; all get equal weights."""
         copies, fresh, grid = resampled.belief, resampled.missing, self.reference.grid
         if self.draw_evenly:
             drawn = uniform_poses(grid, fresh, copies.origin, rng)

@@ -2,9 +2,9 @@
 
 Every scheme is unbiased: the expected number of copies of particle i is n * w_i.
 
-With k occupied bins, n samples keep the Kullback-Leibler distance between the belief over bins and the
-sampled one under epsilon with probability 1 - delta (Wilson and Hilferty's approximation of chi-square).
-This bounds the error of sampling bins, nothing else.
+KLD sampling: with k occupied bins, n samples keep the Kullback-Leibler distance between the belief over bins
+and the sampled one below epsilon with probability 1 - delta (Wilson and Hilferty's approximation of
+chi-square). It bounds only the error of sampling bins.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from ..geometry import INCH_M, circular_mean, wrap
 from ..randomness import Purpose, normals
 from ..records import Belief, effective_sample_size, uniform_log_weights
 
-# Resampling: normalized weights (N,) and a generator to the parent of each of n new particles.
+# Schemes: from normalized weights (N,) and a generator to the parent of each of n new particles.
 
 Resampler = Callable[[F64, int, np.random.Generator], I32]
 
 
 def multinomial(weights: F64, n: int, rng: np.random.Generator) -> I32:
     """Select with replacement (thesis 3.4): n independent draws, returned in ascending order."""
-    # sorted uniforms out of exponential gaps (Devroye 1986, V.3), so that the search runs forward
+    # sorted uniforms from exponential gaps (Devroye 1986, V.3), so that the search runs forward
     gaps = rng.standard_exponential(n + 1).cumsum()
     cumulative, last = _cumulative(weights)
     found = cumulative.searchsorted(gaps[:-1] / gaps[-1], side="right")
@@ -36,7 +36,7 @@ def multinomial(weights: F64, n: int, rng: np.random.Generator) -> I32:
 
 
 def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
-    """One draw, then even steps (Carpenter, Clifford and Fearnhead 1999): the least scatter of counts."""
+    """Select by one draw and even steps (Carpenter, Clifford and Fearnhead 1999): lowest variance."""
     cumulative, last = _cumulative(weights)
     ends = np.ceil(cumulative * n - rng.random()).astype(np.int32)
     ends[last:] = n
@@ -46,29 +46,29 @@ def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
 
 
 def stratified(weights: F64, n: int, rng: np.random.Generator) -> I32:
-    """One draw in each of n even stretches (Kitagawa 1996): between multinomial and systematic."""
+    """Select by one draw in each of n even strata (Kitagawa 1996): between multinomial and systematic."""
     cumulative, last = _cumulative(weights)
     points = (np.arange(n) + rng.random(n)) / n
     return np.asarray(np.minimum(cumulative.searchsorted(points, side="right"), last), np.int32)
 
 
 def residual(weights: F64, n: int, rng: np.random.Generator) -> I32:
-    """Copy the whole part of n * w first, then draw the rest from what is left (Liu and Chen 1998)."""
+    """Copy the integer part of n * w, then draw the rest from the remainders (Liu and Chen 1998)."""
     share = weights * (n / weights.sum(dtype=np.float64))
     whole = np.floor(share).astype(np.int32)
     missing = n - int(whole.sum())
     left = share - whole
     if missing > 0 and left.sum() > 0:
         whole += np.bincount(multinomial(left, missing, rng), minlength=len(weights)).astype(np.int32)
-    elif missing:  # rounding alone left some over, or took one too many
+    elif missing:  # rounding error
         whole[int(weights.argmax())] += missing
     return np.repeat(np.arange(len(weights), dtype=np.int32), whole)
 
 
 def _cumulative(weights: F64) -> tuple[F64, int]:
-    """Running sums (N,) that end at exactly 1, and the last particle with any weight.
+    """Return running sums (N,) that end at exactly 1, and the last particle with any weight.
 
-    Rounding would otherwise let a point fall beyond it, on a particle of weight zero.
+    Rounding could otherwise select a particle of zero weight behind it.
     """
     cumulative = weights.cumsum(dtype=np.float64)
     cumulative /= cumulative[-1]
@@ -94,12 +94,12 @@ def always(belief: Belief, step: int) -> bool:
 
 
 def never(belief: Belief, step: int) -> bool:
-    """Let the weights multiply up; for looking at what resampling does."""
+    """Never resample; shows the effect of resampling."""
     return False
 
 
 def below_effective(share: float) -> ResamplePolicy:
-    """Resample when the effective sample size falls under a share (0 to 1) of N (Liu and Chen 1995)."""
+    """Resample when the effective sample size falls below a share (0 to 1) of N (Liu and Chen 1995)."""
 
     def policy(belief: Belief, step: int) -> bool:
         return effective_sample_size(belief.log_weights) < share * belief.size
@@ -108,7 +108,7 @@ def below_effective(share: float) -> ResamplePolicy:
 
 
 def every(count: int) -> ResamplePolicy:
-    """Resample at every so many updates."""
+    """Resample at every `count`-th update."""
 
     def policy(belief: Belief, step: int) -> bool:
         return step % count == 0
@@ -122,8 +122,7 @@ def every(count: int) -> ResamplePolicy:
 def roughen(belief: Belief, share: float, noise: F32) -> Belief:
     """Add normal noise of sd share * E * N^(-1/3), E the extent of the cloud in each of x, y and heading.
 
-    Gordon, Salmond and Smith tune with share 0.2; `noise` holds standard normals (N, 3). The method is
-    not exact: it widens the belief.
+    Gordon, Salmond and Smith use share 0.2; `noise` holds standard normals (N, 3). It widens the belief.
     """
     if share <= 0 or belief.size == 0:
         return belief
@@ -136,19 +135,19 @@ def roughen(belief: Belief, share: float, noise: F32) -> Belief:
     return Belief(np.asarray(poses, np.float32), belief.log_weights, belief.origin)
 
 
-# Adaptive size: as many particles as the spread of the belief needs (KLD sampling; Fox 2003).
+# Adaptive size: as many particles as the spread of the belief requires (KLD sampling; Fox 2003).
 
 
 @dataclass(frozen=True, slots=True)
 class KldParameters:
-    """How fine, how close, how sure, and within which bounds."""
+    """Bins, error bound, confidence, and limits of the size."""
 
     epsilon: float = 0.05  # largest distance allowed (nav2's pf_err is 0.05)
-    delta: float = 0.01  # chance of being further off (nav2's pf_z is 0.99)
+    delta: float = 0.01  # probability of a larger distance (nav2's pf_z is 0.99)
     bin_m: float = 9 * INCH_M  # side of a bin: half of an 18 in grid
     heading_bins: int = 24  # 15 degrees each
-    least: int = 100  # particles, whatever the formula says
-    most: int = 20_000  # likewise
+    least: int = 100  # particles at least
+    most: int = 20_000  # particles at most
 
 
 def kld_size(bins: int, epsilon: float, delta: float) -> int:
@@ -175,7 +174,7 @@ def adapted_size(belief: Belief, parameters: KldParameters) -> int:
     return min(max(wanted, parameters.least), parameters.most)
 
 
-# The step: from weighted particles to their copies.
+# The resampling step: from weighted particles to their copies.
 
 Generators = Callable[[int], np.random.Generator]  # by purpose
 
@@ -186,7 +185,7 @@ class Resampled:
 
     belief: Belief
     parents: I32 | None = None  # (N',) of each particle, -1: fresh; None: not resampled
-    injected: Bool | None = None  # (N',) which ones were drawn afresh; None: none
+    injected: Bool | None = None  # (N',) which are fresh; None: none
     missing: int = 0  # particles that recovery has yet to draw
 
 

@@ -1,8 +1,8 @@
-"""Distances: how far a picture's descriptor is from every reference's. Chosen by name.
+"""Distances: how far a picture's descriptor is from every reference's, chosen by name.
 
-Every function takes a sample (D,) and a channel's index of L references, and returns (L,) float32, >= 0, and
-0 for a reference that equals the sample (or, for "thesis", is within its noise floor). Distances are
-absolute: those of one channel can be compared between pictures.
+Every function takes a sample (D,) and a channel's index of L references and returns (L,) float32, >= 0, and
+0 for a reference equal to the sample (for "thesis": within its noise floor). Distances are absolute:
+those of one channel can be compared between pictures.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from ..library import ChannelIndex
 
 Distance = Callable[[F32, ChannelIndex], F32]
 
-BLOCK = 1 << 15  # numbers, 128 kB: what a core's own cache holds beside other things
+BLOCK = 1 << 15  # numbers, 128 kB: fits into a core's cache
 
 
 def thesis(sample: F32, index: ChannelIndex) -> F32:
     """Mean over all bins of max(|s - r| - n, 0) / m, noise floor n and relevance m (thesis 3.3).
 
-    The sum that the thesis prints is this times the number of bins. Bins that are empty all over the
-    library count nothing.
+    The sum in the thesis is this times the number of bins. Bins that are empty in the entire library are
+    ignored.
     """
     relevant = index.relevance > 0
     inverse = np.zeros_like(index.relevance)
@@ -35,13 +35,13 @@ def thesis(sample: F32, index: ChannelIndex) -> F32:
 
 
 def relevance_only(sample: F32, index: ChannelIndex) -> F32:
-    """The thesis's distance without its noise floor, to see what the floor does."""
+    """The thesis's distance without its noise floor, to see the effect of the floor."""
     bare = ChannelIndex(index.references, np.zeros_like(index.noise_floor), index.relevance)
     return thesis(sample, bare)
 
 
 def floor_only(sample: F32, index: ChannelIndex) -> F32:
-    """The thesis's distance with every bin of equal weight, to see what relevance does."""
+    """The thesis's distance with every bin of equal weight, to see the effect of relevance."""
     apart = np.abs(index.references - sample) - index.noise_floor
     return np.asarray(np.maximum(apart, 0).mean(axis=1), np.float32)
 
@@ -70,10 +70,7 @@ def hellinger(sample: F32, index: ChannelIndex) -> F32:
 
 
 def _by_blocks(mean: Callable[[F32], F32], sample: F32, references: F32) -> F32:
-    """Return a mean (L,) over each row's differences from the sample, with a few rows in the cache at a time.
-
-    All at once, the differences of some thousands of references are written out to memory and read again.
-    """
+    """Return a mean (L,) over each row's differences from the sample, by blocks that fit the cache."""
     count, size = references.shape
     rows = max(BLOCK // max(size, 1), 1)
     result, apart = np.empty(count, np.float32), np.empty((min(rows, count), size), np.float32)
@@ -128,5 +125,5 @@ def contributions(distance: str, sample: F32, reference: F32, index: ChannelInde
 
 
 def _share(part: F32, whole: F32) -> F32:
-    """Divide, with nothing where there is no whole."""
+    """Divide, with 0 where the divisor is 0."""
     return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 0), np.float32)

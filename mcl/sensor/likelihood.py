@@ -16,7 +16,7 @@ from ..arrays import F32, F64
 
 # Fusion: several channels to one distance.
 
-# A spread over the library that is smaller than this share of the distance itself is rounding.
+# A smaller spread over the library, as a share of the distance, is rounding.
 LEAST_SPREAD = 1e-5
 # Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out forever.
 LEAST_QUALITY = 1e-3
@@ -24,7 +24,7 @@ LEAST_QUALITY = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blended:
-    """What all channels together say of L references."""
+    """The fused distance and quality of L references."""
 
     distance: F32  # (L,) >= 0
     quality: F32  # (L,) in [0, 1]
@@ -41,7 +41,7 @@ def relative_quality(distances: F32) -> F32:
 
 
 def absolute_quality(distances: F32) -> F32:
-    """Return 1 - D (..., L), not under 0: the other reading of the thesis (4.2), alike for all pictures."""
+    """Return 1 - D (..., L), at least 0 (the thesis's other reading, 4.2); comparable between pictures."""
     return np.asarray(np.clip(1 - distances, 0, 1), np.float32)
 
 
@@ -51,9 +51,9 @@ QUALITIES: Mapping[str, Callable[[F32], F32]] = {"relative": relative_quality, "
 def calibrated(
     distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
 ) -> Blended:
-    """Sum of weight * D / scale: log-likelihoods added up, as if channels erred independently.
+    """Return the sum of weight * D / scale: log-likelihoods added, as if channels erred independently.
 
-    Scales are measured on fitting drives, so the sum is in nats and means the same in every picture.
+    Scales are fitted to drives, so the sum is in nats and comparable between pictures.
     """
     total = np.asarray((weights / scales) @ distances, np.float32)
     return Blended(total, relative_quality(total))
@@ -62,9 +62,9 @@ def calibrated(
 def weighted_sum(
     distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
 ) -> Blended:
-    """Each channel at the same spread over the library, times its weight, added up (thesis 4.2.5).
+    """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.5).
 
-    A channel that tells no entry from another (no spread but rounding) has no say.
+    A channel that does not distinguish entries (no spread but rounding) is left out.
     """
     spread = distances.std(axis=1, dtype=np.float64)
     tells = spread > LEAST_SPREAD * distances.max(axis=1)
@@ -78,9 +78,9 @@ def weighted_sum(
 def weighted_product(
     distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
 ) -> Blended:
-    """Qualities to the power of their weights, multiplied: all channels must agree (thesis 4.2.5).
+    """Return the product of qualities to the power of their weights: all channels must agree (thesis 4.2.5).
 
-    Qualities under 0.001 count as 0.001. The distance is minus the product's logarithm.
+    Qualities below 0.001 count as 0.001. The distance is minus the logarithm of the product.
     """
     logs = np.log(np.maximum(quality(distances), np.float32(LEAST_QUALITY)))
     total = np.asarray(weights @ logs, np.float32)
@@ -100,13 +100,13 @@ Likelihood = Callable[[Blended, float], F32]
 
 
 def power(blended: Blended, sharpness: float) -> F32:
-    """Quality to the power of the sharpness; 1 is the thesis's own (3.3). Under 0.001 counts as 0.001."""
+    """Return quality to the power of the sharpness; the thesis uses 1 (3.3). Below 0.001 counts as 0.001."""
     floored = np.maximum(blended.quality, np.float32(LEAST_QUALITY))
     return np.asarray(np.float32(sharpness) * np.log(floored), np.float32)
 
 
 def exponential(blended: Blended, sharpness: float) -> F32:
-    """exp(-sharpness * distance): with calibrated distances and sharpness 1, what drives were like."""
+    """Return exp(-sharpness * distance): with calibrated distances and sharpness 1, as fitted to drives."""
     return np.asarray(np.float32(-sharpness) * blended.distance, np.float32)
 
 

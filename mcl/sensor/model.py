@@ -1,8 +1,8 @@
 """The sensor model: from a picture to the likelihood of every library entry, and so of every particle.
 
-Distance, blend, quality and likelihood are parts of their own, chosen by name, because how a distance
-becomes a weight decides more than which feature is measured. Nothing here depends on the particles but the
-last step: the cost of comparing does not grow with their number.
+Distance, blend, quality and likelihood are chosen by name, because how a distance becomes a weight matters
+more than which feature is measured. Only the last step depends on the particles: the cost of comparing does
+not grow with their number.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .references import ReferenceLookup
 
 @dataclass(frozen=True, slots=True)
 class SensorParameters:
-    """What is compared, how, and how sharply. Names are keys of the registry beside each field."""
+    """What is compared, how, and how sharply. Names are keys of the registry in each comment."""
 
     weights: Mapping[str, float]  # channel name to its share in the blend; one channel: {"color": 1.0}
     sharpness: float = 1.0  # multiplies the log-likelihood; 0 makes the sensor blind
@@ -46,7 +46,7 @@ class SensorParameters:
         return SCALES.get((channel, self.distance_of(channel)), 1.0)
 
     def check_names(self) -> None:
-        """Look every name up; raise KeyError for one that is unknown, instead of at the first picture."""
+        """Raise KeyError for an unknown name now, instead of at the first picture."""
         for channel in self.weights:
             DISTANCES[self.distance_of(channel)]
         BLENDS[self.blend], QUALITIES[self.quality], LIKELIHOODS[self.likelihood]
@@ -54,12 +54,12 @@ class SensorParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorModel:
-    """Looks at a picture and weighs particles by the entries that each is compared with."""
+    """Compares a picture with the library and weights particles by the entries they are compared with."""
 
     library: Library
     references: ReferenceLookup
     parameters: SensorParameters
-    # each channel in use, with the references between that the selection has; empty: the library's own
+    # each channel in use, extended by virtual references; empty: the library's own
     index: Mapping[str, ChannelIndex] = field(default_factory=dict)
 
     @property
@@ -72,7 +72,7 @@ class SensorModel:
         return {name: CHANNELS[name].describe(image) for name in self.parameters.weights}
 
     def compare(self, descriptors: Mapping[str, F32]) -> Comparison:
-        """Compare with all L entries and those between; nothing here depends on any particle."""
+        """Compare with all L entries and the virtual references; nothing here depends on the particles."""
         p, names, entries = self.parameters, tuple(self.parameters.weights), self.library.size
         distances = np.stack([self._distance(name, descriptors[name]) for name in names])
         weights = np.array([p.weights[name] for name in names])
@@ -95,7 +95,7 @@ class SensorModel:
         )
 
     def at(self, comparison: Comparison, poses: F32) -> Sighting:
-        """Return what a comparison means for each of the poses (N, 3)."""
+        """Return the entry and the log-likelihood of each of the poses (N, 3)."""
         origin = self.library.origin
         log_likelihood = np.append(comparison.log_likelihood, comparison.virtual)
         return Sighting(

@@ -1,17 +1,13 @@
-"""References: which library entries a particle is compared with: lookup, interpolation, virtual references.
+"""References: which library entries a particle is compared with. Never across a wall.
 
-The thesis's rule: the nearest position first, then the nearest heading there; never across a wall.
-
-The nearest few places that can be seen from where the particle is, by a Gaussian kernel of distance, and at
-each place the two headings on either side, linearly. Log-likelihoods are averaged, so what is sure at one
-entry fades to what is sure at the next instead of jumping at the border of a cell. Never across a wall.
-References between the surveyed ones (`between.py`) make the mesh twice as fine.
-
-A histogram of what is seen halfway from one place to the next, or halfway from one heading to the next, is
-close to the mean of the two. Means of descriptors therefore stand in for pictures that nobody took, and a
-particle is weighed by a reference that is never further off than half as far. Likelihoods cannot be averaged
-to the same end: between two references that match badly, their mean is bad as well, however well the picture
-in between would have matched.
+- Lookup, the thesis's rule: the nearest position, then the nearest heading there. The nearest place is
+  computed once per raster cell, so the number of walls costs nothing later.
+- Interpolation: the nearest few visible places by a Gaussian kernel of distance, and at each place the two
+  headings on either side, linearly. Log-likelihoods are averaged, so nothing jumps at the border of a cell.
+- Virtual references: a histogram taken halfway between two places or headings is close to the mean of the
+  two, so means of descriptors replace pictures that were not taken and halve the spacing. Averaging
+  likelihoods cannot do this: between two poor matches their mean is poor, however well the picture in between
+  would match.
 """
 
 from __future__ import annotations
@@ -28,15 +24,15 @@ from ..geometry import wrap
 from ..library import ChannelIndex
 from ..map import Arena, Grid, make_grid, place_tree, spacing
 
-# Reference selection: which library entry a particle is compared with (thesis 3.3 and 4.2.4).
+# Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
 
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
 SAME_PLACE_M = 0.001
-NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn, before walking there instead
+NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn
 
 
 class ReferenceLookup(Protocol):
-    """Brings what is known of entries to particles."""
+    """Maps values of entries to particles."""
 
     @property
     def grid(self) -> Grid:
@@ -50,7 +46,7 @@ class ReferenceLookup(Protocol):
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the log-likelihood (N,) at each pose from that of each reference; -inf outside.
 
-        References are the library's L entries, and after them those between, where the selection has some.
+        References are the library's L entries, then the virtual ones, if any.
         """
         ...
 
@@ -59,7 +55,7 @@ class ReferenceLookup(Protocol):
 class NearestReference:
     """Two tables: raster cell to place, and place and heading to entry.
 
-    Outside is -1 everywhere, and the last row of each table answers to the index -1.
+    Outside is -1 everywhere; the last row of each table belongs to the index -1.
     """
 
     grid: Grid
@@ -76,7 +72,7 @@ class NearestReference:
         return self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
-        """Return each pose (N, 3) its nearest entry's log-likelihood (N,): all in a cell share one weight."""
+        """Return the log-likelihood (N,) of the nearest entry of each pose (N, 3); -inf outside."""
         return of_entries(log_likelihood, self.entries(poses, origin))
 
 
@@ -104,7 +100,7 @@ def distinct_places(xy: F64) -> tuple[F64, I32]:
 
 
 def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:
-    """For every heading bin, the one of these entries whose heading is nearest; the first of equals."""
+    """Return the entry of nearest heading for every heading bin; the first of equals."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
     apart = np.abs((centers[:, None] - headings[entries] + np.pi) % (2 * np.pi) - np.pi)
     return np.asarray(entries[apart.argmin(axis=1)], np.int32)
@@ -122,7 +118,7 @@ def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
 
 
 def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64) -> I32:
-    """Return the first of the places chosen (N, K) to which no wall bars the way from each point (N, 2)."""
+    """Return the first of the chosen places (N, K) that no wall hides from each point (N, 2)."""
     place = np.full(len(points), -1, np.int32)
     for choice in choices.T:
         left = np.flatnonzero(place < 0)
@@ -143,13 +139,13 @@ def crosses(start: F64, end: F64, walls: F64) -> Bool:
 
 
 def _side(a: F64, b: F64, point: F64) -> F64:
-    """On which side of the line a to b a point lies: the sign of the cross product."""
+    """Return a number whose sign tells on which side of the line a to b a point is (cross product)."""
     along, off = b - a, point - a
     return np.asarray(along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0])
 
 
 def _grow(place: I32, free: Bool) -> I32:
-    """Let cells that see no place near take the place of the cell one would walk in from."""
+    """Assign cells that see no place the place of the neighboring cell they are entered from."""
     while True:
         padded = np.pad(place, 1, constant_values=-1)
         open_cells = free & (place < 0)
@@ -162,10 +158,10 @@ def _grow(place: I32, free: Bool) -> I32:
         place = grown
 
 
-# Reference selection by interpolation: a particle is weighed by several entries around it.
+# Interpolation: a particle is weighted by several entries around it.
 
 HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
-NO_WEIGHT = 1e-9  # a cell whose kernel holds less takes its nearest reference's place instead
+NO_WEIGHT = 1e-9  # a cell with a smaller kernel sum uses its nearest place instead
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +169,7 @@ class InterpolationParameters:
     """How far and how many."""
 
     virtual: bool = True  # use references midway between the surveyed ones, in place and heading
-    places: int = 4  # weighed at once: the corners of a grid's cell
+    places: int = 4  # combined: the corners of a grid's cell
     width: float = 0.5  # sd of the kernel in units of the spacing of the places in use
 
 
@@ -194,7 +190,7 @@ class InterpolatedReference:
         return self.nearest.grid
 
     def entries(self, poses: F32, origin: F64) -> I32:
-        """Return the nearest entry (N,), as `NearestReference` does: for pictures and words."""
+        """Return the nearest entry (N,), as `NearestReference` does: for display."""
         return self.nearest.entries(poses, origin)
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
@@ -214,10 +210,7 @@ class InterpolatedReference:
 def interpolated_reference(
     nearest: NearestReference, poses: F64, arena: Arena, parameters: InterpolationParameters | None = None
 ) -> InterpolatedReference:
-    """Build the tables for references (R, 3) upon those of the nearest library entry.
-
-    References are the library's entries first, then those between them, if any.
-    """
+    """Build the tables for references (R, 3): the library's entries, then the virtual ones, if any."""
     parameters = parameters or InterpolationParameters()
     places, place_of_reference = distinct_places(poses[:, :2])
     at, weights = _kernel(nearest, places, arena, parameters)
@@ -263,12 +256,12 @@ def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I3
     return before, after, share
 
 
-# References between references: what a picture taken midway between surveyed ones would measure.
+# Virtual references: what a picture taken midway between surveyed ones would measure.
 
 VIRTUAL_NEIGHBORS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others
 MOST_TURNED = np.radians(60)  # between two headings at one place: views that still overlap
 MOST_JOINED = 4  # places with a common middle
-SAME_HEADING = np.radians(15)  # of two places: views that show the same things
+SAME_HEADING = np.radians(15)  # of two places: views that show the same scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -276,7 +269,7 @@ class VirtualReferences:
     """V poses and the surveyed entries whose descriptors are averaged there, in equal shares."""
 
     poses: F64  # (V, 3) in the map's frame
-    sources: I32  # (V, K) entry numbers; rows with fewer than K repeat theirs in turn
+    sources: I32  # (V, K) entry numbers; rows with fewer than K repeat them in turn
 
     def extend(self, index: Mapping[str, ChannelIndex]) -> dict[str, ChannelIndex]:
         """Append the V means to every channel's references: (L, D) to (L + V, D)."""
@@ -336,7 +329,7 @@ def _neighbors_between(places: F64, walls: F64) -> list[list[int]]:
 
 
 def _joined(views: NDArray[np.int64], headings: F64, members: list[NDArray[np.intp]]) -> NDArray[np.int64]:
-    """Join the views of several places that look the same way: rows (W, 8) of entries."""
+    """Join the views of several places with the same heading: rows (W, 8) of entries."""
     first = members[0]
     chosen, alike = [first], np.ones(len(first), bool)
     for other in members[1:]:

@@ -11,12 +11,12 @@ import numpy as np
 from ...arrays import F32, U8
 from .channel import camera_histogram
 
-BLUR_PX = 2.0  # sd of the Gaussian: takes away the sensor's noise, which widens every peak
+BLUR_PX = 2.0  # sd of the Gaussian: removes the sensor's noise, which widens every peak
 
 
 @dataclass(frozen=True, slots=True)
 class Blurred:
-    """Color without the sensor's noise; what is small in the picture goes with it. About 0.3 ms."""
+    """Color without the sensor's noise, and without small details. About 0.3 ms."""
 
     name: str = "blurred"
     distance: str = "hellinger"

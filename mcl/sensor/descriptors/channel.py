@@ -11,7 +11,7 @@ from ...arrays import F32, U8
 
 
 class Channel(Protocol):
-    """Measures a picture as one vector that can be compared with a reference's, element by element."""
+    """Measures a picture as one vector that is compared with a reference's, element by element."""
 
     @property
     def name(self) -> str:
@@ -20,7 +20,7 @@ class Channel(Protocol):
 
     @property
     def distance(self) -> str:
-        """Name of the distance that suits it best, see `sensor.distances`; a user may choose another."""
+        """Name of its default distance, see `sensor.distances`; a user may choose another."""
         ...
 
     @property
@@ -29,20 +29,20 @@ class Channel(Protocol):
         ...
 
     def describe(self, image: U8) -> F32:
-        """Measure a picture (H, W, 3) RGB; returns (D,) float32, every element finite and >= 0.
+        """Return the measurement (D,) of a picture (H, W, 3) RGB: float32, every element finite and >= 0.
 
-        The size D may not depend on the picture.
+        D must not depend on the picture.
         """
         ...
 
     def parameters(self) -> dict[str, Any]:
-        """Everything that changes what `describe` gives, as JSON; part of every cache key."""
+        """Return everything that affects `describe`, as JSON; part of every cache key."""
         ...
 
 
 BINS = 28
 LOW, HIGH, WIDTH = 16, 240, 8
-SCALE = 256.0  # what a bin reads that holds every pixel ...
+SCALE = 256.0  # value of a bin that holds every pixel ...
 CAP = 255.0  # ... capped at the largest value the camera can send
 
 

@@ -1,7 +1,7 @@
 """Chromaticity: how red and how green the picture's pixels are, whatever their brightness.
 
-Normalized color r = R / (R + G + B), g likewise (Swain and Ballard 1991 name it; Gevers and Smeulders 1999
-on what it stays true to). Brighter or dimmer light moves no pixel to another bin.
+Normalized color r = R / (R + G + B), g likewise (Swain and Ballard 1991; invariances: Gevers and Smeulders
+1999). Brighter or dimmer light moves no pixel to another bin.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from ...arrays import F32, U8
 
 BINS = 16  # a side
-RANGE = (0.13, 0.55)  # of r and of g; what is outside counts at the border
-BLACK = 24.0  # level without light: within the thesis's covered-lens histograms (figure 14)
-DARKEST = 6.0  # R + G + B above black; below it a pixel has no color to speak of
+RANGE = (0.13, 0.55)  # of r and of g; values outside count at the border
+BLACK = 24.0  # level without light, from the thesis's covered-lens histograms (figure 14)
+DARKEST = 6.0  # R + G + B above black; a darker pixel has no usable color
 BLUR_PX = 1.5  # sd: dark pixels' noise would otherwise color them
 
 
@@ -38,7 +38,7 @@ def _bin(share: F32) -> F32:
 
 @dataclass(frozen=True, slots=True)
 class Chromaticity:
-    """Indifferent to how much light there is, not to its color. About 0.3 ms for 176 x 144."""
+    """Invariant to the amount of light, not to its color. About 0.3 ms for 176 x 144."""
 
     name: str = "chromaticity"
     distance: str = "hellinger"

@@ -1,4 +1,4 @@
-"""Color layout: which color where, on a coarse raster, whatever the brightness.
+"""Color layout: colors on a coarse raster, normalized by brightness.
 
 The idea of MPEG-7's color layout descriptor (Kasutani and Yamada 2001) on normalized color, without its
 cosine transform: a histogram does not know left from right, this does.
@@ -16,7 +16,7 @@ from ...arrays import F32, U8
 from .chromaticity import BLACK
 
 COLUMNS, ROWS = 6, 4
-LEAST = 2.0  # levels above black that a cell is taken to have at least
+LEAST = 2.0  # minimum levels above black of a cell
 
 
 @dataclass(frozen=True, slots=True)

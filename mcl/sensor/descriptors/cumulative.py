@@ -1,7 +1,7 @@
 """Cumulative color: how many pixels are darker than each level (Stricker and Orengo 1995).
 
 Differences of cumulative histograms add up to the earth mover's distance in one dimension: a small change
-of light costs little, a large one much. Very likely the thesis's "summation histogram" (figure 43).
+of light costs little and a large one much. Very likely the thesis's "summation histogram" (figure 43).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .channel import BINS, camera_histogram
 
 @dataclass(frozen=True, slots=True)
 class Cumulative:
-    """Color, compared by how far and not only how many pixels moved. About 0.05 ms for 176 x 144."""
+    """Color, compared by how far pixels moved, not only how many. About 0.05 ms for 176 x 144."""
 
     name: str = "cumulative"
     distance: str = "hellinger"

@@ -12,12 +12,12 @@ from ...arrays import F32, U8
 from .channel import BINS, HIGH, LOW, SCALE
 from .edges import edge_image
 
-LEAST_EDGE = 32  # of the edge image, 0 to 255: above what the sensor's noise leaves after its blur
+LEAST_EDGE = 32  # of the edge image, 0 to 255: above the sensor's noise
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeColor:
-    """Which colors meet at edges; walls and floors, which fill most pictures, have no say. About 0.6 ms."""
+    """Which colors meet at edges; walls and floors, which fill most pictures, do not count. About 0.6 ms."""
 
     name: str = "edge_color"
     distance: str = "hellinger"

@@ -1,8 +1,8 @@
 """Edges: the histogram of the edge image (thesis 4.2.2, figs. 51 to 55).
 
 The thesis's operator is not known. Here an edge image is the Sobel gradient's magnitude, for red, green
-and blue apart, after a light blur that takes the sensor's noise away. Pixels with almost no gradient
-have values under 16 and so fall out of the histogram, which they would otherwise swamp.
+and blue separately, after a light blur that removes the sensor's noise. Pixels with almost no gradient have
+values below 16 and so stay out of the histogram, which they would otherwise dominate.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ GAIN = 0.5  # a step of 128 gray levels from one pixel to the next then reads 16
 
 
 def edge_image(image: U8) -> U8:
-    """Return the edge image (H, W, 3) uint8 of a picture (H, W, 3) uint8, each color plane on its own."""
+    """Return the edge image (H, W, 3) uint8 of a picture (H, W, 3) uint8, each color plane separately."""
     smooth = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
-    # a plane at a time, so that what lies between is small enough for its memory to be used again
+    # a plane at a time, so that memory can be reused
     planes = [_gradient(np.asarray(plane, np.uint8)) for plane in cv2.split(smooth)]
     return np.asarray(cv2.merge(planes), np.uint8)
 
@@ -37,7 +37,7 @@ def _gradient(plane: U8) -> U8:
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """How much edge there is, and how strong. Less moved by color of light than color is."""
+    """How many edges there are, and how strong. Less sensitive to the color of light than color is."""
 
     name: str = "edges"
     distance: str = "hellinger"

@@ -1,7 +1,7 @@
 """Gain-normalized color: each plane divided by its own mean, then its histogram.
 
-The gray-world assumption (Buchsbaum 1980), by which gain and white balance cancel; comparing planes so
-normalized is Finlayson, Schiele and Crowley's comprehensive normalization (1998) stopped after one half.
+The gray-world assumption (Buchsbaum 1980), by which gain and white balance cancel; the first half of the
+comprehensive normalization of Finlayson, Schiele and Crowley (1998).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from .channel import BINS, SCALE
 from .chromaticity import BLACK
 from .smoothed import smooth
 
-MOST = 4.0  # times the mean; what is brighter counts in the last bin
+MOST = 4.0  # times the mean; brighter pixels count in the last bin
 BLUR_PX = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class GainColor:
-    """Unmoved by gain and white balance, but blind to a room's overall color. About 0.6 ms."""
+    """Invariant to gain and white balance, but blind to a room's overall color. About 0.6 ms."""
 
     name: str = "gain_color"
     distance: str = "hellinger"

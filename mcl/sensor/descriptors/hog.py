@@ -1,7 +1,7 @@
 """HOG: in which directions edges run, in each part of the picture (Dalal and Triggs 2005).
 
-Unsigned gradients in 9 directions on 4 x 3 cells, without overlapping blocks: a place is compared as a
-whole, so one normalization does.
+Unsigned gradients in 9 directions on 4 x 3 cells, without overlapping blocks: one normalization
+is enough, since complete pictures are compared.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ BLUR_PX = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Hog:
-    """Shape without color; unmoved by gain. About 1 ms for 176 x 144."""
+    """Shape without color; invariant to gain. About 1 ms for 176 x 144."""
 
     name: str = "hog"
     distance: str = "l1"

@@ -1,4 +1,4 @@
-"""Color moments: mean, spread and skew of each plane (Stricker and Orengo 1995). Nine numbers a picture."""
+"""Color moments: mean, spread and skew of each plane (Stricker and Orengo 1995). Nine numbers per picture."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ from .smoothed import Smoothed
 from .tiny import Tiny
 
 GROUP = "maurice_replay.channels"
-NAME = re.compile("[a-z][a-z0-9_]*")  # it is a word on the command line, a key in TOML, part of a file's name
+NAME = re.compile("[a-z][a-z0-9_]*")  # used on the command line, in TOML and in file names
 
 OURS: tuple[Channel, ...] = (
     Color(),
@@ -54,17 +54,17 @@ OUR_NAMES = frozenset(channel.name for channel in OURS)
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """What there is, and what could not be had."""
+    """The channels, and those that could not be loaded."""
 
     channels: Mapping[str, Channel]  # by name, ours first
-    broken: tuple[str, ...]  # a line for each entry point that was left out: which, and why
+    broken: tuple[str, ...]  # one line per entry point that was left out, with the reason
 
 
 def load_channels(points: Iterable[EntryPoint]) -> Loaded:
     """Load our channels and those of entry points.
 
-    One that cannot be loaded, makes no channel, or takes a name that there is already is left out: what
-    somebody else installed shall not keep anybody from using the rest.
+    One that cannot be loaded, is no channel, or has the name of another is left out, so that a broken package
+    does not disable the rest.
     """
     channels: dict[str, Channel] = {channel.name: channel for channel in OURS}
     broken: list[str] = []
@@ -84,7 +84,7 @@ def _load(point: EntryPoint) -> Channel:
         channel: Channel = point.load()()
         wanted = (channel.name, channel.distance, channel.describe, channel.parameters(), channel.unit)
         json.dumps(wanted[3], allow_nan=False)
-    except Exception as problem:  # somebody else's code: whatever it raises, say whose it is
+    except Exception as problem:  # third-party code may raise anything
         raise ValueError(f"makes no channel ({type(problem).__name__}: {problem})") from problem
     if not isinstance(wanted[0], str) or not NAME.fullmatch(wanted[0]):
         raise ValueError(f"its name is {wanted[0]!r}, expected a lower-case word like tiny_image")
@@ -94,10 +94,9 @@ def _load(point: EntryPoint) -> Channel:
 
 
 def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
-    """Measure a picture with a channel that may be anybody's; ValueError where it does not do as it should.
+    """Measure a picture with a channel that may be third-party, and check the result.
 
-    `size` is what D must be, where a picture was measured before. For where libraries are built: the
-    filter's own step trusts what has passed here.
+    `size` is the expected D, if a picture was measured before. Raises ValueError for an invalid result.
     """
     try:
         found = channel.describe(image)
@@ -115,7 +114,7 @@ def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
 
 LOADED = load_channels(entry_points(group=GROUP))
 CHANNELS: Mapping[str, Channel] = LOADED.channels
-BROKEN: tuple[str, ...] = LOADED.broken  # for whoever talks to people
+BROKEN: tuple[str, ...] = LOADED.broken  # messages for people
 
 
 # Features: which channels, with which weights, and the measured scale of each channel's distance.

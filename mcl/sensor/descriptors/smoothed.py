@@ -1,8 +1,7 @@
-"""Smoothed color: the color histogram with neighboring bins run together (thesis 4.1, figures 47 to 50).
+"""Smoothed color: the color histogram, smoothed over neighboring bins (thesis 4.1, figures 47 to 50).
 
 A little more light moves pixels into the next bin, which a comparison bin by bin takes for a different
-picture. The thesis's kernel is not known; this one spreads a count over two bins either way. As a library
-describes references and covered-lens pictures alike, noise floor and relevance are those of smoothed ones.
+picture. The thesis's kernel is not known; this one spreads a count over two bins on either side.
 """
 
 from __future__ import annotations
@@ -15,11 +14,11 @@ import numpy as np
 from ...arrays import F32, U8
 from .channel import BINS, camera_histogram
 
-KERNEL = (0.06, 0.24, 0.40, 0.24, 0.06)  # adds up to one: nothing is lost or won
+KERNEL = (0.06, 0.24, 0.40, 0.24, 0.06)  # sums to one
 
 
 def smooth(histogram: F32) -> F32:
-    """Run neighboring bins of each plane (3 x 28,) together; what leaves at an end is mirrored back in."""
+    """Smooth the bins of each plane (3 x 28,), mirrored at both ends."""
     reach = len(KERNEL) // 2
     planes = np.pad(histogram.reshape(3, BINS), ((0, 0), (reach, reach)), mode="symmetric")
     parts = [np.float32(share) * planes[:, k : k + BINS] for k, share in enumerate(KERNEL)]
@@ -28,7 +27,7 @@ def smooth(histogram: F32) -> F32:
 
 @dataclass(frozen=True, slots=True)
 class Smoothed:
-    """Color, less upset by small changes of light, and less sharp. About 0.06 ms for 176 x 144."""
+    """Color, less sensitive to small changes of light, and less sharp. About 0.06 ms for 176 x 144."""
 
     name: str = "smoothed"
     distance: str = "hellinger"
