@@ -34,7 +34,7 @@ MOST_ALIKE = 0.97  # correlation of neighbors: no drive is long enough to estima
 
 
 def autocorrelation(values: F64) -> float:
-    """Return the bias-corrected correlation of neighbors (Kendall 1954) in a series (n,); 0 for a constant."""
+    """Return the bias-corrected correlation of neighbors in a series (n,) (Kendall 1954); 0 if constant."""
     off = values - values.mean()
     total = float(off @ off)
     if total <= 0:
