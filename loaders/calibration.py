@@ -54,7 +54,7 @@ class _Row:
 def read_trials(file: Path, unit: str = "m") -> Trials:
     """Read turns (degrees) and straights (lengths in "m", "cm", "mm" or "in").
 
-    InputError names an unknown or missing column, or the row and the column at fault.
+    Raises InputError naming an unknown or missing column, or the row and the column at fault.
     """
     if unit not in METERS:
         raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
@@ -72,9 +72,9 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
 
 
 def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
-    """Write trials as a table that `read_trials` reads, lengths in meters; whole or not at all.
+    """Write trials as a table that `read_trials` reads, lengths in meters; completely or not at all.
 
-    InputError when the file exists and `force` is not given.
+    Raises InputError if the file exists and `force` is not given.
     """
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
@@ -136,11 +136,11 @@ def _trials(rows: list[_Row]) -> Trials:
 # Calibration trials from a session log with truth: what each movement did, by the poses around it.
 
 MISHAPS = ("slip", "bump")  # events of movements that no constant explains
-SAMPLES = 9  # points of a way at which the floor is looked up
+SAMPLES = 9  # points of a path at which the floor is looked up
 
 
 def trials_from_session(path: Path) -> Trials:
-    """Read a session's movements and truth. InputError for what is no session, or has no truth."""
+    """Read a session's movements and truth. Raises InputError for what is no session, or has no truth."""
     info, kind = read_header(path)
     if kind != "session":
         raise InputError(path, f"found a {kind} log, expected a session log with odometry and truth", 1)
@@ -157,7 +157,7 @@ class _Legs:
     """The legs of a log: the movements between truths, with the first truth after each movement.
 
     The first, because odometry covers the time since the odometry record before: later truths may already
-    be on the next way. Nothing is joined across a kidnapping.
+    belong to the next movement. Nothing is joined across a kidnapping.
     """
 
     def __init__(self, path: Path) -> None:
@@ -197,7 +197,7 @@ def plain(leg: MotionSegment) -> MotionSegment | None:
     """Return a leg whose movements are turns or straights and never both; None for arcs.
 
     A movement by itself that is nearly a turn counts as one, and one that is nearly a straight as a straight
-    that drifted by what its odometry did not see. What an arc did cannot be told apart.
+    that drifted by what its odometry did not see. What an arc did cannot be separated.
     """
     least, limits = MauriceParameters(), Cutting()
     way_m, turn = float(np.hypot(*leg.motions[0][:2])), float(leg.motions[0][2])
@@ -214,7 +214,7 @@ def plain(leg: MotionSegment) -> MotionSegment | None:
 
 
 def floor_between(arena: Arena | None, start: F64, end: F64) -> str | None:
-    """Name the floor of a straight way between two points (2,); "" without one, None across several."""
+    """Name the floor of a straight path between two points (2,); "" without one, None across several."""
     if arena is None:
         return ""
     names = {floor_at(arena, point) for point in np.linspace(start, end, SAMPLES)}
@@ -236,7 +236,7 @@ def floor_at(arena: Arena, point: F64) -> str:
 def covered_pictures(path: Path) -> Iterator[U8]:
     """Read the covered pictures of a log, or all of a folder without one; one is held at a time.
 
-    InputError where there are none, naming what was looked for, or for a picture that cannot be read.
+    Raises InputError if there are none, naming what was looked for, or for a picture that cannot be read.
     """
     log = _log_of(path) if path.is_dir() else path
     return _of_folder(path) if log is None else _of_log(log)

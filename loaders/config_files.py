@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -27,7 +26,10 @@ MOTION_MODELS: Mapping[str, Callable[[Mapping[str, Any]], object]] = {
 
 
 def read_config(path: Path) -> Layer:
-    """Read a configuration file. InputError for one that is no TOML; what its keys mean is checked later."""
+    """Read a configuration file.
+
+    Raises InputError for one that is no TOML; what its keys mean is checked later.
+    """
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
@@ -54,7 +56,7 @@ def configuration_of(
 ) -> Configuration:
     """Put together what is in force: default, preset, file, environment, command line, the last one winning.
 
-    `typed` maps keys to values given on the command line. InputError in one line for anything that is wrong.
+    `typed` maps keys to values given on the command line. Raises InputError for anything that is wrong.
     """
     layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
     layers += [] if file is None else [read_config(file)]
@@ -121,7 +123,7 @@ def motion_to_toml(values: Mapping[str, Any], comments: tuple[str, ...] = ()) ->
     lines = [*(f"# {' '.join(text.splitlines())}" for text in comments), f"[{TABLE}]"]
     lines += [f"{key} = {_value(value)}" for key, value in plain.items()]
     for floor, drift in values.get("drift", {}).items():
-        lines += ["", f"[{TABLE}.drift.{_quoted(floor)}]"]
+        lines += ["", f"[{TABLE}.drift.{toml_value(floor)}]"]
         lines += [f"{key} = {_value(value)}" for key, value in drift.items()]
     return "\n".join(lines) + "\n"
 
@@ -129,7 +131,7 @@ def motion_to_toml(values: Mapping[str, Any], comments: tuple[str, ...] = ()) ->
 def read_motion(file: Path) -> dict[str, Any]:
     """Read the table robot.motion; what its fields mean is the motion model's to check.
 
-    InputError where the file is no TOML, or holds no such table.
+    Raises InputError if the file is no TOML, or holds no such table.
     """
     expect_regular(file, "a TOML file")
     try:
@@ -147,9 +149,4 @@ def read_motion(file: Path) -> dict[str, Any]:
 
 
 def _value(value: Any) -> str:
-    return _quoted(value) if isinstance(value, str) else repr(float(value))
-
-
-def _quoted(text: str) -> str:
-    """Quote a text for TOML, whose basic strings are escaped as JSON's are, but for DEL."""
-    return json.dumps(text).replace("\x7f", "\\u007f")
+    return toml_value(value if isinstance(value, str) else float(value))

@@ -49,9 +49,10 @@ class _Update:
 class RecordedSession(HasReadingNotes):
     """A recording as a `maurice_mcl.session.Session`; nothing is read before it is asked for.
 
-    Odometry poses become one motion from a used picture to the next; motions measured as such stay apart.
-    A picture with no odometry within `max_dt_s` is left out, and what moved belongs to the next one; a
-    recording without any odometry gives pictures without motions. InputError as `SessionLog` raises it.
+    Odometry poses become one motion from a used picture to the next; motions measured as such stay apart. A
+    picture with no odometry within `max_dt_s` is left out, and what moved belongs to the next one; a
+    recording without any odometry gives pictures without motions. Raises InputError as `SessionLog` raises
+    it.
     """
 
     kind: Kind = "session"
@@ -164,7 +165,7 @@ class _Updates:
         return events
 
     def _seen(self) -> Iterator[Record]:
-        """Pass the records on, and keep what is told of them at the end."""
+        """Pass the records on, and keep what is reported at the end."""
         for record in checked(self._session.recording, self._notes):
             self._begin_s = record.t_s if self._begin_s is None else self._begin_s
             self.truths += isinstance(record, TruthPose)
@@ -183,7 +184,7 @@ class _Updates:
         )
 
     def _tell(self) -> None:
-        """Report at the end how the alignment went. InputError where no picture found its odometry."""
+        """Report at the end how the alignment went. Raises InputError if no picture found its odometry."""
         pictures, odometry = self._spans["pictures"], self._spans["odometry"]
         if pictures.count and self._session.odometry is None:
             self._notes.warning(
@@ -206,7 +207,7 @@ class _Updates:
 def begin_of(session: SessionLog | RecordedSession) -> float:
     """Return the time in seconds of the first record; 0 where there is none.
 
-    InputError as reading raises it.
+    Raises InputError as reading raises it.
     """
     notes = ReadingNotes(keep_going=True)
     if isinstance(session, SessionLog):

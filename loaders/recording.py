@@ -29,7 +29,7 @@ class Picture:
 
     t_s: float
     read: Callable[[], U8]  # decodes to (H, W, 3) RGB, top row first; raises PictureError
-    name: str  # where it can be found again, for people
+    name: str  # where it can be found again
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +103,7 @@ def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:
 
 
 def interpolated(before: OdometryPose | TruthPose, after: OdometryPose | TruthPose, t_s: float) -> F64:
-    """Return the pose (3,) at a time between two poses, the heading the short way round."""
+    """Return the pose (3,) at a time between two poses, the heading through the smaller angle."""
     step = after.pose - before.pose
     step[2] = wrap_angle(float(step[2]))
     share = (t_s - before.t_s) / (after.t_s - before.t_s) if after.t_s > before.t_s else 0.0

@@ -72,7 +72,10 @@ class McapWriter:
         self._connections: dict[str, Any] = {}
 
     def at(self, time_s: float) -> SceneMessages:
-        """Return the factory of messages of one time. InputError when no ROS message can hold that time."""
+        """Return the factory of messages of one time.
+
+        Raises InputError if no ROS message can hold that time.
+        """
         from .ros_messages import SceneMessages
 
         return SceneMessages(self._store, self._nanoseconds(time_s))
@@ -100,7 +103,7 @@ class McapWriter:
 def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
     """Open an MCAP file that appears when all went well.
 
-    InputError when it exists and `force` is not given, when it cannot be written, or without rosbags.
+    Raises InputError if it exists and `force` is not given, when it cannot be written, or without rosbags.
     """
     if find_spec("rosbags") is None:
         raise InputError(file, f"writing MCAP needs an extra; {INSTALL}")
@@ -122,7 +125,7 @@ def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
         shutil.rmtree(filling, ignore_errors=True)
 
 
-# The constant content of an exported MCAP file: header, map, camera pose, and whole paths.
+# The constant content of an exported MCAP file: header, map, camera pose, and complete paths.
 
 MOST_POSES = 5000  # of a path
 
@@ -165,9 +168,9 @@ def new_path() -> SimplifiedPath:
 
 
 def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, SimplifiedPath]) -> None:
-    """Write whole paths by topic at the time of the first record, so that they are visible from there."""
-    for topic, way in paths.items():
-        poses = way.poses()
+    """Write complete paths by topic at the time of the first record, so that they are visible from there."""
+    for topic, path in paths.items():
+        poses = path.poses()
         if len(poses):
             mcap.write(topic, begin_s, mcap.at(begin_s).path(MAP, poses))
 
@@ -244,7 +247,7 @@ def covariance_of(step: ExportStep) -> F64:
 def mcap_sink(file: Path, origin: F64, scene: McapScene, *, force: bool = False) -> Iterator[RunSink]:
     """Open an MCAP file for a run whose clouds are relative to `origin` (2,).
 
-    InputError as for `mcap_file`.
+    Raises InputError as for `mcap_file`.
     """
     with mcap_file(file, force=force) as mcap:
         sink = RunSink(mcap, origin, scene)

@@ -74,8 +74,8 @@ def convert_to_log(
 ) -> Iterator[Converted]:
     """Write a native log, pictures in `<stem>-pictures` beside it; return the counts after every picture.
 
-    Both appear when all went well. InputError when they exist and `force` is not given, or as the session's
-    reading and `SessionWriter` raise it.
+    Both appear when all went well. Raises InputError if they exist and `force` is not given, or as the
+    session's reading and `SessionWriter` raise it.
     """
     pictures = file.with_name(f"{file.stem}-pictures")
     _check_targets(file, pictures, force)
@@ -135,7 +135,7 @@ def _check_targets(file: Path, pictures: Path, force: bool) -> None:
 
 @contextmanager
 def _filling(file: Path) -> Iterator[Path]:
-    """Return a new folder beside the file, gone afterwards. InputError when there is no room for it.
+    """Return a new folder beside the file, gone afterwards. Raises InputError if there is no room for it.
 
     Where nothing came of it the file's own folder is gone as well, if it was made here.
     """
@@ -163,8 +163,8 @@ def records_to_log(
 ) -> Iterator[Converted]:
     """Write odometry, truth and events of a recording as a native log; return the counts after every record.
 
-    Odometry poses become the motions between them. Pictures are left out. InputError as for `filling`, and
-    when there was nothing to write.
+    Odometry poses become the motions between them. Pictures are left out. Raises InputError as for `filling`,
+    and when there was nothing to write.
     """
     done = Converted()
     last: F64 | None = None
@@ -220,7 +220,8 @@ def convert_to_mcap(
 ) -> Iterator[Converted]:
     """Write the pictures that make an update, and all odometry, truth and events; yield growing counts.
 
-    InputError as for `mcap_file`, as the session's reading raises it, and when there was nothing to write.
+    Raises InputError as for `mcap_file`, as the session's reading raises it, and when there was nothing to
+    write.
     """
     begin_s: float | None = None
     with mcap_file(file, force=force) as mcap:

@@ -67,7 +67,10 @@ class Sink(Protocol):
 
 
 def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportStep]:
-    """Go through a saved run from its first update, holding one at a time. InputError where it is damaged."""
+    """Go through a saved run from its first update, holding one at a time.
+
+    Raises InputError if it is damaged.
+    """
     odometry = np.zeros(3)
     for rows in run.steps():
         for motion in rows.step["motions"]:
@@ -85,8 +88,8 @@ def _pose(rows: StepRows, kind: str) -> F64:
 def filling(target: Path, *, force: bool) -> Iterator[Path]:
     """Return a name to fill beside the target; it becomes the target when all went well.
 
-    Where nothing was written nothing appears, and what `force` replaces is gone. InputError when the target
-    exists and `force` is not given, or when it cannot be written.
+    Where nothing was written nothing appears, and what `force` replaces is gone. Raises InputError if the
+    target exists and `force` is not given, or when it cannot be written.
     """
     expect_absent(target, force=force)
     part = target.with_name(f".{target.name}.{os.getpid()}.part")
@@ -140,7 +143,7 @@ class CsvSink:
 
 @contextmanager
 def csv_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[CsvSink]:
-    """Open a CSV file (RFC 4180, UTF-8, a header line). InputError as for `filling`."""
+    """Open a CSV file (RFC 4180, UTF-8, a header line). Raises InputError as for `filling`."""
     with filling(file, force=force) as part, part.open("w", encoding="utf-8", newline="") as out:
         writer = csv.DictWriter(
             out, list(table_columns(channels)), extrasaction="ignore", lineterminator="\n"
@@ -172,7 +175,7 @@ class ParquetSink:
 
 @contextmanager
 def parquet_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[ParquetSink]:
-    """Open a Parquet file. InputError as for `filling`."""
+    """Open a Parquet file. Raises InputError as for `filling`."""
     kinds = {int: pa.int32(), float: pa.float64(), str: pa.string()}
     schema = pa.schema([(name, kinds[kind]) for name, kind in table_columns(channels).items()])
     with filling(file, force=force) as part, pq.ParquetWriter(part, schema, compression="zstd") as writer:
@@ -243,7 +246,7 @@ class PathSink:
 def path_sink(
     files: Mapping[str, Path], line: Line, *, together: bool = False, force: bool = False
 ) -> Iterator[PathSink]:
-    """Open the files of some paths; all appear when all went well. InputError as for `filling`."""
+    """Open the files of some paths; all appear when all went well. Raises InputError as for `filling`."""
     with ExitStack() as whole:
         parts = {name: whole.enter_context(filling(file, force=force)) for name, file in files.items()}
         with ExitStack() as opened:
@@ -315,7 +318,7 @@ class EvoSink:
 
 
 def _way(poses: F64) -> F64:
-    """Return the way driven up to each pose (N,), from poses (N, 3)."""
+    """Return the distance driven up to each pose (N,), from poses (N, 3)."""
     steps = np.diff(poses[:, :2], axis=0)
     return np.concatenate([[0.0], np.hypot(steps[:, 0], steps[:, 1]).cumsum()])
 
@@ -329,7 +332,10 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: Mapping[str, F64]) -> None:
 
 @contextmanager
 def evo_sink(file: Path, label: str, *, force: bool = False) -> Iterator[EvoSink]:
-    """Open evo's result file. InputError as for `filling`, and when no truth was known at any update."""
+    """Open evo's result file.
+
+    Raises InputError as for `filling`, and when no truth was known at any update.
+    """
     with filling(file, force=force) as part:
         sink = EvoSink(label)
         yield sink

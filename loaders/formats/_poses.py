@@ -69,7 +69,7 @@ def leaning(turned: F64, axis: str) -> float:
 
 COMMENTS = ("#", "%")
 MOST = 50_000  # poses that are held to compare two clocks
-LOOKED_AT = 200  # rows from which unit and forward axis are told
+LOOKED_AT = 200  # rows from which unit and forward axis are detected
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class PoseFile:
     file: Path
     kind: type[OdometryPose] | type[TruthPose]
     layout: Layout = Layout()
-    unit: str | None = None  # of the times; None: told from them
+    unit: str | None = None  # of the times; None: detected
     offset_s: float = 0.0  # added to the times
 
     def poses(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose]:
@@ -111,7 +111,7 @@ class PoseFile:
 
     @cached_property
     def span(self) -> TimeSpan:
-        """First and last time of the rows that can be read; reads the whole file once."""
+        """First and last time of the rows that can be read; reads the file once to its end."""
         span = TimeSpan()
         for pose in self.poses(ReadingNotes(keep_going=True)):
             span.add(pose.t_s)
@@ -123,7 +123,7 @@ class PoseFile:
         return np.array([one.t_s for one in found]), np.array([one.pose for one in found]).reshape(-1, 3)
 
     def check(self) -> None:
-        """Read the first row. InputError where it is broken, or there is none."""
+        """Read the first row. Raises InputError if it is broken, or there is none."""
         first = next(self._rows(), None)
         if first is None:
             raise InputError(self.file, "found no poses, expected one a line")
@@ -136,7 +136,7 @@ class PoseFile:
 
     @property
     def body(self) -> tuple[F64, F64]:
-        """Which axes of the body (3,) look forward, as headings are told, and up, of length 1."""
+        """Which axes of the body (3,) look forward, as headings are measured, and up, of length 1."""
         forward = np.array([1.0, 0, 0] if self._axis == "x" else [0, 0, 1.0])
         up = np.mean([turned[2] for turned in self._turned] or [[0, 0, 1.0]], axis=0)
         return forward, up / max(float(np.linalg.norm(up)), 1e-9)
@@ -238,10 +238,10 @@ class TimedFolder:
     pictures: PictureList | None
     odometry: PoseFile | None
     truth: PoseFile | None
-    remarks: tuple[str, ...] = ()  # said at every reading
+    remarks: tuple[str, ...] = ()  # warnings of every reading
 
     def check(self) -> TimedFolder:
-        """Read the first row of every file. InputError where one is broken or all are missing."""
+        """Read the first row of every file. Raises InputError if one is broken or all are missing."""
         if self.pictures is None and self.odometry is None and self.truth is None:
             raise InputError(self.path, "found neither pictures nor poses in it")
         for file in (self.odometry, self.truth):
@@ -296,7 +296,7 @@ class PictureList:
     file: Path
     root: Path  # the folder that names start from
     column: int | None = None  # of the file names; None: all that follows the first column
-    unit: str | None = None  # of the times, which stand in the column before; None: told from them
+    unit: str | None = None  # of the times, which stand in the column before; None: detected
 
     def pictures(self, notes: ReadingNotes) -> Iterator[Picture]:
         """Yield the pictures in file order, not opened; broken rows and falling times are problems."""
@@ -349,7 +349,7 @@ class PictureList:
 
 
 def read_picture(file: Path, name: str) -> U8:
-    """Read a picture's file, or a CMUcam's frame. PictureError when it is not there or not whole."""
+    """Read a picture's file, or a CMUcam's frame. Raises PictureError if it is missing or damaged."""
     try:
         if not file.is_file():
             raise PictureError(f"found no such picture ({name}), expected a file in {file.parent}")

@@ -52,7 +52,7 @@ def begin_of(file: Path, size: int = 4096) -> bytes:
 
 
 def begin_lines(file: Path, size: int = 4096) -> list[str]:
-    """Return the first whole lines of a text file; none where it is no text."""
+    """Return the first complete lines of a text file; none where it is no text."""
     data = begin_of(file, size)
     try:
         text = data.decode("utf-8-sig")
@@ -65,7 +65,7 @@ def begin_lines(file: Path, size: int = 4096) -> list[str]:
 
 
 def rows(file: Path) -> Iterator[Row]:
-    """Yield all lines that are not empty. InputError for what is no text, cut (gzip) or not there."""
+    """Yield all lines that are not empty. Raises InputError for what is no text, cut (gzip) or not there."""
     expect_regular(file, "a table")
     number = 0
     try:
@@ -110,7 +110,7 @@ def is_number(word: str) -> bool:
 
 
 def number_of(file: Path, row: Row, word: str, what: str, most: float = MOST) -> float:
-    """Read a finite number of sensible size. InputError naming file and line otherwise."""
+    """Read a finite number of sensible size. Raises InputError naming file and line otherwise."""
     try:
         value = float(word)
     except ValueError:
@@ -183,7 +183,7 @@ def _named(row: Row, separator: str | None) -> Head:
     return Head(tuple(name.strip() for name in split(row.text.lstrip("#"), between)), between, row.number)
 
 
-# What is in the columns of a table: told on the command line, or by their names.
+# What is in the columns of a table: by the command line, or by their names.
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}
@@ -217,14 +217,14 @@ class Column:
 
     at: int
     name: str
-    unit: str | None  # None: not said
+    unit: str | None  # None: unknown
 
 
 def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dict[str, Column]:
     """Return the column of each role: the one that was asked for, or the first whose name tells it.
 
-    `asked` is column or column:unit by role. InputError for a role or column that is not there, and for
-    angles without a unit.
+    `asked` is column or column:unit by role. Raises InputError for a role or column that is not there, and
+    for angles without a unit.
     """
     names = [name.strip().lstrip("#").strip() for name in header]
     found = {role: _asked(file, names, role.replace("-", "_"), value) for role, value in asked.items()}

@@ -141,7 +141,10 @@ class _Continuous:
 
 
 def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
-    """Read a line that has a pose; None for every other. InputError for one that is cut or no number."""
+    """Read a line that has a pose; None for every other.
+
+    Raises InputError for one that is cut or no number.
+    """
     if words[0] == "ODOM":  # x y theta tv rv accel, then times
         return _Pose(row, "ODOM", _time(file, row, words), _vector(file, row, words, 1))
     if words[0] == "TRUEPOS":  # true x y theta, odometry's x y theta, then times
@@ -183,7 +186,7 @@ def _count(file: Path, row: Row, words: list[str], at: int) -> int:
 
 
 def open_carmen(path: Path, options: ReadingOptions) -> CarmenRecording:
-    """Open a log. InputError where no line of it has a pose."""
+    """Open a log. Raises InputError if no line of it has a pose."""
     recording = CarmenRecording(path, SessionInfo(path.name.removesuffix(".gz").removesuffix(".log")))
     if next(recording._poses(ReadingNotes(keep_going=True)), None) is None:
         raise InputError(path, "found no ODOM, FLASER or TRUEPOS, expected a CARMEN log")

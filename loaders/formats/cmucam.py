@@ -165,14 +165,14 @@ class DumpRecording:
 
 
 def open_dump(path: Path, options: ReadingOptions) -> DumpRecording:
-    """Open a dump. InputError where there is no frame at all."""
+    """Open a dump. Raises InputError if there is no frame at all."""
     if not any(not frame.fault for file in _files(path) for frame in _found(file)):
         raise InputError(path, "found no whole frame (01 ... 03), expected a CMUcam's frame dump")
     return DumpRecording(path, SessionInfo(path.resolve().stem))
 
 
 def looks_like_dump(path: Path) -> bool:
-    """Recognize a dump by a whole frame at its beginning, after at most some lines of text."""
+    """Recognize a dump by a complete frame at its beginning, after at most some lines of text."""
     if path.is_dir():
         return any(_begins_with_frame(file) for file in _files(path)[:1])
     return _begins_with_frame(path)

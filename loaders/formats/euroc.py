@@ -50,7 +50,7 @@ def camera_of(file: Path, name: str, poses: PoseFile | None) -> Camera:
 def yaw_on_body(camera_to_body: F64, poses: PoseFile) -> float:
     """Return where a camera looks, counter-clockwise from the forward axis that the poses' headings have.
 
-    Which way is up on the body the poses tell: on a flying robot (EuRoC) it is x, on a driving one z.
+    The poses show which axis of the body is up: on a flying robot (EuRoC) it is x, on a driving one z.
     """
     forward, up = poses.body
     looks = camera_to_body[:3, 2]
@@ -117,7 +117,7 @@ class _Sensor:
 def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
     """Open a folder; `options.camera` chooses a camera's.
 
-    InputError where there is neither camera nor pose.
+    Raises InputError if there is neither camera nor pose.
     """
     sensors = _sensors(path)
     cameras = [one for one in sensors if one.has_pictures]
@@ -202,7 +202,7 @@ def _pose_file(
 
 
 def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
-    """Return which way is forward on a body whose z is not up, and of a camera that looks elsewhere."""
+    """Return which axis is forward on a body whose z is not up, and of a camera that looks elsewhere."""
     said = []
     if poses is not None and poses.body[0][2]:
         said.append(f"{poses.file}: on this body x or y is up, so that headings are those of its z axis")

@@ -116,7 +116,7 @@ class KittiRecording:
 
 
 def planar_pose(file: Path, row: Row) -> F64:
-    """Return the pose (3,) of a row of twelve numbers. InputError for anything else."""
+    """Return the pose (3,) of a row of twelve numbers. Raises InputError for anything else."""
     words = words_of(row.text)
     if len(words) != NUMBERS:
         found = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
@@ -128,7 +128,7 @@ def planar_pose(file: Path, row: Row) -> F64:
 
 
 def open_sequence(path: Path, options: ReadingOptions) -> KittiRecording:
-    """Open a sequence; `options.camera` is image_0 to image_3. InputError where there are no pictures."""
+    """Open a sequence; `options.camera` is image_0 to image_3. Raises InputError if there are no pictures."""
     found = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
     if not found:
         raise InputError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
@@ -157,7 +157,7 @@ def poses_beside(path: Path) -> list[Path]:
 def open_poses(path: Path, options: ReadingOptions) -> KittiRecording:
     """Open poses alone; the times of `times.txt` beside them, where there is one.
 
-    InputError for a bad row.
+    Raises InputError for a bad row.
     """
     first = next(rows(path), None)
     if first is None:

@@ -27,11 +27,11 @@ FILES = {"gt.txt": 3, "odom_pose.txt": 2, "odom_quaternion.txt": 2}
 class Cutting:
     """How a drive is cut into movements; all ours."""
 
-    turning_m: float = 0.05  # a row is turning when heading change times this (half a track) beats the way
+    turning_m: float = 0.05  # turning: heading change times this (half a track) exceeds the distance
     still_m: float = 0.0005  # a row in which neither goes further than this is standing
     least_rad: float = float(np.radians(10))  # a smaller turn is left out, a straight that bends more as well
     least_m: float = 0.05  # shorter straights are left out
-    jump: float = 3.0  # truth that goes this many times as far as the wheels, in a row or on the whole ...
+    jump: float = 3.0  # truth that goes this many times as far as the wheels, in a row or altogether ...
     noise_rad: float = 0.1  # ... is not believed; but truth may be noisy by this in a row
 
 
@@ -49,7 +49,7 @@ def is_odometry_folder(folder: Path) -> bool:
 
 
 def read_aligned(folder: Path) -> AlignedDrive:
-    """Read the three files. InputError names the file and the line, or files of different lengths."""
+    """Read the three files. Raises InputError naming the file and the line, or files of different lengths."""
     missing = [name for name in FILES if not (folder / name).is_file()]
     if missing:
         raise InputError(folder, f"found no {', '.join(missing)} in it, expected {', '.join(FILES)}")

@@ -34,7 +34,7 @@ SENSORS = {
 def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
     """Open a folder; `options.camera` chooses among color, fisheye1 and so on.
 
-    InputError where it is none.
+    Raises InputError if it is none.
     """
     listed = [path / name for name in PICTURES if (path / name).is_file()]
     if not listed:

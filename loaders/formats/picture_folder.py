@@ -45,7 +45,7 @@ from .video import Frames
 
 TABLES = (".csv", ".tsv")
 PERIOD_S = 1.0  # of rows without a time
-LOOKED_AT = 200  # rows from which the unit of times is told
+LOOKED_AT = 200  # rows from which the unit of times is detected
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class TableRecording:
             yield from found_records
 
     def check(self) -> TableRecording:
-        """Read the first row. InputError where it is broken or there is none."""
+        """Read the first row. Raises InputError if it is broken or there is none."""
         first = next(self._rows(), None)
         if first is None:
             raise InputError(self.table, "found no rows, expected one a picture")
@@ -182,7 +182,7 @@ class TableRecording:
 def open_table(path: Path, options: ReadingOptions) -> TableRecording:
     """Open a table, or a folder or video with `options.table` or one table in it.
 
-    InputError as `roles_of`.
+    Raises InputError as `roles_of`.
     """
     table = options.table or _table_of(path)
     if table is None or not table.is_file():
@@ -270,7 +270,7 @@ class FolderRecording:
 
 
 def open_folder(path: Path, options: ReadingOptions) -> TableRecording | FolderRecording:
-    """Open a folder of pictures, with `options.table` when there is one. InputError where it has none."""
+    """Open a folder of pictures, with `options.table` when there is one. Raises InputError if it has none."""
     if options.table is not None:
         return open_table(path, options)
     if not path.is_dir() or not pictures_in(path):

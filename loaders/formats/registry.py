@@ -65,7 +65,10 @@ def formats() -> dict[str, Format]:
 
 
 def guess(path: Path) -> Format:
-    """Return the format of a file or folder. InputError says what was found, and which formats there are."""
+    """Return the format of a file or folder.
+
+    Raises InputError naming what was found, and the formats there are.
+    """
     one = _guess(path)
     if one is None:
         found, names = describe(path, _known, BARE), ", ".join(formats())
@@ -114,7 +117,7 @@ def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:
 
 
 def chosen(path: Path, options: ReadingOptions) -> Format:
-    """Return the format that was named, or the guess. InputError for a name that is none."""
+    """Return the format that was named, or the guess. Raises InputError for a name that is none."""
     if options.format is None:
         if not (options.table or options.columns):
             return guess(path)
@@ -143,7 +146,7 @@ def _known(path: Path) -> str | None:
     return None if one is None else one.name
 
 
-# What is said of a path that is no recording: what it is, and what was probably meant.
+# The description of a path that is no recording: what it is, and what was probably meant.
 
 DEPTH = 2  # folders below that are looked into, as KITTI's sequences need
 MOST_LOOKED_AT = 200  # files and folders of a level

@@ -24,7 +24,7 @@ COLOR = ("rgb", "color", "image")  # how the folders of pictures that are no dep
 
 
 def open_tum(path: Path, options: ReadingOptions) -> TimedFolder:
-    """Open a folder with rgb.txt or associated.txt. InputError where both are missing."""
+    """Open a folder with rgb.txt or associated.txt. Raises InputError if both are missing."""
     listed = _listed(path)
     if listed is None:
         raise InputError(path, f"found no {PICTURES} in it, expected a TUM RGB-D folder")

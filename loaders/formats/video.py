@@ -18,7 +18,7 @@ from ..recording import Picture, Record
 from ._tables import begin_of
 from .registry import Format
 
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said in one line, by us
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # errors are reported in one line, by us
 ENDINGS = (".mp4", ".avi", ".mkv", ".webm", ".mov", ".mpg", ".mpeg", ".m4v", ".mjpeg", ".mjpg")
 ROW_OF_JPEGS = (".mjpeg", ".mjpg")  # pictures one after the other: nothing in them says so, or when
 
@@ -89,7 +89,7 @@ class _Frame:
 
 
 def open_video(path: Path, options: ReadingOptions) -> VideoRecording:
-    """Open a video. InputError where it cannot be decoded."""
+    """Open a video. Raises InputError if it cannot be decoded."""
     _opened(path).release()
     return VideoRecording(path)
 
@@ -105,7 +105,7 @@ def looks_like_video(path: Path) -> bool:
 
 def _opened(path: Path) -> cv2.VideoCapture:
     level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # one line says it, and that is ours
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our own error reports it in one line
     try:
         video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     except cv2.error as problem:

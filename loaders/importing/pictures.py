@@ -121,13 +121,13 @@ def import_pictures(
     *,
     force: bool = False,
 ) -> ImportSummary:
-    """Split pictures with poses into a library and a drive; `out` stands alone, and appears whole or not.
+    """Split pictures with poses into a library and a drive; `out` appears completely or not.
 
     Rows are taken to be one pass in order, a second apart. The odometry is made from the pose steps plus
-    noise and said to be synthetic in the header. Library pictures within `guard_m` of any session pose
-    are dropped (see `split_runs`). InputError for a folder that does not exist, a table that cannot be read,
-    poses too far apart (see `check_span`), a missing or broken picture, a split that leaves nothing, or an
-    `out` that exists already; ValueError for senseless options.
+    noise and marked as synthetic in the header. Library pictures within `guard_m` of any session pose are
+    dropped (see `split_runs`). Raises InputError for a folder that does not exist, a table that cannot be
+    read, poses too far apart (see `check_span`), a missing or broken picture, a split that leaves nothing, or
+    an `out` that exists already; ValueError for senseless options.
     """
     options = options or ImportOptions()
     _check(options)
@@ -220,7 +220,7 @@ def _write_session(
 
 
 class _Copier:
-    """Copies the picture of a row into the new folder, once it is known to be whole."""
+    """Copies the picture of a row into the new folder, once it is known to be undamaged."""
 
     def __init__(self, folder: Path, poses_csv: Path, out: Path) -> None:
         self._places = (folder, poses_csv.parent)

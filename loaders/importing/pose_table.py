@@ -46,7 +46,7 @@ class PoseRow:
 
 
 def read_pose_table(file: Path, columns: Columns) -> list[PoseRow]:
-    """Read all rows. InputError names the columns that were found, or the row and column at fault."""
+    """Read all rows. Raises InputError naming the columns that were found, or the row and column at fault."""
     expect_regular(file, "a table of poses")
     try:
         with file.open(newline="", encoding="utf-8-sig") as data:
@@ -120,8 +120,8 @@ METERS = {"m": 1.0, "mm": 0.001}
 def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -> Arena:
     """Read `x1 y1 x2 y2` a line, in "m" or "mm"; empty lines and lines that begin with # are skipped.
 
-    The bounds reach a margin beyond the poses (L, 2 or 3), for a plan of a whole building says nothing
-    about rooms that were never surveyed; walls entirely outside are left out. InputError names a bad line,
+    The bounds reach a margin beyond the poses (L, 2 or 3), for a plan of a whole building says nothing about
+    rooms that were never surveyed; walls entirely outside are left out. Raises InputError naming a bad line,
     or says that the map is larger than any robot's.
     """
     if unit not in METERS:

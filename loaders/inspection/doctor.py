@@ -46,7 +46,7 @@ class Diagnosis:
 def diagnose(
     path: Path, options: ReadingOptions, library: Library | None, progress: Progress | None = None
 ) -> Diagnosis:
-    """Look for everything that is known to go wrong. InputError for what cannot be read at all.
+    """Look for everything that is known to go wrong. Raises InputError for what cannot be read at all.
 
     Reads the records once, and with a library decodes at most 60 pictures. What an earlier check finds is
     taken back before the next one: times first, then what truth says, then what pictures say.
@@ -141,7 +141,7 @@ def _about_pictures(
 ) -> list[Finding]:
     """Ask the pictures, with truth where there is any; not where the odometry is known to be wrong.
 
-    Gives what is known by then: degrees alone do not tell which way round they are counted.
+    Return what is known by then: degrees alone do not show in which direction they are counted.
     """
     if drive.truth.size > 1:
         truthful = not any(one.code in WRONG_TRUTH for one in known)

@@ -72,7 +72,7 @@ class _Lists:
 
 
 def gather(path: Path, options: ReadingOptions) -> Gathered:
-    """Read all but the pictures. InputError where there is nothing to diagnose."""
+    """Read all but the pictures. Raises InputError if there is nothing to diagnose."""
     info = opened(path, options).info
     notes = ReadingNotes(keep_going=True)
     moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
@@ -106,7 +106,7 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
-    """Return what the truth's times need to move when the odometry does; None where that cannot be told."""
+    """Return what the truth's times need to move when the odometry does; None if that is unknown."""
     truth, odometry = drive.truth, drive.odometry
     if truth.size < 2 or odometry.size < 2 or (np.diff(odometry.t_s) < 0).any() or truth.part.any():
         return None
@@ -201,7 +201,7 @@ def _gain(path: Path, info: SessionInfo) -> float:
         raise InputError(path, str(problem), 1) from None
 
 
-# What a session's pictures say, compared with a library: some of them, over the whole drive.
+# A session's pictures, compared with a library: some of them, over the whole drive.
 
 MOST_PICTURES = 60
 BETWEEN_S = 2.0  # pictures that come more often are passed over
@@ -220,7 +220,7 @@ def look(
 ) -> ComparedPictures:
     """Compare some pictures with a library, their times multiplied by `factor`.
 
-    InputError for a library without any of the channels wanted.
+    Raises InputError for a library without any of the channels wanted.
     """
     localizer = _localizer(path, library, info)
     spacing = float(np.median(np.diff(drive.picture_t_s))) if len(drive.picture_t_s) > 1 else 0.0

@@ -95,7 +95,7 @@ def mapping(value: Any, what: str) -> dict[str, Any]:
 
 
 def number_in(file: Path, line: int, column: str, value: str | None) -> float:
-    """Read a finite number of sensible size. InputError naming file, line and column otherwise."""
+    """Read a finite number of sensible size. Raises InputError naming file, line and column otherwise."""
     try:
         number = float(value or "")
     except ValueError:

@@ -48,11 +48,11 @@ def pictures_in(folder: Path) -> list[Path]:
     return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
 
 
-# Files that appear whole or not at all.
+# Files that appear completely or not at all.
 
 
 def write_whole(file: Path, data: bytes, *, force: bool = False) -> None:
-    """Write a file whole or not at all. InputError when it exists and `force` is not given."""
+    """Write a file completely or not at all. Raises InputError if it exists and `force` is not given."""
     expect_absent(file, force=force)
     filling = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
@@ -74,7 +74,7 @@ def expect_absent(file: Path, *, force: bool) -> None:
         raise InputError(file, "exists already; write elsewhere, or replace it with --force")
 
 
-# Folders that appear whole or not at all, and where the cache is.
+# Folders that appear completely or not at all, and where the cache is.
 
 
 def cache_root() -> Path:
@@ -87,8 +87,8 @@ def cache_root() -> Path:
 def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
     """Return a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
 
-    InputError when `target` exists already or has no name. With `force` an old folder is replaced, but only
-    one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
+    Raises InputError if `target` exists already or has no name. With `force` an old folder is replaced, but
+    only one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
     """
     check_target(target, force, ours)
     try:
@@ -107,7 +107,7 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
 def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> None:
     """Make an empty folder at once, for what grows in it and must be readable after a kill.
 
-    InputError as for `new_folder`; with `force` the old folder is gone from here on.
+    Raises InputError as for `new_folder`; with `force` the old folder is gone from here on.
     """
     check_target(target, force, ours)
     try:
@@ -119,8 +119,8 @@ def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.jso
 
 
 def check_target(target: Path, force: bool, ours: str = "manifest.json") -> None:
-    """Refuse a folder that `new_folder` and `begin_folder` would not fill. InputError says why."""
-    if not target.name:  # ".", which "" means as well, and "/" cannot be put in place whole
+    """Raise InputError for a folder that `new_folder` and `begin_folder` would not fill."""
+    if not target.name:  # ".", which "" means as well, and "/" cannot be put in place
         raise InputError(target, "found no name for a new folder, expected one; name it")
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
         return

@@ -46,7 +46,7 @@ def encode_picture(image: U8, kind: PictureKind) -> bytes:
 
 
 def decode_picture(data: bytes, *, deep: bool = False) -> U8:
-    """Decode a whole JPEG, PNG, WebP or BMP to RGB uint8 (H, W, 3); gray becomes RGB, alpha is dropped.
+    """Decode a complete JPEG, PNG, WebP or BMP to RGB uint8 (H, W, 3); gray becomes RGB, alpha is dropped.
 
     Raises PictureError for other formats, cut files (OpenCV would fill them with gray, silently) and
     more than 8 bits a channel (often depth, which no scaling makes a color); `deep` takes the upper 8 of 16,

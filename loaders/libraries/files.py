@@ -30,7 +30,7 @@ MOST_SPAN_M = 10_000.0  # from its middle to its border float32 still tells half
 
 
 def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
-    """Raise InputError when poses (L, 2 or 3) and map are together over 10 km wide or deep."""
+    """Raise InputError if poses (L, 2 or 3) and map are together over 10 km wide or deep."""
     xy = poses[:, :2]
     span_m = _span(xy)
     expected = f"expected at most {MOST_SPAN_M:g} m; are they in meters?"
@@ -66,9 +66,9 @@ MANIFEST = "manifest.json"
 def save_library(
     library: Library, folder: Path, *, force: bool = False, warnings: Sequence[str] = ()
 ) -> None:
-    """Write a library and copies of its pictures; the folder appears whole or not at all.
+    """Write a library and copies of its pictures; the folder appears completely or not at all.
 
-    InputError when the folder exists already and `force` is not given, or is not a library's.
+    Raises InputError if the folder exists already and `force` is not given, or is not a library's.
     """
     with new_folder(folder, force=force) as filling:
         _write_json(filling / "map.json", arena_to_json(library.arena))
@@ -87,7 +87,7 @@ def save_library(
 def load_library(folder: Path) -> Library:
     """Read a library folder.
 
-    InputError, one line, when it is none, damaged, of other channel parameters, or spans too much ground.
+    Raises InputError if it is none, damaged, of other channel parameters, or spans too much ground.
     """
     try:
         manifest = read_manifest(folder)
@@ -117,7 +117,7 @@ def load_library(folder: Path) -> Library:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Read a library's manifest. InputError when the folder is no library of a known version."""
+    """Read a library's manifest. Raises InputError if the folder is no library of a known version."""
     file = folder / MANIFEST
     if not file.is_file():
         raise InputError(

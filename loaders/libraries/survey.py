@@ -35,7 +35,7 @@ LEAST_SD = 0.06  # of the logarithm, where nearly all pictures are equally sharp
 
 @dataclass(frozen=True, slots=True)
 class Spacing:
-    """How far apart entries are at least: nearer ones look other ways."""
+    """How far apart entries are at least: nearer ones look in other directions."""
 
     distance_m: float
     angle_rad: float
@@ -73,7 +73,7 @@ def _lost(gray: NDArray[Any], axis: int) -> float:
 
 
 def blurred(sharpnesses: F64) -> Bool:
-    """Mark the pictures that are far less sharp (n, 2) than usual, or less sharp and that one way."""
+    """Mark the pictures that are far less sharp (n, 2) than usual, or less sharp, in one direction."""
     if len(sharpnesses) < FEWEST_JUDGED:
         return np.zeros(len(sharpnesses), bool)
     below = -_deviations(sharpnesses.min(axis=1))
@@ -185,9 +185,9 @@ def open_survey(
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> Survey:
-    """Open a survey log, or choose the entries of a drive. InputError where no picture has a pose.
+    """Open a survey log, or choose the entries of a drive. Raises InputError if no picture has a pose.
 
-    A survey log is taken whole unless `every` is given. Pictures that are no files are written to the
+    A survey log is taken completely unless `every` is given. Pictures that are no files are written to the
     folder `keep`, where there is one.
     """
     native = chosen(path, options).name == NATIVE

@@ -1,7 +1,7 @@
 """Bookmarks of one's own, kept beside a saved run as `bookmarks.jsonl`: one JSON object a line.
 
 A line is added with one write, so that a process that is killed breaks at most the line it was writing. Lines
-that cannot be read are said and left as they are, also when others are removed.
+that cannot be read are reported and left as they are, also when others are removed.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def bookmarks_file(folder: Path) -> Path:
 def read_bookmarks(folder: Path) -> Bookmarks:
     """Read a run's bookmarks; none where there is no file.
 
-    InputError where the file cannot be read at all.
+    Raises InputError if the file cannot be read at all.
     """
     kept, broken = list[Bookmark](), list[InputError]()
     for number, line in enumerate(_lines(folder), start=1):
@@ -61,7 +61,7 @@ def read_bookmarks(folder: Path) -> Bookmarks:
 
 
 def add_bookmark(folder: Path, bookmark: Bookmark) -> None:
-    """Add one at the end of the file. InputError where it cannot be written."""
+    """Add one at the end of the file. Raises InputError if it cannot be written."""
     line = json.dumps({"step": bookmark.step, "note": bookmark.note}, ensure_ascii=False) + "\n"
     file = bookmarks_file(folder)
     try:

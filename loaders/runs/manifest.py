@@ -105,14 +105,14 @@ def to_bytes(value: Mapping[str, Any]) -> bytes:
 
 
 def put(file: Path, data: bytes) -> None:
-    """Write a file whole: it appears under its name when it is complete."""
+    """Write a file: it appears under its name when it is complete."""
     part = file.with_name(f".{file.name}.part")
     part.write_bytes(data)
     part.replace(file)
 
 
 def read_manifest(folder: Path) -> RunManifest:
-    """Read the manifest of one run. InputError for anything else, in one line."""
+    """Read the manifest of one run. Raises InputError for anything else, in one line."""
     found = read_object(folder, FORMAT)
     try:
         return _manifest(found)
@@ -121,7 +121,7 @@ def read_manifest(folder: Path) -> RunManifest:
 
 
 def read_object(folder: Path, *formats: str) -> dict[str, Any]:
-    """Read a manifest of one of some formats and of this version. InputError otherwise."""
+    """Read a manifest of one of some formats and of this version. Raises InputError for any other."""
     file = folder / MANIFEST
     if not file.is_file():
         raise InputError(

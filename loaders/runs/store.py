@@ -35,7 +35,7 @@ class SavedRun:
     configuration: Configuration
 
     def arena(self) -> Arena:
-        """Read the map. InputError when it is damaged."""
+        """Read the map. Raises InputError if it is damaged."""
         file = self.folder / MAP
         try:
             return arena_from_json(read_json(file.read_bytes()))
@@ -45,7 +45,7 @@ class SavedRun:
     def steps(self) -> Iterator[StepRows]:
         """Read update after update from the first, a part at a time.
 
-        InputError where a part is missing or damaged.
+        Raises InputError if a part is missing or damaged.
         """
         number = 0
         for file in sorted((self.folder / "steps").glob("*.parquet")):
@@ -66,7 +66,7 @@ def is_saved(path: Path) -> bool:
 
 
 def open_runs(path: Path) -> list[SavedRun]:
-    """Open a saved run, or all runs of a comparison, in order. InputError, one line, for what is neither."""
+    """Open a saved run, or all runs of a comparison, in order. Raises InputError for what is neither."""
     found = read_object(path, FORMAT, COMPARISON)
     if found["format"] == FORMAT:
         return [open_run(path)]
@@ -136,7 +136,10 @@ def _by_step(cloud: pl.DataFrame) -> dict[int, pl.DataFrame]:
 
 
 def _table(file: Path, schema: Mapping[str, Any], optional: set[str] | None = None) -> pl.DataFrame:
-    """Read one Parquet file with all these columns. InputError when it is cut, or not what it should be."""
+    """Read one Parquet file with all these columns.
+
+    Raises InputError if it is cut, or not what it should be.
+    """
     try:
         held = io.BytesIO(file.read_bytes())
         found = pl.read_parquet_schema(held)

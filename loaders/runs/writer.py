@@ -1,4 +1,4 @@
-"""Writing a saved run while it goes: parts of so many steps, each of them whole.
+"""Writing a saved run while it goes: parts of so many steps, each of them complete.
 
 A Parquet file can be read only once its footer is there, so a single growing file would be lost with a
 killed process. Each table is a folder of parts instead; a part appears under its name when it is complete,
@@ -48,7 +48,7 @@ PART_PARTICLES = 200_000  # a part is also full with so many rows of a cloud
 class RunWriter:
     """Writes one run into a new folder; memory holds at most one part.
 
-    InputError when the folder exists, unless `force` is given and a saved run is in it.
+    Raises InputError if the folder exists, unless `force` is given and a saved run is in it.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ def _parquet(frame: pl.DataFrame) -> bytes:
 
 
 def begin_comparison(folder: Path, labels: Sequence[str], *, force: bool = False) -> None:
-    """Begin a folder with a folder for each run below it. InputError as for `RunWriter`."""
+    """Begin a folder with a folder for each run below it. Raises InputError as for `RunWriter`."""
     check_run_target(folder, force=force)
     begin_folder(folder, force=force)
     put(folder / MANIFEST, to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)}))

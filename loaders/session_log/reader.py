@@ -69,7 +69,7 @@ class SessionLog(HasReadingNotes):
         return self._moments()
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Read the pictures of a survey from its beginning. InputError as for `moments`."""
+        """Read the pictures of a survey from its beginning. Raises InputError as for `moments`."""
         self._expect("survey", "only a survey's pictures have poses")
         return self._survey_pictures()
 

@@ -38,7 +38,7 @@ class LogLine:
 def read_lines(path: Path) -> Iterator[LogLine]:
     """Read a file line by line, never holding more than one.
 
-    InputError when it cannot be opened or is no regular file, which might never end.
+    Raises InputError if it cannot be opened or is no regular file, which might never end.
     """
     if path.is_dir():
         raise InputError(path, _folder_advice(path))
@@ -160,7 +160,7 @@ Record = OdometryRecord | PictureRecord | TruthRecord | EventRecord
 
 
 def read_header(path: Path) -> tuple[SessionInfo, Kind]:
-    """Read a log's first line. InputError when it is not the header of a log."""
+    """Read a log's first line. Raises InputError if it is not the header of a log."""
     line = next(read_lines(path), None)
     if line is None:
         raise InputError(path, "found an empty file, expected a log; was it ever written?")
@@ -267,7 +267,7 @@ def with_truth(records: Iterable[Record]) -> Iterator[Answered]:
     """Yield every record in order, and beside each picture the truth at its time, (3,) or None.
 
     A truth record at the same time counts as it stands; otherwise the pose is interpolated between two
-    truth records at most 1 s apart, the heading the short way round, and never across a kidnapping.
+    truth records at most 1 s apart, the heading through the smaller angle, and never across a kidnapping.
     """
     before: TruthRecord | None = None
     waiting: deque[Record] = deque()  # begins with a picture, when there is anything in it

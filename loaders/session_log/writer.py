@@ -23,10 +23,10 @@ Numbers = F64 | Sequence[float]
 
 
 class SessionWriter:
-    """A session log or survey log being written; every line is flushed whole. Use it as a context manager.
+    """A session log or survey log being written; every line is flushed complete. Use it as a context manager.
 
     Times in seconds, meters, radians. Pictures (H, W, 3) uint8 RGB go to `pictures/` beside the log, named
-    after the log and a number, never after a pose. Raises InputError when the log or a picture exists,
+    after the log and a number, never after a pose. Raises InputError if the log or a picture exists,
     unless `force`, and ValueError for values that no log may hold (NaN, numbers too large, a time before the
     last one, a survey's picture without its pose).
 
@@ -147,7 +147,7 @@ class SessionWriter:
 
 
 def _create(file: Path, found: str, force: bool) -> BinaryIO:
-    """Open a file for writing, its folder made; InputError when it exists and is not to be overwritten."""
+    """Open a file for writing and make its folder. Raises InputError if it exists, unless `force`."""
     with _clear_errors(file):
         if file.parent.exists() and not file.parent.is_dir():
             raise InputError(file.parent, "found a file, expected a folder; write elsewhere")

@@ -65,7 +65,7 @@ def unit_in(name: str) -> str | None:
 
 
 def seconds(stamp: str, unit: str) -> float:
-    """Return a stamp in seconds; whole numbers of nanoseconds keep all the digits that a float can hold."""
+    """Return a stamp in seconds; integers of nanoseconds keep all the digits that a float can hold."""
     per_s = PER_SECOND[unit]
     try:
         return int(stamp) / per_s
@@ -91,7 +91,7 @@ def apart(name: str, span: TimeSpan, other_name: str, other: TimeSpan) -> str:
     return f"{spans}, {others}; their beginnings are {span.first_s - other.first_s:.3f} s apart"
 
 
-# How far two clocks are apart, told by the movement that was recorded with both.
+# How far two clocks are apart, by the movement that was recorded with both.
 
 PERIOD_S = 0.1  # both are looked at so often
 WINDOW_S = 0.5  # over which speed and turn rate are taken, so that a tracker's jitter does not count

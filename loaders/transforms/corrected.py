@@ -20,7 +20,7 @@ from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, 
 
 # A recording with what is wrong in it put right while it is read: units, signs, frames, clocks.
 
-NEAR_M = 1.0  # a first pose so near zero is the way since the drive began
+NEAR_M = 1.0  # a first pose so near zero is the path since the drive began
 
 
 @dataclass(frozen=True, slots=True, eq=False)

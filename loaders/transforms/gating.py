@@ -24,14 +24,14 @@ class Gate:
     min_distance_m: float = 0.0  # as the crow flies since the last picture that was used
     min_angle_rad: float = 0.0  # turned since the last picture that was used
 
-    def open_after(self, way: F64) -> bool:
-        """Return whether a way (3,) makes an update: far enough, or turned enough, of what is asked.
+    def open_after(self, motion: F64) -> bool:
+        """Return whether a motion (3,) since the last update makes one: far enough, or turned enough.
 
-        `way` is all that moved since, as `recording.together` joins it.
+        All motions in between have been composed into one.
         """
         asked = (self.min_distance_m > 0, self.min_angle_rad > 0)
-        far = asked[0] and math.hypot(way[0], way[1]) >= self.min_distance_m
-        return not any(asked) or bool(far or (asked[1] and abs(way[2]) >= self.min_angle_rad))
+        far = asked[0] and math.hypot(motion[0], motion[1]) >= self.min_distance_m
+        return not any(asked) or bool(far or (asked[1] and abs(motion[2]) >= self.min_angle_rad))
 
 
 # Every second, third, ... picture of a recording; what moved between them is kept.
@@ -65,7 +65,7 @@ class Placeholders(RecordingWrapper):
     """A recording without pictures that has a gray one at its beginning and whenever the robot has moved."""
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Yield the recording's records, and gray pictures by whichever tells of movement first."""
+        """Yield the recording's records, and gray pictures by whichever shows movement first."""
         moved = _Moved()
         for record in self.measured.records(notes):
             yield record

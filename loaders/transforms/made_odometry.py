@@ -98,7 +98,7 @@ class MadeOdometry(RecordingWrapper):
 
 
 def odometry_from_truth(recording: Recording, seed: int) -> MadeOdometry:
-    """Add odometry to a recording. InputError where it has odometry of its own, or no truth."""
+    """Add odometry to a recording. Raises InputError if it has odometry of its own, or no truth."""
     notes, truths = ReadingNotes(keep_going=True), 0
     for record in checked(recording, notes):
         if isinstance(record, OdometryPose | Motion):
@@ -113,7 +113,7 @@ def odometry_from_truth(recording: Recording, seed: int) -> MadeOdometry:
 
 
 class _Wheels:
-    """A robot that follows the truth and measures its way with errors."""
+    """A robot that follows the truth and measures its movements with errors."""
 
     def __init__(self, noise: OdometryNoise, seed: int) -> None:
         self._noise, self._seed = noise, seed

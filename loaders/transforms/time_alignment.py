@@ -137,7 +137,7 @@ class Steps:
     """The motions from one used picture to the next, from poses and from motions; nothing is lost between."""
 
     def __init__(self) -> None:
-        self.way: F64 = np.zeros(3)  # (3,) where the motions lead together since the last picture used
+        self.way: F64 = np.zeros(3)  # (3,) the motions composed, since the last picture used
         self._last: F64 | None = None
         self._pending: list[F64] = []
         self._pending_way: F64 = np.zeros(3)
@@ -145,7 +145,7 @@ class Steps:
     def add(self, motions: list[F64], pose: F64 | None, first: F64 | None) -> list[F64]:
         """Take in what came up to a picture; return all motions (3,) since the last picture used.
 
-        The way from the `first` odometry pose to the first picture counts as well.
+        The motion from the `first` odometry pose to the first picture counts as well.
         """
         self._pending += motions
         self.way = self._pending_way = reduce(compose_motions, motions, self._pending_way)
