@@ -71,4 +71,6 @@ def modern(args: list[str], known: Collection[str]) -> list[str]:
             raise typer.BadParameter(f"{name} is a key of reading now: {advice}")
         else:
             words.append(word)
+    if words.count("--rrd") > 1:
+        raise typer.BadParameter("where the Rerun recording goes is given twice; give --rrd once")
     return words

@@ -22,6 +22,7 @@ from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_viz.app import drive as drive_alone
 from maurice_viz.cli.app import app
+from maurice_viz.listener import SILENT
 from maurice_viz.panels import drive as drive_ways
 from maurice_viz.panels.drive import DriveView, drive_paths, reach
 
@@ -137,7 +138,7 @@ def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(
     done = replay(bare, "--save", tmp_path / "a.rrd")
     assert "drawing one of every" in done.output
     session = RecordedSession(open_recording(bare))
-    fewer = list(drive_alone._drawn_of(session, session.overview()[0]).moments())
+    fewer = list(drive_alone._drawn_of(session, session.overview()[0], SILENT).moments())
     every = list(session.moments())
     assert 1 < len(fewer) <= 5
     together = np.concatenate([moment.frame.motions for moment in fewer])

@@ -277,7 +277,11 @@ def test_pictures_that_are_not_there_are_the_reason_that_is_told(library: Path, 
     "words",
     [["a.log", "--record", "d"], ["a.log", "--keep-up"], ["-", "--run", "d"], ["tcp://x:1", "--run", "d"]],
 )
-def test_options_that_do_not_fit_are_usage_errors(words: list[str]) -> None:
+def test_options_that_do_not_fit_are_usage_errors(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.log").touch()
     assert run(*words).exit_code == 2
 
 
