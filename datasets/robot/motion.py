@@ -108,33 +108,33 @@ class Movement:
     bumped: bool = False  # it ran into something and stopped there
 
 
-def turn_by(pose: F64, told_rad: float, luck: Luck, chassis: Chassis) -> Movement:
+def turn_by(pose: F64, commanded_rad: float, luck: Luck, chassis: Chassis) -> Movement:
     """Turn on the spot: the robot stops when its encoders show the commanded turn, over-reading included.
 
     actual = measured / 1.3695 + N(0.2681, 4.916) degrees.
     """
-    actual = told_rad + chassis.turn_bias_rad + chassis.turn_sd_rad * luck.turn
-    measured = np.array([0.0, 0.0, chassis.turn_over_read * told_rad])
+    actual = commanded_rad + chassis.turn_bias_rad + chassis.turn_sd_rad * luck.turn
+    measured = np.array([0.0, 0.0, chassis.turn_over_read * commanded_rad])
     end = np.array([pose[0], pose[1], pose[2] + actual])
     end[2:] = wrap(end[2:])
     return Movement(measured, encoders(measured, luck, chassis), np.stack([pose, end]))
 
 
-def drive_by(pose: F64, told_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> Movement:
+def drive_by(pose: F64, commanded_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> Movement:
     """Drive straight on: falls short once, drifts by the floor beneath as it goes, stops where it touches.
 
     A length of 0 is no movement. A robot that is stopped halfway has measured half of what was commanded, and
     a little more that the wheels turned on the spot.
     """
     error = chassis.straight_bias_m + chassis.straight_sd_m * luck.straight
-    length = max(told_m + error, 0.0) if told_m > 0 else 0.0
+    length = max(commanded_m + error, 0.0) if commanded_m > 0 else 0.0
     path, slipped = follow(pose, length, luck, arena, chassis)
     whole = len(path)
     path = path[: touches(path, arena, chassis.radius_m)]
     if bumped := len(path) < whole:
-        told_m = min(told_m, told_m * (len(path) - 1) / (whole - 1) + chassis.stall_m)
+        commanded_m = min(commanded_m, commanded_m * (len(path) - 1) / (whole - 1) + chassis.stall_m)
         slipped = slipped if floors_change(path, arena) else 0.0
-    measured = np.array([told_m, 0.0, 0.0])
+    measured = np.array([commanded_m, 0.0, 0.0])
     return Movement(measured, encoders(measured, luck, chassis), path, slipped, bumped)
 
 

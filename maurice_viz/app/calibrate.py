@@ -62,7 +62,7 @@ class MotionCalibration:
         errors |= {f"drifts on {drift.floor}".removesuffix(" on "): drift.rate for drift in fit.drifts}
         said += [_far_out(what, spread) for what, spread in errors.items() if _has_far_out(spread)]
         if fit.turns.one_sided:
-            said.append("turns go mostly one way, so that gain and bias of turns cannot be told apart well")
+            said.append("most turns go one way, so gain and bias of turns cannot be separated well")
         left, right = fit.turns.left_gain, fit.turns.right_gain
         if fit.turns.uneven and left and right:
             gains = f"{left.value:.4f} ({left.low:.4f} to {left.high:.4f}) to the left and {right.value:.4f}"

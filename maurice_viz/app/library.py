@@ -89,7 +89,7 @@ def build_library(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LibraryCheck:
-    """How well a library's places can be told apart, and where it has gaps."""
+    """How well a library distinguishes its places, and where it has gaps."""
 
     library: Library
     similarity: SelfSimilarity

@@ -36,7 +36,7 @@ def pictures(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="The folder to write.")],
     image_column: Annotated[str, typer.Option(help="Column of picture names.")] = COLUMNS.image,
     x_column: Annotated[str, typer.Option(help="Column of x in meters.")] = COLUMNS.x,
-    y_column: Annotated[str, typer.Option(help="Column of y in metres.")] = COLUMNS.y,
+    y_column: Annotated[str, typer.Option(help="Column of y in meters.")] = COLUMNS.y,
     heading_column: Annotated[
         str, typer.Option(help="Column of headings, counter-clockwise from +x.")
     ] = COLUMNS.heading,

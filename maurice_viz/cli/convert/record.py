@@ -34,7 +34,7 @@ LibraryOption = Annotated[
     typer.Option("--library", help="Name this survey or library in the recorded header. [default: its own]"),
 ]
 TopicOption = Annotated[
-    str | None, typer.Option(help="Of ws://: which topic it is. [default: guessed, and said]")
+    str | None, typer.Option(help="Of ws://: which topic it is. [default: detected, printed]")
 ]
 MaxDtOption = Annotated[
     float, typer.Option("--max-dt", min=0.0, help="Of ws://: most seconds between picture and odometry.")

@@ -1,4 +1,4 @@
-"""`maurice-replay library check LIBRARY`: can its places be told apart, and where are its gaps."""
+"""`maurice-replay library check LIBRARY`: which of its places look alike, and where are its gaps."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def simulate(
 
 
 def _announce(address: Address) -> None:
-    """Print the address at once, for whoever waits for that line."""
+    """Print the address at once, for a program that waits for that line."""
     print(address, flush=True)
 
 

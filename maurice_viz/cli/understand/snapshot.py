@@ -56,7 +56,7 @@ FpsOption = Annotated[
 PhasesOption = Annotated[
     bool,
     typer.Option(
-        "--phases", help="One picture per phase, six a step, instead of one a step.", rich_help_panel=MOVIE
+        "--phases", help="Six pictures per step, one per phase, instead of one.", rich_help_panel=MOVIE
     ),
 ]
 ViewOption = Annotated[
