@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-import viz_fakes as fakes
-import viz_recordings as recordings
 
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, RecoveryParameters

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import viz_fakes as fakes
 
+from helpers import viz_fakes as fakes
 from maurice_mcl.analysis.explanation import Asked, ChannelExplanation, StepExplanation, explain_step
 from maurice_mcl.arrays import F32
 from maurice_mcl.config.build import build_localizer

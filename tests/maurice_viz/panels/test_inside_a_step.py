@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import viz_fakes as fakes
-import viz_recordings as recordings
 from PIL import Image
 
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
 from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.analysis.modes import Ancestry, TrackedMode
 from maurice_mcl.filter.estimate import weighted_mean

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-import viz_fakes as fakes
-import viz_recordings as recordings
 
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
 from maurice_mcl.analysis.explanation import Asked, explain_step
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, of_feature

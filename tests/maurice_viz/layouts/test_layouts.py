@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 import rerun.blueprint as rrb
-import viz_fakes as fakes
 
+from helpers import viz_fakes as fakes
 from maurice_viz import entities
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.layouts import compare, overview

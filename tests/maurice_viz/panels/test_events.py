@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import rerun.blueprint as rrb
-import viz_fakes as fakes
-import viz_recordings as recordings
 
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
 from maurice_mcl.analysis.events import KINDS, PARTED, RunEvent
 from maurice_mcl.analysis.localization_status import STATES
 from maurice_mcl.filter.localizer import RESAMPLED

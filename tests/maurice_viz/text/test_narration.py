@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import viz_fakes as fakes
 
+from helpers import viz_fakes as fakes
 from maurice_mcl.records import Belief, Estimate, uniform_log_weights
 from maurice_viz.entities import Phase
 from maurice_viz.style import UNITS, Scale

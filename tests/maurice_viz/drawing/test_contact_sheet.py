@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import viz_fakes as fakes
 
+from helpers import viz_fakes as fakes
 from maurice_viz.drawing.contact_sheet import (
     BEST,
     CAPTION_PX,

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import viz_fakes as fakes
 from rerun.chunk import RrdReader
 
+from helpers import viz_fakes as fakes
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import viz_fakes as fakes
 
+from helpers import viz_fakes as fakes
 from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks

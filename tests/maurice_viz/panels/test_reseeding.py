@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-import viz_fakes as fakes
-import viz_recordings as recordings
 
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import run

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import viz_fakes as fakes
-import viz_recordings as recordings
 from rerun.chunk import RrdReader
 
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import contributions
 from maurice_viz import entities

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-import viz_fakes as fakes
-import viz_recordings as read
 from rerun.chunk import RrdReader
 
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as read
 from maurice_mcl.analysis.run_comparison import Step, StepComparison
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
