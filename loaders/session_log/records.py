@@ -13,6 +13,7 @@ from typing import Any, BinaryIO, NoReturn
 import numpy as np
 
 from maurice_mcl.arrays import F64
+from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
 
 from ..errors import FieldError, InputError, ReadingNotes
@@ -295,9 +296,9 @@ def truth_between(before: TruthRecord | None, after: TruthRecord, t_s: float) ->
     if before is None or after.t_s - before.t_s > MAX_GAP_S + 1e-9:  # decimal seconds are not exact
         return None
     step = after.pose - before.pose
-    step[2] = _short_way(step[2])
+    step[2] = wrap_angle(float(step[2]))
     pose = before.pose + step * ((t_s - before.t_s) / (after.t_s - before.t_s))
-    pose[2] = _short_way(pose[2])
+    pose[2] = wrap_angle(float(pose[2]))
     return pose
 
 
@@ -321,7 +322,3 @@ def _in_vain(waiting: deque[Record], before: TruthRecord | None, record: Record)
     first_s = waiting[0].t_s
     until_s = first_s if before is None else max(first_s, before.t_s + MAX_GAP_S + 1e-9)
     return record.t_s > until_s or len(waiting) >= MAX_WAITING
-
-
-def _short_way(angle_rad: float) -> float:
-    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
