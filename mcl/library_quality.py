@@ -25,9 +25,9 @@ from .sensor.references import distinct_places
 
 # Coverage: how much of the free space, in which directions, and where the gaps are.
 
-DIRECTIONS = 8  # asked of each place
-VIEW_RAD = np.pi / 4  # a reference that looks further aside shows another view
-LEAST_GAP = 0.5  # reaches squared: smaller holes are not worth driving to
+DIRECTIONS = 8  # tested at each place
+VIEW_RAD = np.pi / 4  # a reference turned further shows another view
+LEAST_GAP = 0.5  # times the reach squared: smaller gaps are not reported
 MOST_GAPS = 8  # listed
 
 
@@ -35,26 +35,26 @@ MOST_GAPS = 8  # listed
 class Gap:
     """A part of free space without any entry near."""
 
-    x_m: float  # its point that is furthest from any entry
+    x_m: float  # the point furthest from any entry
     y_m: float
     area_m2: float
-    to_entry_m: float  # how far that point is from one
+    to_entry_m: float  # distance of that point to an entry
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
     """What a library covers."""
 
-    reach_m: float  # an entry stands for what is so near
-    mapped: bool  # whether walls or obstacles are known; else free is what lies between the poses
+    reach_m: float  # an entry covers poses within this distance
+    mapped: bool  # whether walls or obstacles are known; else the hull of the poses is free
     free_m2: float
     covered: float  # share of the free space that has an entry within reach
-    directions: float  # share of eight directions that some entry within reach looks in, where there is one
+    directions: float  # mean share of eight directions covered, where an entry is within reach
     gaps: tuple[Gap, ...]  # largest first
 
 
 def coverage_of(library: Library, reach_m: float) -> Coverage:
-    """Measure how free space is covered; walls between entry and place are not looked at."""
+    """Measure how free space is covered, ignoring walls between entry and place."""
     places = distinct_places(library.poses[:, :2])[0]
     grid = make_grid(library.arena, places)
     mapped = len(library.arena.walls) > 0 or len(library.arena.obstacles) > 0
@@ -86,7 +86,7 @@ def _between(places: F64, grid: Grid) -> Bool:
 
 
 def _directions(poses: F64, points: F64, reach_m: float) -> float:
-    """Return the mean share of directions that are looked in, over at most a thousand points (n, 2)."""
+    """Return the mean share of directions covered, over at most a thousand points (n, 2)."""
     if not len(points):
         return 0.0
     some = points[np.linspace(0, len(points) - 1, min(len(points), 1000)).round().astype(int)]
@@ -99,7 +99,7 @@ def _directions(poses: F64, points: F64, reach_m: float) -> float:
 
 
 def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float) -> tuple[Gap, ...]:
-    """Find the holes: free cells out of reach that hang together."""
+    """Return the gaps: connected free cells out of reach."""
     depth = np.zeros(free.shape)
     depth[free] = distance
     holes, count = label(depth > reach_m)
@@ -120,9 +120,9 @@ Index = NDArray[np.intp]
 
 NEAR = 1.6  # spacings: a neighbor, diagonal ones included
 SAME_WAY_RAD = float(np.radians(46))  # a neighbor's heading may be one of eight further
-FAR = 3.0  # spacings: what is further off is another place
+FAR = 3.0  # spacings: further entries are other places
 LEAST_SPACING_M = 0.25  # from a place to the next one
-ONE_PLACE = 0.75  # of the distance to the next place: entries that are nearer are at one place
+ONE_PLACE = 0.75  # of the distance to the next place: nearer entries are at one place
 CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
 
 Progress = Callable[[int, int], None]
@@ -130,9 +130,9 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SelfSimilarity:
-    """What came of comparing a library's L entries with each other, over P distinct places."""
+    """The comparison of a library's L entries with each other, over P distinct places."""
 
-    spacing_m: float  # from an entry to the next one that looks the same way: the median
+    spacing_m: float  # median distance from an entry to the next one of similar heading
     places: F64  # (P, 2) the middle of the entries at each place
     place_of: I32  # (L,)
     retrieved: I32  # (L,) the most similar entry at another place; -1 where there is none
@@ -147,13 +147,13 @@ class SelfSimilarity:
 
     @property
     def aliased(self) -> I32:
-        """Entries whose look-alike is more similar than any neighbor, worst first."""
+        """Entries with a far entry more similar than any neighbor, worst first."""
         found = np.flatnonzero(self.margin < 0)
         return np.asarray(found[np.argsort(self.margin[found], kind="stable")], np.int32)
 
     @property
     def retrieved_right(self) -> float:
-        """The share of entries that a neighbor is retrieved for."""
+        """The share of entries whose retrieved entry is a neighbor."""
         known = self.retrieved >= 0
         near = (self.error_m <= NEAR * self.spacing_m) & (self.error_rad <= SAME_WAY_RAD)
         return float(near[known].mean()) if known.any() else 0.0
@@ -168,7 +168,7 @@ class SelfSimilarity:
 def self_similarity_of(
     library: Library, sensor: SensorModel, progress: Progress | None = None
 ) -> SelfSimilarity:
-    """Compare every entry with all that are elsewhere."""
+    """Compare every entry with all entries at other places."""
     between = max(spacing(distinct_places(library.poses[:, :2])[0]), LEAST_SPACING_M)
     places, place_of = places_of(library.poses[:, :2], between)
     between = max(between, _spacing(library, place_of))
@@ -199,9 +199,9 @@ def self_similarity_of(
 
 
 def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
-    """Gather positions (L, 2) around the first of those near each other: middles (P, 2), place of each (L,).
+    """Cluster positions (L, 2) around the first of those near each other: centers (P, 2), place of each (L,).
 
-    A survey's nodes, about evenly spaced by the size, stay apart.
+    A survey's nodes, about evenly spaced by the size, stay separate.
     """
     firsts, place_of = np.empty((0, 2)), np.empty(len(xy), np.int32)
     for number, at in enumerate(xy):
@@ -235,7 +235,7 @@ def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
 def _one(
     library: Library, place_of: I32, between: float, entry: int, others: Index, cost: F64
 ) -> tuple[int, float, float, int, float, float]:
-    """Return what `SelfSimilarity` holds of one entry."""
+    """Return the values of `SelfSimilarity` for one entry."""
     if not len(others):
         return -1, np.nan, np.nan, -1, np.nan, 1.0
     apart_m, turned = _apart(library, entry, others)
@@ -281,6 +281,6 @@ def _curve(library: Library, between: float, entry: int, others: Index, cost: F6
 
 
 def _medians(curves: F64) -> F64:
-    """Return the median of each column (6,), nan where a column knows nothing."""
+    """Return the median of each column (6,), nan where a column has no value."""
     columns = [column[np.isfinite(column)] for column in curves.T]
     return np.array([np.median(column) if len(column) else np.nan for column in columns])

@@ -1,24 +1,22 @@
 """Motion constants from trials: what was measured, and what the robot really did (thesis 3.2, 3.3).
 
-Which regression, and why. A robot turns until its encoders show what it was told, so the measured turn is
-exact and the scatter is in the actual one: actual = gain * measured + bias + noise. Least squares through
-the origin of *actual on measured* therefore gives the gain without bias, and that is a header's
-`turn_gain`. The thesis's figure 5 plots it the other way, *measured on actual*, and calls the slope C =
-1.3695. There the noise is in x, which pulls the slope toward zero: the two slopes multiply to the squared
-uncentered correlation of the trials, not to 1, so 1 / C is a little too large (about 0.2 % at the thesis's
-scatter over turns of up to half a circle). The gain is never 1 / C here; C is given beside it to compare.
+A robot turns until its encoders show the commanded angle, so the measured turn is exact and the scatter is
+in the actual one: actual = gain * measured + bias + noise. Least squares through the origin of *actual on
+measured* therefore estimates the gain without bias; it is a header's `turn_gain`. The thesis's figure 5 plots
+*measured on actual* and calls the slope C = 1.3695. There the noise is in x, which pulls the slope toward
+zero, so 1 / C is a little too large (about 0.2 % at the thesis's scatter). C is reported for comparison only.
 
 Through the origin, a constant bias and the gain can only be separated when turns go both ways.
 
-A leg is what happened between two known poses. When it is a turn, a straight, or one of each, its pose
-change (three numbers) tells everything: on a way that drifts evenly the chord points along the heading at
-the middle of the way, half the drift beyond its start. So
+A segment is the movement between two known poses. If it is a turn, a straight, or one of each, its pose
+change (three numbers) determines both: with even drift the chord points along the heading halfway, half the
+drift beyond that at the start. So
 
     turn, then straight:  drift = 2 (heading after - course),  turn = course - drift / 2 - heading before
     straight, then turn:  drift = 2 (course - heading before), turn = heading after - heading before - drift
 
-Segments of more movements cannot be separated in this way and are left out. Errors of the truth count fully:
-1 cm across a distance of 0.5 m is 1.1 degrees of course and 2.3 degrees of drift.
+Segments of more movements cannot be separated and are left out. Errors of the truth count fully: 1 cm across
+a distance of 0.5 m is 1.1 degrees of course and 2.3 degrees of drift.
 """
 
 from __future__ import annotations
@@ -33,8 +31,6 @@ import numpy as np
 from ..arrays import F64
 from ..filter.motion import MauriceParameters
 from .statistics import Fitted, Spread, r_squared, slope, slope_resampled, spread_of, student
-
-# Motion constants from trials: what was measured, and what the robot really did (thesis 3.2, 3.3).
 
 FEWEST = 3  # turns, and straights: gain, bias and sd are three constants
 ONE_SIDED = 0.5  # |mean| of measured turns over their root mean square; more cannot tell bias from gain
@@ -76,14 +72,14 @@ class TurnFit:
     figure_5_slope: Fitted  # measured over actual, the thesis's C; only to compare, see above
     r_squared: float  # of actual = gain * measured
     residual: Spread  # rad, actual - gain * measured
-    sd_if_multiplied_rad: float  # residual sd if the gain were taken the wrong way round
+    sd_if_multiplied_rad: float  # residual sd if the gain were inverted
     one_sided: bool  # turns go mostly one way, so that gain and bias cannot be separated
     left_gain: Fitted | None  # of the counter-clockwise turns alone; None for fewer than three
     right_gain: Fitted | None  # of the clockwise ones
 
     @property
     def uneven(self) -> bool:
-        """Return whether left and right turns have gains that their intervals tell apart."""
+        """Return whether left and right turns have gains whose intervals do not overlap."""
         left, right = self.left_gain, self.right_gain
         return bool(left and right and (left.low > right.high or right.low > left.high))
 
@@ -94,7 +90,7 @@ class StraightFit:
 
     count: int
     error: Spread  # m, actual - measured, a movement
-    scale: Fitted  # actual over measured, through the origin: for robots whose error grows with the way
+    scale: Fitted  # actual over measured, through the origin: for robots whose error grows with distance
     r_squared: float  # of actual = scale * measured
 
 
@@ -132,7 +128,7 @@ class Calibration:
 
 
 def calibrate(trials: Trials) -> Calibration:
-    """Fit all constants. ValueError, in words for people, where the trials cannot carry them."""
+    """Fit all constants. Raises ValueError, with a message for people, if there are too few trials."""
     turns, straights = len(trials.turns.measured_rad), len(trials.straights.measured_m)
     if turns < FEWEST or straights < FEWEST:
         skipped = f" ({trials.left_out} more left out)" if trials.left_out else ""
@@ -172,13 +168,13 @@ def fit_turns(turns: Turns) -> TurnFit:
 
 
 def fit_straights(straights: Straights) -> StraightFit:
-    """Fit the error of one movement, and the scale. ValueError where nothing moved."""
+    """Fit the error of one movement, and the scale. Raises ValueError where nothing moved."""
     measured, actual = straights.measured_m, straights.actual_m
     scale = _through_origin(measured, actual)
     residual = actual - scale.value * measured
     return StraightFit(
         count=len(measured),
-        # what falls short does so along the way, also backward
+        # an undershoot is one in the driven direction, also backward
         error=spread_of((actual - measured) * np.sign(measured)),
         scale=scale,
         r_squared=r_squared(actual, residual),
@@ -188,7 +184,7 @@ def fit_straights(straights: Straights) -> StraightFit:
 def fit_drifts(straights: Straights) -> tuple[DriftFit, ...]:
     """Fit the drift of every floor that two straights or more were driven on.
 
-    Drift grows with the way, one draw a straight, so that each straight gives one rate, whatever its length.
+    Drift grows with distance, one draw per straight, so each straight yields one rate, whatever its length.
     """
     names = dict.fromkeys(floor for floor in straights.floors if floor is not None)
     rates = [(name, drift_rates(straights, name)) for name in names]
@@ -203,9 +199,9 @@ def drift_rates(straights: Straights, floor: str) -> F64:
 
 
 def unwrapped(measured_rad: F64, turned_rad: F64) -> F64:
-    """Add whole circles to turns known only up to those (n,), so that they agree with what was measured.
+    """Add full circles to wrapped turns (n,), so that they agree with what was measured.
 
-    The ratio is first learnt from turns of less than 120 degrees, which cannot be mistaken.
+    The ratio is estimated first from turns of less than 120 degrees, which are unambiguous.
     """
     small = (np.abs(turned_rad) < 2 * np.pi / 3) & (np.abs(measured_rad) < np.pi)
     small &= np.abs(measured_rad) > 0
@@ -232,7 +228,7 @@ def _count(number: int, what: str) -> str:
 
 # Trials from a drive: what each movement did, from the poses before and after it.
 
-FloorOf = Callable[[F64, F64], str | None]  # names the floor of a way between two points (2,); None: several
+FloorOf = Callable[[F64, F64], str | None]  # names the floor between two points (2,); None: several
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -246,7 +242,7 @@ class MotionSegment:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A turn or a straight of a leg."""
+    """A turn or a straight of a segment."""
 
     straight: bool
     measured: float  # m or rad
@@ -254,7 +250,7 @@ class _Part:
 
 
 def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
-    """Sort out what each movement of the legs did. One leg is held at a time, and a few numbers of each."""
+    """Return what each movement of the segments did; holds one segment at a time."""
     turns: list[tuple[float, float]] = []
     straights: list[tuple[float, float, float]] = []
     floors: list[str | None] = []
@@ -283,7 +279,7 @@ def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
 
 
 def _parts(motion: F64) -> list[_Part]:
-    """Take a movement apart as the filter does, a turn first; what is too small is neither."""
+    """Split a movement as the filter does, a turn first; what is too small is neither."""
     least = MauriceParameters()
     forward, left, turn = (float(v) for v in motion)
     way = math.hypot(forward, left)
@@ -298,13 +294,13 @@ def _length(segment: MotionSegment) -> float:
 def _attribute(
     segment: MotionSegment, way: _Part | None, *, turn_first: bool, turns: bool
 ) -> tuple[float, float]:
-    """Share the change of heading out: turn (up to whole circles) and drift, both in rad."""
+    """Split the change of heading into turn (up to full circles) and drift, both in rad."""
     changed = float(segment.after[2] - segment.before[2])
     if way is None:
         return _wrapped(changed), math.nan
     if not turns:
         return math.nan, _wrapped(changed)
-    if _length(segment) < MauriceParameters().straight_from_m:  # no course: the robot did not get away
+    if _length(segment) < MauriceParameters().straight_from_m:  # no course: the robot hardly moved
         return _wrapped(changed), math.nan
     x, y = (float(v) for v in (segment.after - segment.before)[:2])
     forward = math.atan2(y, x) - way.course_rad

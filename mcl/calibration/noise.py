@@ -28,7 +28,7 @@ class Peak:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseFloor:
-    """What a camera sees in the dark."""
+    """What a camera measures in the dark."""
 
     frames: int
     mean: F64  # (84,) camera histogram, mean over the frames
@@ -48,7 +48,7 @@ class NoiseFloor:
 
 
 def noise_floor(pictures: Iterable[U8]) -> NoiseFloor:
-    """Average the histograms of pictures (H, W, 3), one held at a time. ValueError where there are none.
+    """Average the histograms of pictures (H, W, 3), one at a time. Raises ValueError where there are none.
 
     Mean and variance are updated picture by picture (Welford 1962).
     """

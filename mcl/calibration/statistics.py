@@ -15,7 +15,7 @@ from ..randomness import Domain, stream
 LEVEL = 0.95
 RESAMPLES = 2000  # of a bootstrap: enough for the 2.5th and the 97.5th percentile
 MOST_HELD = 1_000_000  # rows of a bootstrap in memory at once
-NOT_NORMAL = 0.01  # below this p the normal's interval of an sd is not believed
+NOT_NORMAL = 0.01  # below this p the normal interval of an sd is not used
 MOST_TESTED = 5000  # Shapiro and Wilk's p is not accurate for more values
 
 
@@ -34,7 +34,7 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """What some errors are like; everything in their own unit."""
+    """The distribution of errors, in their own unit."""
 
     count: int
     mean: Fitted
@@ -44,11 +44,11 @@ class Spread:
 
 
 def spread_of(values: F64, fitted: int = 1) -> Spread:
-    """Describe errors (n,) of which so many constants were fitted: the mean alone, or a slope as well.
+    """Describe errors (n,) of a fit with `fitted` constants: the mean alone, or a slope as well.
 
     The mean's interval is Student's. That of the sd is chi-square's with n - `fitted` degrees of freedom,
     or a bootstrap's where the values are not normal (p below 0.01), since chi-square's is then too narrow.
-    ValueError where no degree of freedom is left.
+    Raises ValueError where no degree of freedom is left.
     """
     free = len(values) - fitted
     if free < 1:
@@ -90,7 +90,7 @@ def normality(values: F64) -> float | None:
 
 
 def slope(x: F64, y: F64) -> float:
-    """Fit y = slope * x by least squares through the origin; x and y are (n,). ValueError where x is 0."""
+    """Fit y = slope * x through the origin by least squares; x, y are (n,). Raises ValueError if x is 0."""
     square = float(x @ x)
     if square == 0:
         raise ValueError("found only zeros, expected some movement")
@@ -98,9 +98,9 @@ def slope(x: F64, y: F64) -> float:
 
 
 def slope_resampled(x: F64, y: F64) -> Fitted:
-    """Fit a slope through the origin, with a bootstrap's interval: pairs are drawn with replacement.
+    """Fit a slope through the origin, with a bootstrap interval over pairs.
 
-    For slopes whose x has errors too, where Student's interval would be wrong.
+    For an x with errors, where Student's interval would be wrong.
     """
     return _bootstrap(slope(x, y), np.column_stack([x, y]), _slopes)
 
@@ -118,9 +118,9 @@ def r_squared(y: F64, residual: F64) -> float:
 
 
 def _bootstrap(value: float, rows: F64, statistic: Callable[[F64], F64]) -> Fitted:
-    """Draw rows (n, k) with replacement 2000 times, and give the percentiles of a statistic of (b, n, k).
+    """Return a value with the percentiles of a statistic of 2000 samples (b, n, k) of rows (n, k).
 
-    The same rows give the same draws; a million rows are held at a time.
+    The same rows give the same draws; at most a million rows are in memory.
     """
     rng = stream(Domain.CALIBRATE, 0, len(rows))
     at_once = max(1, MOST_HELD // len(rows))

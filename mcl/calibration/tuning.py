@@ -1,11 +1,10 @@
 """Tuning: scales and weights of channels, fitted by log score on drives with known truth.
 
 The log score of a picture is the log of the probability that it alone gives the reference nearest to the
-truth, when any reference is as likely before. Drives that were fitted on are no test of the result.
+truth, under a uniform prior. Drives used for fitting are no test of the result.
 
-Pictures come from drives with truth, or, where there is none, from the library itself, each reference left
-out in turn. Blocks are small, so that what is computed from one of them is small too; how many pictures are
-taken is bounded by the size of the library.
+Pictures come from drives with truth, or else from the library itself, each reference left out in turn. They
+are processed in small blocks, and their number is bounded by the size of the library.
 """
 
 from __future__ import annotations
@@ -24,8 +23,6 @@ from ..sensor.distances import DISTANCES
 from ..sensor.references import SAME_PLACE_M, NearestReference, crosses
 from ..session import Moment
 
-# Tuning: scales and weights of channels, fitted by log score on drives whose truth is known.
-
 LEAST_PROBABILITY = 1e-6  # a picture that says the truth is impossible costs 13.8 nats and no more
 LEAST_WEIGHT = 0.02  # a channel with less of the sum is dropped
 Progress = Callable[[int, int], None]  # steps done, steps in all
@@ -34,7 +31,7 @@ REACH = 5.0  # natural log of how far scales and weights may move from where the
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """Some pictures, no more at a time than what is computed of them can be held beside them."""
+    """A block of pictures, small enough for the memory of what is computed from it."""
 
     distances: F32  # (C, T, L) of T pictures from L references, in C channels
     truth: I32  # (T,) entry nearest to the truth
@@ -42,7 +39,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """What came of it."""
+    """The result of tuning."""
 
     channels: tuple[str, ...]
     scales: tuple[float, ...]  # distance of one nat, each channel alone
@@ -59,19 +56,19 @@ class Scores:
     pictures: int
     alone: tuple[float, ...]  # each tuned channel on its own, at its tuned scale
     together: float  # the tuned blend
-    before: float  # the blend it is measured against
+    before: float  # the blend before tuning
     blind: float  # knowing nothing
 
     @property
     def gained(self) -> float:
-        """What tuning brought."""
+        """The gain by tuning."""
         return self.together - self.before
 
 
 def judge(tuned: Tuned, samples: Sequence[Sample], before: F64) -> Scores:
-    """Score what was tuned on samples whose first rows are its channels.
+    """Score a result on samples whose first rows are its channels.
 
-    `before` (C,) is what a distance of each of the samples' rows cost in the blend to be measured against.
+    `before` (C,) is the cost per distance of each of the samples' rows in the blend to compare with.
     """
     count = len(tuned.channels)
     alone = [score(rows_of(samples, [k]), np.array([1 / scale])) for k, scale in enumerate(tuned.scales)]
@@ -205,17 +202,17 @@ def tune(channels: Sequence[str], samples: Sequence[Sample], progress: Progress 
     )
 
 
-# What tuning looks at: distances of pictures whose place is known from all references, in blocks.
+# Samples: distances of pictures of known place from all references, in blocks.
 
-MOST_DISTANCES = 2**25  # numbers kept in all: 128 MiB
+MOST_DISTANCES = 2**25  # numbers in total: 128 MiB
 MOST_IN_BLOCK = 2**21  # numbers in one sample
-NEIGHBORS = 9  # places tried, itself among them, for one that no wall bars
-SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference that looks further aside stands for another view
+NEIGHBORS = 9  # places tried, including itself, for one without a wall in between
+SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference turned further shows another view
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measuring:
-    """A library, and the channels and distances that its pictures are compared by."""
+    """A library, and the channels and distances for comparing pictures."""
 
     library: Library
     distances: Mapping[str, str]  # channel to DISTANCES, in the order of the samples' rows
@@ -229,12 +226,12 @@ class Measuring:
         return np.asarray(rows, np.float32)
 
     def most_pictures(self) -> int:
-        """Return how many pictures are taken at the most, so that memory stays bounded."""
+        """Return the maximum number of pictures, which bounds memory."""
         return max(1, MOST_DISTANCES // (len(self.distances) * self.library.size))
 
 
 def spread_out(count: int, most: int) -> frozenset[int]:
-    """Choose at most so many of the numbers 0 to count - 1, evenly; all, where there are no more."""
+    """Return at most `most` of the numbers 0 to count - 1, evenly spaced."""
     return frozenset(np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist())
 
 
@@ -245,17 +242,17 @@ def drive_samples(
     taken: frozenset[int],
     progress: Progress | None = None,
 ) -> list[Sample]:
-    """Measure those pictures of a drive whose number, from 0, is taken and whose truth is in free space."""
+    """Measure the pictures of a drive with a number (from 0) in `taken` and a truth in free space."""
     pictures = _of_drive(measuring, nearest, moments, taken)
     return _blocks(_counted(pictures, len(taken), progress), measuring)
 
 
 def library_samples(measuring: Measuring, most: int, progress: Progress | None = None) -> list[Sample]:
-    """Take references for pictures, each compared with all others; at most so many.
+    """Take at most `most` references as pictures, each compared with all others.
 
-    The reference that stands for the truth is at the nearest other place that no wall bars, the one there
-    that looks most nearly the same way; a reference without one within 45 degrees is passed over. As it is
-    a whole spacing off, where a drive's is half a spacing at the most, scales come out too wide.
+    The truth is then the entry of the most similar heading at the nearest other visible place; a reference
+    with none within 45 degrees is skipped. As it is a full spacing off, and a drive's at most half a
+    spacing, scales come out too wide.
     """
     stands_for = neighbors(measuring.library)
     known = np.flatnonzero(stands_for >= 0)
@@ -265,7 +262,7 @@ def library_samples(measuring: Measuring, most: int, progress: Progress | None =
 
 
 def neighbors(library: Library) -> I32:
-    """Return for every entry (L,) the one that stands for it when it is left out; -1 for none."""
+    """Return for every entry (L,) the one that replaces it when it is left out; -1 for none."""
     places, place_of = _places(library.poses[:, :2])
     if len(places) < 2:
         return np.full(library.size, -1, np.int32)
@@ -289,7 +286,7 @@ def _places(xy: F64) -> tuple[F64, I32]:
 
 
 def _beside(places: F64, walls: F64) -> I32:
-    """Return for every place (P,) the nearest other one that no wall bars; -1 for none near."""
+    """Return for every place (P,) the nearest other visible one; -1 for none near."""
     near = np.asarray(place_tree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
     itself = np.arange(len(places))
     found = np.full(len(places), -1, np.int32)
@@ -311,7 +308,7 @@ def _of_drive(
 
 
 def _left_out(measuring: Measuring, entry: int, truth: int) -> tuple[F32, int]:
-    """Compare one reference with all others: distances (C, L - 1), and where the truth's is among them."""
+    """Compare one reference with all others: distances (C, L - 1), and the index of the truth among them."""
     index: Mapping[str, ChannelIndex] = measuring.library.index
     distances = measuring.of({name: index[name].references[entry] for name in measuring.distances})
     return np.delete(distances, entry, axis=1), truth - (truth > entry)

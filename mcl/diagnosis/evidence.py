@@ -1,6 +1,6 @@
 """Without truth: a short localization under each reading of the odometry, with the same random numbers.
 
-The reading whose cloud foresees the pictures best, by log evidence, is believed, if it does so by far.
+The reading whose cloud predicts the pictures best, by log evidence, is accepted if the margin is large.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from .odometry import Reading, direction_of, motions_read
 from .pictures import ComparedPictures
 
 PARTICLES = 1500
-MOST_MOTIONS = 4  # between two pictures; more are put together, as noise is added to each
-FRESH = 150  # of them are anywhere, so that a kidnapping or slip is got over
-LEAST_NATS = 0.15  # a picture, by which another hypothesis has to foresee better; healthy drives: below 0
+MOST_MOTIONS = 4  # between two pictures; more are combined, since noise is added to each
+FRESH = 150  # particles drawn anywhere, to recover from a kidnapping or slip
+LEAST_NATS = 0.15  # per picture: required gain of another hypothesis; healthy drives: below 0
 FEWEST_PICTURES = 12
-OUTSIDE = 2.0  # nats less than the worst place on the map, for particles that left it
+OUTSIDE = 2.0  # nats below the worst place on the map, for particles outside
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +47,13 @@ class Hypothesis:
     code: str
     reading: Reading = field(default_factory=Reading)
     offset_rad: float = 0.0  # true direction minus what odometry calls forward
-    scale: float = 1.0  # true way over measured way
-    gain: float = 1.0  # true turn over measured turn, beside what the motion model corrects
-    late: int = 0  # by how many pictures they come too late
+    scale: float = 1.0  # true over measured distance
+    gain: float = 1.0  # true over measured turn, beyond the motion model's correction
+    late: int = 0  # delay of the pictures, in pictures
 
 
 def hypotheses(odometry: RecordedOdometry) -> list[Hypothesis]:
-    """List what is tried; the first one is that all is well."""
+    """Return the hypotheses to try; the first one is that nothing is wrong."""
     turns = [Hypothesis(f"turn-{t.replace(' ', '-')}", Reading(t)) for t in ("clockwise", "degrees")]
     turns.append(Hypothesis("turn-clockwise-degrees", Reading("clockwise degrees")))
     frames: list[Hypothesis] = []
@@ -103,7 +103,7 @@ def finding_of(hypothesis: Hypothesis, drive: RecordedDrive, spacing_s: float, s
 def evidence(
     looks: ComparedPictures, drive: RecordedDrive, hypothesis: Hypothesis, start: F64 | None, seed: int = 0
 ) -> float:
-    """Run a short localization and give the mean of log p(picture | those before), in nats."""
+    """Return the mean of log p(picture | those before), in nats, of a short localization."""
     localizer, total = replace(looks.localizer, particles=PARTICLES, seed=seed), 0.0
     belief, model = localizer.initialize(start).belief, localizer.motion
     if model is None:
@@ -127,7 +127,7 @@ def evidence(
 
 
 def motions_to(picture_t_s: F64, drive: RecordedDrive, hypothesis: Hypothesis) -> Iterator[F64]:
-    """Return the motions (M, 3) up to each picture since the one before, as the hypothesis has them."""
+    """Yield the motions (M, 3) from each picture to the next, under the hypothesis."""
     motions = motions_read(drive.odometry, hypothesis.reading)
     ahead, aside = rotated(motions[:, 0], motions[:, 1], hypothesis.offset_rad)
     motions = np.column_stack([ahead, aside, motions[:, 2]]) * [

@@ -74,7 +74,7 @@ class RecordedTruth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedDrive:
-    """All of a recording but its pictures' content."""
+    """A recording without the content of its pictures."""
 
     odometry: RecordedOdometry
     truth: RecordedTruth
@@ -100,13 +100,13 @@ def in_radians(drive: RecordedDrive) -> RecordedDrive:
 
 
 def motions_of(odometry: RecordedOdometry, turn: float = 1.0) -> F64:
-    """Return motions (K, 3), the first of poses being none; `turn` is what every angle is multiplied by."""
+    """Return motions (K, 3), zero for a first pose; every angle is multiplied by `turn`."""
     values = odometry.values * [1, 1, turn]
     return motions_between(values) if odometry.poses else values
 
 
 def motions_between(poses: F64) -> F64:
-    """Return the motion (K, 3) that leads to each of K poses from the one before it; nothing to the first."""
+    """Return the motion (K, 3) to each of K poses from the previous one; zero for the first."""
     step = np.diff(poses, axis=0, prepend=poses[:1])
     before = np.concatenate([poses[:1, 2], poses[:-1, 2]])
     ahead, aside = rotated(step[:, 0], step[:, 1], -before)
@@ -114,7 +114,7 @@ def motions_between(poses: F64) -> F64:
 
 
 def joined(motions: F64) -> F64:
-    """Return the poses (K, 3) that K motions lead to, from zero on; headings are counted on."""
+    """Return the poses (K, 3) that K motions lead to, from the origin; headings are not wrapped."""
     heading = np.cumsum(motions[:, 2])
     x, y = rotated(motions[:, 0], motions[:, 1], heading - motions[:, 2])
     return np.column_stack([np.cumsum(x), np.cumsum(y), heading])
@@ -126,13 +126,13 @@ def rotated(x: F64, y: F64, angle_rad: F64 | float) -> tuple[F64, F64]:
     return x * cos - y * sin, x * sin + y * cos
 
 
-# The findings about odometry and camera that several checks can come to.
+# Findings about odometry and camera that several checks share.
 
 TURNS = {"": 1.0, "clockwise": -1.0, "degrees": DEGREE, "clockwise degrees": -DEGREE}  # reading to factor
 UNITS = {0.001: "millimeters", 0.01: "centimeters", 0.0254: "inches", 0.3048: "feet", 1000.0: "kilometers"}
 LEAST_FORWARD = np.radians(1)  # of steps along fixed axes
-SAME_SCALE = 0.25  # natural log of a ratio: a slipping robot is not a wrong unit
-SAME_AXIS_DEG = 20  # what is nearly swapped or backward is just that
+SAME_SCALE = 0.25  # natural log of a ratio: slip is not a wrong unit
+SAME_AXIS_DEG = 20  # tolerance for swapped and backward axes
 
 
 def turn_finding(turn: str, *evidence: Evidence, **numbers: float) -> Finding:
@@ -154,7 +154,7 @@ def frame_finding(frame: str, *evidence: Evidence, offset_rad: float = 0.0, **nu
 def direction_finding(
     offset_rad: float, *evidence: Evidence, or_camera: bool = False, **numbers: float
 ) -> Finding:
-    """Report that what odometry calls forward is another direction; with `or_camera`, or the camera's is."""
+    """Report that odometry's forward is another direction; with `or_camera`, or the camera's is."""
     degrees = round(float(np.degrees(offset_rad)))
     near = 90 * round(degrees / 90)
     forward = -near if near and abs(degrees - near) <= SAME_AXIS_DEG else -degrees
@@ -170,7 +170,7 @@ def direction_finding(
 
 
 def scale_finding(scale: float, *evidence: Evidence, truth: bool = False, **numbers: float) -> Finding:
-    """Report that lengths are not in meters, or over-read by far."""
+    """Report that lengths are not in meters, or far too long."""
     whose = "truth" if truth else "odometry"
     near = min(UNITS, key=lambda one: abs(np.log(scale / one)))
     numbers = {"scale": scale, **numbers}

@@ -33,11 +33,11 @@ from .findings import (
 
 FASTEST_M_S = 12.0  # faster than any robot that looks around drives, as the 95th percentile
 STEP_M = 0.05  # poses are compared over steps of this length
-ONE_WAY = 0.8  # share of the distance that goes in one direction
-SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a segment is as long as it takes to go or turn so far
+ONE_WAY = 0.8  # share of the distance in one direction
+SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a segment ends after this distance or turn
 MOST_SEGMENTS = 400  # spread over the drive
 FEWEST_SEGMENTS = 8
-WORST = 0.15  # share of the segments that slips and jumps of the truth may spoil
+WORST = 0.15  # share of the segments that slips and jumps of the truth may affect
 GAINS: F64 = np.geomspace(0.3, 3.3, 200)  # actual over measured turns; skidding wheels over-read by a third
 
 
@@ -51,16 +51,16 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How well odometry, read in one way, agrees with the truth."""
+    """How well odometry, by one reading, agrees with the truth."""
 
     reading: Reading
     shift_s: float  # taken from the odometry's times
     gain: float  # true turn over measured turn
-    scale: float  # true way over measured way
+    scale: float  # true over measured distance
     offset_rad: float  # true direction of travel minus measured, in the robot's frame
-    turn_unexplained: float  # share of the turning's squares, 0 to about 1
-    way_unexplained: float  # share of the ways' squares
-    legs: int
+    turn_unexplained: float  # share of the squared turns, 0 to about 1
+    way_unexplained: float  # share of the squared distances
+    segments: int
 
     @property
     def unexplained(self) -> float:
@@ -70,11 +70,11 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruthSegments:
-    """The truth cut into L legs."""
+    """The truth, cut into L segments."""
 
     begin_s: F64  # (L,)
     end_s: F64  # (L,)
-    moved: F64  # (L, 3) the true motion, in the robot's frame at the leg's begin
+    moved: F64  # (L, 3) the true motion, in the robot's frame at the start of the segment
 
 
 def segments_of(track: RecordedTruth, turn: float = 1.0) -> TruthSegments:
@@ -99,7 +99,7 @@ def segments_of(track: RecordedTruth, turn: float = 1.0) -> TruthSegments:
 
 
 def readings(odometry: RecordedOdometry) -> list[Reading]:
-    """List what is tried; the first one is what the numbers should be."""
+    """Return the readings to try; the first one is the expected one."""
     frames = ("",) if odometry.poses else ("", "world", "absolute")
     return [Reading(turn, frame) for frame in frames for turn in TURNS]
 
@@ -117,15 +117,15 @@ def motions_read(odometry: RecordedOdometry, reading: Reading) -> F64:
 
 
 def agreement(
-    odometry: RecordedOdometry, legs: TruthSegments, reading: Reading, shift_s: float = 0.0
+    odometry: RecordedOdometry, segments: TruthSegments, reading: Reading, shift_s: float = 0.0
 ) -> Agreement | None:
-    """Compare odometry, read in one way and moved in time, with the truth; None for too few legs."""
+    """Compare odometry, by one reading and shifted in time, with the truth; None for too few segments."""
     motions = motions_read(odometry, reading)
-    begin, end = _records_in(odometry.t_s - shift_s, legs)
+    begin, end = _records_in(odometry.t_s - shift_s, segments)
     used = end > begin
     if used.sum() < FEWEST_SEGMENTS:
         return None
-    begin, end, moved = begin[used], end[used], legs.moved[used]
+    begin, end, moved = begin[used], end[used], segments.moved[used]
     turned = _sums(motions[:, 2], begin, end)
     gain, turn_unexplained = _fit_turns(turned, moved[:, 2])
     ahead, aside = _ways(motions, gain, begin, end)
@@ -134,10 +134,10 @@ def agreement(
     return Agreement(reading, shift_s, *found, int(used.sum()))
 
 
-def _records_in(t_s: F64, legs: TruthSegments) -> tuple[I32, I32]:
-    """Return the first record of each leg, and the one after its last."""
-    begin = np.searchsorted(t_s, legs.begin_s, side="right")
-    end = np.searchsorted(t_s, legs.end_s, side="right")
+def _records_in(t_s: F64, segments: TruthSegments) -> tuple[I32, I32]:
+    """Return the first record of each segment, and the one after its last."""
+    begin = np.searchsorted(t_s, segments.begin_s, side="right")
+    end = np.searchsorted(t_s, segments.end_s, side="right")
     return np.asarray(begin, np.int32), np.asarray(end, np.int32)
 
 
@@ -156,7 +156,7 @@ def _ways(motions: F64, gain: float, begin: I32, end: I32) -> tuple[F64, F64]:
 
 
 def _fit_turns(measured: F64, actual: F64) -> tuple[float, float]:
-    """Find the gain, and the share of the turning's squares that is not explained with it."""
+    """Return the gain, and the share of the squared turns that it does not explain."""
     whole = _best_part(actual**2)
     if not whole.sum() > 1e-9:
         return 1.0, 0.0
@@ -167,7 +167,7 @@ def _fit_turns(measured: F64, actual: F64) -> tuple[float, float]:
 
 
 def _fit_ways(ahead: F64, aside: F64, moved: F64) -> tuple[float, float, float]:
-    """Find scale and direction, and the share of the ways' squares that is not explained with them."""
+    """Return scale and direction, and the share of the squared distances that they do not explain."""
     measured, actual = ahead + 1j * aside, moved[:, 0] + 1j * moved[:, 1]
     far = (np.abs(actual) >= SEGMENT_M / 3) & (np.abs(measured) > 0)
     if far.sum() < FEWEST_SEGMENTS:
@@ -191,12 +191,12 @@ def _middle_direction(ratios: object) -> float:
 
 
 def _best_part(squares: F64) -> F64:
-    """Leave out the largest few."""
+    """Return all but the largest few."""
     return np.sort(squares)[: int(np.ceil(len(squares) * (1 - WORST)))]
 
 
 def shifts(drive: RecordedDrive) -> F64:
-    """List the delays that are tried, in seconds: up to two updates, or two seconds of dense records."""
+    """Return the delays to try, in seconds: up to two updates, or two seconds of dense records."""
     steps = [np.diff(times) for times in (drive.odometry.t_s, drive.truth.t_s) if len(times) > 1]
     spacing = max((float(np.median(s[s > 0])) for s in steps if (s > 0).any()), default=1.0)
     most = 2.0 if spacing < 0.5 else 2.5 * spacing
@@ -204,7 +204,7 @@ def shifts(drive: RecordedDrive) -> F64:
 
 
 def moves_of(poses: F64) -> F64:
-    """Return the way between poses (n, 2) some centimeters apart, seen from each step's end."""
+    """Return the steps (n, 2) between poses at intervals of `STEP_M`, in the frame at each step's end."""
     gone = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T))
     chosen = np.unique(np.searchsorted(gone, np.arange(0.0, min(gone[-1], 1000.0), STEP_M)))
     some = poses[chosen]
@@ -213,14 +213,14 @@ def moves_of(poses: F64) -> F64:
 
 
 def direction_of(odometry: RecordedOdometry, reading: Reading) -> float:
-    """Return the direction in which nearly all of the way goes, as the robot sees it; 0 for no direction."""
+    """Return the direction of nearly all travel in the robot's frame; 0 if there is none."""
     if odometry.poses:
         return main_direction(moves_of(odometry.values * [1, 1, TURNS[reading.turn]]))
     return main_direction(motions_read(odometry, reading))
 
 
 def main_direction(motions: F64) -> float:
-    """Return the direction in which nearly all of the way of motions (K, 3) goes; 0 for no direction."""
+    """Return the direction of nearly all of the distance of motions (K, 3); 0 if there is none."""
     x, y = motions[:, 0].sum(), motions[:, 1].sum()
     whole = np.hypot(motions[:, 0], motions[:, 1]).sum()
     return float(np.arctan2(y, x)) if np.hypot(x, y) > ONE_WAY * whole else 0.0
@@ -228,32 +228,32 @@ def main_direction(motions: F64) -> float:
 
 # Findings from that comparison; none where all is well.
 
-GOOD = 0.2  # unexplained share up to which a reading is believed as it stands (healthy drives: under 0.02)
-FAR_BETTER = 0.4  # another reading has to leave less than this share of what the first one leaves
+GOOD = 0.2  # unexplained share up to which a reading is accepted as it is (healthy drives: below 0.02)
+FAR_BETTER = 0.4  # another reading must leave less than this share of what the first one leaves
 POOR = 0.4  # no reading at all explains the truth
-WHOLE_TURN = 6.6  # rad: headings in radians are usually within a whole turn
+WHOLE_TURN = 6.6  # rad: headings in radians are usually within a full turn
 FAR_OFF = np.radians(25)  # of a direction
 FAR_GAIN = 0.2  # natural log of a ratio of gains
-WORTH_S = 0.15  # a smaller delay is not told
+WORTH_S = 0.15  # a smaller delay is not reported
 
 
 def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
-    """Return what is wrong with the odometry, or with the truth, by the other.
+    """Return what is wrong with the odometry or the truth, by comparison.
 
-    `movement_s` is what would be added to the truth's times by how both move, for a delay of any length.
+    `movement_s` is the offset to the truth's times that aligns their movements, for delays of any length.
     """
     if drive.truth.size < 2 or drive.odometry.size < 2:
         return []
     findings: list[Finding] = []
-    legs, usual = segments_of(drive.truth), None
+    segments, usual = segments_of(drive.truth), None
     if np.abs(drive.truth.poses[:, 2]).max() > WHOLE_TURN:
-        legs, findings = _in_degrees(drive, legs)
-    usual = agreement(drive.odometry, legs, Reading())
+        segments, findings = _in_degrees(drive, segments)
+    usual = agreement(drive.odometry, segments, Reading())
     if usual is None:
         return findings
-    best = best_agreement(drive, legs, usual)
+    best = best_agreement(drive, segments, usual)
     if best.unexplained > POOR and movement_s is not None:
-        late = agreement(drive.odometry, legs, Reading(), round(movement_s, 1))
+        late = agreement(drive.odometry, segments, Reading(), round(movement_s, 1))
         best = late if late and late.unexplained < FAR_BETTER * best.unexplained else best
     if best.unexplained > POOR:
         return [*findings, Finding("disagreement", (_agreement(best),))]
@@ -262,21 +262,21 @@ def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -
     return [*findings, *_about(best, usual, drive)]
 
 
-def best_agreement(drive: RecordedDrive, legs: TruthSegments, usual: Agreement) -> Agreement:
-    """Find the reading and delay that explain the truth best; the usual one unless another is far better."""
-    found = [one for r in readings(drive.odometry) if (one := agreement(drive.odometry, legs, r))]
+def best_agreement(drive: RecordedDrive, segments: TruthSegments, usual: Agreement) -> Agreement:
+    """Return the reading and delay that explain the truth best, or the usual one unless far worse."""
+    found = [one for r in readings(drive.odometry) if (one := agreement(drive.odometry, segments, r))]
     best = min(found, key=lambda one: one.unexplained)
     if best.unexplained > GOOD:  # a delay may hide which reading is right
-        best = min((_shifted(drive, legs, one) for one in found), key=lambda one: one.unexplained)
+        best = min((_shifted(drive, segments, one) for one in found), key=lambda one: one.unexplained)
     as_it_stands = usual.unexplained <= GOOD and abs(usual.offset_rad) <= FAR_OFF
     if as_it_stands or best.unexplained > FAR_BETTER * usual.unexplained:
         best = usual
-    return _shifted(drive, legs, best) if not best.shift_s else best
+    return _shifted(drive, segments, best) if not best.shift_s else best
 
 
-def _shifted(drive: RecordedDrive, legs: TruthSegments, at_once: Agreement) -> Agreement:
-    """Try delays; the agreement that was given unless one explains far more."""
-    tried = [agreement(drive.odometry, legs, at_once.reading, float(s)) for s in shifts(drive)]
+def _shifted(drive: RecordedDrive, segments: TruthSegments, at_once: Agreement) -> Agreement:
+    """Try delays; return the given agreement unless one explains far more."""
+    tried = [agreement(drive.odometry, segments, at_once.reading, float(s)) for s in shifts(drive)]
     known = [one for one in tried if one is not None]
     best = min(known, key=lambda one: one.unexplained, default=at_once)
     if best.unexplained > FAR_BETTER * at_once.unexplained or at_once.unexplained < 0.01:
@@ -286,7 +286,7 @@ def _shifted(drive: RecordedDrive, legs: TruthSegments, at_once: Agreement) -> A
     return middle if abs(middle.shift_s) > WORTH_S else at_once
 
 
-def _in_degrees(drive: RecordedDrive, legs: TruthSegments) -> tuple[TruthSegments, list[Finding]]:
+def _in_degrees(drive: RecordedDrive, segments: TruthSegments) -> tuple[TruthSegments, list[Finding]]:
     """Check whether the truth's headings are in degrees; return the segments to use, and findings."""
     other = segments_of(drive.truth, DEGREE)
     best = [
@@ -294,10 +294,10 @@ def _in_degrees(drive: RecordedDrive, legs: TruthSegments) -> tuple[TruthSegment
             (a.unexplained for r in readings(drive.odometry) if (a := agreement(drive.odometry, one, r))),
             default=1.0,
         )
-        for one in (legs, other)
+        for one in (segments, other)
     ]
     if best[1] > FAR_BETTER * best[0]:
-        return legs, []
+        return segments, []
     largest = float(np.abs(drive.truth.poses[:, 2]).max())
     seen = Evidence("degrees", {"largest": largest, "if_degrees": best[1], "if_radians": best[0]})
     options = {"truth_turn_scale": DEGREE}
@@ -312,9 +312,9 @@ def _delay(found: Agreement, usual: Agreement) -> Finding:
 
 
 def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
-    """Return the numbers of a comparison with the truth, and beside them those of the usual reading."""
+    """Return the numbers of a comparison with the truth, with those of the usual reading."""
     values: dict[str, float | str] = {
-        "segments": found.legs,
+        "segments": found.segments,
         "gain": found.gain,
         "scale": found.scale,
         "turn_unexplained": found.turn_unexplained,
@@ -326,7 +326,7 @@ def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
 
 
 def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Finding]:
-    """Return what the best reading means."""
+    """Return the findings that follow from the best reading."""
     findings, seen = list[Finding](), _agreement(best, usual)
     if best.reading.turn:
         findings.append(turn_finding(best.reading.turn, seen, unexplained=best.unexplained))
@@ -345,7 +345,7 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
 
 
 def _offset(best: Agreement, drive: RecordedDrive) -> float:
-    """Return where forward is: by the odometry alone if near, as the robot's drift is not in it."""
+    """Return the forward direction: the odometry's own if similar, since that excludes drift."""
     own = -direction_of(drive.odometry, best.reading)
     near = own and abs(wrap_angle(np.array(own - best.offset_rad))) < FAR_OFF
     return own if near else best.offset_rad
@@ -356,7 +356,7 @@ def _gains_apart(best: Agreement, drive: RecordedDrive) -> bool:
 
 
 def _scale(best: Agreement, drive: RecordedDrive, seen: Evidence) -> Finding:
-    """Report whose lengths are wrong: the truth's, where it spans far more than the map is."""
+    """Report whose lengths are wrong: the truth's, if it spans far more than the map."""
     span = float(np.ptp(drive.truth.poses[:, :2], axis=0).max())
     if best.scale > 1 and (span > 3 * drive.size_m or _too_fast(drive)):
         return scale_finding(
@@ -366,7 +366,9 @@ def _scale(best: Agreement, drive: RecordedDrive, seen: Evidence) -> Finding:
 
 
 def _too_fast(drive: RecordedDrive) -> bool:
-    """Return whether no robot goes as the truth does."""
-    legs = segments_of(drive.truth)
-    speeds = np.hypot(legs.moved[:, 0], legs.moved[:, 1]) / np.maximum(legs.end_s - legs.begin_s, 1e-3)
+    """Return whether the truth is faster than any robot."""
+    segments = segments_of(drive.truth)
+    speeds = np.hypot(segments.moved[:, 0], segments.moved[:, 1]) / np.maximum(
+        segments.end_s - segments.begin_s, 1e-3
+    )
     return bool(np.median(speeds) > FASTEST_M_S)

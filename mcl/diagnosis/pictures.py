@@ -1,7 +1,7 @@
-"""Pictures against a library: does the camera look where the pose says, and when its time stamp says.
+"""Pictures against a library: is the camera's direction that of the pose, and its time stamp right.
 
 Where truth is known, the log-likelihood of each picture at its true pose is compared with that at the same
-place looking elsewhere, and at poses a little earlier or later. `diagnosis_evidence` does without truth.
+place with other headings, and at earlier or later poses. `evidence` needs no truth.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from ..records import Comparison
 from .findings import Evidence, Finding, RecordedTruth, picture_delay_finding
 from .plausibility import same_moments
 
-YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # where the camera may look
+YAWS: F64 = np.arange(-36.0, 36.0) * (np.pi / 36)  # directions to try
 DELAYS = 41
 COARSE: F64 = np.arange(2.5, 15.1, 0.5)  # further delays, in seconds, of truth that comes often
-DENSE_S = 0.5  # truth that comes more often than this tells delays of less than an update
-MAX_GAP_S = 1.0  # truth is interpolated across no more
+DENSE_S = 0.5  # spacing of truth below which delays shorter than an update are detectable
+MAX_GAP_S = 1.0  # longest gap across which truth is interpolated
 FEWEST_PICTURES = 8
-LEAST_NATS, LEAST_SIGMAS = 0.3, 2.5  # a mean gain a picture that is worth a finding, and how sure it is
+LEAST_NATS, LEAST_SIGMAS = 0.3, 2.5  # mean gain per picture for a finding, and its significance
 LEAST_YAW_RAD = float(np.radians(20))
-MOST_NATS = 3.0  # that one picture may say for or against, where it is asked how sure all are
-STANDS_S = 3.5  # a robot that stands to look sees the same for so long
-FLAT = 0.15  # share of the gain that counts as nearly as high
+MOST_NATS = 3.0  # limit on one picture's gain when computing the significance
+STANDS_S = 3.5  # duration of a stop, during which pictures are the same
+FLAT = 0.15  # share of the gain that counts as equally high
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,30 +51,30 @@ class ComparedPictures:
 
 @dataclass(frozen=True, slots=True)
 class Gained:
-    """What is gained by believing that something is different from what the log says."""
+    """The gain of a hypothesis that differs from the log."""
 
     value: float  # radians or seconds
-    nats: float  # mean gain in log-likelihood a picture
+    nats: float  # mean gain in log-likelihood per picture
     sigmas: float  # of that mean, by the scatter over pictures
     pictures: int
 
 
 def best_yaw(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
-    """Find where the camera looks, counter-clockwise from forward; None where truth says too little."""
+    """Return the camera's direction, counter-clockwise from forward; None for too little truth."""
     poses = truth_at(track, looks.t_s)[:, None].repeat(len(YAWS), axis=1)
     poses[..., 2] += YAWS
     return _best(looks.at(poses), YAWS, circular=True)
 
 
 def best_delay(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
-    """Find how many seconds too late the pictures' time stamps are (below zero: too early)."""
+    """Return by how many seconds the pictures' time stamps are late (below zero: early)."""
     delays = delays_tried(track)
     poses = np.stack([truth_at(track, looks.t_s - delay) for delay in delays], axis=1)
     return _best(looks.at(poses), delays, circular=False)
 
 
 def delays_tried(track: RecordedTruth) -> F64:
-    """List delays: to two seconds and more coarsely to fifteen, or two updates and a half of sparse truth."""
+    """Return the delays to try: to 2 s, and coarsely to 15 s; or 2.5 updates of sparse truth."""
     steps = np.diff(track.t_s)
     spacing = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     if spacing >= DENSE_S:
@@ -95,12 +95,12 @@ def truth_at(track: RecordedTruth, t_s: F64) -> F64:
 
 
 def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
-    """Choose the value whose mean is highest: the middle of those around it that are nearly as high."""
+    """Return the value of highest mean: the middle of its neighbors that are nearly as high."""
     usual = found[:, np.abs(values).argmin()]
     counted = np.isfinite(usual)
     if counted.sum() < FEWEST_PICTURES:
         return None
-    floor = float(np.nanmin(found))  # outside free space is as bad as the worst place inside
+    floor = float(np.nanmin(found))  # outside free space counts as the worst place inside
     gains = np.where(np.isfinite(found), found, floor)[counted] - usual[counted, None]
     mean = gains.mean(axis=0)
     top = int(mean.argmax())
@@ -118,7 +118,7 @@ def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
 
 
 def _run(mean: F64, top: int) -> Bool:
-    """Mark what lies around the top without a gap and is nearly as high."""
+    """Mark the contiguous values around the top that are nearly as high."""
     high = mean >= mean[top] - FLAT * max(float(mean[top]), 0.0)
     gaps = np.flatnonzero(~high)
     low, end = gaps[gaps < top].max(initial=-1), gaps[gaps > top].min(initial=len(mean))
@@ -128,7 +128,7 @@ def _run(mean: F64, top: int) -> Bool:
 
 
 def seen_with_truth(looks: ComparedPictures, track: RecordedTruth) -> list[Finding]:
-    """Return whether the camera looks elsewhere, or pictures are stamped late: the one that explains more."""
+    """Return a finding if the camera's direction or the time stamps are wrong: the one that explains more."""
     yaw, delay = best_yaw(looks, track), best_delay(looks, track)
     elsewhere = yaw is not None and _sure(yaw) and abs(yaw.value) >= LEAST_YAW_RAD
     late = delay is not None and _sure(delay)

@@ -21,20 +21,20 @@ from .odometry import FASTEST_M_S, Reading, direction_of, motions_read, moves_of
 
 # Numbers of the odometry by themselves.
 
-SLOWEST_M_S = 0.002  # what a robot that looks around drives at least, as the 95th percentile
+SLOWEST_M_S = 0.002  # minimum speed of a robot that looks around, 95th percentile
 FASTEST_RAD_S = 12.0  # two turns a second
 USUAL_M_S = 0.3
 PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 FEWEST = 8  # records that move
-MOST_OF_ONE = 10.0  # times the median way, that one record counts
-OFF_RAD = 0.44  # how far off forward the main direction may be before it is reported
-ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the way that goes sideways: too much, and hardly any
+MOST_OF_ONE = 10.0  # times the median distance: the most that one record counts
+OFF_RAD = 0.44  # angle from forward beyond which the main direction is reported
+ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the distance that is sideways: too much, and hardly any
 
 
 def speeds(odometry: RecordedOdometry) -> tuple[float, float]:
     """Return how fast the robot goes (m/s) and turns (rad/s): 95th percentiles of what moves; 0 for nothing.
 
-    Turns are taken as they stand, so that degrees show.
+    Turns are not wrapped, so that degrees are detected.
     """
     motions = motions_of(odometry)
     turns = np.diff(odometry.values[:, 2], prepend=odometry.values[0, 2]) if odometry.poses else motions[:, 2]
@@ -51,7 +51,7 @@ def _high(amounts: F64, passed_s: F64) -> float:
 
 
 def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
-    """Return whether times are no seconds; give what they have to be multiplied by."""
+    """Return the factor that turns times into seconds, and a finding if it is not 1."""
     way, turn = speeds(drive.odometry) if drive.odometry.size else (0.0, 0.0)
     if not (0 < way < SLOWEST_M_S and turn < SLOWEST_M_S):
         return 1.0, []
@@ -89,7 +89,7 @@ def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
 
 
 def best_reading(odometry: RecordedOdometry) -> Reading:
-    """Find the reading by which a robot that cannot go sideways does not; the usual one where that does."""
+    """Return the reading with hardly any sideways motion; the usual one if it has little."""
     if aside_share(odometry, Reading()) < ASIDE:
         return Reading()
     small = odometry.poses and np.abs(odometry.values[:, 2]).max() <= np.pi  # headings of quaternions are
@@ -100,7 +100,7 @@ def best_reading(odometry: RecordedOdometry) -> Reading:
 
 
 def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
-    """Return the share of the way that goes sideways, 0 to 1, if the odometry is what the reading says."""
+    """Return the sideways share of the distance, 0 to 1, under a reading."""
     if odometry.poses:
         motions = moves_of(odometry.values * [1, 1, TURNS[reading.turn]])
     else:
@@ -108,7 +108,7 @@ def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
     ways = np.hypot(motions[:, 0], motions[:, 1])
     if not ways.any():
         return 0.0
-    counted = np.minimum(ways, MOST_OF_ONE * np.median(ways[ways > 0]))  # one wild record does not decide
+    counted = np.minimum(ways, MOST_OF_ONE * np.median(ways[ways > 0]))  # one outlier does not decide
     aside = np.divide(np.abs(motions[:, 1]), ways, out=np.zeros_like(ways), where=ways > 0)
     return float(counted @ aside / counted.sum())
 
@@ -123,17 +123,17 @@ def _too_fast(way: float, size_m: float) -> Finding:
 # Clocks of pictures, odometry and truth that have no time in common, and what would align them.
 
 FEW = 0.2  # share of the pictures
-MAX_GAP_S = 1.0  # truth is interpolated across no more
-MOST_TIMES = 5000  # of one kind that are compared
+MAX_GAP_S = 1.0  # longest gap across which truth is interpolated
+MOST_TIMES = 5000  # of one kind to compare
 MOST_PICTURES = 60
-ALIKE_S = 2e-3  # times that differ by less are the same
-MOST, OTHER = 0.8, 0.5  # share of the times that meet with an offset, and that may meet with any other
+ALIKE_S = 2e-3  # times that differ by less are equal
+MOST, OTHER = 0.8, 0.5  # share of times that coincide at an offset, and at most at any other
 
 
 def same_moments(late_t_s: F64, t_s: F64) -> float | None:
-    """Return by how much some times are late where nearly all of them or of the others are then the same.
+    """Return the delay at which nearly all of the fewer times coincide with the others.
 
-    None where no offset does that, or several do, as with times that come evenly.
+    None where no delay or several do, as with evenly spaced times.
     """
     most = (MOST_PICTURES, MOST_TIMES) if len(late_t_s) <= len(t_s) else (MOST_TIMES, MOST_PICTURES)
     late, ours = late_t_s[: most[0]], t_s[: most[1]]
@@ -150,9 +150,9 @@ def same_moments(late_t_s: F64, t_s: F64) -> float | None:
 
 
 def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
-    """Return whether pictures, odometry and truth have no time in common.
+    """Return findings where pictures, odometry and truth have no time in common.
 
-    `movement_s` is what has to be added to the truth's times so that it moves when the odometry does.
+    `movement_s` is the offset to the truth's times that aligns its movement with the odometry's.
     """
     findings: list[Finding] = []
     shared = {name: _overlap(times, drive.picture_t_s) for name, times in _others(drive)}
@@ -183,7 +183,7 @@ def _overlap(times: F64, ours: F64) -> bool:
 
 
 def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
-    """Return how late a clock is, by the best that is known, and what that is: a word for the finding."""
+    """Return the delay of a clock by the best available source, and the name of that source."""
     exact = same_moments(times, ours)
     if exact is not None:
         return exact, "pictures"
@@ -193,7 +193,7 @@ def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
 
 
 def truth_apart(drive: RecordedDrive) -> list[Finding]:
-    """Return whether the truth passes the pictures by: none at their times, though it goes on beside them."""
+    """Return a finding if hardly any picture has truth at its time, though their times overlap."""
     truth, pictures = drive.truth, drive.picture_t_s
     if truth.size < FEWEST or len(pictures) < FEWEST:
         return []
