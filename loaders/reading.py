@@ -44,7 +44,7 @@ class ReadingOptions:
 
         >>> from maurice_loaders import ReadingOptions
         >>> ReadingOptions(turn_scale=-1.0, camera_yaw_rad=1.5707963).corrections
-        ('--turn-scale -1', '--camera-yaw 89.9999985')
+        ('--reading turn_scale=-1', '--reading camera_yaw_deg=89.9999985')
     """
 
     format: Annotated[
@@ -117,10 +117,10 @@ class ReadingOptions:
 
     @property
     def corrections(self) -> tuple[str, ...]:
-        """All corrections as they are typed: "--turn-scale -1"."""
+        """All corrections as they are typed: "--reading turn_scale=-1"."""
         usual = ReadingOptions()
         changed = [name for name in CORRECTIONS if getattr(self, name) != getattr(usual, name)]
-        return tuple(f"{option_name(name)} {option_value(name, getattr(self, name))}" for name in changed)
+        return tuple(f"{option_name(name)}={option_value(name, getattr(self, name))}" for name in changed)
 
     @property
     def as_it_is(self) -> bool:
@@ -136,8 +136,8 @@ CORRECTIONS = tuple(name for name, meaning in FIELDS.items() if meaning.group ==
 
 
 def option_name(name: str) -> str:
-    """Return the command-line option of a field: `camera_yaw_rad` is `--camera-yaw`."""
-    return "--" + name.removesuffix("_rad").removesuffix("_s").removesuffix("_m").replace("_", "-")
+    """Return the command-line option of a field: `camera_yaw_rad` is `--reading camera_yaw_deg`."""
+    return "--reading " + (name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name)
 
 
 def option_value(name: str, value: object) -> str:

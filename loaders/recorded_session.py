@@ -178,10 +178,8 @@ class _Updates:
     @property
     def _advice(self) -> str:
         if self.truths:
-            return "--odometry-from-truth makes some from the truth, for trying things out"
-        return (
-            "name a table of odometry or of true poses with --table, or a bag's topic with --odometry-topic"
-        )
+            return "--reading odometry_from_truth=true makes some from the truth, for trying things out"
+        return "name a table of poses with --reading table=..., or a bag's topic with odometry_topic=..."
 
     def _tell(self) -> None:
         """Report at the end how the alignment went. Raises InputError if no picture found its odometry."""
@@ -196,9 +194,13 @@ class _Updates:
         if self._unpaired == pictures.count:
             where = apart("pictures", pictures, "odometry", odometry)
             found = f"found no picture with odometry {within}: {where}"
-            raise InputError(self._session.path, f"{found}; see --odometry-offset and --max-dt")
+            raise InputError(
+                self._session.path, f"{found}; see --reading odometry_offset_s=... and max_dt_s=..."
+            )
         share = f"{self._unpaired} of {pictures.count} pictures"
-        self._notes.warning(f"{share} have no odometry {within} and were left out; see --max-dt")
+        self._notes.warning(
+            f"{share} have no odometry {within} and were left out; see --reading max_dt_s=..."
+        )
 
 
 # When a session began, on the clock of the recording itself; a session counts from there.

@@ -126,12 +126,11 @@ class BagRecording:
 
 def _refuse_tables(path: Path, options: ReadingOptions) -> None:
     """Refuse options of tables."""
-    typed = {"--time-unit": options.time_unit, "--table": options.table, "--columns": options.columns}
-    for name, value in typed.items():
-        if value:
+    for name in ("time_unit", "table", "columns"):
+        if getattr(options, name):
             raise InputError(
                 path,
-                f"found {name}, expected none with a bag, whose messages define their content; leave it out",
+                f"found --reading {name}=..., which is for tables, and this is a bag; leave it out",
             )
 
 

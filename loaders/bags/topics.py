@@ -85,7 +85,7 @@ def choose(
 
 def nothing_to_read(topics: Sequence[Topic]) -> str:
     """Return the error of a bag with neither pictures nor poses, which lists what it has."""
-    wanted = "expected pictures (--image-topic), odometry (--odometry-topic) or truth (--truth-topic)"
+    wanted = "expected pictures, odometry or truth; name topics with --reading image_topic=..."
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
     more += [advice] if (advice := _video_advice(topics)) else []
     parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
@@ -215,9 +215,9 @@ def _guess_in_words(
 ) -> str:
     """Return what was guessed, what else there is, and the options to choose otherwise."""
     roles = (
-        ("pictures", "--image-topic", wishes.image, image, PICTURES | VIDEOS),
-        ("odometry", "--odometry-topic", wishes.odometry, odometry, POSES),
-        ("truth", "--truth-topic", wishes.truth, truth, POSES),
+        ("pictures", "--reading image_topic=...", wishes.image, image, PICTURES | VIDEOS),
+        ("odometry", "--reading odometry_topic=...", wishes.odometry, odometry, POSES),
+        ("truth", "--reading truth_topic=...", wishes.truth, truth, POSES),
     )
     guessed = [one for one in roles if one[2] is None]
     if not guessed:

@@ -280,8 +280,8 @@ class TimedFolder:
             found = offset_between(*odometry.track(), *truth.track())
             if found is not None:
                 alike = f"its movement is most like the odometry's (correlation {found.correlation:.2f}) with"
-                return f"{alike} --truth-offset {found.offset_s + truth.offset_s:.6f}"
-        together = f"--truth-offset {main.first_s - truth.span.first_s + truth.offset_s:.6f}"
+                return f"{alike} --reading truth_offset_s={found.offset_s + truth.offset_s:.6f}"
+        together = f"--reading truth_offset_s={main.first_s - truth.span.first_s + truth.offset_s:.6f}"
         no_help = "" if odometry is None else "movement does not tell how far; "
         return f"{no_help}if both begin together, use {together}"
 

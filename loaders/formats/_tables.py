@@ -237,7 +237,7 @@ def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dic
         _whole(found, group)
     for role in ANGULAR:
         if role in found and found[role].unit not in ANGLES:
-            text = f"found column {found[role].name!r} without a unit; say --columns {role}="
+            text = f"found column {found[role].name!r} without a unit; say --reading columns={role}="
             raise InputError(file, f"{text}{found[role].name}:deg or :rad", 1)
     return found
 

@@ -223,7 +223,7 @@ def _remarks(
     others = [one.name for one in cameras if one is not camera]
     said = []
     if others and camera is not None:
-        said.append(f"camera {camera.name} is used, {', '.join(others)} is not; see --camera")
+        said.append(f"camera {camera.name} is used, {', '.join(others)} is not; --reading camera=... chooses")
     poses = [one.name for one in sensors if one.layout and not one.has_pictures and one not in used]
     if poses:
         said.append(f"poses of {', '.join(poses)} are not used")

@@ -65,7 +65,7 @@ class TableRecording:
         if "time" not in self.roles:
             notes.warning(f"{self.table}: no column tells the time: a row a second is taken")
         if not any(role in self.roles for role in (*TRUTH, *ODOMETRY, *MOTION)):
-            notes.warning(f"{self.table}: no column tells a pose or a motion; see --columns")
+            notes.warning(f"{self.table}: no column tells a pose or a motion; see --reading columns=...")
         last_t_s = -float("inf")
         for number, (row, words) in enumerate(self._rows()):
             try:
@@ -186,7 +186,7 @@ def open_table(path: Path, options: ReadingOptions) -> TableRecording:
     """
     table = options.table or _table_of(path)
     if table is None or not table.is_file():
-        raise InputError(table or path, "found no table (CSV); name one with --table")
+        raise InputError(table or path, "found no table (CSV); name one with --reading table=...")
     head = head_of(rows(table))
     if head is None:
         raise InputError(table, "found an empty file, expected a table")
@@ -195,7 +195,7 @@ def open_table(path: Path, options: ReadingOptions) -> TableRecording:
         found = f"found columns {show(', '.join(head.names))}, none of a known name"
         if not head.named:
             found = f"found no names of columns, and {len(head.names)} columns; they are called 1, 2, 3 ..."
-        raise InputError(table, f"{found}; say what they are with --columns", head.lines or None)
+        raise InputError(table, f"{found}; say what they are with --reading columns=...", head.lines or None)
     frames = _frames(path, "image" in roles)
     info = SessionInfo(table.stem if table == path else path.resolve().stem)
     return TableRecording(path, info, table, roles, head, frames, options.time_unit).check()
@@ -260,10 +260,10 @@ class FolderRecording:
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the pictures."""
-        notes.warning("found pictures without a table: one a second is taken; see --table")
+        notes.warning("no table: one picture a second is assumed; see --reading table=...")
         tables = [one.name for one in self.path.iterdir() if one.suffix.lower() in TABLES]
         if tables:
-            why = "no table, or several, with columns of known names in UTF-8 text; see --table and --columns"
+            why = "no table, or several, with known columns in UTF-8; see --reading table=..., columns=..."
             notes.warning(f"{', '.join(sorted(tables))} beside them is not used: {why}")
         for number, file in enumerate(pictures_in(self.path)):
             yield Picture(number * PERIOD_S, partial(read_picture, file, file.name), file.name)

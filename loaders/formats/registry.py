@@ -47,7 +47,7 @@ def nothing_beside(path: Path) -> Sequence[Path]:
 class Format:
     """A format that can be read."""
 
-    name: str  # as `--format` takes it
+    name: str  # as `--reading format=` takes it
     what: str  # one line
     looks_like: Callable[[Path], bool]  # by content before name; quick, never raises
     open: Callable[[Path, ReadingOptions], Recording]  # InputError for what cannot be read
@@ -72,7 +72,7 @@ def guess(path: Path) -> Format:
     one = _guess(path)
     if one is None:
         found, names = describe(path, _known, BARE), ", ".join(formats())
-        raise InputError(path, f"found {found}, expected one of these formats: {names}; see --format")
+        raise InputError(path, f"found {found}, expected one of {names}; see --reading format=...")
     return one
 
 
@@ -217,8 +217,8 @@ def _did_you_mean(found: Sequence[Path]) -> str:
 
 
 def table_hint(path: Path) -> str:
-    """Return a hint at `--columns` for a table with column names of its own; "" without a table."""
+    """Return a hint at `columns` for a table with column names of its own; "" without a table."""
     tables = sorted(path.glob("*.[ct]sv")) if path.is_dir() else [path]
     if not tables or tables[0].suffix.lower() not in (".csv", ".tsv"):
         return ""
-    return f" (if {tables[0].name} is a table, say what its columns are with --columns)"
+    return f" (if {tables[0].name} is a table, say what its columns are with --reading columns=...)"

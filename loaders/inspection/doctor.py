@@ -161,7 +161,14 @@ def _about_pictures(
 
 # From what the doctor found to the options of reading that fix it.
 
-UNITS_TAKEN = ("session-log", "table", "tum", "tum-trajectory", "openloris", "euroc")  # by --time-unit
+UNITS_TAKEN = (
+    "session-log",
+    "table",
+    "tum",
+    "tum-trajectory",
+    "openloris",
+    "euroc",
+)  # by --reading time_unit=...
 FACTORS = (
     "odometry_scale",
     "turn_scale",

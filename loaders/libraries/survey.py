@@ -281,7 +281,9 @@ class SelectedSurvey:
             if taken.all():
                 raise InputError(self.path, "found no picture to take, expected pictures with poses")
             found = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
-            raise InputError(self.path, f"{found}; see --truth-topic, --table and --truth-offset")
+            raise InputError(
+                self.path, f"{found}; see --reading truth_topic=..., table=... and truth_offset_s=..."
+            )
         unsharp = blurred(values[known])
         left = known[~unsharp]
         entries = left[choose(rows[left], values[left].min(axis=1), every)]

@@ -61,7 +61,7 @@ class RunManifest:
     state: str = "writing"
     steps: int | None = None  # written when it ended; None while writing
     reading: ReadingOptions = field(default_factory=ReadingOptions)  # all but its `table` and `keep_going`
-    table: Source | None = None  # what --table named
+    table: Source | None = None  # the file of `table` among the options of reading
 
 
 def library_hash(library: Library, channels: Sequence[str]) -> str:
@@ -125,7 +125,7 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
     file = folder / MANIFEST
     if not file.is_file():
         raise InputError(
-            folder, f"found no {MANIFEST} in it, expected a saved run's folder; make one with --run"
+            folder, f"found no {MANIFEST} in it, expected a saved run's folder; make one with --save-run"
         )
     try:
         found = mapping(read_json(file.read_bytes()), "manifest")
@@ -134,7 +134,7 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
     if found.get("format") not in formats:
         raise InputError(file, f"found format {show(found.get('format'))}, expected {formats[0]!r}")
     if found.get("version") not in VERSIONS:
-        known = f"expected {VERSION} at most; replay the session again with --run"
+        known = f"expected {VERSION} at most; replay the session again with --save-run"
         raise InputError(file, f"found version {show(found.get('version'))} of the format, {known}")
     return found
 

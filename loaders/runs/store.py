@@ -90,14 +90,14 @@ def open_run(folder: str | Path) -> SavedRun:
         ...     open_run("session")
         ... except InputError as error:
         ...     print(error)
-        session: found no manifest.json in it, expected a saved run's folder; make one with --run
+        session: found no manifest.json in it, expected a saved run's folder; make one with --save-run
     """
     folder = Path(folder)
     manifest = read_manifest(folder)
     file = folder / CONFIGURATION
     if not file.is_file() or hash_file(file) != manifest.configuration_sha256:
         found = "was changed after it was written" if file.is_file() else "is missing"
-        raise InputError(file, f"{found}; replay the session again with --run")
+        raise InputError(file, f"{found}; replay the session again with --save-run")
     try:
         return SavedRun(folder, manifest, configure([read_config(file)]))
     except ValueError as problem:  # a channel that is not installed here, a key of another version

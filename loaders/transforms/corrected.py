@@ -89,7 +89,9 @@ def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
         return recording
     if correction.odometry_are not in (None, *MOTIONS_ARE):
         expected = f"expected one of {', '.join(MOTIONS_ARE)}"
-        raise InputError(recording.path, f"found --odometry-are {correction.odometry_are}, {expected}")
+        raise InputError(
+            recording.path, f"found --reading odometry_are={correction.odometry_are}, {expected}"
+        )
     return Corrected(recording, correction)
 
 
@@ -135,7 +137,7 @@ class _Wheels:
     def pose(self, values: F64) -> F64:
         """Return the odometry's pose (3,) of what was written (3,)."""
         if self._are == "steps":
-            found = "found odometry that is poses, and --odometry-are steps is for motions"
+            found = "found odometry that is poses, and --reading odometry_are=steps is for motions"
             raise InputError(self._path, f"{found}; leave it out")
         pose: F64 = values * self._units + [0.0, 0.0, self._ahead_rad]
         if self._gain == 1:

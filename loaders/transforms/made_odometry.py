@@ -103,12 +103,12 @@ def odometry_from_truth(recording: Recording, seed: int) -> MadeOdometry:
     for record in checked(recording, notes):
         if isinstance(record, OdometryPose | Motion):
             found = "found odometry that was measured, so none is made from the truth"
-            raise InputError(recording.path, f"{found}; leave --odometry-from-truth out")
+            raise InputError(recording.path, f"{found}; leave odometry_from_truth out")
         truths += isinstance(record, TruthPose)
     if not truths:
         said = [text for text in notes.warnings if "truth" in text]
         why = f" ({said[0]})" if said else ""
-        raise InputError(recording.path, f"found no truth{why}, and --odometry-from-truth needs true poses")
+        raise InputError(recording.path, f"found no truth{why}, and odometry_from_truth needs true poses")
     return MadeOdometry(recording, seed)
 
 

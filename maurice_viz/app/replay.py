@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -210,7 +209,6 @@ def opened_session(
 STEM = "live"  # of the recording, where no --rrd names it
 LATE_S = 10.0  # of session time: by then a robot may have moved
 CALENDAR_S = 1e8  # times from here on count from 1970, and do not show when the drive began
-QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,10 +254,9 @@ def follow_source(
         advice = "capture the drive with --capture DIR, then replay DIR/session.log with --save-run"
         raise OptionError(f"--save-run is for recorded sessions; {advice}")
     if opening.corrections or opening.odometry_from_truth:
-        what = opening.corrections[0] if opening.corrections else "--odometry-from-truth"
+        what = opening.corrections[0] if opening.corrections else "--reading odometry_from_truth=true"
         advice = "capture the drive with --capture DIR, then replay DIR/session.log so"
         raise OptionError(f"{what} needs a recording; {advice}")
-    os.environ.setdefault("RUST_LOG", QUIET)  # of the viewer that is started
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
     gate = Gate(opening.min_distance_m, opening.min_angle_rad)
     listen = ListenOptions(live.keep_up, patience_of(live.patience_s), opening.camera, gate, library=library)

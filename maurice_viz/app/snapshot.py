@@ -158,7 +158,7 @@ def _recording_of(source: Path, listener: Listener) -> Iterator[Path]:
     """Yield the recording itself, or a temporary one that a saved run is drawn into."""
     if source.suffix == ".rrd":
         if not source.is_file():
-            raise InputError(source, "found no such recording; replay a session with --save to make one")
+            raise InputError(source, "found no such recording; replay a session with --rrd to make one")
         yield source
         return
     with tempfile.TemporaryDirectory(prefix="maurice-snapshot-") as folder:

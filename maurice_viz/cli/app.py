@@ -100,7 +100,7 @@ class PanelCommand(TyperCommand):
         with errors_end_the_command():
             stop_by_exception()
             channels = sys.modules.get(
-                "maurice_mcl.sensor.descriptors"
+                "maurice_mcl.sensor.descriptors.registry"
             )  # of which some may be the user's own
             for text in getattr(channels, "BROKEN", ()):
                 typer.echo(text, err=True)

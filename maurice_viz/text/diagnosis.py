@@ -64,7 +64,7 @@ def _or_camera(what: str, values: Values) -> str:
 def _camera_too(fix: str, values: Values) -> str:
     if values.get("or") != "camera":
         return IN_LOG + fix
-    return f"{IN_LOG}{fix}; if it is the camera, --camera-yaw {-values['offset_deg']} fixes it as well"
+    return f"{IN_LOG}{fix}; for the camera: --reading camera_yaw_deg={-values['offset_deg']}"
 
 
 def _whose(values: Values) -> str:
@@ -147,7 +147,7 @@ FIX: Mapping[str, Callable[[Values], str]] = {
     "odometry-clock": lambda v: _BY[v["by"]],
     "truth-clock": lambda v: _BY[v["by"]],
     "truth-apart": lambda v: (
-        "--truth-offset, or the same in the log, if one of the clocks is late; else more frequent truth"
+        "--reading truth_offset_s=..., or the same in the log, if a clock is late; else more frequent truth"
     ),
     "truth-degrees": lambda v: f"{IN_LOG}multiply the truth's heading by pi / 180",
     "disagreement": lambda v: "check that odometry and truth belong to one drive and one clock",
@@ -168,11 +168,11 @@ FIX: Mapping[str, Callable[[Values], str]] = {
     "scale": _scale_fix,
     "truth-scale": _scale_fix,
     "turn-gain": lambda v: (
-        "`maurice-replay calibrate motion SESSION` measures it on a drive with truth; --motion takes it"
+        "`maurice-replay calibrate motion SESSION` measures it with truth; use it with --set motion=FILE"
     ),
     "odometry-delay": lambda v: (
         f"{IN_LOG}{_shift(v['delay_s'], 'the odometry')}; "
-        f"--truth-offset {v['delay_s']:g} if pictures go with the odometry"
+        f"--reading truth_offset_s={v['delay_s']:g} if pictures go with the odometry"
     ),
     "picture-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the pictures')}",
     "camera-yaw": lambda v: (

@@ -104,7 +104,7 @@ def test_a_picture_without_odometry_is_left_out_and_its_way_is_not_lost() -> Non
 def test_clocks_that_never_meet_are_an_error_that_says_how_far_apart_they_are() -> None:
     session = RecordedSession(Given([odometry(0, 0), odometry(1, 1), picture(1000), picture(1001)]))
     for reading in (lambda: list(session.moments()), session.overview):
-        with pytest.raises(InputError, match=r"1000\.000 s apart.*--odometry-offset"):
+        with pytest.raises(InputError, match=r"1000\.000 s apart.*odometry_offset_s"):
             reading()
 
 

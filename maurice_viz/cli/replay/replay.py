@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+
+from maurice_loaders.live.source import is_live
 
 from ...layouts.names import DETAILS
 from ..console import listening
@@ -34,6 +37,8 @@ from ..options import (
 from ..reading import ReadingOption, reading_of
 from ..scores import printed
 
+QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
+
 
 def replay(
     session: SessionArgument,
@@ -60,6 +65,8 @@ def replay(
     as_recorded: AsRecordedOption = False,
 ) -> None:
     """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
+    if follow or is_live(session):
+        os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
     from ...app.open import RunSpec
     from ...app.replay import LiveOptions, replay_any
 

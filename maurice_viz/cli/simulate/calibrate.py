@@ -68,7 +68,7 @@ def motion(
     if output is None:
         results.print(fitted.to_toml(), end="")
     else:
-        note(f"{output} written; now try: maurice-replay SESSION --motion {output}")
+        note(f"{output} written; now try: maurice-replay SESSION --set motion={output}")
 
 
 @calibrate.command()

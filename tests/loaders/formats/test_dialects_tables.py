@@ -137,7 +137,7 @@ def test_odd_names_make_a_table_of_a_file_and_of_a_folder(tmp_path: Path) -> Non
     for one in tmp_path.glob("*.png"):
         one.unlink()
     for path in (folder, folder / "drive.csv"):
-        with pytest.raises(InputError, match=r"drive\.csv is a table, .* columns are with --columns"):
+        with pytest.raises(InputError, match=r"drive\.csv is a table, .* with --reading columns="):
             guess(path)
 
 
@@ -178,7 +178,7 @@ def test_a_table_without_names_by_the_numbers_of_its_columns(tmp_path: Path) -> 
     assert len(found) == 3
     assert any("drive.csv beside them is not used" in text for text in said)
     with pytest.raises(
-        InputError, match=r"no names of columns, and 5 columns; they are called 1, 2, 3 .*--columns"
+        InputError, match=r"no names of columns, and 5 columns; they are called 1, 2, 3 .*--reading columns="
     ):
         read(folder / "drive.csv", ReadingOptions(format="table"))
 

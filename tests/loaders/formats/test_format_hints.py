@@ -86,7 +86,7 @@ def test_a_table_of_other_columns_comes_before_bare_pictures(tmp_path: Path) -> 
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     (tmp_path / "where.csv").write_text("alpha,beta\n1,2\n")
-    assert "if where.csv is a table, say what its columns are with --columns" in refused(tmp_path)
+    assert "if where.csv is a table, say what its columns are with --reading columns=" in refused(tmp_path)
     (tmp_path / "where.csv").unlink()
     assert f"did you mean {tmp_path / 'frames'}?" in refused(tmp_path)
 

@@ -215,7 +215,7 @@ def test_columns_by_name_by_option_and_in_other_units(tmp_path: Path) -> None:
     [
         ({"x": "nothing"}, "expected also 'nothing'"),
         ({"wheel": "a"}, "no role 'wheel'"),
-        ({"heading": "c"}, "say --columns heading=c:deg or :rad"),
+        ({"heading": "c"}, "say --reading columns=heading=c:deg or :rad"),
         ({"x": "a:deg"}, "found unit 'deg' of x"),
     ],
 )
@@ -259,7 +259,7 @@ def test_a_video_has_its_own_times(tmp_path: Path) -> None:
 
 def test_an_unknown_format_lists_those_there_are(tmp_path: Path) -> None:
     file = write(tmp_path / "letter.txt", "Dear reader")
-    with pytest.raises(InputError, match=r"begins with b'Dear reader.*session-log, .*--format"):
+    with pytest.raises(InputError, match=r"begins with b'Dear reader.*session-log, .*--reading format="):
         guess(file)
     with pytest.raises(InputError, match="there is no format 'bag'"):
         open_recording(file, ReadingOptions(format="bag"))
@@ -282,7 +282,7 @@ def test_asl_counts_and_clocks_that_disagree() -> None:
     found, warnings = read(path)
     assert Counter(type(r).__name__ for r in found) == {"Picture": 11, "OdometryPose": 3453}
     assert "clocks disagree" in warnings[0]
-    offset = float(warnings[0].rsplit("--truth-offset ", 1)[1])
+    offset = float(warnings[0].rsplit("truth_offset_s=", 1)[1])
     assert offset == pytest.approx(1403636601.1135554 - 81.605, abs=1e-3)
     found, _ = read(path, ReadingOptions(truth_offset_s=offset))
     assert sum(isinstance(r, TruthPose) for r in found) == 490

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -161,7 +162,7 @@ def test_stopping_leaves_complete_files(number: int, status: int, inline: list[b
             [*MAIN, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         wait_until(lambda: any(Path().glob("a.*.part.rrd")), process)
-        time.sleep(1.0)
+        wait_until(pictures_come(20), process)
         process.send_signal(number)
         out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == status, err
@@ -210,6 +211,13 @@ def test_pictures_may_change_their_size(library: Path) -> None:
     assert done.exit_code == 0, done.stderr
     assert figures(done)["updates"] == 5
     assert steps_in(Path("a.rrd")) == {1, 2, 3, 4, 5}
+
+
+def pictures_come(count: int) -> Callable[[], bool]:
+    """Return whether so many more pictures were captured, so that the filter has made updates meanwhile."""
+    log = Path("rec/session.log")
+    before = log.read_bytes().count(b'"image"')
+    return lambda: log.read_bytes().count(b'"image"') >= before + count
 
 
 def wait_until(true: Any, process: subprocess.Popen[Any]) -> None:

@@ -80,8 +80,8 @@ def test_the_offset_that_is_said_brings_truth_back(tmp_path: Path) -> None:
     list(open_recording(tmp_path).records(notes))
     (said,) = notes.warnings
     assert "movement is most like the odometry's" in said
-    assert float(said.rsplit("--truth-offset ", 1)[1]) == pytest.approx(1e9, abs=0.15)
+    assert float(said.rsplit("truth_offset_s=", 1)[1]) == pytest.approx(1e9, abs=0.15)
     write("groundtruth.txt", t_s[200:500], poses[200:500] * 0)
     notes = ReadingNotes(keep_going=False)
     list(open_recording(tmp_path).records(notes))
-    assert "movement does not tell how far; if both begin together, use --truth-offset" in notes.warnings[0]
+    assert "how far; if both begin together, use --reading truth_offset_s=" in notes.warnings[0]

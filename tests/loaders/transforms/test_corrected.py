@@ -142,7 +142,7 @@ def test_a_cameras_headings_move_as_the_camera_does() -> None:
     assert info.start is not None
     assert info.start.tolist() == pytest.approx([1, 2, 0.5 + yaw])
     assert info.cameras[0].yaw_rad == 0
-    assert info.notes == ("corrected in reading: --camera-yaw -70",)
+    assert info.notes == ("corrected in reading: --reading camera_yaw_deg=-70",)
 
 
 def picture(t_s: float) -> Picture:
@@ -190,7 +190,7 @@ def test_nothing_to_do_leaves_the_recording_itself() -> None:
     with pytest.raises(InputError, match="expected one of poses, steps"):
         corrected(given, ReadingOptions(odometry_are="motions"))
     steps = Corrected(Given([OdometryPose(0.0, np.zeros(3))]), ReadingOptions(odometry_are="steps"))
-    with pytest.raises(InputError, match="--odometry-are steps is for motions; leave it out"):
+    with pytest.raises(InputError, match="odometry_are=steps is for motions; leave it out"):
         list(steps.records(ReadingNotes(keep_going=False)))
 
 
@@ -233,7 +233,8 @@ def test_a_session_log_is_put_right_as_a_session(write_log: WriteLog, pixel: dic
     assert isinstance(session, RecordedSession)
     (moment,) = session.moments()
     np.testing.assert_allclose(moment.frame.motions, [[1, 0, math.pi / 2]])
-    assert session.info.notes == ("corrected in reading: --odometry-scale 0.01 --turn-scale -0.0174533",)
+    typed = "--reading odometry_scale=0.01 --reading turn_scale=-0.0174533"
+    assert session.info.notes == (f"corrected in reading: {typed}",)
 
 
 def test_a_manifest_holds_every_correction() -> None:

@@ -98,11 +98,11 @@ def test_wheels_do_not_see_that_the_robot_is_carried() -> None:
 
 
 def test_it_is_refused_without_truth_and_beside_odometry() -> None:
-    with pytest.raises(InputError, match="found no truth, and --odometry-from-truth needs true poses"):
+    with pytest.raises(InputError, match="found no truth, and odometry_from_truth needs true poses"):
         odometry_from_truth(Given(Note(0, "on")), 0)
     pose = np.zeros(3)
     for measured in (OdometryPose(0, pose), Motion(1, pose)):
-        with pytest.raises(InputError, match="leave --odometry-from-truth out"):
+        with pytest.raises(InputError, match="leave odometry_from_truth out"):
             odometry_from_truth(Given(TruthPose(0, pose), measured), 0)
 
 
@@ -138,9 +138,9 @@ def test_what_can_be_done_is_said(tmp_path: Path) -> None:
     )
     for session in (with_truth, without):
         list(session.moments())
-    assert any("--odometry-from-truth" in text for text in with_truth.warnings)
-    assert any("--table" in text for text in without.warnings)
-    assert not any("--odometry-from-truth" in text for text in without.warnings)
+    assert any("odometry_from_truth" in text for text in with_truth.warnings)
+    assert any("table=" in text for text in without.warnings)
+    assert not any("odometry_from_truth" in text for text in without.warnings)
 
 
 def test_a_drive_begins_at_its_first_true_pose() -> None:

@@ -133,7 +133,7 @@ def test_bad_corrections_are_usage_errors(words: tuple[str, str], small_session:
 def test_a_live_source_is_not_corrected_and_says_so(small_session: Path) -> None:
     done = runner.invoke(app, ["replay", str(small_session), "--follow", "--reading", "turn_scale=-1"])
     assert done.exit_code == 2
-    assert "--turn-scale -1 needs a recording" in done.stderr.replace("\n", " ")
+    assert "--reading turn_scale=-1 needs a recording" in done.stderr.replace("\n", " ")
 
 
 def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
