@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from helpers import viz_fakes as fakes
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.session import Moment
+from maurice_mcl.session import Moment, SessionInfo
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
@@ -24,13 +24,14 @@ from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
-Played = list[tuple[Moment, StepRecord]]
+Update = tuple[Moment, StepRecord]
+Played = list[Update]
 
 
 def draw(
     path: Path, session: fakes.FakeSession, features: Sequence[str], particles: int = 60
 ) -> list[Played]:
-    """Draw one run a feature into one recording; gives what was drawn."""
+    """Draw one run per feature into one recording; return what was drawn."""
     library = session.library
     runs = [RunView(feature, tuple(FEATURES[feature])) for feature in features]
     shown = SceneInfo(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
@@ -40,11 +41,16 @@ def draw(
             observer = RerunObserver(
                 rec, run.label, distances_of(run.channels), number == 0, session.has_truth
             )
-            observer.begin(session.info, library)
-            for moment, record in records:
-                observer.see(moment, record)
-            observer.end()
+            observe(observer, session.info, library, records)
     return played
+
+
+def observe(observer: RerunObserver, info: SessionInfo, library: Library, updates: Iterable[Update]) -> None:
+    """Draw all updates of a run."""
+    observer.begin(info, library)
+    for moment, record in updates:
+        observer.see(moment, record)
+    observer.end()
 
 
 def drawn_run(paths: RunPaths, library: Library, **known: Any) -> DrawnRun:
@@ -71,7 +77,7 @@ def entities_of(path: Path) -> set[str]:
 
 
 def rows(path: Path, entity: str) -> list[Row]:
-    """Give an entity's rows that are not static, in the order of the phase timeline."""
+    """Return an entity's rows that are not static, in the order of the phase timeline."""
     found = []
     for chunk in RrdReader(path).stream().filter(content=entity):
         batch = chunk.to_record_batch()

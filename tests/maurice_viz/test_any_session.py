@@ -158,10 +158,7 @@ def draw(case: Case, folder: Path) -> Path:
     with sinks.to_file(out, case.session, blueprint) as rec:
         distances = recordings.distances_of(case.channels)
         observer = RerunObserver(rec, case.label, distances, True, case.has_truth, case.detail, sensor)
-        observer.begin(session.info, library)
-        for moment, record in run(localizer, session, case.start):
-            observer.see(moment, record)
-        observer.end()
+        recordings.observe(observer, session.info, library, run(localizer, session, case.start))
     return out
 
 

@@ -1,4 +1,4 @@
-from __future__ import annotations
+"""The ground of a map, keys and texts on pixel images."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,6 @@ from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks
 from maurice_viz.drawing.raster import ascii_of, text_size
-from maurice_viz.panels.references import match_circles, node_spacing, relative_likelihood
-from maurice_viz.panels.world import clipped, distinct_places
 from maurice_viz.style import OBSTACLE, scale_for
 
 
@@ -66,43 +64,3 @@ def test_the_key_speaks_of_truth_only_where_there_is_one() -> None:
 def test_text_is_brought_to_what_the_font_has() -> None:
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
-
-
-def test_circles_stand_off_their_node_along_their_heading() -> None:
-    library = fakes.make_library()
-    scale = scale_for("in", library.arena)
-    circles = match_circles(library, scale)
-    assert circles.spacing == pytest.approx(18)
-    off = (circles.centers - scale.screen(library.poses)) * (1, -1)
-    np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
-
-
-def test_places_are_counted_once_and_a_lone_one_has_a_spacing() -> None:
-    poses = np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]], float)
-    assert len(distinct_places(poses)) == 2
-    assert node_spacing(poses) == 2
-    assert node_spacing(poses[:1]) > 0
-
-
-def test_likelihood_is_relative_to_the_best() -> None:
-    logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
-    np.testing.assert_allclose(relative_likelihood(logs), [1, 0.5, 0], atol=1e-6)
-    np.testing.assert_array_equal(relative_likelihood(np.full(3, -np.inf, np.float32)), [0, 0, 0])
-
-
-def test_walls_are_cut_at_the_bounds() -> None:
-    bounds = (0.0, 0.0, 4.0, 3.0)
-    walls = np.array(
-        [
-            [1.0, 1.0, 2.0, 2.0],  # inside: as it is
-            [-2.0, 1.0, 2.0, 1.0],  # cut on one side
-            [2.0, -5.0, 2.0, 9.0],  # cut on both
-            [-1.0, -1.0, 5.0, 5.0],  # slanted, through two corners' sides
-            [0.0, 0.0, 4.0, 0.0],  # on the border
-            [5.0, 0.0, 5.0, 3.0],  # beside, parallel
-            [-3.0, 2.0, 1.0, 6.0],  # passes the corner outside
-        ]
-    )
-    expected = [[1, 1, 2, 2], [0, 1, 2, 1], [2, 0, 2, 3], [0, 0, 3, 3], [0, 0, 4, 0]]
-    np.testing.assert_allclose(clipped(walls, bounds), expected)
-    assert clipped(np.zeros((0, 4)), bounds).shape == (0, 4)

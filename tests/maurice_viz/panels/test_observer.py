@@ -227,9 +227,7 @@ def test_a_step_that_was_not_resampled_leaves_the_cloud(library: Library, tmp_pa
     rec = recording("kept")
     rec.save(tmp_path / "kept.rrd")
     observer = RerunObserver(rec, "color", {"color": "hellinger"})
-    observer.begin(session.info, library)
-    observer.see(moment, kept)
-    observer.end()
+    recordings.observe(observer, session.info, library, [(moment, kept)])
     rec.disconnect()
     slots = [row.phase - 6 for row in recordings.rows(tmp_path / "kept.rrd", RunPaths("color").particles)]
     assert slots == [Phase.PREDICT, Phase.WEIGHT]

@@ -9,7 +9,6 @@ from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.schema import Layer, configure
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.records import StepRecord
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
@@ -23,7 +22,7 @@ from maurice_viz.viewer import sinks
 SHARE = 0.25
 
 
-def _records(session: fakes.FakeSession) -> list[tuple[object, StepRecord]]:
+def _records(session: fakes.FakeSession) -> recordings.Played:
     always = {
         "particles": 40,
         "sensor.weights": {"color": 1.0},
@@ -42,10 +41,7 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
     layout = runs_blueprint([RunView("color", ("color",))], shown)
     with sinks.to_file(path, "x", layout) as rec:
         observer = RerunObserver(rec, "color", {"color": "hellinger"})
-        observer.begin(session.info, library)
-        for moment, record in played:
-            observer.see(moment, record)
-        observer.end()
+        recordings.observe(observer, session.info, library, played)
     rows = recordings.rows(path, RunPaths("color").particles)
     for step, (_, record) in enumerate(played, start=1):
         at = {slot: entities.phase_number(step, slot) for slot in Phase}
