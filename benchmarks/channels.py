@@ -13,19 +13,18 @@ from time import perf_counter
 import cv2
 import numpy as np
 
+import maurice_loaders as ml
+import maurice_mcl as mcl
 from maurice_datasets.sessions import demo_paths
-from maurice_loaders.libraries.store import open_library
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.arrays import U8
-from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
 
 PICTURES, ROUNDS = 40, 3
 
 
-def timed(image: U8, name: str, library: Library) -> tuple[float, float]:
-    """Seconds to measure one picture and to compare it with all references."""
+def timed(image: U8, name: str, library: mcl.Library) -> tuple[float, float]:
+    """Return the seconds to measure one picture and to compare it with all references."""
     channel = CHANNELS[name]
     began = perf_counter()
     found = channel.describe(image)
@@ -37,8 +36,8 @@ def timed(image: U8, name: str, library: Library) -> tuple[float, float]:
 def main() -> None:
     cv2.setNumThreads(1)
     paths = demo_paths(0)
-    library = open_library(paths.survey)
-    moments = itertools.islice(SessionLog(paths.session).moments(), PICTURES)
+    library = ml.open_library(paths.survey)
+    moments = itertools.islice(ml.open_session(paths.session).moments(), PICTURES)
     images = [moment.frame.image for moment in moments]
     took: dict[str, list[tuple[float, float]]] = {name: [] for name in library.index}
     for image in images * ROUNDS:

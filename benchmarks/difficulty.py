@@ -6,7 +6,7 @@ of all qualities, the gap from the best to the fifth, and how much better refere
 Then the thesis's filter (the preset, 2,000 particles) with color and with edges blended in, without a sensor,
 and with the references' poses shuffled, which must both do worse.
 
-Run: make difficulty (a quarter of an hour for 20 drives a tier; it goes on where it stopped).
+Run: make difficulty (a quarter of an hour for 20 drives per tier; it goes on where it stopped).
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+import maurice_loaders as ml
+import maurice_mcl as mcl
 from maurice_datasets.seeds import for_fitting
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
@@ -26,15 +28,8 @@ from maurice_datasets.surveys import GENERATOR
 from maurice_datasets.tasks import TASKS, TIERS
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.io.files import cache_root
-from maurice_loaders.libraries.store import open_library
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.arrays import F64, Bool
-from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import PRESETS, FilterParameters
-from maurice_mcl.config.schema import Layer, configure
-from maurice_mcl.filter.localizer import Localizer, run
-from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
 
 INCH_M = 0.0254
@@ -66,34 +61,34 @@ def rooms_of(arena: Arena, points: F64) -> F64:
     return found
 
 
-def nearest_entry(localizer: Localizer, truth: F64) -> int:
+def nearest_entry(localizer: mcl.Localizer, truth: F64) -> int:
     library = localizer.library
     local = np.array([[*(truth[:2] - library.origin), truth[2]]], np.float32)
     return int(localizer.reference.entries(local, library.origin)[0])
 
 
-def thesis_filter(channels: Sequence[str], sharpness: float) -> FilterParameters:
+def thesis_filter(library: mcl.Library, channels: Sequence[str], sharpness: float) -> mcl.Localizer:
     """Return the preset "thesis" with channels at equal weights; sharpness 0 makes it blind."""
     own = {"sensor.weights": dict.fromkeys(channels, 1.0), "sensor.sharpness": sharpness}
-    return configure([Layer("thesis", PRESETS["thesis"]), Layer("here", own)]).parameters
+    return mcl.make_localizer(library, preset="thesis", settings=own)
 
 
 def tracked(
-    session: SessionLog, library: Library, channels: Sequence[str], sharpness: float = 1.0
+    session: mcl.Session, library: mcl.Library, channels: Sequence[str], sharpness: float = 1.0
 ) -> tuple[float, bool]:
-    localizer = build_localizer(library, session, thesis_filter(channels, sharpness))
+    localizer = thesis_filter(library, channels, sharpness)
     scorer = Scorer()
-    for moment, record in run(localizer, session, session.info.start):
+    for moment, record in mcl.run(localizer, session):
         scorer.add(record.estimate, moment.truth, moment.frame.motions)
     score = scorer.result()
     return (score.position_error_mean_m or 0.0) / INCH_M, bool(score.lost)
 
 
-def retrieval(session: SessionLog, library: Library) -> dict[str, float]:
-    localizer = build_localizer(library, session, thesis_filter(["color"], 1.0))
+def retrieval(session: mcl.Session, library: mcl.Library) -> dict[str, float]:
+    localizer = thesis_filter(library, ["color"], 1.0)
     rooms = rooms_of(library.arena, library.poses[:, :2])
     rows = []
-    for moment, record in run(localizer, session, session.info.start):
+    for moment, record in mcl.run(localizer, session):
         assert moment.truth is not None
         quality = record.sighting.comparison.quality.astype(np.float64)
         entry = nearest_entry(localizer, moment.truth)
@@ -118,9 +113,9 @@ def measure(tier: str, seed: int) -> Result:
     folder = cache_root() / "difficulty" / f"{GENERATOR}-{tier}-{for_fitting(seed)}"
     if not folder.exists():
         write_simulation(folder, SimulationPlan(TASKS["tracking"], tier=tier, arena_seed=seed, seed=seed))
-    session = SessionLog(folder / "session.log")
+    session = ml.open_session(folder / "session.log")
     assert session.info.survey is not None
-    library = open_library(session.info.survey)
+    library = ml.open_library(session.info.survey)
     order = np.random.default_rng(seed).permutation(library.size)
     color, color_lost = tracked(session, library, ["color"])
     blended, blended_lost = tracked(session, library, ["color", "edges"])
@@ -175,7 +170,7 @@ def main() -> None:
     drives = parser.parse_args().drives
     kept = cache_root() / "difficulty" / "results.jsonl"
     kept.parent.mkdir(parents=True, exist_ok=True)
-    print(f"{drives} drives a tier; errors are inches, then how many drives were lost")
+    print(f"{drives} drives per tier; errors are inches, then how many drives were lost")
     print("| tier | rank | qualities | best to fifth | same room", end=" ")
     print("| color | blended | no sensor | shuffled | oracle |")
     print("|---|---|---|---|---|---|---|---|---|---|")

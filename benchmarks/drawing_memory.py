@@ -4,7 +4,7 @@
 
 The demo's first hundred updates are drawn again and again under growing numbers, with a thousand particles.
 Caches of reference pictures fill first; after that the figures must stay where they are. The recording
-grows to about 90 kB an update in the temporary folder, and is removed.
+grows to about 90 kB per update in the temporary folder, and is removed.
 """
 
 from __future__ import annotations
@@ -17,12 +17,9 @@ from pathlib import Path
 
 import cv2
 
+import maurice_loaders as ml
+import maurice_mcl as mcl
 from maurice_datasets.sessions import demo_paths
-from maurice_loaders.libraries.store import build_library
-from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import of_feature
-from maurice_mcl.filter.localizer import run
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
@@ -43,9 +40,9 @@ def main() -> None:
     cv2.setNumThreads(1)
     updates = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     paths = demo_paths()
-    library, session = build_library(paths.survey), SessionLog(paths.session)
-    localizer = build_localizer(library, session, of_feature("blended", PARTICLES))
-    pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
+    library, session = ml.build_library(paths.survey), ml.open_session(paths.session)
+    localizer = mcl.make_localizer(library, feature="blended", particles=PARTICLES)
+    pairs = [pair for pair, _ in zip(mcl.run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
     shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
     layout = runs_blueprint([RunView("blended", tuple(distances))], shown)

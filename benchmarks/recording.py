@@ -1,4 +1,4 @@
-"""What recording costs: milliseconds and kilobytes a step, per run, every panel on.
+"""What recording costs: milliseconds and kilobytes per step, per run, every panel on.
 
     .venv/bin/python benchmarks/recording.py [PARTICLES [DETAIL]]
 
@@ -18,13 +18,9 @@ import cv2
 import numpy as np
 from rerun.chunk import RrdReader
 
+import maurice_loaders as ml
+import maurice_mcl as mcl
 from maurice_datasets.sessions import demo_paths
-from maurice_loaders.libraries.store import build_library
-from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import of_feature
-from maurice_mcl.filter.localizer import run
-from maurice_mcl.library import Library
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import Detail, RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
@@ -36,10 +32,10 @@ STEPS = 100
 
 
 def measure(
-    library: Library, session: SessionLog, feature: str, particles: int, detail: Detail, path: Path
+    library: mcl.Library, session: mcl.Session, feature: str, particles: int, detail: Detail, path: Path
 ) -> None:
-    localizer = build_localizer(library, session, of_feature(feature, particles))
-    pairs = [pair for pair, _ in zip(run(localizer, session, None), range(STEPS), strict=False)]
+    localizer = mcl.make_localizer(library, feature=feature, particles=particles)
+    pairs = [pair for pair, _ in zip(mcl.run(localizer, session, None), range(STEPS), strict=False)]
     distances = localizer.sensor.distances
     shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
     layout = runs_blueprint([RunView(feature, tuple(distances))], shown)
@@ -57,12 +53,12 @@ def measure(
             print(f"{feature:8} {name:12} {times}")
         observer.end()
     size = path.stat().st_size / len(pairs) / 2000
-    print(f"{feature:8} {size:.0f} kB a step (goals {GOAL_MS} ms, {GOAL_KB} kB)")
+    print(f"{feature:8} {size:.0f} kB per step (goals {GOAL_MS} ms, {GOAL_KB} kB)")
     sizes(path, 2 * len(pairs))
 
 
 def sizes(path: Path, steps: int) -> None:
-    """Print which entities take most room, in kB a step before compression."""
+    """Print which entities take most room, in kB per step before compression."""
     room: Counter[str] = Counter()
     for chunk in RrdReader(path).stream():
         if not chunk.is_static:
@@ -76,8 +72,8 @@ def main() -> None:
     particles = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
     detail = Detail(sys.argv[2]) if len(sys.argv) > 2 else Detail.FULL
     paths = demo_paths()
-    library = build_library(paths.survey)
-    session = SessionLog(paths.session)
+    library = ml.build_library(paths.survey)
+    session = ml.open_session(paths.session)
     with tempfile.TemporaryDirectory() as folder:
         for feature in ("color", "blended"):
             measure(library, session, feature, particles, detail, Path(folder) / f"{feature}.rrd")

@@ -1,4 +1,4 @@
-"""Milliseconds a picture: two worlds, several sizes, and what changing light and people add to it.
+"""Milliseconds per picture: two worlds, several sizes, and what changing light and people add to it.
 
 Each world is looked at from its own nodes, in headings drawn once. Every line is compared with the first of
 its world, the plain session; the lines take turns picture by picture, so a busy neighbor slows all of them.
@@ -11,11 +11,11 @@ from time import perf_counter
 import cv2
 import numpy as np
 
+import maurice_datasets as md
 from maurice_datasets.render.baking import lighting_of
 from maurice_datasets.render.camera import Lens
 from maurice_datasets.render.camera_session import CameraSession, lit_once, session_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
-from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World
 
 WORLDS = ("two-rooms", "office")
@@ -24,7 +24,7 @@ GOAL_MS, LIMIT_MS = 10, 20
 SIZES = ((88, 143), (352, 288), (640, 480))
 
 
-def outings(world: World) -> dict[str, CameraSession]:
+def camera_sessions(world: World) -> dict[str, CameraSession]:
     moving = parse_lights("daylight@1-1000")
     cases = {
         "plain": Conditions(),
@@ -41,7 +41,7 @@ def outings(world: World) -> dict[str, CameraSession]:
 
 
 def measure(name: str) -> None:
-    world = load_world(name, 0)
+    world = md.load_world(name, 0)
     began = perf_counter()
     lighting = lighting_of(world)
     lit_once(world)
@@ -50,7 +50,7 @@ def measure(name: str) -> None:
     counts = f"{len(world.faces)} faces, {len(world.boxes)} boxes, {len(world.sources)} sources of light"
     print(f"{name}: {counts}")
     print(f"  {'baked in':30} {baked * 1000:7.0f} ms, light by source {memory:.0f} MB")
-    cases = outings(world)
+    cases = camera_sessions(world)
     rng = np.random.default_rng(1)
     places = world.nodes[rng.integers(len(world.nodes), size=PICTURES)]
     poses = np.column_stack([places, rng.uniform(-np.pi, np.pi, PICTURES)])
@@ -70,7 +70,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     for name in WORLDS:
         measure(name)
-    print(f"goal {GOAL_MS} ms and limit {LIMIT_MS} ms a picture of 176 x 144")
+    print(f"goal {GOAL_MS} ms and limit {LIMIT_MS} ms per picture of 176 x 144")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ configuration serves all tiers. Errors are inches: mean over drives with a 95 pe
 arena, then drive. Rates have Wilson intervals. Beside every error stands its ratio to the nearest-node
 oracle's on the same drives, which always knows the nearest reference.
 
-Run: make results (hours for 300 drives a tier; it goes on where it stopped, and prints what there is).
+Run: make results (hours for 300 drives per tier; it goes on where it stopped, and prints what there is).
 """
 
 from __future__ import annotations
@@ -23,26 +23,24 @@ import cv2
 import numpy as np
 from results_table import ARENAS, TIERS, Case, show
 
+import maurice_datasets as md
+import maurice_loaders as ml
+import maurice_mcl as mcl
 from maurice_datasets.render.conditions import LightChange
 from maurice_datasets.seeds import for_testing
 from maurice_datasets.sessions import simulated_session
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import GENERATOR, cached_survey
 from maurice_datasets.tasks import TASKS
-from maurice_datasets.worlds.build import load_world
 from maurice_loaders.io.files import cache_root
-from maurice_loaders.libraries.store import open_library
 from maurice_mcl.analysis.metrics import Scorer, score_step
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.config.schema import Layer, configure
-from maurice_mcl.filter.localizer import run
-from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.session import SessionInfo
 
 INCH_M = 0.0254
 KIDNAP_AT, KIDNAP_UPDATES = 30, 60
@@ -52,12 +50,12 @@ COLOR = {"sensor.weights": dict(FEATURES["color"])}
 EDGES = {"sensor.weights": dict(FEATURES["edges"])}
 BLENDED = {"sensor.weights": dict(FEATURES["blended"])}
 MISJUDGED = "best, 1,000, motion constants +30 %"
-ROBUST = dict(PRESETS["robust"])
+ROBUST = dict(mcl.PRESETS["robust"])
 FILTERS: Mapping[str, Mapping[str, Any]] = {
-    "thesis": PRESETS["thesis"],
-    "thesis, blended": {**PRESETS["thesis"], "sensor.weights": {"color": 1.0, "edges": 1.0}},
-    "thesis, plain L1": {**PRESETS["thesis"], "sensor.distances": {"color": "l1"}},
-    "refined": PRESETS["refined"],
+    "thesis": mcl.PRESETS["thesis"],
+    "thesis, blended": {**mcl.PRESETS["thesis"], "sensor.weights": {"color": 1.0, "edges": 1.0}},
+    "thesis, plain L1": {**mcl.PRESETS["thesis"], "sensor.distances": {"color": "l1"}},
+    "refined": mcl.PRESETS["refined"],
     "color": COLOR,
     "color, surveyed references only": {**COLOR, "references.interpolation.virtual": False},
     "edges": EDGES,
@@ -103,9 +101,9 @@ class Kept:
     """A session's moments, held for all the filters that are to see them."""
 
     info: SessionInfo
-    all_moments: Sequence[Moment]
+    all_moments: Sequence[mcl.Moment]
 
-    def moments(self) -> Iterator[Moment]:
+    def moments(self) -> Iterator[mcl.Moment]:
         return iter(self.all_moments)
 
 
@@ -135,9 +133,11 @@ class MeasuredOnce:
         return found
 
 
-def library_of(plan: SimulationPlan) -> Library:
-    world = load_world(plan.world, plan.arena_seed, plan.tier)
-    return open_library(cached_survey(world, plan.arena_seed, lambda done, total, what: None) / "survey.log")
+def library_of(plan: SimulationPlan) -> mcl.Library:
+    world = md.load_world(plan.world, plan.arena_seed, plan.tier)
+    return ml.open_library(
+        cached_survey(world, plan.arena_seed, lambda done, total, what: None) / "survey.log"
+    )
 
 
 def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str, Any]]]:
@@ -159,9 +159,9 @@ def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str,
         yield case, scored(replace(localizer, sensor=sensor), session, library, case)
 
 
-def scored(localizer: Any, session: Kept, library: Library, case: Case) -> dict[str, Any]:
+def scored(localizer: Any, session: Kept, library: mcl.Library, case: Case) -> dict[str, Any]:
     scorer, localized, oracle = Scorer(), [], []
-    for moment, record in run(localizer, session, session.info.start):
+    for moment, record in mcl.run(localizer, session):
         assert moment.truth is not None
         scorer.add(record.estimate, moment.truth, moment.frame.motions)
         localized.append(bool(score_step(record.estimate, moment.truth).localized))

@@ -19,7 +19,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from maurice_loaders.session_log.reader import SessionLog
+import maurice_loaders as ml
 
 COMMAND = str(Path(sys.executable).with_name("maurice-replay"))
 UPDATE_S = 7.6  # of robot time, about
@@ -61,14 +61,14 @@ def soak(folder: Path, rate: float, robot_s: float) -> int:
     address = robot.stdout.readline().strip()
     record = ["--library", folder / "survey" / "survey.log", "--record", folder / "drive"]
     save = ["--save", folder / "live.rrd", "--patience", "30"]
-    told = (folder / "told.txt").open("w")
-    follower = subprocess.Popen([COMMAND, address, *record, *save], stdout=told, stderr=told)
+    output = (folder / "follower.txt").open("w")
+    follower = subprocess.Popen([COMMAND, address, *record, *save], stdout=output, stderr=output)
     held = watch(robot, follower, robot_s / rate / LOOKS)
     time.sleep(2)
     follower.send_signal(signal.SIGTERM)
     status = follower.wait(60)
     said = robot.communicate()[1].strip().splitlines()[-1]
-    print((folder / "told.txt").read_text())
+    print((folder / "follower.txt").read_text())
     least = int(updates) - round(LATE_S * rate / UPDATE_S) - 1
     return judge(held, status, said, folder, least)
 
@@ -88,7 +88,7 @@ def judge(held: list[float], status: int, robot_said: str, folder: Path, least: 
     """Print the result."""
     half = held[len(held) // 2 :]
     growth = max(half) - half[0] if half else 0.0
-    log = SessionLog(folder / "drive" / "session.log")
+    log = ml.open_session(folder / "drive" / "session.log")
     pictures = log.count_pictures()
     print(f"robot: {robot_said}")
     print(f"held {held[0]:.0f} MB at first, {half[0]:.0f} MB half way, {max(half):.0f} MB at most after that")

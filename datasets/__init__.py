@@ -37,6 +37,10 @@ def __getattr__(name: str) -> Any:
     return getattr(importlib.import_module(_HOME[name], __name__), name)
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def _step_aside() -> None:
     """Put the installed package `datasets` in this folder's place; ModuleNotFoundError if there is none."""
     here = Path(__file__).parents[1]

@@ -11,7 +11,18 @@ from typing import Protocol
 
 
 class Listener(Protocol):
-    """What a caller may pass to follow a function: three callbacks, none of which returns anything."""
+    """What a caller may pass to follow a function: three callbacks, none of which returns anything.
+
+    >>> import maurice_viz as mv
+    >>> class Printer:
+    ...     def remark(self, text: str) -> None:
+    ...         print(text)
+    ...     def warning(self, text: str) -> None:
+    ...         print("warning:", text)
+    ...     def progress(self, done: int, total: int, what: str) -> None:
+    ...         pass
+    >>> file, _ = mv.convert("session.log", "drive", listener=Printer())
+    """
 
     def remark(self, text: str) -> None:
         """Receive a line of interest: what was detected, written or left out."""

@@ -2,24 +2,42 @@
 
 import doctest
 import importlib
+import inspect
+import shutil
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+import maurice_viz as mv
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo
 
-FRONT_PAGES = ("maurice_mcl", "maurice_loaders")  # and what each exports in `__all__`
+FRONT_PAGES = ("maurice_mcl", "maurice_loaders", "maurice_datasets", "maurice_viz")
+RAISE_NOTHING = ("score", "tiny_library", "tiny_session")
 EXAMPLES = [(page, name) for page in FRONT_PAGES for name in importlib.import_module(page).__all__]
 
 
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config) -> Path:
+    """Return a folder with a session of 14 pictures, its survey, and a saved run of it, "my-run"."""
+    folder = tmp_path_factory.mktemp("saved")
+    common = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).with_name("conftest.py")))
+    assert common is not None
+    common.write_small_survey(folder)
+    mv.replay(common.write_small_session(folder), particles=50, run=folder / "my-run")
+    return folder
+
+
 @pytest.fixture(autouse=True)
-def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Change to a folder with the files that examples read: a session and a survey of two pictures."""
+def _files(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Change to a folder with the files that examples of a front page read."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+    if "maurice_viz-" in request.node.name:
+        shutil.copytree(request.getfixturevalue("saved"), tmp_path, dirs_exist_ok=True)
+        return
     (tmp_path / "session").mkdir()
     image = np.full((4, 6, 3), 100, np.uint8)
     with SessionWriter(tmp_path / "session.log", SessionInfo(name="session")) as log:
@@ -45,6 +63,8 @@ def test_every_export_has_a_docstring_whose_example_runs(page: str, name: str) -
     found = doctest.DocTestFinder(recurse=False).find(export, f"{page}.{name}", module=False)
     assert found, f"{page}.{name} has no docstring"
     assert found[0].examples, f"{page}.{name} has no example"
+    if inspect.isfunction(export) and name not in RAISE_NOTHING:
+        assert "Error" in (export.__doc__ or ""), f"{page}.{name} does not document what it raises"
     for test in found:
         problems: list[str] = []
         doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=problems.append)

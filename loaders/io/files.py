@@ -91,17 +91,20 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
     only one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
     """
     check_target(target, force, ours)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        filling = _sibling(target, "part")
-        filling.mkdir()
-    except OSError as problem:
-        raise InputError(target, f"cannot be written: {problem.strerror}; choose another place") from None
-    try:
+    filling = _sibling(target, "part")
+    try:  # from before it is made: a request to stop may come between that and the next line
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            filling.mkdir()
+        except OSError as problem:
+            raise InputError(target, f"cannot be written: {problem.strerror}; choose another place") from None
         yield filling
         _swap(filling, target, force)
     finally:
-        shutil.rmtree(filling, ignore_errors=True)
+        try:
+            shutil.rmtree(filling, ignore_errors=True)
+        finally:  # again, where a second request to stop interrupted that
+            shutil.rmtree(filling, ignore_errors=True)
 
 
 def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> None:

@@ -56,7 +56,7 @@ def show(
     session log, which is replayed. ImportError without the extra `notebook`; InputError for bad files.
 
     >>> import maurice_viz as mv
-    >>> viewer = mv.show("my-run", layout="traces")
+    >>> viewer = mv.show("my-run", layout="traces")  # doctest: +SKIP
     """
     expect_widget()
     path = Path(source)
@@ -85,7 +85,8 @@ def results(run: Place) -> pl.DataFrame:
     Meters, radians and seconds; null where a score does not apply. InputError for what is no saved run.
 
     >>> import maurice_viz as mv
-    >>> frame = mv.results("my-run")
+    >>> mv.results("my-run").height
+    1
     """
     rows = [to_json(_collected(one).results)["runs"][0] for one in open_runs(Path(run))]
     return pl.DataFrame([_flat(row) for row in rows], infer_schema_length=None)
@@ -98,7 +99,8 @@ def traces(run: Place) -> pl.DataFrame:
     what is no saved run.
 
     >>> import maurice_viz as mv
-    >>> frame = mv.traces("my-run")
+    >>> mv.traces("my-run").height
+    14
     """
     return pl.concat([_traces(one) for one in open_runs(Path(run))])
 

@@ -55,7 +55,13 @@ class Playback:
 
 @dataclass(frozen=True, slots=True)
 class RunScores:
-    """What a replay or a comparison came to; lengths in meters, angles in radians, times in seconds."""
+    """The result of a replay or a comparison; lengths in meters, angles in radians, times in seconds.
+
+    >>> import maurice_viz as mv
+    >>> scores = mv.replay("session.log", particles=50, run="saved")
+    >>> scores.name, scores.runs[0].score.updates, scores.saved_run.name
+    ('kleine Fahrt', 14, 'saved')
+    """
 
     runs: tuple[RunResult, ...]  # one a run, in order; all after the first are compared with it
     name: str = ""  # the session's

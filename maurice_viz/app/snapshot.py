@@ -45,10 +45,11 @@ def snapshot(
     viewer shows them: a tab, and the one view to fill the window of `size` (width, height) pixels.
 
     Raises OptionError for arguments out of range and InputError where the step, view or layout does not
-    the file exists (unless `force`), or no Vulkan driver is installed.
+    exist, the file exists (unless `force`), or no Vulkan driver is installed.
 
-        >>> mv.snapshot("my-run", to="step-4.png", step=4).name
-        'step-4.png'
+    >>> import maurice_viz as mv
+    >>> mv.snapshot("my-run", to="step-4.png", step=4).name  # doctest: +SKIP
+    'step-4.png'
     """
     target = _checked(Path(to), (".png",), size, force=force)
     if phase is not None and phase not in PHASES:
@@ -80,10 +81,12 @@ def movie(
     """Write a movie (.mp4 or .gif) of a range of steps and return its path.
 
     One picture per step from `first` to `last`, or with `phases` six per step; `fps` pictures per second. The
-    other arguments and the errors are those of `snapshot`. A movie that was interrupted is not written.
+    other arguments are those of `snapshot`. A movie that was interrupted is not written. Raises OptionError
+    and InputError as `snapshot` does.
 
-        >>> mv.movie("my-run", to="turn.gif", first=3, last=5).name
-        'turn.gif'
+    >>> import maurice_viz as mv
+    >>> mv.movie("my-run", to="turn.gif", first=3, last=5).name  # doctest: +SKIP
+    'turn.gif'
     """
     target = _checked(Path(to), MOVIES, size, force=force)
     if first is not None and last is not None and first > last:

@@ -53,7 +53,9 @@ def report(
     The same run makes the same page, byte for byte. Returns the file. Raises InputError when the run
     cannot be read or has no step, or when the file exists and `force` is not given.
 
-        file = mv.report("run", to="report.html")
+        >>> import maurice_viz as mv
+    >>> mv.report("my-run", to="report.html").name
+    'report.html'
     """
     folder, file = Path(run), Path(to)
     if file.suffix.lower() not in (".html", ".htm"):

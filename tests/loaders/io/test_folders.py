@@ -1,6 +1,8 @@
 """Folders appear whole or not at all, and nobody's are deleted."""
 
+import shutil
 from pathlib import Path
+from typing import Any
 
 import platformdirs
 import pytest
@@ -30,6 +32,27 @@ def test_a_failure_leaves_nothing(tmp_path: Path, error: type[BaseException]) ->
 
     with pytest.raises(error):
         fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_request_to_stop_at_any_moment_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make, remove = Path.mkdir, shutil.rmtree
+
+    def make_and_stop(folder: Path, *args: Any, **options: Any) -> None:
+        make(folder, *args, **options)
+        if folder.name.startswith(".a-"):  # the signal comes before the next line
+            raise KeyboardInterrupt
+
+    def stop_and_remove(folder: Path, **options: Any) -> None:
+        monkeypatch.setattr(shutil, "rmtree", remove)
+        raise KeyboardInterrupt  # a second one, before anything is removed
+
+    monkeypatch.setattr(Path, "mkdir", make_and_stop)
+    monkeypatch.setattr(shutil, "rmtree", stop_and_remove)
+    with pytest.raises(KeyboardInterrupt):
+        fill(tmp_path / "a")
     assert list(tmp_path.iterdir()) == []
 
 
