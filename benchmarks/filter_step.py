@@ -6,16 +6,14 @@ trust the ratios more than the nanoseconds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
 import cv2
 import numpy as np
 
-from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import ReferenceParameters, of_feature
+import maurice_mcl as mcl
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import weigh
 from maurice_mcl.filter.motion import FloorDrift, MauriceMotion, MauriceParameters
@@ -29,8 +27,8 @@ from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import thesis
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
-from maurice_mcl.sensor.references import InterpolationParameters, NearestReference, nearest_reference
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.session import Frame
 
 PARTICLES = 5000
 ROUNDS = 400
@@ -125,7 +123,7 @@ def interleaved(works: dict[str, Callable[[], object]], rounds: int = ROUNDS) ->
 
 
 def filter_step() -> None:
-    """Print ns a particle of both versions at 5,000 particles, and the ratio."""
+    """Print ns per particle of both versions at 5,000 particles, and the ratio."""
     rng = np.random.default_rng([2007, 1])
     library, reference = a_library(rng)
     parameters = MauriceParameters(drift={"": FloorDrift(0.01, 0.02)})
@@ -153,34 +151,26 @@ def filter_step() -> None:
         return Belief(moved.take(parents, axis=0), uniform_log_weights(PARTICLES), belief.origin), estimate
 
     took = interleaved({"ours": ours, "naive": lambda: naive.step(poses, equal, likelihood, rng)})
-    print(f"systematic filter step at {PARTICLES} particles, ns a particle")
+    print(f"systematic filter step at {PARTICLES} particles, ns per particle")
     for name, seconds in took.items():
         print(f"  {name:6} {seconds / PARTICLES * 1e9:6.1f}")
     print(f"  naive / ours = {took['naive'] / took['ours']:.2f}   (goal 2.5)")
 
 
-class _NoSession:
-    """A header and no drive."""
-
-    def __init__(self, info: SessionInfo) -> None:
-        self.info = info
-
-    def moments(self) -> Iterator[Moment]:
-        """Return nothing."""
-        return iter(())
-
-
-def whole_step(feature: str, particles: int, between: bool) -> None:
+def whole_step(feature: str, particles: int, virtual: bool) -> None:
     """Print how long `Localizer.step` takes by stage, with 624 entries and pictures of 176 x 144.
 
-    With `between` there are 3,648 references more, midway between these entries, as by default.
+    With `virtual` there are 3,648 references more, midway between these entries, as by default.
     """
     rng = np.random.default_rng([2007, 2])
-    library, reference = a_library(rng)
-    session = _NoSession(SessionInfo("benchmark", motion={"model": "maurice"}))
-    selection = ReferenceParameters(interpolation=InterpolationParameters(between=between))
-    parameters = replace(of_feature(feature, particles), selection=selection)
-    localizer = build_localizer(library, session, parameters, reference=reference)
+    library, _ = a_library(rng)
+    localizer = mcl.make_localizer(
+        library,
+        feature=feature,
+        particles=particles,
+        motion={"model": "maurice"},
+        settings={"references.interpolation.virtual": virtual},
+    )
     state = localizer.initialize(None)
     rows = []
     for step in range(1, 201):
@@ -190,7 +180,7 @@ def whole_step(feature: str, particles: int, between: bool) -> None:
         rows.append(record.took_s)
     stages = {name: float(np.median([row[name] for row in rows])) * 1e6 for name in rows[0]}
     inside = ", ".join(f"{name} {us:.0f}" for name, us in stages.items())
-    name = f"{feature}, {particles} particles, {'with' if between else 'without'} virtual references"
+    name = f"{feature}, {particles} particles, {'with' if virtual else 'without'} virtual references"
     print(f"Localizer.step, {name}, us: {sum(stages.values()):.0f} ({inside})")
 
 
@@ -218,8 +208,8 @@ def main() -> None:
     cv2.setNumThreads(1)
     filter_step()
     for feature, particles in (("blended", 2000), ("blended", PARTICLES), ("best", 1000)):
-        whole_step(feature, particles, between=True)
-        whole_step(feature, particles, between=False)
+        whole_step(feature, particles, virtual=True)
+        whole_step(feature, particles, virtual=False)
     one_picture()
 
 

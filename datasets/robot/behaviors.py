@@ -81,7 +81,7 @@ def outlines(arena: Arena) -> tuple[F64, F64]:
 
 # The robot's behaviors: each looks at what the robot senses and proposes a movement, or nothing.
 
-DICE = 16  # uniform numbers an update; a behavior that leaves something to chance looks at them
+DICE = 16  # uniform numbers per update; a behavior that leaves something to chance looks at them
 
 Command = tuple[float, float]  # turn_rad, then forward_m
 

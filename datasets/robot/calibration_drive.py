@@ -56,14 +56,14 @@ def floor_everywhere(name: str, reach_m: float = 1e3) -> Arena:
 
 def _draws(seed: int, number: int) -> tuple[np.random.Generator, np.random.Generator]:
     """Return a trial's two random streams: for its command and for its noise."""
-    told = stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.DRIVER)
-    return told, stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.ROBOT)
+    command = stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.DRIVER)
+    return command, stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.ROBOT)
 
 
 def _turn(seed: int, number: int, plan: TrialPlan, chassis: Chassis) -> tuple[float, float]:
     """Turn once: measured and actual, in rad."""
-    told, luck = _draws(seed, number)
-    turn_rad = told.uniform(-plan.longest_turn_rad, plan.longest_turn_rad)
+    command, luck = _draws(seed, number)
+    turn_rad = command.uniform(-plan.longest_turn_rad, plan.longest_turn_rad)
     moved = turn_by(HERE, turn_rad, draw_luck(luck), chassis)
     actual = _changed(moved.path)
     circles = round((turn_rad - actual) / (2 * np.pi))  # a watcher counts them
@@ -74,8 +74,8 @@ def _straight(
     seed: int, number: int, floor: str, plan: TrialPlan, chassis: Chassis
 ) -> tuple[float, float, float]:
     """Drive straight once: measured and actual distance in m, drift in rad."""
-    told, luck = _draws(seed, number)
-    length_m = told.uniform(plan.shortest_m, plan.longest_m)
+    command, luck = _draws(seed, number)
+    length_m = command.uniform(plan.shortest_m, plan.longest_m)
     moved = drive_by(HERE, length_m, draw_luck(luck), floor_everywhere(floor), chassis)
     went = float(np.hypot(*(moved.path[-1] - moved.path[0])[:2]))
     return float(moved.measured[0]), went, _changed(moved.path)

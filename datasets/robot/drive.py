@@ -144,7 +144,7 @@ def drive(
 
 
 def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[DriveUpdate]:
-    """Teleoperate from a pose (3,): one update a command (turn_rad, forward_m), stopped only by contact."""
+    """Teleoperate from a pose (3,): one update per command (turn_rad, forward_m), stopped only by contact."""
 
     def wish(step: int, pose: F64) -> Instructions | None:
         return Instructions(command=commands[step - 1]) if step <= len(commands) else None

@@ -1,7 +1,7 @@
 """The simulated Maurice: how it really moves on a command to turn or to drive, and what its encoders report.
 
-The laws of error are the thesis's (3.2, 3.3): turning is over-read by a gain and scatters once a turn,
-straights fall short once a movement, and the heading drifts with distance, by floor. Where a floor ends the
+The laws of error are the thesis's (3.2, 3.3): turning is over-read by a gain and scatters once per turn,
+straights fall short once per movement, and the heading drifts with distance, by floor. Where a floor ends the
 robot now and then slips and is turned by more than the model of a turn allows for (3.6). It stops where it
 touches something.
 """
@@ -41,8 +41,8 @@ class Chassis:
 
     turn_over_read: float = 1.3695  # measured over actual turn (figure 5)
     turn_bias_rad: float = float(np.radians(0.2681))  # mean residual of a turn (figure 8)
-    turn_sd_rad: float = float(np.radians(4.916))  # its scatter, once a turn
-    straight_bias_m: float = -0.6978 * INCH_M  # mean of actual - measured, once a movement (figure 11)
+    turn_sd_rad: float = float(np.radians(4.916))  # its scatter, once per turn
+    straight_bias_m: float = -0.6978 * INCH_M  # mean of actual - measured, once per movement (figure 11)
     straight_sd_m: float = 0.6356 * INCH_M  # its scatter
     drifts: dict[str, HeadingDrift] = field(
         default_factory=lambda: dict(DRIFTS)

@@ -27,7 +27,7 @@ TRACK = 400  # points of a path that are looked at first
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raster:
-    """Free cells that hang together, and which are neighbors; made once a drive."""
+    """Free cells that hang together, and which are neighbors; made once per drive."""
 
     arena: Arena
     centers: F64  # (K, 2) of the free cells

@@ -62,7 +62,7 @@ class StylePlan:
     """The looks of a room: paint, light, and what hangs on its walls."""
 
     name: str
-    colors: tuple[tuple[str, Word], ...]  # names for colors that are drawn once a room
+    colors: tuple[tuple[str, Word], ...]  # names for colors that are drawn once per room
     walls: tuple[PaintPlan, ...]  # one for all, or four: south, east, north, west
     shuffle_walls: bool
     skirting: Word

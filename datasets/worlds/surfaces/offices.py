@@ -22,7 +22,7 @@ def joints(size: Size, step: int, wide: int, shift: int = 0) -> Bool:
 
 
 def shades(rng: np.random.Generator, size: Size, high: int, wide: int, sd: float) -> F32:
-    """Return one brightness a tile (H, W), around 1."""
+    """Return one brightness per tile (H, W), around 1."""
     rows, columns = np.arange(size[0]) // high, np.arange(size[1]) // wide
     each = 1 + sd * rng.standard_normal((rows[-1] + 1, columns[-1] + 1))
     return np.asarray(each[rows[:, None], columns[None, :]], np.float32)
