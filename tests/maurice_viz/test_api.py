@@ -24,6 +24,22 @@ def python(code: str) -> str:
     return done.stdout.strip()
 
 
+def test_the_python_of_the_readme_runs(
+    small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    for folder in ("my-demo", "survey"):
+        Path(folder).symlink_to(small_session.parent)
+    readme = Path(__file__).parents[2] / "README.md"
+    blocks = readme.read_text(encoding="utf-8").split("```python\n")[1:]
+    assert blocks
+    for block in blocks:
+        float(python(block.split("```")[0]).splitlines()[-1])  # prints an error in meters
+    assert Path("out.rrd").exists()
+
+
 def test_a_comparison_in_python_gives_the_numbers_of_the_command(
     small_session: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
