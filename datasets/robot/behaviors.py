@@ -38,7 +38,7 @@ class Proximity:
 
     @property
     def nearest_m(self) -> float:
-        """The smallest range."""
+        """Return the smallest range."""
         return float(self.ranges_m.min())
 
     def open_m(self, bearing_rad: float, half_width_m: float) -> float:

@@ -65,7 +65,7 @@ class DriveUpdate:
 
     @property
     def pose(self) -> F64:
-        """The true pose (3,) at its end, where it looks."""
+        """Return the true pose (3,) at its end, where it looks."""
         return np.asarray(self.straight.path[-1])
 
 
@@ -102,7 +102,7 @@ class Robot:
 
 
 class Guide:
-    """Walks beside the robot: chooses goals anywhere in free space and gives the next point to go to.
+    """Walks beside the robot: chooses goals anywhere in free space, and the next point to go to.
 
     Remembers the goal of the moment; the goals themselves are the seed's.
     """

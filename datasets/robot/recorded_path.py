@@ -44,7 +44,7 @@ class RecordedPath:
 
     @property
     def carried(self) -> int:
-        """How often the robot was carried to where it went on."""
+        """Return how often the robot was carried to where it went on."""
         return sum(isinstance(e, Happened) for segment in self.segments for e in segment.entries)
 
     def placed(self, at: Placement) -> Iterator[Segment]:

@@ -40,7 +40,7 @@ class Log(Protocol):
         ...
 
     def event(self, t_s: float, text: str) -> None:
-        """Write what happened."""
+        """Write an event."""
         ...
 
 

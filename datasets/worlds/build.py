@@ -179,7 +179,7 @@ def draw_windows(
 
 
 def lamps_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[Lamp]:
-    """What lights a room: its ceiling lamps together are one source, its windows another."""
+    """Return what lights a room: its ceiling lamps together are one source, its windows another."""
     lamps = []
     spread = np.array([[-8, -8, -8], [8, -8, -8], [8, 8, -8], [-8, 8, -8.0]])
     for x, y in room.lamps if look.lamp > 0 else ():
@@ -254,7 +254,7 @@ def grid_nodes(library: LibraryPlan, arena: Arena) -> F64:
 
 
 def free_nodes(library: LibraryPlan, arena: Arena) -> F64:
-    """Those places of the grid (K, 2) where a robot can stand."""
+    """Return those places of the grid (K, 2) where a robot can stand."""
     nodes = grid_nodes(library, arena)
     return nodes[clearance(arena, nodes) > library.clearance_in * INCH_M]
 

@@ -75,12 +75,12 @@ def front_panel(
 
 
 def cloth_of(color: Rgb) -> Paint:
-    """A painter of cloth in one color."""
+    """Return a painter of cloth in one color."""
     return partial(textures.cloth, color=color)
 
 
 def timber_of(color: Rgb) -> Paint:
-    """A painter of wood in one color."""
+    """Return a painter of wood in one color."""
     return partial(textures.timber, color=color)
 
 
@@ -90,7 +90,7 @@ def wood_color(rng: np.random.Generator) -> Rgb:
 
 
 def clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_in: float) -> list[Part]:
-    """Two to four things that lie about on a top: books, a mug, a box; `room_in` is how deep the top is."""
+    """Build two to four things that lie on a top `room_in` deep: books, a mug, a box."""
     things: list[Part] = []
     count = int(rng.integers(2, 5))
     for k in range(count):
@@ -110,7 +110,7 @@ Maker = Callable[[np.random.Generator, Footprint], Piece]
 
 
 def sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Seat, back, two arms and two or three cushions, one of them striped."""
+    """Build a sofa: seat, back, two arms and two or three cushions, one of them striped."""
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
     cover = cloth_of(color)
     parts: list[Part] = [
@@ -129,7 +129,7 @@ def sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A small sofa for one, on legs."""
+    """Build a small sofa for one, on legs."""
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
     cover, leg = cloth_of(color), timber_of((0.10, 0.07, 0.05))
     corners = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
@@ -146,7 +146,7 @@ def armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def table(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A low table one can look under, with a crate or a bag beneath."""
+    """Build a low table one can look under, with a crate or a bag beneath."""
     w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
     height = float(rng.uniform(16, 21))
     paint = timber_of(color)
@@ -164,7 +164,7 @@ def table(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def bookcase(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A tall case with rows of books at its front."""
+    """Build a tall case with rows of books at its front."""
     w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
     height, shelf = float(rng.uniform(46, 62)), 11.5
     rows = int((height - 4) // shelf)
@@ -183,7 +183,7 @@ def bookcase(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def dresser(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A chest of drawers with dark joints and something colorful on the side of it."""
+    """Build a chest of drawers with dark joints and something colorful on the side of it."""
     w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
     height, rows = float(rng.uniform(26, 34)), 3
     dark = (color[0] * 0.75, color[1] * 0.75, color[2] * 0.75)
@@ -204,7 +204,7 @@ def dresser(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
-    """The front of one drawer: a lit upper edge, a dark gap around, a knob."""
+    """Build the front of one drawer: a lit upper edge, a dark gap around, a knob."""
     front = textures.timber(rng, size, color)
     rows, columns = size
     edge = max(1, rows // 16)
@@ -219,7 +219,7 @@ def drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
 
 
 def carton(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A packing box, often with a smaller and brighter one on top of it."""
+    """Build a packing box, often with a smaller and brighter one on top of it."""
     w, d, height = stand.width_in, stand.depth_in, float(rng.uniform(11, 16))
     parts: list[Part] = [(Solid(0, 0, 0, w, d, height), textures.cardboard)]
     if rng.random() < 0.7:
@@ -230,7 +230,7 @@ def carton(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def plant(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A pot with a bush: two crossed blocks of leaves."""
+    """Build a pot with a bush: two crossed blocks of leaves."""
     pot = cloth_of(dye(rng))
     w, height = 0.85 * min(stand.width_in, stand.depth_in), float(rng.uniform(9, 12))
     parts: list[Part] = [
@@ -244,7 +244,7 @@ def plant(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A desk with a screen, a keyboard and papers on it, and a cable that hangs down behind."""
+    """Build a desk with a screen, a keyboard and papers on it, and a cable that hangs down behind."""
     w, d = stand.width_in, stand.depth_in
     top, steel = timber_of((0.5, 0.42, 0.33) if rng.random() < 0.6 else wood(rng)), cloth_of((0.2, 0.2, 0.21))
     black, side = cloth_of((0.03, 0.03, 0.032)), float(rng.uniform(-0.2, 0.2)) * w
@@ -265,7 +265,7 @@ def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def chair(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """An office chair: a cross on the floor, a column, seat and back."""
+    """Build an office chair: a cross on the floor, a column, seat and back."""
     w, d, cover = stand.width_in, stand.depth_in, cloth_of(dye(rng))
     steel = cloth_of((0.05, 0.05, 0.055))
     parts: list[Part] = [
@@ -280,7 +280,7 @@ def chair(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def cabinet(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """A steel cabinet with two doors, and files or a box on top."""
+    """Build a steel cabinet with two doors, and files or a box on top."""
     w, d = stand.width_in, stand.depth_in
     height, gray = float(rng.uniform(38, 56)), float(rng.uniform(0.28, 0.5))
     color = (gray, gray, 1.02 * gray)
@@ -297,7 +297,7 @@ def cabinet(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 
 def steel_door(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
-    """A painted steel door: dark gaps around, a handle, a label."""
+    """Build a painted steel door: dark gaps around, a handle, a label."""
     rows, columns = size
     leaf = textures.tint(color, 1 + 0.05 * textures.clouds(rng, size, rows / 2))
     leaf[:2] *= np.float32(0.35)
@@ -310,7 +310,7 @@ def steel_door(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32
 
 
 def block(rng: np.random.Generator, stand: Footprint, height_in: float, sides: Paint, top: Paint) -> Piece:
-    """A plain box, as a world file paints it."""
+    """Build a plain box, as a world file paints it."""
     solid = Solid(stand.x_in, stand.y_in, 0, stand.width_in, stand.depth_in, height_in, stand.yaw_rad)
     return Piece("block", faces_of(rng, solid, sides, top=top), (box_of(solid),), footprint(solid) * INCH_M)
 

@@ -29,7 +29,7 @@ class Wall:
 
     @property
     def length_in(self) -> float:
-        """Its width."""
+        """Return its width in inches."""
         return float(np.hypot(self.right[0] - self.left[0], self.right[1] - self.left[1]))
 
     def at(self, along_in: float, out_in: float = 0.0) -> F64:
@@ -60,27 +60,27 @@ def shaded(paint: Paint) -> Paint:
 
 
 def printed(rng: np.random.Generator, wall: Wall, middle_in: float, painter: Paint) -> Face:
-    """A poster or painting, hung low enough for a camera near the floor."""
+    """Build a poster or painting, hung low enough for a camera near the floor."""
     width, height = float(rng.uniform(18, 32)), float(rng.uniform(20, 34))
     bottom = float(rng.uniform(9, 20))
     return hang(rng, wall, middle_in, width, (bottom, bottom + height), shaded(painter))
 
 
 def board(rng: np.random.Generator, wall: Wall, middle_in: float, painter: Paint) -> Face:
-    """A wide board at the height of a desk."""
+    """Build a wide board at the height of a desk."""
     return hang(
         rng, wall, middle_in, float(rng.uniform(30, 38)), (26, float(rng.uniform(50, 58))), shaded(painter)
     )
 
 
 def closed_door(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
-    """A door that stays shut."""
+    """Build a door that stays shut."""
     color = (0.6, 0.58, 0.53) if rng.random() < 0.5 else wood(rng, 0.2, 0.5)
     return hang(rng, wall, middle_in, 30, (0, 78), partial(pictures.door, color=color))
 
 
 def radiator(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
-    """A radiator near the floor."""
+    """Build a radiator near the floor."""
     return hang(rng, wall, middle_in, 32, (4, 27), pictures.radiator)
 
 
@@ -132,7 +132,7 @@ def decorate(
 
 
 def outlet(rng: np.random.Generator, size: textures.Size) -> F32:
-    """A socket in the wall: a white plate with two dark holes."""
+    """Build a socket in the wall: a white plate with two dark holes."""
     plate = textures.tint((0.7, 0.69, 0.66), 1 + 0.02 * textures.noise(rng, size, (2, 2)))
     rows, columns = size
     for row in (rows // 4, 3 * rows // 4):
@@ -159,12 +159,12 @@ def window_in(
 
 
 def white(rng: np.random.Generator, size: textures.Size) -> F32:
-    """White paint."""
+    """Return white paint."""
     return textures.plaster(rng, size, (0.62, 0.6, 0.56), 0.05)
 
 
 def trim(color: Rgb) -> Paint:
-    """A painter of boards: with the grain of wood when they are brown, else painted smooth."""
+    """Return a painter of boards: with the grain of wood when they are brown, else painted smooth."""
     if color[0] < 1.4 * color[2]:
         return partial(textures.plaster, color=color, stains=0.04)
     return partial(textures.timber, color=color)

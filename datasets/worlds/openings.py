@@ -31,13 +31,13 @@ class Opening:
 
     @property
     def rect(self) -> Rect:
-        """What it takes up on the plan."""
+        """Return what it takes up on the plan."""
         (a, b), (c, d) = self.gap, self.span
         return (a, c, b, d) if self.axis == 0 else (c, a, d, b)
 
     @property
     def margin_in(self) -> float:
-        """How far its frame overlaps the walls beside it."""
+        """Return how far its frame overlaps the walls beside it."""
         return 0.0 if self.frame is None else CASING_IN
 
     def point(self, along: float, across: float) -> tuple[float, float]:

@@ -79,13 +79,13 @@ def room_faces(
 
 
 def ceiling(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> Face:
-    """The ceiling of a room."""
+    """Build the ceiling of a room."""
     paint = paint_of(rng, look.style.ceiling, look.palette, 1.0)
     return flat(rng, rectangle(*room.rect), room.height_in, paint, facing_up=False, per_inch=1)
 
 
 def lamp_shades(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> list[Face]:
-    """Glowing panels on the ceiling where lamps are."""
+    """Build glowing panels on the ceiling where lamps are."""
     if look.lamp == 0:
         return []
     color = np.asarray(look.lamp_color) / max(look.lamp_color) * 0.9
@@ -122,7 +122,7 @@ def wall_faces(
 
 
 def skirting(board: Paint) -> Paint:
-    """A skirting board: a lit upper edge, scuffs and dirt near the floor."""
+    """Build a skirting board: a lit upper edge, scuffs and dirt near the floor."""
 
     def paint(rng: np.random.Generator, size: textures.Size) -> F32:
         face = np.array(board(rng, size), np.float32)
@@ -180,7 +180,7 @@ def poster_face(
 
 
 def door_faces(rng: np.random.Generator, opening: Opening) -> tuple[list[Face], list[Box]]:
-    """The frame of an opening with a threshold, or the bare ends of the wall; and what of it is solid."""
+    """Build the frame of an opening with a threshold, or the bare ends of the wall, and its solid part."""
     if opening.frame is None:
         return plain_jambs(rng, opening), []
     paint = trim(Palette().color(rng, opening.frame))
@@ -204,7 +204,7 @@ def _turned(axis: int, part: tuple[float, float, float, float, float, float]) ->
 
 
 def plain_jambs(rng: np.random.Generator, opening: Opening) -> list[Face]:
-    """The ends of the wall on both sides of a plain opening, and the wall's underside above."""
+    """Build the ends of the wall on both sides of a plain opening, and the wall's underside above."""
     paint = partial(textures.plaster, color=(0.55, 0.54, 0.5))
     faces = []
     for edge, turn in ((opening.span[0], 0), (opening.span[1], 1)):
@@ -216,7 +216,7 @@ def plain_jambs(rng: np.random.Generator, opening: Opening) -> list[Face]:
 
 
 def solid_boxes(plan: WorldPlan, openings: tuple[Opening, ...]) -> list[Box]:
-    """Walls, floor and ceilings as boxes, so that light stays inside and corners darken."""
+    """Return walls, floor and ceilings as boxes, so that light stays inside and corners darken."""
     found: dict[Solid, None] = {}
     for room in plan.rooms:
         for name in SIDES:
@@ -239,7 +239,7 @@ def solid_boxes(plan: WorldPlan, openings: tuple[Opening, ...]) -> list[Box]:
 
 
 def _behind(room: RoomPlan, name: str, where: tuple[float, float], heights: tuple[float, float]) -> Solid:
-    """The solid wall behind a stretch; as thick as the thinnest wall there may be."""
+    """Build the solid wall behind a stretch; as thick as the thinnest wall there may be."""
     wall = wall_of(room, name)
     ends = np.stack([wall.at(where[0]), wall.at(where[1], -WALL_IN)]).round(3)
     (x1, y1), (x2, y2) = ends.min(axis=0), ends.max(axis=0)

@@ -35,7 +35,7 @@ class Solid:
 
 
 def pixels(width_in: float, height_in: float, per_inch: float) -> Size:
-    """Rows and columns that a texture needs; at least 6 each, at most 1600."""
+    """Return the rows and columns that a texture needs; at least 6 each, at most 1600."""
     return (
         int(np.clip(round(height_in * per_inch), 6, 1600)),
         int(np.clip(round(width_in * per_inch), 6, 1600)),
@@ -91,7 +91,7 @@ def footprint(solid: Solid) -> F64:
 
 
 def box_of(solid: Solid) -> Box:
-    """The shadow-throwing box of a solid, in meters."""
+    """Return the shadow-throwing box of a solid, in meters."""
     center = np.array([solid.x_in, solid.y_in, solid.z_in + solid.height_in / 2]) * INCH_M
     half = np.array([solid.width_in, solid.depth_in, solid.height_in]) / 2 * INCH_M
     return Box(

@@ -26,7 +26,7 @@ class Face:
 
     @property
     def normal(self) -> F64:
-        """Unit vector (3,) out of the side that can be seen."""
+        """Return the unit vector (3,) out of the side that can be seen."""
         out = np.cross(self.down, self.across)
         return out / np.linalg.norm(out)
 
@@ -86,17 +86,17 @@ class World:
 
     @property
     def faces(self) -> tuple[Face, ...]:
-        """All that can be seen."""
+        """Return all that can be seen."""
         return (*self.shell, *(face for piece in self.furniture for face in piece.faces))
 
     @property
     def boxes(self) -> tuple[Box, ...]:
-        """All that throws shadows."""
+        """Return all that throws shadows."""
         return (*self.solid, *(box for piece in self.furniture for box in piece.boxes))
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Names of its sources of light, in order, each once."""
+        """Return the names of its sources of light, in order, each once."""
         return tuple(
             dict.fromkeys([lamp.source for lamp in self.lamps] + [r.source for r in self.room_lights])
         )
