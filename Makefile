@@ -11,7 +11,7 @@ demo: .venv/installed
 test: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow"
 
-test-all: .venv/installed-dev
+test-all: .venv/installed-dev .venv/installed-docs
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 check: .venv/installed-dev
@@ -44,7 +44,7 @@ soak: .venv/installed-dev
 
 # The documentation as a site, into site/; strict, and without a network.
 docs: .venv/installed-docs
-	$(BIN)/mkdocs build --quiet --strict
+	$(BIN)/mkdocs build --strict
 
 # An editable install, so that what is edited is what runs; a stale build/ would bring deleted files back.
 .venv/installed: pyproject.toml constraints.txt

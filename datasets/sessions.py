@@ -70,10 +70,10 @@ def simulate(
     Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
     holds something (`force` replaces an earlier simulation), and for a full disk.
 
-    >>> import maurice_datasets as md
-    >>> paths = md.simulate("tracking", to="drive", updates=2)  # doctest: +SKIP
-    >>> paths.session  # doctest: +SKIP
-    PosixPath('drive/session.log')
+        >>> import maurice_datasets as md
+        >>> paths = md.simulate("tracking", to="drive", updates=2)  # doctest: +SKIP
+        >>> paths.session  # doctest: +SKIP
+        PosixPath('drive/session.log')
     """
     plan = simulation_plan(
         task,

@@ -168,9 +168,9 @@ def survey(
     InputError for a world, tier or folder that cannot be used (`force` replaces an earlier survey),
     and for a full disk.
 
-    >>> import maurice_datasets as md, maurice_loaders as ml
-    >>> log = md.survey("two-rooms", to="rooms")  # doctest: +SKIP
-    >>> library = ml.build_library(log)  # doctest: +SKIP
+        >>> import maurice_datasets as md, maurice_loaders as ml
+        >>> log = md.survey("two-rooms", to="rooms")  # doctest: +SKIP
+        >>> library = ml.build_library(log)  # doctest: +SKIP
     """
     drawn = surveyed_world(world, seed, tier, spacing_m, headings)
     return write_survey_folder(

@@ -86,7 +86,36 @@ _WHERE = {
     "tune": ".app.library",
     "verify": ".app.saved",
 }
-__all__ = tuple(_WHERE)
+__all__ = [
+    "Listener",
+    "RunScores",
+    "build_library",
+    "calibrate_motion",
+    "calibrate_noise",
+    "check_library",
+    "compare",
+    "convert",
+    "diagnose",
+    "drop_bookmarks",
+    "events",
+    "explain",
+    "export",
+    "figures",
+    "formats",
+    "inspect",
+    "jump",
+    "keep_bookmark",
+    "make_trials",
+    "movie",
+    "replay",
+    "report",
+    "results",
+    "show",
+    "snapshot",
+    "traces",
+    "tune",
+    "verify",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -10,9 +10,9 @@ class InputError(Exception):
 
     `str()` is one line: `session.log:17: found ..., expected ...; what to do`.
 
-    >>> import maurice_mcl as mcl
-    >>> str(mcl.InputError(None, "particles: found -1, expected a whole number from 1 to 10000000"))
-    'particles: found -1, expected a whole number from 1 to 10000000'
+        >>> import maurice_mcl as mcl
+        >>> str(mcl.InputError(None, "particles: found -1, expected a whole number from 1 to 10000000"))
+        'particles: found -1, expected a whole number from 1 to 10000000'
     """
 
     def __init__(self, file: Path | None, message: str, line: int | None = None) -> None:

@@ -33,10 +33,10 @@ class Library:
 
     `maurice_loaders.open_library` returns one for a library folder or a survey log.
 
-    >>> import maurice_mcl as mcl
-    >>> library = mcl.tiny_library()
-    >>> library.size, library.index["color"].references.shape
-    (96, (96, 84))
+        >>> import maurice_mcl as mcl
+        >>> library = mcl.tiny_library()
+        >>> library.size, library.index["color"].references.shape
+        (96, (96, 84))
     """
 
     name: str

@@ -20,10 +20,10 @@ class Belief:
     Poses are float32 relative to `origin`, which is float64 (float32 steps are 3 cm at 500 km). Weights are
     stored as logs and sum to one: `exp(log_weights).sum() == 1`.
 
-    >>> import numpy as np, maurice_mcl as mcl
-    >>> belief = mcl.Belief(np.zeros((2, 3), np.float32), np.log([0.25, 0.75]), np.array([5.0, 0.0]))
-    >>> belief.size, belief.weights.round(2).tolist(), belief.world_poses[0].tolist()
-    (2, [0.25, 0.75], [5.0, 0.0, 0.0])
+        >>> import numpy as np, maurice_mcl as mcl
+        >>> belief = mcl.Belief(np.zeros((2, 3), np.float32), np.log([0.25, 0.75]), np.array([5.0, 0.0]))
+        >>> belief.size, belief.weights.round(2).tolist(), belief.world_poses[0].tolist()
+        (2, [0.25, 0.75], [5.0, 0.0, 0.0])
     """
 
     poses: F32  # (N, 3) x_m, y_m relative to the origin, heading_rad in [-pi, pi)

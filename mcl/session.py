@@ -18,10 +18,10 @@ class Frame:
     `motions` are the robot's own measurements, uncorrected, in the order in which they were made; several
     movements between two pictures are kept separate, because noise is added once per movement (thesis 3.2).
 
-    >>> import numpy as np, maurice_mcl as mcl
-    >>> frame = mcl.Frame(1, 0.5, np.array([[0.1, 0.0, 0.2]]), np.zeros((24, 32, 3), np.uint8), "")
-    >>> frame.motions.shape
-    (1, 3)
+        >>> import numpy as np, maurice_mcl as mcl
+        >>> frame = mcl.Frame(1, 0.5, np.array([[0.1, 0.0, 0.2]]), np.zeros((24, 32, 3), np.uint8), "")
+        >>> frame.motions.shape
+        (1, 3)
     """
 
     step: int  # 1 for the first picture
@@ -80,10 +80,10 @@ class Session(Protocol):
 
     Any class with these two members is a session; `maurice_loaders.open_session` returns one for a recording.
 
-    >>> import maurice_mcl as mcl
-    >>> session: mcl.Session = mcl.tiny_session()
-    >>> session.info.name, sum(1 for moment in session.moments())
-    ('tiny drive', 6)
+        >>> import maurice_mcl as mcl
+        >>> session: mcl.Session = mcl.tiny_session()
+        >>> session.info.name, sum(1 for moment in session.moments())
+        ('tiny drive', 6)
     """
 
     @property

@@ -317,10 +317,10 @@ def load_world(name_or_path: str | Path, seed: int = 0, tier: str = "nominal") -
 
     Lengths in meters, angles in radians. Raises WorldError where name, file or tier is wrong.
 
-    >>> import maurice_datasets as md
-    >>> world = md.load_world("two-rooms", seed=0)
-    >>> [round(side, 2) for side in world.arena.bounds]
-    [0.0, 0.0, 5.18, 3.96]
+        >>> import maurice_datasets as md
+        >>> world = md.load_world("two-rooms", seed=0)
+        >>> [round(side, 2) for side in world.arena.bounds]
+        [0.0, 0.0, 5.18, 3.96]
     """
     return build_world(load_plan(name_or_path), seed, TIERS[check_tier(name_or_path, tier)])
 

@@ -88,10 +88,10 @@ def calibrate_motion(
     truth. `to` writes the parameters as TOML, for a replay's motion. Raises OptionError for an unknown unit,
     and InputError for a source with too few trials or a file that exists (unless `force`).
 
-    >>> import maurice_viz as mv
-    >>> fitted = mv.calibrate_motion(mv.make_trials("trials.csv"))
-    >>> round(fitted.fit.turns.gain.value, 2)
-    0.73
+        >>> import maurice_viz as mv
+        >>> fitted = mv.calibrate_motion(mv.make_trials("trials.csv"))
+        >>> round(fitted.fit.turns.gain.value, 2)
+        0.73
     """
     path = Path(source)
     if unit not in METERS:
@@ -116,9 +116,9 @@ def calibrate_noise(source: str | Path, *, listener: Listener = SILENT) -> Noise
     `source` is a survey log or its folder, or a folder of such pictures. Raises InputError where there are
     none.
 
-    >>> import maurice_viz as mv
-    >>> mv.calibrate_noise("survey.log").frames
-    1
+        >>> import maurice_viz as mv
+        >>> mv.calibrate_noise("survey.log").frames
+        1
     """
     found = noise_floor(covered_pictures(Path(source)))
     if found.lit:
@@ -144,9 +144,9 @@ def make_trials(to: str | Path, *, trials: int = 41, seed: int = 0, force: bool 
     So many turns, and so many straights on both floors, in meters and radians. Raises InputError where the
     file exists (unless `force`).
 
-    >>> import maurice_viz as mv
-    >>> mv.make_trials("trials.csv", trials=5).name
-    'trials.csv'
+        >>> import maurice_viz as mv
+        >>> mv.make_trials("trials.csv", trials=5).name
+        'trials.csv'
     """
     from maurice_datasets.robot.calibration_drive import TrialPlan, calibration_drive
 
@@ -169,10 +169,10 @@ def figures(
     figures 13 and 14 of a noise floor to the file `to` (.png). Raises InputError without matplotlib and where
     a file exists (unless `force`).
 
-    >>> import maurice_viz as mv
-    >>> files = mv.figures(mv.make_trials("trials.csv"), "figures")
-    >>> len(files)
-    8
+        >>> import maurice_viz as mv
+        >>> files = mv.figures(mv.make_trials("trials.csv"), "figures")
+        >>> len(files)
+        8
     """
     from ..plots.calibration import Shown, draw_motion, draw_noise
     from ..plots.figure import expect_matplotlib

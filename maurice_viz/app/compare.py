@@ -65,10 +65,10 @@ def compare(
 
     InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
 
-    >>> import maurice_viz as mv
-    >>> scores = mv.compare("session.log", features=["color", "blended"], particles=50)
-    >>> [run.label for run in scores.runs]
-    ['color', 'blended']
+        >>> import maurice_viz as mv
+        >>> scores = mv.compare("session.log", features=["color", "blended"], particles=50)
+        >>> [run.label for run in scores.runs]
+        ['color', 'blended']
     """
     given: dict[str, Sequence[Any]] = {
         "feature": _several(features),

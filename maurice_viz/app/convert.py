@@ -63,10 +63,10 @@ def convert(
     Raises InputError for a source that cannot be read or a target that exists (unless `force`), and
     OptionError for another ending, picture format or a time offset that is not finite.
 
-    >>> import maurice_viz as mv
-    >>> file, count = mv.convert("session.log", "drive")
-    >>> file.name
-    'session.log'
+        >>> import maurice_viz as mv
+        >>> file, count = mv.convert("session.log", "drive")
+        >>> file.name
+        'session.log'
     """
     source, target, options = Path(source), Path(target), options or ReadingOptions()
     if target.suffix not in (LOG, MCAP, ""):
@@ -197,10 +197,10 @@ def export(
     Raises OptionError for arguments that contradict each other and InputError for a folder that holds no such
     run, no truth that `only` asks for, no update, or for files that exist (unless `force`).
 
-    >>> import maurice_viz as mv
-    >>> exported = mv.export("my-run", tum="my-run.tum", only="estimate")
-    >>> [file.name for file in exported.files]
-    ['my-run.tum']
+        >>> import maurice_viz as mv
+        >>> exported = mv.export("my-run", tum="my-run.tum", only="estimate")
+        >>> [file.name for file in exported.files]
+        ['my-run.tum']
     """
     named = [None if file is None else Path(file) for file in (tum, kitti, csv, parquet, mcap, evo)]
     targets = _Targets(PATHS if only is None else (only,), *named)

@@ -73,10 +73,10 @@ def events(
     `routine`. Needs neither the session nor the library. Raises OptionError for an unknown kind and
     InputError for a folder that is no saved run or is damaged.
 
-    >>> import maurice_viz as mv
-    >>> found = mv.events("my-run", kinds=["lost"])
-    >>> [event.step for event in found.runs[0].events]
-    []
+        >>> import maurice_viz as mv
+        >>> found = mv.events("my-run", kinds=["lost"])
+        >>> [event.step for event in found.runs[0].events]
+        []
     """
     for kind in kinds:
         if kind not in KINDS:
@@ -168,9 +168,9 @@ def keep_bookmark(run: str | Path, step: int, note: str) -> Path:
 
     Raises OptionError for an empty note, and InputError for a step that no run has.
 
-    >>> import maurice_viz as mv
-    >>> mv.keep_bookmark("my-run", 4, "odd turn").name
-    'bookmarks.jsonl'
+        >>> import maurice_viz as mv
+        >>> mv.keep_bookmark("my-run", 4, "odd turn").name
+        'bookmarks.jsonl'
     """
     folder, line = Path(run), " ".join(note.split())
     if not line:
@@ -185,10 +185,10 @@ def drop_bookmarks(run: str | Path, which: str) -> int:
 
     Raises InputError where there is none.
 
-    >>> import maurice_viz as mv
-    >>> file = mv.keep_bookmark("my-run", 4, "odd turn")
-    >>> mv.drop_bookmarks("my-run", "odd turn")
-    1
+        >>> import maurice_viz as mv
+        >>> file = mv.keep_bookmark("my-run", 4, "odd turn")
+        >>> mv.drop_bookmarks("my-run", "odd turn")
+        1
     """
     folder = Path(run)
     open_runs(folder)  # raises where this is no saved run
@@ -232,9 +232,9 @@ def jump(
 
     Raises OptionError for contradicting arguments and InputError where no such event, step or viewer is.
 
-    >>> import maurice_viz as mv
-    >>> mv.jump("my-run", step=4)  # doctest: +SKIP
-    Destination(step=4, text='small')
+        >>> import maurice_viz as mv
+        >>> mv.jump("my-run", step=4)  # doctest: +SKIP
+        Destination(step=4, text='small')
     """
     from ..viewer.cursor import move_viewer  # loads Rerun, which the other functions here do without
 

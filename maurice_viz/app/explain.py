@@ -122,10 +122,10 @@ def explain(
     Raises OptionError for arguments out of range and InputError for a folder that is no saved run, a step
     that it does not have, or where its session or library is gone.
 
-    >>> import maurice_viz as mv
-    >>> explanation = mv.explain("my-run", 12)
-    >>> print(explanation.text.splitlines()[0])
-    blended, step 12
+        >>> import maurice_viz as mv
+        >>> explanation = mv.explain("my-run", 12)
+        >>> print(explanation.text.splitlines()[0])
+        blended, step 12
     """
     if sum(given is not None for given in (at, entry, particle)) > 1:
         raise OptionError("--at, --entry and --particle exclude each other")

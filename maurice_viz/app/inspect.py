@@ -39,10 +39,10 @@ def formats(path: str | Path | None = None) -> list[FormatInfo]:
 
     Raises InputError where there is no such file, or it has no known format.
 
-    >>> import maurice_viz as mv
-    >>> [found] = mv.formats("session.log")
-    >>> found.name
-    'session-log'
+        >>> import maurice_viz as mv
+        >>> [found] = mv.formats("session.log")
+        >>> found.name
+        'session-log'
     """
     found = list(all_formats().values()) if path is None else [chosen(Path(path), ReadingOptions())]
     return [
@@ -62,10 +62,10 @@ def inspect(session: str | Path, *, options: ReadingOptions | None = None) -> tu
     Distances are in meters, rates in Hz; broken records are counted, not raised. Raises InputError where the
     recording cannot be read at all.
 
-    >>> import maurice_viz as mv
-    >>> format_name, found = mv.inspect("session.log")
-    >>> found.records["image"]
-    14
+        >>> import maurice_viz as mv
+        >>> format_name, found = mv.inspect("session.log")
+        >>> found.records["image"]
+        14
     """
     path, options = Path(session), replace(options or ReadingOptions(), keep_going=True)
     one = chosen(path, options)
@@ -92,10 +92,10 @@ def diagnose(
     reading file (.toml), if there is anything to fix. Raises InputError where the recording or the library
     cannot be read, or the file exists (unless `force`).
 
-    >>> import maurice_viz as mv
-    >>> diagnosis = mv.diagnose("session.log")
-    >>> len(diagnosis.findings)
-    0
+        >>> import maurice_viz as mv
+        >>> diagnosis = mv.diagnose("session.log")
+        >>> len(diagnosis.findings)
+        0
     """
     path, options = Path(session), options or ReadingOptions()
     if to is not None:

@@ -63,10 +63,10 @@ def build_library(
     Raises OptionError for an `every` that cannot be read, and InputError for a survey without poses or a
     folder that exists (unless `force`).
 
-    >>> import maurice_viz as mv
-    >>> library, _ = mv.build_library("survey.log", "library")
-    >>> library.size
-    160
+        >>> import maurice_viz as mv
+        >>> library, _ = mv.build_library("survey.log", "library")
+        >>> library.size
+        160
     """
     survey, options = Path(survey), options or ReadingOptions()
     try:
@@ -154,10 +154,10 @@ def check_library(
     `feature` is a feature or a channel by name. `to` also draws the map of expected ambiguity (.png). Raises
     InputError for a library that cannot be opened or lacks a channel of the feature.
 
-    >>> import maurice_viz as mv
-    >>> check = mv.check_library("survey.log")
-    >>> check.library.size, check.similarity.spacing_m
-    (160, 0.5)
+        >>> import maurice_viz as mv
+        >>> check = mv.check_library("survey.log")
+        >>> check.library.size, check.similarity.spacing_m
+        (160, 0.5)
     """
     path = Path(library)
     if to is not None:
@@ -279,10 +279,10 @@ def tune(
     Raises OptionError for an unknown channel, and InputError for drives without truth, drives that are both
     fitted and scored on, and a file that exists (unless `force`).
 
-    >>> import maurice_viz as mv
-    >>> result = mv.tune("survey.log", sessions=["session.log"], channels=["color", "tiny"])
-    >>> result.fitted.pictures
-    14
+        >>> import maurice_viz as mv
+        >>> result = mv.tune("survey.log", sessions=["session.log"], channels=["color", "tiny"])
+        >>> result.fitted.pictures
+        14
     """
     fit, test = [Path(path) for path in sessions], [Path(path) for path in score]
     if to is not None:

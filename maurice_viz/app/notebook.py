@@ -55,8 +55,8 @@ def show(
     `layout` names the tab to begin with, for all but a recording, which has its own. The last four are for a
     session log, which is replayed. ImportError without the extra `notebook`; InputError for bad files.
 
-    >>> import maurice_viz as mv
-    >>> viewer = mv.show("my-run", layout="traces")  # doctest: +SKIP
+        >>> import maurice_viz as mv
+        >>> viewer = mv.show("my-run", layout="traces")  # doctest: +SKIP
     """
     expect_widget()
     path = Path(source)
@@ -84,9 +84,9 @@ def results(run: Place) -> pl.DataFrame:
 
     Meters, radians and seconds; null where a score does not apply. InputError for what is no saved run.
 
-    >>> import maurice_viz as mv
-    >>> mv.results("my-run").height
-    1
+        >>> import maurice_viz as mv
+        >>> mv.results("my-run").height
+        1
     """
     rows = [to_json(_collected(one).results)["runs"][0] for one in open_runs(Path(run))]
     return pl.DataFrame([_flat(row) for row in rows], infer_schema_length=None)
@@ -98,9 +98,9 @@ def traces(run: Place) -> pl.DataFrame:
     Meters, radians and seconds, poses in the map's frame; null where something is not known. InputError for
     what is no saved run.
 
-    >>> import maurice_viz as mv
-    >>> mv.traces("my-run").height
-    14
+        >>> import maurice_viz as mv
+        >>> mv.traces("my-run").height
+        14
     """
     return pl.concat([_traces(one) for one in open_runs(Path(run))])
 

@@ -73,10 +73,10 @@ def replay(
 
     InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
 
-    >>> import maurice_viz as mv
-    >>> scores = mv.replay("session.log", feature="color", particles=50, to="out.rrd")
-    >>> round(scores.runs[0].score.position_error_mean_m, 2)
-    0.02
+        >>> import maurice_viz as mv
+        >>> scores = mv.replay("session.log", feature="color", particles=50, to="out.rrd")
+        >>> round(scores.runs[0].score.position_error_mean_m, 2)
+        0.02
     """
     spec = spec_of(feature, preset, particles, seed, start, config, settings)
     output = output_of(session, to, run, layout, detail, force)

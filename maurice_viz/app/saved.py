@@ -340,10 +340,10 @@ def verify(run: str | Path, *, listener: Listener = SILENT) -> list[Verdict]:
     Only one step is held in memory. Raises InputError when a session or library is gone or changed, or when
     the saved run is damaged or has no step.
 
-    >>> import maurice_viz as mv
-    >>> [verdict] = mv.verify("my-run")
-    >>> verdict.same
-    True
+        >>> import maurice_viz as mv
+        >>> [verdict] = mv.verify("my-run")
+        >>> verdict.same
+        True
     """
     return [_verified(saved, listener) for saved in open_runs(Path(run))]
 

@@ -47,9 +47,9 @@ def snapshot(
     Raises OptionError for arguments out of range and InputError where the step, view or layout does not
     exist, the file exists (unless `force`), or no Vulkan driver is installed.
 
-    >>> import maurice_viz as mv
-    >>> mv.snapshot("my-run", to="step-4.png", step=4).name  # doctest: +SKIP
-    'step-4.png'
+        >>> import maurice_viz as mv
+        >>> mv.snapshot("my-run", to="step-4.png", step=4).name  # doctest: +SKIP
+        'step-4.png'
     """
     target = _checked(Path(to), (".png",), size, force=force)
     if phase is not None and phase not in PHASES:
@@ -84,9 +84,9 @@ def movie(
     other arguments are those of `snapshot`. A movie that was interrupted is not written. Raises OptionError
     and InputError as `snapshot` does.
 
-    >>> import maurice_viz as mv
-    >>> mv.movie("my-run", to="turn.gif", first=3, last=5).name  # doctest: +SKIP
-    'turn.gif'
+        >>> import maurice_viz as mv
+        >>> mv.movie("my-run", to="turn.gif", first=3, last=5).name  # doctest: +SKIP
+        'turn.gif'
     """
     target = _checked(Path(to), MOVIES, size, force=force)
     if first is not None and last is not None and first > last:

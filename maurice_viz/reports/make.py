@@ -54,8 +54,8 @@ def report(
     cannot be read or has no step, or when the file exists and `force` is not given.
 
         >>> import maurice_viz as mv
-    >>> mv.report("my-run", to="report.html").name
-    'report.html'
+        >>> mv.report("my-run", to="report.html").name
+        'report.html'
     """
     folder, file = Path(run), Path(to)
     if file.suffix.lower() not in (".html", ".htm"):

@@ -178,10 +178,10 @@ def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None
     Figures are None where the true pose is not known or the run is too short for them (docs/evaluation.md
     has the definitions). With the arena, usually `library.arena`, success is also judged as the thesis does.
 
-    >>> import maurice_mcl as mcl
-    >>> library, session = mcl.tiny_library(), mcl.tiny_session()
-    >>> mcl.score(mcl.run(mcl.make_localizer(library), session)).lost
-    False
+        >>> import maurice_mcl as mcl
+        >>> library, session = mcl.tiny_library(), mcl.tiny_session()
+        >>> mcl.score(mcl.run(mcl.make_localizer(library), session)).lost
+        False
     """
     scorer, judge = Scorer(), None if arena is None else SuccessJudge(arena.size_m)
     for moment, record in steps:

@@ -49,10 +49,11 @@ def make_localizer(
 
     Raises InputError, in one line, for an unknown name, key or channel and for a value out of range.
 
-    >>> import maurice_mcl as mcl
-    >>> library = mcl.tiny_library()
-    >>> mcl.make_localizer(library, preset="robust", settings={"recovery.strategy": "augmented"}).particles
-    2000
+        >>> import maurice_mcl as mcl
+        >>> library = mcl.tiny_library()
+        >>> settings = {"recovery.strategy": "augmented"}
+        >>> mcl.make_localizer(library, preset="robust", settings=settings).particles
+        2000
     """
     if preset is not None and preset not in PRESETS:
         raise InputError(None, f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")

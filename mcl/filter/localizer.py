@@ -51,10 +51,10 @@ class Localizer:
 
     Make one with `maurice_mcl.make_localizer`; run it over a session with `maurice_mcl.run`.
 
-    >>> import maurice_mcl as mcl
-    >>> localizer = mcl.make_localizer(mcl.tiny_library(), particles=100)
-    >>> localizer.initialize(None).belief.poses.shape
-    (100, 3)
+        >>> import maurice_mcl as mcl
+        >>> localizer = mcl.make_localizer(mcl.tiny_library(), particles=100)
+        >>> localizer.initialize(None).belief.poses.shape
+        (100, 3)
     """
 
     library: Library
@@ -224,10 +224,10 @@ def run(
     a motion model takes the one that the header describes. Yields each moment with the record of its update.
     Raises ValueError for bad motion parameters in the header, and for a map without free space to start in.
 
-    >>> import maurice_mcl as mcl
-    >>> steps = list(mcl.run(mcl.make_localizer(mcl.tiny_library(), particles=100), mcl.tiny_session()))
-    >>> len(steps), steps[0][1].estimate.pose.shape
-    (6, (3,))
+        >>> import maurice_mcl as mcl
+        >>> steps = list(mcl.run(mcl.make_localizer(mcl.tiny_library(), particles=100), mcl.tiny_session()))
+        >>> len(steps), steps[0][1].estimate.pose.shape
+        (6, (3,))
     """
     localizer = localizer.of_session(session)
     state = localizer.initialize(session.info.start if isinstance(start, str) else start)

@@ -65,7 +65,7 @@ def test_other_folders_are_no_bags(tmp_path: Path) -> None:
     bag = written(tmp_path)
     (bag / "metadata.yaml").unlink()
     (bag / "notes.txt").write_text("more than a bag\n")
-    with pytest.raises(InputError, match="expected one of .*; see --reading format="):
+    with pytest.raises(InputError, match=r"expected one of .*; see --reading format="):
         guess(bag)
 
 

@@ -65,7 +65,7 @@ def test_carmen_truth_beside_odometry(tmp_path: Path) -> None:
 
 
 def test_text_that_only_shouts_is_no_carmen_log(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="expected one of .*; see --reading format="):
+    with pytest.raises(InputError, match=r"expected one of .*; see --reading format="):
         read(write(tmp_path / "a.log", "HELLO WORLD\nODOM"[:11]))
 
 
@@ -211,7 +211,7 @@ def test_pictures_one_after_the_other_are_a_video(tmp_path: Path) -> None:
     found, said = read(write(tmp_path / "camera.mjpeg", jpeg * 4))
     assert len(found) == 4
     assert "without times" in said[0]
-    with pytest.raises(InputError, match="expected one of .*; see --reading format="):
+    with pytest.raises(InputError, match=r"expected one of .*; see --reading format="):
         read(write(tmp_path / "one.jpg", jpeg))
 
 
