@@ -74,14 +74,14 @@ BREAKS: dict[str, tuple[str, Break]] = {  # name -> (code of the finding, how)
     "backward": ("frame-backward", odometry(lambda f, s, t: (-f, -s, t))),
     "absolute": ("frame-absolute", absolute),
     "world": ("frame-world", world),
-    "millimetres": ("scale", odometry(lambda f, s, t: (1000 * f, 1000 * s, t))),
-    "centimetres": ("scale", odometry(lambda f, s, t: (100 * f, 100 * s, t))),
+    "millimeters": ("scale", odometry(lambda f, s, t: (1000 * f, 1000 * s, t))),
+    "centimeters": ("scale", odometry(lambda f, s, t: (100 * f, 100 * s, t))),
     "gain": ("turn-gain", odometry(lambda f, s, t: (f, s, 2 * t))),
     "nanoseconds": ("time-unit", times(1e9)),
     "milliseconds": ("time-unit", times(1e3)),
     "odometry late": ("odometry-delay", late("odometry", 9.0)),
     "truth in degrees": ("truth-degrees", truth(lambda x, y, h: (x, y, math.degrees(h)))),
-    "truth in millimetres": ("truth-scale", truth(lambda x, y, h: (1000 * x, 1000 * y, h))),
+    "truth in millimeters": ("truth-scale", truth(lambda x, y, h: (1000 * x, 1000 * y, h))),
 }
 
 

@@ -97,7 +97,7 @@ def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path: Path) -> 
     file = tmp_path / "many.csv"
     file.write_text("kind,measured,actual,heading_error_deg,floor\n" + "\n".join(rows))
     done = calibrate("motion", file, "--plots", tmp_path / "figures")
-    assert "mostly one way" in done.stderr
+    assert "most turns go one way" in done.stderr
     assert len(list((tmp_path / "figures").iterdir())) == 8
 
 
