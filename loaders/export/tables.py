@@ -107,7 +107,7 @@ def filling(target: Path, *, force: bool) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
-# A saved run as one table, a row an update: CSV for spreadsheets, Parquet for programs.
+# A saved run as one table, one row per update: CSV for spreadsheets, Parquet for programs.
 
 LEFT_OUT = ("picture_sha256", "motions", "best_entries", "best_quality", "events", "session_events")
 TEXTS = ("events", "session_events")  # lists in a saved run; one text here
@@ -131,7 +131,7 @@ def table_row(step: ExportStep) -> dict[str, Any]:
 
 
 class CsvSink:
-    """Writes a row an update."""
+    """Writes one row per update."""
 
     def __init__(self, writer: csv.DictWriter[str]) -> None:
         self._writer = writer
@@ -218,7 +218,7 @@ def path_files(file: Path, paths: Sequence[str]) -> dict[str, Path]:
 
 
 class PathSink:
-    """Writes one line an update into the file of each path; a file is made by its first line."""
+    """Writes one line per update into the file of each path; a file is made by its first line."""
 
     def __init__(self, files: Mapping[str, Path], line: Line, *, together: bool, stack: ExitStack) -> None:
         self._files, self._line, self._together, self._stack = files, line, together, stack

@@ -97,7 +97,7 @@ class KittiRecording:
             return number_of(file, row, row.text, "time", MOST_T_S)
 
     def _untimed(self) -> Iterator[Row]:
-        """Yield a row a picture, as long as there are any."""
+        """Yield one row per picture, as long as there are any."""
         number = 0
         while self.pictures is not None and self._file(number).is_file():
             number += 1

@@ -1,4 +1,4 @@
-"""A folder of odometry beside motion-capture truth, as text files with one row a sample.
+"""A folder of odometry beside motion-capture truth, as text files with one row per sample.
 
 `gt.txt` holds the true x y theta (m, m, rad), `odom_pose.txt` the x y of the robot's own odometry and
 `odom_quaternion.txt` the z w of its heading, in a frame of its own; rows belong together. The robot never

@@ -63,7 +63,7 @@ class TableRecording:
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the table row by row; poses come before the picture of their row."""
         if "time" not in self.roles:
-            notes.warning(f"{self.table}: no column tells the time: a row a second is taken")
+            notes.warning(f"{self.table}: no column holds the time; one row per second is assumed")
         if not any(role in self.roles for role in (*TRUTH, *ODOMETRY, *MOTION)):
             notes.warning(f"{self.table}: no column tells a pose or a motion; see --reading columns=...")
         last_t_s = -float("inf")
@@ -260,7 +260,7 @@ class FolderRecording:
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the pictures."""
-        notes.warning("no table: one picture a second is assumed; see --reading table=...")
+        notes.warning("no table: one picture per second is assumed; see --reading table=...")
         tables = [one.name for one in self.path.iterdir() if one.suffix.lower() in TABLES]
         if tables:
             why = "no table, or several, with known columns in UTF-8; see --reading table=..., columns=..."

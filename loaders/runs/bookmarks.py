@@ -1,4 +1,4 @@
-"""Bookmarks of one's own, kept beside a saved run as `bookmarks.jsonl`: one JSON object a line.
+"""Bookmarks of a user, kept beside a saved run as `bookmarks.jsonl`: one JSON object per line.
 
 A line is added with one write, so that a process that is killed breaks at most the line it was writing. Lines
 that cannot be read are reported and left as they are, also when others are removed.

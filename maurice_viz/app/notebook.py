@@ -80,7 +80,7 @@ def show(
 
 
 def results(run: Place) -> pl.DataFrame:
-    """Return the scores of a saved run, or of all runs of a comparison: a row a run, as `--json` has them.
+    """Return the scores of a saved run or of a comparison: one row per run, as `--json` has them.
 
     Meters, radians and seconds; null where a score does not apply. InputError for what is no saved run.
 
@@ -93,7 +93,7 @@ def results(run: Place) -> pl.DataFrame:
 
 
 def traces(run: Place) -> pl.DataFrame:
-    """Return what the charts show, a row a step and run: errors, spread, confidence, evidence, poses.
+    """Return what the charts show, one row per step and run: errors, spread, confidence, evidence, poses.
 
     Meters, radians and seconds, poses in the map's frame; null where something is not known. InputError for
     what is no saved run.

@@ -58,7 +58,7 @@ class Restored:
 
     saved: SavedRun
     sensor: SensorModel | None
-    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of one's own, by step
+    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
 
     def record(self, rows: StepRows, moment: Moment, image: U8 | None) -> StepRecord:
         """Return the record of one update, its comparison made again where possible."""
@@ -163,7 +163,7 @@ class RunStart:
     """What is known of a run before its first step."""
 
     start: F64 | None  # (3,) where it began; None: anywhere
-    bookmarks: Mapping[int, Sequence[str]]  # notes of one's own, by step
+    bookmarks: Mapping[int, Sequence[str]]  # the user's notes, by step
 
 
 def known_of(one: Restored) -> RunStart:

@@ -232,7 +232,7 @@ def test_a_table_beside_pictures_goes_row_for_row(tmp_path: Path) -> None:
     table = write(tmp_path / "p.csv", "x_m,y_m,heading_rad", "0,0,0", "1,0,0", "2,0,0")
     found, warnings = read(tmp_path / "views", ReadingOptions(table=table))
     assert [r.name for r in found if isinstance(r, Picture)] == ["v1.png", "v2.png", "v10.png"]
-    assert "a row a second" in warnings[0]
+    assert "one row per second" in warnings[0]
     write(tmp_path / "p.csv", "x_m,y_m,heading_rad", *["0,0,0"] * 4)
     with pytest.raises(InputError, match=r"p\.csv:5: found no picture 3, there are 3"):
         read(tmp_path / "views", ReadingOptions(table=table))
