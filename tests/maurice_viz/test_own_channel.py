@@ -72,6 +72,7 @@ def test_it_is_tuned_and_used_by_name(small_session, tmp_path):
     assert facts["channels"]["mychannel"]["length"] == 16
 
 
+@pytest.mark.slow
 def test_a_broken_one_costs_one_line_and_nothing_else(small_session, tmp_path):
     path = _install(tmp_path / "site", SOURCE.replace('name = "mychannel"', 'name = "color"'))
     done = _maurice(small_session, "--feature", "color", *RUN, path=path)

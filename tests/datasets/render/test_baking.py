@@ -70,6 +70,7 @@ def test_what_glows_goes_out_with_the_lamp_that_is_nearest(world: World) -> None
     assert glowing > 0
 
 
+@pytest.mark.slow
 def test_survey_and_session_of_one_world_bake_once(world: World) -> None:
     assert lighting_of(world) is lighting_of(world)
     assert len(bake(world).faces) == len(world.faces)

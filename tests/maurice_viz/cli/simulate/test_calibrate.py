@@ -72,6 +72,7 @@ def test_lengths_in_inches_are_shown_in_inches(table: Path) -> None:
     calibrate("motion", table, "--unit", "feet", expect=2)
 
 
+@pytest.mark.slow
 def test_all_eight_figures_are_drawn_without_a_display(
     table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
