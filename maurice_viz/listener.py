@@ -1,7 +1,7 @@
 """The listener: how a function that takes a while reports remarks, warnings and progress to its caller.
 
-Nothing under `maurice_viz` but the command line prints. Whoever calls a function passes a listener, or none
-and gets silence; the command line passes one that writes to standard error.
+Nothing under `maurice_viz` but the command line prints. A caller passes a listener, or none for
+silence; the command line passes one that writes to standard error.
 """
 
 from __future__ import annotations
