@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 
 import maurice_datasets as md
-from maurice_datasets.render.baking import lighting_of
 from maurice_datasets.render.camera import Lens
 from maurice_datasets.render.camera_session import CameraSession, lit_once, session_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
+from maurice_datasets.render.light import lighting_of
 from maurice_datasets.worlds.world import World
 
 WORLDS = ("two-rooms", "office")

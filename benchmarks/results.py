@@ -27,16 +27,15 @@ import maurice_datasets as md
 import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.render.conditions import LightChange
-from maurice_datasets.seeds import for_testing
 from maurice_datasets.sessions import simulated_session
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import GENERATOR, cached_survey
-from maurice_datasets.tasks import TASKS
+from maurice_datasets.tasks import TASKS, for_testing
 from maurice_loaders.io.files import cache_root
 from maurice_mcl.analysis.metrics import Scorer, score_step
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.schema import Layer, configure
+from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import nearest_reference

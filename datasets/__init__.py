@@ -3,7 +3,7 @@
 The front page is three functions; the chapters are
 
 * `sessions`, `surveys`: sessions and surveys as files; `live`: a robot that speaks over a socket
-* `simulation`, `tasks`, `seeds`: what a session is made from
+* `simulation`, `tasks`: what a session is made from, and which seeds may be tested on
 * `worlds`: plans, furniture, surfaces; `render`: light, camera, people; `robot`: motion, behaviors, drives
 * `folders`: complete folders and their cache
 

@@ -20,8 +20,7 @@ from .robot.motion import Chassis
 from .robot.planner import SCALES, Raster, fit, raster
 from .robot.recorded_path import read_recording
 from .robot.segments import Segment, driven_segments
-from .seeds import SimPurpose
-from .tasks import TIERS, UPDATES, Task
+from .tasks import TIERS, UPDATES, SimPurpose, Task
 from .worlds.build import load_world
 from .worlds.rearrange import move_things
 from .worlds.world import World

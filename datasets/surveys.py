@@ -26,8 +26,7 @@ from .render.camera import Lens
 from .render.camera_session import CameraSession, survey_camera
 from .robot.motion import Chassis
 from .robot.segments import FRAME_S, Progress
-from .seeds import SimPurpose
-from .tasks import TIERS
+from .tasks import TIERS, SimPurpose
 from .worlds.build import build_world, check_tier, load_plan
 from .worlds.world import World, clearance, inside
 

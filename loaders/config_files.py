@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from maurice_mcl.config.parameters import PRESETS
-from maurice_mcl.config.schema import Configuration, Layer, configure, flatten
+from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters
 
 from .errors import InputError

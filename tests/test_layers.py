@@ -57,7 +57,7 @@ ROOMS = {
         ("export", "importing", "calibration", "inspection"),
     ),
     "maurice_datasets": (
-        ("seeds", "tasks"),
+        ("tasks",),
         ("worlds",),
         ("render", "robot"),
         ("simulation",),

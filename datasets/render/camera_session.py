@@ -14,15 +14,13 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import SimPurpose
+from ..tasks import SimPurpose
 from ..worlds.world import World
-from .baking import Lighting, bake, lighting_of, relit, unlit
-from .camera import Lens, radiance
+from .camera import Lens, LitScene, joined, radiance
 from .conditions import Conditions, brightness_at, events_at, named_lights, reshades, weights_at
 from .image_sensor import Exposure, Sensor, covered, draw_exposure, drifted, photograph
-from .light import windows_of
-from .occluders import StandingPerson, people, standing_shade, stands_at
-from .scene import LitScene, joined
+from .light import Lighting, bake, lighting_of, relit, unlit, windows_of
+from .people import StandingPerson, people, standing_shade, stands_at
 
 
 @dataclass(frozen=True, slots=True, eq=False)

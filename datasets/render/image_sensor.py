@@ -10,7 +10,7 @@ import numpy as np
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import SimPurpose
+from ..tasks import SimPurpose
 from .conditions import Conditions
 
 # From light to numbers: lens faults, exposure, tone curve, black level and noise of a small color camera.

@@ -1,20 +1,27 @@
-"""People made of prisms: shoes, trousers, a top, arms and a head, as a camera near the floor sees them.
+"""People who stand in the robot's view for one frame: figures of prisms, how often, where, and how lit.
 
-A figure stands at the origin and looks along +x. All is in meters.
+A figure stands at the origin and looks along +x; all is in meters. A frame has people or not whatever the
+pose; the pose only decides where there is room for them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64
+from maurice_mcl.arrays import F32, F64, Bool
+from maurice_mcl.map import Arena
+from maurice_mcl.randomness import Domain, stream
 
-from ..worlds.surfaces.palettes import Rgb, dye, near
-from ..worlds.surfaces.textures import Size, cloth, noise, tint
-from .scene import LitFace, halvings
+from ..tasks import SimPurpose
+from ..worlds.palettes import Rgb, dye, near
+from ..worlds.textures import Size, cloth, noise, tint
+from ..worlds.world import World, clearance, inside
+from .camera import LitFace, LitScene, halvings, scene_of
+from .light import LightPart, seen_past
 
 TROUSERS: tuple[Rgb, ...] = (
     (0.060, 0.085, 0.150),  # jeans
@@ -156,3 +163,194 @@ def sized(skin: Skin, times: float) -> Skin:
     return Skin(
         LitFace(face.corner * times, face.across * times, face.down * times, face.levels), skin.turned
     )
+
+
+WARDROBE = 6  # different people a session has; enough that none is met at every turn
+NEAREST_M, FARTHEST_M = 0.75, 2.8  # from the robot; nearer, one trouser leg fills the view
+BESIDE_RAD = float(np.radians(19))  # at most so far from straight ahead
+ROOM_M = 0.24  # around a person's middle
+APART_M = 0.5  # between two people
+PAIRS = 0.3  # share of occluded frames with two people
+TRIES = 48  # places tried; if none is free, no person is in view
+ROWS = 4  # points of light on each face of a person, from top to bottom
+LAMPS_M = 6.0  # lamps farther than this add nothing that would be seen on a person
+FEET_M = 0.17  # size of the dark patch where a person stands
+
+
+@dataclass(frozen=True, slots=True)
+class StandingPerson:
+    """One person in one frame."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    who: int  # number in the wardrobe
+
+
+@lru_cache(maxsize=2)
+def wardrobe(seed: int) -> tuple[tuple[Skin, ...], ...]:
+    """Draw a session's people."""
+    rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.OCCLUDERS)
+    return tuple(figure(rng) for _ in range(WARDROBE))
+
+
+def stands_at(arena: Arena, pose: F64, seed: int, number: int, share: float) -> tuple[StandingPerson, ...]:
+    """Draw who stands where in frame `number` (from 1) as seen from pose (3,); () in most frames."""
+    rng = stream(Domain.SIMULATOR, seed, number, SimPurpose.OCCLUDERS)
+    if rng.random() >= share:
+        return ()
+    count = 2 if rng.random() < PAIRS else 1
+    far = rng.uniform(NEAREST_M, FARTHEST_M, TRIES)
+    angle = pose[2] + rng.uniform(-BESIDE_RAD, BESIDE_RAD, TRIES)
+    turned, who = rng.uniform(-np.pi, np.pi, TRIES), rng.permutation(WARDROBE)
+    places = pose[:2] + far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    chosen: list[int] = []
+    for k in np.flatnonzero(free(arena, pose[:2], places)):
+        if all(np.linalg.norm(places[k] - places[j]) > APART_M for j in chosen):
+            chosen.append(int(k))
+        if len(chosen) == count:
+            break
+    return tuple(
+        StandingPerson(float(places[k, 0]), float(places[k, 1]), float(turned[k]), int(one))
+        for k, one in zip(chosen, who, strict=False)
+    )
+
+
+def free(arena: Arena, eye: F64, places: F64) -> Bool:
+    """Return at which places (K, 2) a person has room and can be seen from `eye` (2,) by the map."""
+    x_min, y_min, x_max, y_max = arena.bounds
+    x, y = places.T
+    within = (x > x_min) & (x < x_max) & (y > y_min) & (y < y_max)
+    outlines = [region.polygon for region in arena.obstacles]
+    starts = np.concatenate([arena.walls[:, :2], *outlines])
+    ends = np.concatenate([arena.walls[:, 2:], *(np.roll(outline, -1, axis=0) for outline in outlines)])
+    return np.asarray(within & (clearance(arena, places) > ROOM_M) & ~crossed(eye, places, starts, ends))
+
+
+def crossed(eye: F64, places: F64, starts: F64, ends: F64) -> Bool:
+    """Return whether the line from `eye` (2,) to each place (K, 2) crosses a segment (S, 2), (S, 2)."""
+
+    def side(a: F64, b: F64, p: F64) -> F64:
+        return np.asarray(
+            (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1])
+            - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
+        )
+
+    to = places[:, None]
+    apart = side(eye, to, starts) * side(eye, to, ends) < 0
+    return np.asarray((apart & (side(starts, ends, eye) * side(starts, ends, to) < 0)).any(axis=1))
+
+
+def people(
+    world: World, parts: tuple[LightPart, ...], weights: F64, stands: tuple[StandingPerson, ...], seed: int
+) -> LitScene:
+    """Stand people (at least one) into a world, lit by its parts under weights (S, 3)."""
+    lit: list[LitFace] = []
+    lights: list[F32] = []
+    for stand in stands:
+        skins = wardrobe(seed)[stand.who]
+        turn = turning(stand.heading_rad)
+        at = np.array([stand.x_m, stand.y_m, 0.0])
+        faces = [skin.face for skin in skins]
+        corner = np.stack([face.corner for face in faces]) @ turn.T + at
+        across = np.stack([face.across for face in faces]) @ turn.T
+        down = np.stack([face.down for face in faces]) @ turn.T
+        normals = np.array([skin.turned for skin in skins]) @ turn.T
+        first = sum(map(len, lights))
+        lights.append(person_light(world, parts, weights, at, (corner, across, down), normals).reshape(-1, 3))
+        lit += [
+            LitFace(corner[k], across[k], down[k], face.levels, (first + k * ROWS * 2, ROWS, 2))
+            for k, face in enumerate(faces)
+        ]
+    return scene_of(tuple(lit), np.concatenate(lights))
+
+
+def turning(angle_rad: float) -> F64:
+    """Return the rotation (3, 3) about z."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+
+
+def person_light(
+    world: World,
+    parts: tuple[LightPart, ...],
+    weights: F64,
+    at: F64,
+    faces: tuple[F64, F64, F64],
+    normals: F64,
+) -> F32:
+    """Return the light (F, ROWS, 2, 3) on the faces of a person who stands at `at` (3,).
+
+    `faces` are corner, across and down, each (F, 3); `normals` (F, 2, 3) are those of left and right edges.
+    Which lamps reach them is asked at knee and chest only; their own parts throw no shadows on each other.
+    """
+    corner, across, down = (part[:, None, None] for part in faces)
+    t, s = ((np.arange(ROWS) + 0.5) / ROWS)[:, None, None], np.array([0.25, 0.75])[:, None]
+    points = corner + s * across + t * down  # (F, ROWS, 2, 3)
+    left, right = normals[:, 0, None, None], normals[:, 1, None, None]
+    facing = (1 - s) * left + s * right
+    facing = np.broadcast_to(facing / np.linalg.norm(facing, axis=-1, keepdims=True), points.shape)
+    light = np.zeros(points.shape)
+    upper = np.clip((points[..., 2] - 0.4) / 0.6, 0, 1)
+    for lamp in world.lamps:
+        colors = sum(
+            part.shares(lamp)[:, None] * weight
+            for part, weight in zip(parts, weights, strict=True)
+            if part.source == lamp.source
+        )
+        if np.linalg.norm(lamp.points[:, :2] - at[:2], axis=1).min() > LAMPS_M or not np.any(colors):
+            continue
+        knee, chest = (seen_past(at + np.array([0, 0, z]), lamp.points, world.boxes) for z in (0.4, 1.0))
+        for k, source in enumerate(lamp.points):
+            if not (knee[k] or chest[k]):
+                continue
+            seen = (1 - upper) * knee[k] + upper * chest[k]
+            ray = source - points
+            distance = np.maximum(np.linalg.norm(ray, axis=-1), 0.15)
+            slant = np.clip(np.sum(ray * facing, axis=-1) / distance, 0, None)
+            if lamp.facing is not None:
+                slant = slant * np.clip(-(ray @ lamp.facing) / distance, 0, None)
+            share = np.broadcast_to(colors, (len(lamp.points), 3))[k] / len(lamp.points)
+            light += (seen * slant / distance**2)[..., None] * (share * lamp.color)
+    return (light + surrounding(world, parts, weights, at, points, facing)).astype(np.float32)
+
+
+def surrounding(
+    world: World, parts: tuple[LightPart, ...], weights: F64, at: F64, points: F64, facing: F64
+) -> F64:
+    """Return the light (..., 3) of the room at points (..., 3): less near the floor and on undersides."""
+    total = np.zeros(3)
+    for room in world.room_lights:
+        if inside(room.room.polygon, at[None, :2])[0]:
+            for part, weight in zip(parts, weights, strict=True):
+                if part.source == room.source:
+                    total = total + part.whole * weight * room.ambient
+    openness = (0.45 + 0.45 * np.clip(points[..., 2] / 0.7, 0, 1)) * (0.85 + 0.15 * facing[..., 2])
+    return np.asarray(openness[..., None] * total)
+
+
+def standing_shade(scene: LitScene, stands: tuple[StandingPerson, ...]) -> LitScene:
+    """Darken the light on the floor where people stand."""
+    if scene.light is None:
+        return scene
+    light = scene.light.copy()
+    flat = (scene.corner[:, 2] < 0.05) & (scene.across[:, 2] == 0) & (scene.down[:, 2] == 0)
+    for k in np.flatnonzero(flat):
+        face = scene.faces[k]
+        grid = scene.grid_of(face)
+        if grid is not None and face.grid is not None:
+            first = face.grid[0]
+            light[first : first + grid.shape[0] * grid.shape[1]] = shaded(face, grid, stands).reshape(-1, 3)
+    return LitScene(scene.faces, scene.corner, scene.across, scene.down, light)
+
+
+def shaded(face: LitFace, grid: F32, stands: tuple[StandingPerson, ...]) -> F32:
+    """Darken one grid (rows, columns, 3)."""
+    rows, columns = grid.shape[:2]
+    t, s = (np.arange(rows) + 0.5)[:, None, None] / rows, (np.arange(columns) + 0.5)[None, :, None] / columns
+    at = face.corner[:2] + s * face.across[:2] + t * face.down[:2]
+    left = np.ones((rows, columns, 1))
+    for stand in stands:
+        away2 = np.sum((at - [stand.x_m, stand.y_m]) ** 2, axis=-1, keepdims=True)
+        left *= 1 - 0.65 * np.exp(-away2 / (2 * FEET_M**2))
+    return np.asarray(grid * left, dtype=np.float32)

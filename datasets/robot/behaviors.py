@@ -1,7 +1,7 @@
 """The robot's behaviors, the proximity ring that they sense with, and the arbiter that chooses one.
 
 This is the thesis's hybrid control (3.5, appendix B): small behaviors that know nothing of each other, and an
-arbiter (arbiter.py) that chooses among their proposals by priority.
+arbiter that chooses among their proposals by priority.
 """
 
 from __future__ import annotations

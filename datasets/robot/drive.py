@@ -17,7 +17,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import SimPurpose
+from ..tasks import SimPurpose
 from .behaviors import (
     DICE,
     AvoidCollision,

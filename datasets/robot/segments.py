@@ -45,7 +45,7 @@ class Log(Protocol):
 
 
 class Eye(Protocol):
-    """A camera on one day, as eye.py makes them."""
+    """A camera on one day, such as a `CameraSession`."""
 
     def take(self, number: int, pose: F64) -> U8:
         """Take picture `number` (H, W, 3) from a true pose (3,)."""

@@ -13,8 +13,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import SimPurpose
-from ..tasks import TIERS, Tier
+from ..tasks import TIERS, SimPurpose, Tier
 from .draw import PLAIN_PALETTE, Bareness, Palette, number, paint_of
 from .furniture import MAKERS, Footprint, block
 from .openings import (

@@ -1,20 +1,96 @@
-"""Drawing what a plan leaves to the seed: numbers, words, colors and paints."""
+"""Drawing what a plan leaves to the seed: numbers, words, colors, and the paints that world files name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
+from pathlib import Path
 
+import cv2
 import numpy as np
 
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F32
 
+from . import textures
+from . import wall_pictures as pictures
+from .palettes import Rgb, color_of
 from .plan import Number, NumberRange, PaintPlan, Word
 from .solids import Paint
-from .surfaces.paints import TEXTURES, image_paint
-from .surfaces.palettes import Rgb, color_of
-from .surfaces.textures import Size, plaster
+from .textures import Size, plaster
+
+MOST_PX = 1024  # of an image's longer side
+
+Make = Callable[[np.random.Generator, Size, Rgb, Rgb, int], F32]  # color, other, pattern in pixels
+
+
+@dataclass(frozen=True, slots=True)
+class Texture:
+    """A texture that a world file can name."""
+
+    make: Make
+    color: str = "any pale"  # where the file names none
+    other: str = "any accent"
+    size_in: float = 8.0  # of its pattern, where it has one
+    patterned: bool = True  # left out in bare worlds
+
+
+TEXTURES: dict[str, Texture] = {
+    "plaster": Texture(lambda r, s, c, o, n: textures.plaster(r, s, c), patterned=False),
+    "wallpaper": Texture(lambda r, s, c, o, n: textures.wallpaper(r, s, c, o, n), size_in=10),
+    "panelling": Texture(lambda r, s, c, o, n: textures.panelling(r, s, c, n), "any accent", size_in=5),
+    "brick": Texture(lambda r, s, c, o, n: textures.bricks(r, s, c, n), "terracotta", size_in=8),
+    "tiles": Texture(lambda r, s, c, o, n: textures.tiles(r, s, c, n), "any pale", size_in=12),
+    "panels": Texture(lambda r, s, c, o, n: textures.ceiling_tiles(r, s, c, n), "white", size_in=24),
+    "planks": Texture(lambda r, s, c, o, n: textures.planks(r, s, c, n, 12 * n), "any wood", size_in=5),
+    "carpet": Texture(lambda r, s, c, o, n: textures.carpet(r, s, c), "any dye"),
+    "carpet tiles": Texture(lambda r, s, c, o, n: textures.carpet_tiles(r, s, c, n), "gray", size_in=20),
+    "linoleum": Texture(lambda r, s, c, o, n: textures.linoleum(r, s, c), "silver", patterned=False),
+    "rug": Texture(lambda r, s, c, o, n: textures.rug(r, s, c, o), "any accent", "any pale"),
+    "cloth": Texture(lambda r, s, c, o, n: textures.cloth(r, s, c), "any dye", patterned=False),
+    "stripes": Texture(
+        lambda r, s, c, o, n: textures.stripes(r, s, c, o, max(1, s[1] // max(n, 2))), "any ink", "cream", 4
+    ),
+    "timber": Texture(lambda r, s, c, o, n: textures.timber(r, s, c), "any wood", patterned=False),
+    "cardboard": Texture(lambda r, s, c, o, n: textures.cardboard(r, s, c), "cardboard"),
+    "leaves": Texture(lambda r, s, c, o, n: textures.leaves(r, s, c), "leaf"),
+    "landscape": Texture(lambda r, s, c, o, n: pictures.landscape(r, s)),
+    "shapes": Texture(lambda r, s, c, o, n: pictures.shapes(r, s)),
+    "portrait": Texture(lambda r, s, c, o, n: pictures.portrait(r, s)),
+    "chart": Texture(lambda r, s, c, o, n: pictures.chart(r, s)),
+    "books": Texture(lambda r, s, c, o, n: pictures.books(r, s)),
+    "notices": Texture(lambda r, s, c, o, n: pictures.notices(r, s)),
+    "whiteboard": Texture(lambda r, s, c, o, n: pictures.whiteboard(r, s)),
+}
+
+
+@lru_cache(maxsize=32)
+def read_image(file: Path) -> F32:
+    """Read an image as linear reflectance (H, W, 3) in 0.02 to 0.95; InputError where it is none."""
+    try:
+        data = np.frombuffer(file.read_bytes(), np.uint8)
+    except OSError as problem:
+        raise InputError(file, f"cannot be read: {problem.strerror}; fix the image's path") from None
+    bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    if bgr is None:
+        raise InputError(file, "found no readable image; save it as PNG or JPEG")
+    shrink = min(1.0, MOST_PX / max(bgr.shape))  # a photograph has more than any face can show
+    if shrink < 1:
+        bgr = cv2.resize(bgr, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
+    levels = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.float32) / 255
+    linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
+    return np.clip(linear, 0.02, 0.95).astype(np.float32)
+
+
+def image_paint(file: Path) -> Callable[[np.random.Generator, Size], F32]:
+    """A painter that puts an image over the complete face."""
+
+    def paint(rng: np.random.Generator, size: Size) -> F32:
+        image = cv2.resize(read_image(file), (size[1], size[0]), interpolation=cv2.INTER_AREA)
+        return np.asarray(image, np.float32)
+
+    return paint
 
 
 def number(rng: np.random.Generator, value: Number) -> float:

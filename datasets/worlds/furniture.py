@@ -16,10 +16,10 @@ import numpy as np
 from maurice_mcl.arrays import F32
 from maurice_mcl.geometry import INCH_M
 
+from . import textures
+from . import wall_pictures as pictures
+from .palettes import Rgb, dye, ink, wood
 from .solids import Paint, Solid, box_of, faces_of, footprint, upright
-from .surfaces import textures
-from .surfaces import wall_pictures as pictures
-from .surfaces.palettes import Rgb, dye, ink, wood
 from .world import Face, Piece
 
 # What all furniture is joined from: parts in a piece's own frame, their paints, and where a piece stands.

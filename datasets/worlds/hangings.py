@@ -10,11 +10,11 @@ import numpy as np
 
 from maurice_mcl.arrays import F32, F64
 
+from . import textures
+from . import wall_pictures as pictures
 from .draw import Bareness
+from .palettes import Rgb, dye, wood
 from .solids import Paint, upright
-from .surfaces import offices, textures
-from .surfaces import wall_pictures as pictures
-from .surfaces.palettes import Rgb, dye, wood
 from .world import Face
 
 Interval = tuple[float, float]  # along a wall, inches from its left end
@@ -100,8 +100,8 @@ HANGINGS: dict[str, Hanging] = {
     "shapes": _print(pictures.shapes),
     "portrait": _print(pictures.portrait),
     "chart": _print(pictures.chart),
-    "notices": _board(offices.notices),
-    "whiteboard": _board(offices.whiteboard),
+    "notices": _board(pictures.notices),
+    "whiteboard": _board(pictures.whiteboard),
     "door": closed_door,
     "radiator": radiator,
 }

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from maurice_loaders.errors import InputError
 
+from .draw import TEXTURES, read_image
 from .furniture import MAKERS
 from .hangings import HANGINGS
+from .palettes import COLORS, GROUPS, LIGHTS, is_color, is_light
 from .plan import (
     DoorPlan,
     FloorPlan,
@@ -26,8 +28,6 @@ from .plan import (
     Word,
     WorldPlan,
 )
-from .surfaces.paints import TEXTURES, read_image
-from .surfaces.palettes import COLORS, GROUPS, LIGHTS, is_color, is_light
 from .toml_table import Table, read_toml
 
 # Reading how things look: words for colors and textures, paints, the styles of rooms.

@@ -13,7 +13,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.randomness import Domain, stream
 
-from ..seeds import SimPurpose
+from ..tasks import SimPurpose
 from .world import Box, Face, Piece, World, clearance, inside, touching
 
 LEAST_M = 24 * INCH_M  # every piece is moved at least so far

@@ -9,13 +9,13 @@ import numpy as np
 
 from maurice_mcl.arrays import F32, F64
 
+from . import textures
 from .draw import Bareness, Palette, number, paint_of
 from .hangings import Wall, decorate, hang, shaded, trim, window_in
 from .openings import Opening, along, check_poster, doors_in, rest_of, stretch, wall_of
+from .palettes import Rgb, light_of
 from .plan import PosterPlan, RoomPlan, StylePlan, WindowPlan, WorldPlan
 from .solids import Paint, Solid, box_of, faces_of, flat, upright
-from .surfaces import textures
-from .surfaces.palettes import Rgb, light_of
 from .world import Box, Face
 
 SIDES = ("south", "east", "north", "west")

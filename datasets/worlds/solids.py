@@ -13,7 +13,7 @@ import numpy as np
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.geometry import INCH_M
 
-from .surfaces.textures import Size
+from .textures import Size
 from .world import Box, Face
 
 Paint = Callable[[np.random.Generator, Size], F32]

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.diagnosis.evidence import doubted_by_pictures
 from maurice_mcl.diagnosis.findings import Evidence, Finding, RecordedDrive, in_radians, turn_finding
 from maurice_mcl.diagnosis.odometry import compared_with_truth
-from maurice_mcl.diagnosis.pictures import ComparedPictures, seen_with_truth
+from maurice_mcl.diagnosis.pictures import ComparedPictures, doubted_by_pictures, seen_with_truth
 from maurice_mcl.diagnosis.plausibility import clocks_apart, odometry_doubts, time_unit, truth_apart
 from maurice_mcl.library import Library
 

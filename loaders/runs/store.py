@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from maurice_mcl.config.schema import Configuration, configure
+from maurice_mcl.config.parameters import Configuration, configure
 from maurice_mcl.map import Arena
 
 from ..config_files import read_config

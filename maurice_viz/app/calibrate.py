@@ -148,7 +148,7 @@ def make_trials(to: str | Path, *, trials: int = 41, seed: int = 0, force: bool 
         >>> mv.make_trials("trials.csv", trials=5).name
         'trials.csv'
     """
-    from maurice_datasets.robot.calibration_drive import TrialPlan, calibration_drive
+    from maurice_datasets.robot.motion import TrialPlan, calibration_drive
 
     path = Path(to)
     expect_absent(path, force=force)

@@ -21,8 +21,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms.made_odometry import MadeOdometry
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import PRESETS
-from maurice_mcl.config.schema import Configuration
+from maurice_mcl.config.parameters import PRESETS, Configuration
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import NearestReference, nearest_reference

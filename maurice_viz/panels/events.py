@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.analysis import events as kinds
-from maurice_mcl.analysis import localization_status as states
+from maurice_mcl.analysis import events as states
 from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 

@@ -16,8 +16,7 @@ from ..arrays import F32, F64, I32
 from ..geometry import angle_between
 from ..records import Comparison, StepRecord
 from ..sensor.distances import contributions
-from ..sensor.likelihood import BLENDS, QUALITIES
-from ..sensor.model import SensorModel
+from ..sensor.model import BLENDS, QUALITIES, SensorModel
 
 TRUTH, ESTIMATE, WINNER, ASKED = "truth", "estimate", "winner", "asked"  # who is explained
 

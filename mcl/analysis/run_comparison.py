@@ -20,8 +20,7 @@ from ..geometry import INCH_M
 from ..randomness import Domain, stream
 from ..records import StepRecord
 from ..session import Moment
-from .events import PARTED, RunEvent
-from .localization_status import Say
+from .events import PARTED, RunEvent, Say
 from .metrics import FIRST_SCORED, StepScore, score_step
 
 # An interval for the mean of an autocorrelated series: the studentized moving-block bootstrap.

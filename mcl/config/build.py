@@ -24,8 +24,7 @@ from ..sensor.references import (
     virtual_references,
 )
 from ..session import Session
-from .parameters import PRESETS, FilterParameters, RecoveryParameters, ResamplingParameters
-from .schema import Layer, configure
+from .parameters import PRESETS, FilterParameters, Layer, RecoveryParameters, ResamplingParameters, configure
 
 
 def make_localizer(

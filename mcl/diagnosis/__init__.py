@@ -3,6 +3,5 @@
 - `findings`: a recording as plain arrays, and the findings about it
 - `plausibility`: whether times and numbers can be what they are called, without truth or pictures
 - `odometry`: readings of the odometry, compared with the truth
-- `pictures`: where the camera looks and when, by a library and the truth
-- `evidence`: the same without truth, by a short localization under each hypothesis
+- `pictures`: where the camera looks and when, by a library; with truth, and without it by short localizations
 """

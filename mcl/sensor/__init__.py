@@ -2,7 +2,6 @@
 
 - `descriptors`: what is measured in a picture, one file per channel (`color` is the color histogram)
 - `distances`: how far a picture's descriptor is from every reference's
-- `likelihood`: fusion of several channels' distances to one, and from that to a log-likelihood
 - `references`: which references a particle is compared with: lookup, interpolation, virtual references
-- `model`: all of these together
+- `model`: fusion of the channels' distances to one, its log-likelihood, and all of these together
 """

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_datasets.render.baking import bake
-from maurice_datasets.render.scene import LitScene
+from maurice_datasets.render.camera import LitScene
+from maurice_datasets.render.light import bake
 from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World
 

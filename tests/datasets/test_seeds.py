@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_datasets.seeds import DEMO, FITTING, TEST, for_fitting, for_testing
+from maurice_datasets.tasks import DEMO, FITTING, TEST, for_fitting, for_testing
 
 
 def test_the_split_is_what_it_always_was() -> None:

@@ -18,7 +18,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import U8
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.schema import Layer, configure
+from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from maurice_loaders.config_files import check_config, configuration_of, to_toml
-from maurice_mcl.config.schema import Configuration, Setting
+from maurice_mcl.config.parameters import Configuration, Setting
 
 from ..console import results
 from ..errors import one_line_errors

@@ -3,10 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.render.baking import bake, lighting_of, nearest_source, relit, unlit
-from maurice_datasets.render.camera import radiance
-from maurice_datasets.render.light import windows_of
-from maurice_datasets.render.scene import LitScene
+from maurice_datasets.render.camera import LitScene, radiance
+from maurice_datasets.render.light import bake, lighting_of, nearest_source, relit, unlit, windows_of
 from maurice_datasets.worlds.world import World
 
 POSES = [np.array(pose) for pose in ([0.5, 1.8, 0.3], [2.7, 1.8, 3.0], [4.6, 1.6, -1.2], [3.6, 1.8, np.pi])]

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.render.camera import Lens, orientation, radiance
-from maurice_datasets.render.scene import LitFace, LitScene, halvings, scene_of
+from maurice_datasets.render.camera import Lens, LitFace, LitScene, halvings, orientation, radiance, scene_of
 
 LEVEL = Lens(pitch_rad=0.0, height_m=1.0)
 FOCAL = LEVEL.width_px / 2 / np.tan(LEVEL.horizontal_fov_rad / 2)

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.render.baking import bake
-from maurice_datasets.render.light import Baking, face_points, hit_distance, irradiance, openness
+from maurice_datasets.render.light import Baking, bake, face_points, hit_distance, irradiance, openness
 from maurice_datasets.worlds.world import Box, Face, Lamp, RoomLight, World
 from maurice_mcl.map import Arena, Region
 

@@ -3,12 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.render.baking import lighting_of, unlit
-from maurice_datasets.render.camera import radiance
+from maurice_datasets.render.camera import LitScene, joined, radiance
 from maurice_datasets.render.camera_session import session_camera
 from maurice_datasets.render.conditions import Conditions
-from maurice_datasets.render.light import seen_past
-from maurice_datasets.render.occluders import (
+from maurice_datasets.render.light import lighting_of, seen_past, unlit
+from maurice_datasets.render.people import (
     FARTHEST_M,
     NEAREST_M,
     ROOM_M,
@@ -17,7 +16,6 @@ from maurice_datasets.render.occluders import (
     people,
     stands_at,
 )
-from maurice_datasets.render.scene import LitScene, joined
 from maurice_datasets.worlds.world import Box, World, clearance
 from maurice_mcl.map import Arena
 

@@ -10,7 +10,7 @@ from maurice_datasets.robot.behaviors import Localize, Wander
 from maurice_datasets.robot.drive import KIDNAP_M, DriveUpdate, Robot, drive, steer
 from maurice_datasets.robot.motion import Chassis, draw_luck
 from maurice_datasets.robot.planner import is_free, raster
-from maurice_datasets.seeds import SimPurpose
+from maurice_datasets.tasks import SimPurpose
 from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World, clearance, floor_at
 from maurice_mcl.geometry import INCH_M, wrap

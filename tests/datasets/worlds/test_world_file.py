@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from maurice_datasets.worlds.build import load_world, shipped_worlds
-from maurice_datasets.worlds.surfaces.paints import read_image
+from maurice_datasets.worlds.draw import read_image
 from maurice_datasets.worlds.world import World, clearance, floor_at, inside
 from maurice_loaders.errors import InputError
 

@@ -7,8 +7,7 @@ import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.analysis.events import KINDS, PARTED, RunEvent
-from maurice_mcl.analysis.localization_status import STATES
+from maurice_mcl.analysis.events import KINDS, PARTED, STATES, RunEvent
 from maurice_mcl.filter.localizer import RESAMPLED
 from maurice_viz.entities import RunPaths
 from maurice_viz.panels import events as draw_events

@@ -7,7 +7,7 @@ import numpy as np
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.schema import Layer, configure
+from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths

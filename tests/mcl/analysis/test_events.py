@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from helpers.step_records import Cloud, at, made, moment
 from maurice_mcl.analysis.events import (
     KINDS,
+    STATES,
     BeyondSigma,
     Burst,
     Dip,
@@ -19,7 +20,6 @@ from maurice_mcl.analysis.events import (
     RunEvent,
     deviations,
 )
-from maurice_mcl.analysis.localization_status import STATES
 from maurice_mcl.analysis.metrics import Scorer
 
 HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off

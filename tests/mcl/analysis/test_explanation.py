@@ -21,8 +21,7 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import DISTANCES
-from maurice_mcl.sensor.likelihood import BLENDS, LIKELIHOODS
-from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.model import BLENDS, LIKELIHOODS, SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 
 WEIGHTS = {"edges": 0.7, "color": 0.3, "tiny": 0.2}

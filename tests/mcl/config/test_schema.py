@@ -2,7 +2,7 @@
 
 import pytest
 
-from maurice_mcl.config.schema import RENAMED_KEYS, RULES, Layer, configure, defaults
+from maurice_mcl.config.parameters import RENAMED_KEYS, RULES, Layer, configure, defaults
 
 OLD = {
     "selection.method": "nearest",

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.sensor.likelihood import (
+from maurice_mcl.sensor.model import (
     BLENDS,
     LEAST_QUALITY,
     LIKELIHOODS,

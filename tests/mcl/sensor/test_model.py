@@ -6,8 +6,7 @@ import pytest
 from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
-from maurice_mcl.sensor.likelihood import BLENDS, LIKELIHOODS, QUALITIES
-from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.model import BLENDS, LIKELIHOODS, QUALITIES, SensorModel, SensorParameters
 from maurice_mcl.sensor.references import interpolated_reference, nearest_reference
 
 BY = {"color": "thesis", "edges": "thesis"}

@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 from maurice_loaders.config_files import configuration_of, read_config, to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.io.fields import toml_value
-from maurice_mcl.config.parameters import PRESETS
-from maurice_mcl.config.schema import RULES, Layer, configure, defaults
+from maurice_mcl.config.parameters import PRESETS, RULES, Layer, configure, defaults
 from maurice_viz.cli.configure.config import config
 
 DOCS = Path(__file__).parents[4] / "docs" / "configuration.md"

@@ -1,7 +1,7 @@
-"""Surfaces: wood, carpet, plaster, cloth, cardboard. All from noise, all redrawn from the generator given.
+"""Surfaces, drawn from noise: wood, carpet, plaster, cloth, cardboard, tiles, bricks, linoleum.
 
 Every painter takes a generator, a size in pixels and a base color, and gives linear reflectance (H, W, 3)
-in 0.02 to 0.95. Nothing is downloaded.
+in 0.02 to 0.95.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32
+from maurice_mcl.arrays import F32, Bool
 
 from .palettes import Rgb
 
@@ -126,3 +126,59 @@ def leaves(rng: np.random.Generator, size: Size, color: Rgb = (0.10, 0.26, 0.07)
     """Foliage: bright leaves before dark gaps."""
     depth = clouds(rng, size, max(size[0] / 4, 4), 3)
     return tint(color, np.clip(0.85 + 0.75 * depth, 0.12, 2.4))
+
+
+def joints(size: Size, step: int, wide: int, shift: int = 0) -> Bool:
+    """Return which pixels (H, W) are joints of a square raster; every other row is shifted by `shift`."""
+    rows, columns = np.arange(size[0])[:, None], np.arange(size[1])[None, :]
+    across = (columns + (rows // step % 2) * shift) % step
+    return np.asarray((rows % step < wide) | (across < wide))
+
+
+def shades(rng: np.random.Generator, size: Size, high: int, wide: int, sd: float) -> F32:
+    """Return one brightness per tile (H, W), around 1."""
+    rows, columns = np.arange(size[0]) // high, np.arange(size[1]) // wide
+    each = 1 + sd * rng.standard_normal((rows[-1] + 1, columns[-1] + 1))
+    return np.asarray(each[rows[:, None], columns[None, :]], np.float32)
+
+
+def tiles(rng: np.random.Generator, size: Size, color: Rgb, step: int) -> F32:
+    """Glazed tiles with dark joints, none quite like the next, some of them dirty."""
+    light = shades(rng, size, step, step, 0.06) * (1 + 0.08 * clouds(rng, size, 3 * step))
+    return tint(color, np.where(joints(size, step, max(1, step // 30)), 0.45 * light, light))
+
+
+def bricks(rng: np.random.Generator, size: Size, color: Rgb, step: int) -> F32:
+    """A brick wall: courses a third as high as a brick is long, pale mortar."""
+    high, mortar = max(3, step // 3), max(1, step // 16)
+    rows, columns = np.arange(size[0])[:, None], np.arange(size[1])[None, :]
+    across = columns + (rows // high % 2) * (step // 2)
+    each = 1 + 0.2 * rng.standard_normal((size[0] // high + 1, (size[1] + step) // step + 1))
+    light = each[rows // high, across // step] * (1 + 0.12 * noise(rng, size, (2, 2)))
+    joint = (rows % high < mortar) | (across % step < mortar)
+    return np.where(joint[..., None], tint((0.4, 0.38, 0.35), light), tint(color, light)).astype(np.float32)
+
+
+def ceiling_tiles(rng: np.random.Generator, size: Size, color: Rgb, step: int) -> F32:
+    """A hung ceiling: pale panels with pinholes in a metal raster."""
+    holes = np.where(rng.random(size) < 0.06, 0.7, 1.0)
+    light = holes * shades(rng, size, step, step, 0.03) * (1 + 0.04 * clouds(rng, size, 2 * step))
+    return tint(color, np.where(joints(size, step, max(1, step // 24)), 0.75, light).astype(np.float32))
+
+
+def carpet_tiles(rng: np.random.Generator, size: Size, color: Rgb, step: int) -> F32:
+    """Carpet in squares that are laid this way and that."""
+    worn = carpet(rng, size, color) * shades(rng, size, step, step, 0.09)[..., None]
+    worn[joints(size, step, 1)] *= np.float32(0.8)
+    return np.asarray(np.clip(worn, 0.02, 0.95), np.float32)
+
+
+def linoleum(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
+    """A sheet floor: fine speckles, paler and darker patches where people walk, scuffs of shoes."""
+    speckle = 0.09 * noise(rng, size, (1, 1)) + 0.06 * noise(rng, size, (2, 3))
+    floor = tint(color, 1 + speckle + 0.08 * clouds(rng, size, max(size) / 6))
+    for _ in range(size[0] * size[1] // 40_000):
+        x, y = int(rng.integers(size[1])), int(rng.integers(size[0]))
+        end = (x + int(rng.integers(-14, 15)), y + int(rng.integers(-14, 15)))
+        cv2.line(floor, (x, y), end, tuple(0.45 * c for c in color), 1, cv2.LINE_AA)
+    return floor

@@ -1,11 +1,9 @@
-"""Distinctive things on walls: posters, rows of books, door panels, windows. Drawn, never loaded.
+"""Distinctive things on walls: posters, boards, rows of books, door panels, windows. Drawn, never loaded.
 
 Every painter takes a generator and a size in pixels and gives linear reflectance (H, W, 3).
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -14,8 +12,6 @@ from maurice_mcl.arrays import F32
 
 from .palettes import SCENES, Rgb, dye, ink, near, pale
 from .textures import Size, clouds, noise, tint
-
-Painter = Callable[[np.random.Generator, Size], F32]
 
 
 def finish(rng: np.random.Generator, picture: F32) -> F32:
@@ -104,9 +100,6 @@ def chart(rng: np.random.Generator, size: Size) -> F32:
     return finish(rng, picture.astype(np.float32))
 
 
-PRINTS: tuple[Painter, ...] = (landscape, shapes, portrait, chart)
-
-
 def books(rng: np.random.Generator, size: Size) -> F32:
     """One shelf of books of different height, thickness and color before a dark back."""
     rows, columns = size
@@ -176,3 +169,57 @@ def curtain(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
     """Hanging cloth in folds."""
     folds = 1 + 0.35 * noise(rng, (1, size[1]), (1, max(size[1] / 9, 2)))
     return tint(color, (folds * (1 + 0.05 * noise(rng, size, (1, 1)))).astype(np.float32))
+
+
+def paper(rng: np.random.Generator, board: F32, left: int, top: int, size: Size) -> None:
+    """Pin a sheet with lines of print on a board, in place; some are colored, some have a picture."""
+    rows, columns = size
+    tone = near(rng, (0.72, 0.71, 0.68), 0.1) if rng.random() < 0.7 else near(rng, ink(rng), 0.2)
+    sheet = board[top : top + rows, left : left + columns]
+    sheet[:] = tone
+    line = max(2, rows // 12)
+    for y in range(line, rows - line, line):
+        if rng.random() < 0.8:
+            sheet[y : y + max(1, line // 2), columns // 8 : int(columns * rng.uniform(0.5, 0.9))] *= 0.4
+    if rng.random() < 0.4:
+        sheet[rows // 8 : rows // 2, columns // 6 : 5 * columns // 6] = ink(rng)
+
+
+def frame(board: F32, color: Rgb, share: int = 28) -> None:
+    """Put a frame around a board in place."""
+    wide = max(1, min(board.shape[:2]) // share)
+    for edge in (board[:wide], board[-wide:], board[:, :wide], board[:, -wide:]):
+        edge[:] = color
+
+
+def notices(rng: np.random.Generator, size: Size) -> F32:
+    """A cork board with sheets pinned to it, some over others."""
+    rows, columns = size
+    board = tint((0.36, 0.22, 0.11), 1 + 0.2 * noise(rng, size, (1, 1)) + 0.08 * clouds(rng, size, 30))
+    for _ in range(int(rng.integers(5, 12))):
+        high = int(rows * rng.uniform(0.22, 0.4))
+        wide = int(high * rng.choice([0.71, 1.41]))
+        left = int(rng.integers(0, max(1, columns - wide)))
+        top = int(rng.integers(0, max(1, rows - high)))
+        paper(rng, board, left, top, (high, wide))
+    frame(board, (0.25, 0.2, 0.15))
+    return np.clip(board, 0.02, 0.95)
+
+
+def whiteboard(rng: np.random.Generator, size: Size) -> F32:
+    """A whiteboard, badly wiped, with writing and boxes in three pens."""
+    rows, columns = size
+    board = tint((0.72, 0.73, 0.74), 1 + 0.05 * clouds(rng, size, rows / 2))
+    pens = ((0.03, 0.05, 0.25), (0.4, 0.04, 0.04), (0.03, 0.03, 0.03))
+    for k in range(int(rng.integers(5, 11))):
+        x, y = int(columns * rng.uniform(0.06, 0.7)), int(rows * rng.uniform(0.1, 0.85))
+        pen = pens[int(rng.integers(3))]
+        if k % 4 == 0:
+            corner = (x + int(columns * 0.2), y + int(rows * 0.12))
+            cv2.rectangle(board, (x, y), corner, pen, max(1, rows // 90), cv2.LINE_AA)
+        steps = np.cumsum(rng.uniform(1, rows / 20, 24))
+        wave = y + rows / 40 * rng.standard_normal(24)
+        line = np.stack([x + steps, wave], axis=1).astype(np.int32)
+        cv2.polylines(board, [line], False, pen, max(1, rows // 120), cv2.LINE_AA)
+    frame(board, (0.3, 0.3, 0.31), 40)
+    return np.clip(board, 0.02, 0.95)
