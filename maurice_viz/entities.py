@@ -147,6 +147,10 @@ class RunPaths:
         """One BarChart: `kind` is sample, reference, difference or one of the static bands."""
         return self.at("histogram", channel, kind)
 
+    def explain(self, *parts: str) -> str:
+        """What explains a step: "table", "marks" on the map, or parts such as "card" and a reference."""
+        return self.at("explain", *parts)
+
     def trace(self, quantity: str) -> str:
         """Scalars over the session, one entity per quantity."""
         return self.at("trace", quantity)

@@ -67,7 +67,7 @@ ROOMS = {
         ("entities", "playback"),
         ("drawing",),
         ("scene",),
-        ("text", "explanations"),
+        ("text",),
         ("panels",),
         ("layouts",),
         ("viewer", "plots"),

@@ -174,8 +174,7 @@ def figures(
         >>> len(files)
         8
     """
-    from ..plots.calibration import Shown, draw_motion, draw_noise
-    from ..plots.figure import expect_matplotlib
+    from ..plots.calibration import Shown, draw_motion, draw_noise, expect_matplotlib
 
     target = Path(to)
     expect_matplotlib(target)

@@ -236,7 +236,7 @@ def jump(
         >>> mv.jump("my-run", step=4)  # doctest: +SKIP
         Destination(step=4, text='small')
     """
-    from ..viewer.cursor import move_viewer  # loads Rerun, which the other functions here do without
+    from ..viewer.open_viewers import move_viewer  # loads Rerun, which the other functions here do without
 
     folder = Path(run)
     if (to is None) == (step is None):

@@ -20,16 +20,15 @@ from maurice_mcl.session import Moment
 
 from ..entities import STEP, RunPaths
 from ..errors import OptionError, SinkError
-from ..explanations.table import to_json
-from ..explanations.words import say_step
-from ..layouts.explain import explanation_blueprint
 from ..listener import SILENT, Listener
-from ..panels.explanation_screen import ExplainedUpdate, draw_explanation
+from ..panels.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
 from ..scene import SceneInfo
 from ..style import scale_for
+from ..text.explanation import say_step
+from ..text.explanation_table import to_json
 from ..viewer import sinks
+from ..viewer.open_viewers import viewer_binary
 from ..viewer.snapshot import expect_driver, headless_viewer
-from ..viewer.spawn import viewer_binary
 from .convert import chosen_label
 from .open import typed_pose
 from .saved import Opened, open_saved

@@ -131,7 +131,7 @@ class LibraryCheck:
 
         Raises OptionError for another ending and InputError where the file exists (unless `force`).
         """
-        from ..drawing.raster import png
+        from ..drawing.canvas import png
         from ..plots.sheets import draw_ambiguity
 
         path = _checked_map(Path(to), force=force)

@@ -18,7 +18,7 @@ from maurice_mcl.session import SessionInfo
 
 from ..drawing.contact_sheet import cell_height
 from ..errors import OptionError, SinkError
-from ..layouts.names import DETAILS, LAYOUT_NAMES
+from ..layouts import DETAILS, LAYOUT_NAMES
 from ..layouts.registry import runs_blueprint
 from ..listener import Listener
 from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes

@@ -22,7 +22,7 @@ from maurice_mcl.library import Library
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import OptionError
-from ..layouts.names import DETAILS, RECORDED_LAYOUT_NAMES
+from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
 from ..listener import SILENT, Listener, progress_of
 from ..playback import ResultCollector, run_together, shared
 from ..scene import RunView

@@ -156,8 +156,7 @@ def _play(playback: Playback, recording_id: str | None) -> None:
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     """Draw a log that no library goes with."""
     from ..app.drive import glances_of, moments_of
-    from ..layouts.drive import drive_blueprint
-    from ..panels.drive import DriveView, draw_drive, drive_paths
+    from ..panels.drive import DriveView, draw_drive, drive_blueprint, drive_paths
     from ..viewer.sinks import recording
     from .console import note
 

@@ -13,7 +13,7 @@ from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
 from ..errors import OptionError
-from ..layouts.names import DETAILS, LAYOUT_NAMES
+from ..layouts import DETAILS, LAYOUT_NAMES
 
 if TYPE_CHECKING:
     from ..app.output import OutputOptions

@@ -15,7 +15,7 @@ from maurice_mcl.library import Library
 from maurice_mcl.records import Comparison
 
 from ..style import GROUND, MISSING, PALE, RANK, Scale
-from .raster import put_text, text_size
+from .canvas import put_text, text_size
 
 BEST = 5
 CELL_PX = 144  # width of one picture; its height follows the pictures' own shape

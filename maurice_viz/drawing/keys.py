@@ -29,8 +29,7 @@ from ..style import (
     U32,
     Scale,
 )
-from .canvas import MARGIN, Extent, long_side, map_extent
-from .raster import ascii_of, put_text, text_size
+from .canvas import MARGIN, Extent, ascii_of, long_side, map_extent, put_text, text_size
 
 HEIGHT_PX = 64
 TEXT_PX = 24.0

@@ -1,12 +1,13 @@
 """Where panels stand on a screen of 1600 x 1000, by name.
 
-registry       all layouts of a recording, as tabs of one blueprint
-names          their names, for the command line
-overview       one run at a glance
-inside_a_step  one update from the inside
-explain        why the best reference wins, at every update or for one at full size
-compare        two to four runs side by side
-traces         one number per update, over the session
-recorded       another localizer's recorded clouds
-drive          a drive by itself
+registry      all layouts of a recording, as tabs of one blueprint
+one_run       overview, inside-a-step and explain: one run at a glance, its updates from the inside, and why
+several_runs  compare and traces: runs side by side, and one number per update over the session
+
+The screens of a drive by itself and of one update at full size stand with their panels.
 """
+
+# names on their own: the command line lists them without importing Rerun
+LAYOUT_NAMES = ("overview", "inside-a-step", "explain", "compare", "traces")
+RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
+DETAILS = ("full", "events", "light")

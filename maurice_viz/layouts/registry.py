@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from ..panels.views import FPS, window
 from ..scene import RunView, SceneInfo
 from ..style import font_safe_names
-from . import compare, explain, inside_a_step, overview, recorded, traces
+from . import one_run, several_runs
 
 Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
 
@@ -32,13 +32,16 @@ def _named(container: rrb.Container, name: str) -> rrb.Container:
 
 
 LAYOUTS: Mapping[str, Layout] = {
-    "overview": _a_tab_a_run(overview.layout),
-    "inside-a-step": _a_tab_a_run(inside_a_step.layout),
-    "explain": _a_tab_a_run(explain.layout),
-    "compare": compare.layout,
-    "traces": traces.layout,
+    "overview": _a_tab_a_run(one_run.overview),
+    "inside-a-step": _a_tab_a_run(one_run.inside_a_step),
+    "explain": _a_tab_a_run(one_run.explain),
+    "compare": several_runs.compare,
+    "traces": several_runs.traces,
 }
-RECORDED: Mapping[str, Layout] = {"overview": recorded.overview, "traces": recorded.traces}
+RECORDED: Mapping[str, Layout] = {
+    "overview": _a_tab_a_run(one_run.recorded),
+    "traces": several_runs.recorded_traces,
+}
 
 
 def usual(runs: Sequence[RunView]) -> str:

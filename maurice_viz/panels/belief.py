@@ -15,9 +15,8 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 
 from .. import entities
-from ..drawing.canvas import long_side
+from ..drawing.canvas import long_side, png
 from ..drawing.keys import weight_key
-from ..drawing.raster import png
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import (

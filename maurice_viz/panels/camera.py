@@ -12,9 +12,8 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.edges import edge_image
 
 from .. import entities
-from ..drawing.canvas import Extent
+from ..drawing.canvas import EDGE_GAIN, Extent, brightened, jpeg, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, cell_height, thumbnail_of
-from ..drawing.raster import EDGE_GAIN, brightened, jpeg, put_text, text_size
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import ESTIMATE, GROUND, MISSING, PALE, RGB, TRUTH

@@ -14,8 +14,8 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 from maurice_mcl.session import Moment
 
+from ..drawing.canvas import jpeg, png
 from ..drawing.keys import belief_key, extent_with, key_extent, narrow_circle_key, runs_key
-from ..drawing.raster import jpeg, png
 from ..entities import (
     APART,
     BELIEF_KEY,
@@ -37,7 +37,7 @@ from ..entities import (
 from ..playback import RunResult
 from ..scene import RunView, SceneInfo
 from ..style import COLOR_WORDS, RUN_COLORS, Scale, font_safe
-from ..text.comparison import NOT_YET, StepWords, result
+from ..text.summary import NOT_YET, StepWords, result
 from .belief import PoseMarker, truth_marker
 from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
 from .panel import MARKDOWN, set_phase

@@ -26,8 +26,9 @@ from ..drawing.keys import paths_key
 from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
 from .belief import ARROW, PoseMarker, estimate_marker, truth_marker
-from .camera import draw_camera, prepare_camera
-from .views import MAP, bars_view, plane_view, plot
+from .camera import camera_view, draw_camera, edges_view, prepare_camera
+from .panel import MARKDOWN
+from .views import FPS, MAP, bars_view, plane_view, plot, window
 from .world import draw_key, draw_world
 
 MOST = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
@@ -189,7 +190,7 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
         rec.log(f"{TRACE}/{path}", rr.SeriesLines(colors=[color], widths=[1.75]), static=True)
     for path in DOTS:  # no line across the gaps that truth may have
         rec.log(f"{TRACE}/{path}", rr.SeriesPoints(colors=[BY_TRUTH], marker_sizes=[2.5]), static=True)
-    rec.log(TEXT, rr.TextDocument.from_fields(media_type="text/markdown"), static=True)
+    rec.log(TEXT, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
     prepare_camera(rec)
 
 
@@ -275,8 +276,7 @@ def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:
     return rr.BarChart(values, abscissa=at.astype(np.float32), widths=np.full(bins, 1 / bins), color=color)
 
 
-def path_view(drive: DriveView) -> rrb.Spatial2DView:
-    """Show the map with the paths by odometry and in truth."""
+def _path_view(drive: DriveView) -> rrb.Spatial2DView:
     extent, unit = reach(drive), drive.scale.units.name
     name = f"Path ({unit}): complete path faint, robot and trail bright"
     contents = [*MAP, entities.WEIGHT_KEY, f"{PATHS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
@@ -293,27 +293,52 @@ def reach(drive: DriveView) -> Extent:
     return Extent(low[0], high[0], low[1], high[1])
 
 
-def drive_words() -> rrb.TextDocumentView:
-    """Show what is known about a moment."""
-    return rrb.TextDocumentView(name="This drive", origin=TEXT)
+def drive_blueprint(drive: DriveView) -> rrb.Blueprint:
+    """Lay out a drive: the path left, pictures and measurements right, as far as it has them."""
+    left, right = _left(drive), _right(drive)
+    if right is None:
+        body: rrb.Container = left
+    elif drive.arena is None:  # nothing but words is left
+        body = rrb.Vertical(right, left, row_shares=[3, 1])
+    else:
+        body = rrb.Horizontal(left, right, column_shares=[1.15, 1])
+    return window(body, fps=FPS)
 
 
-def log_events_view() -> rrb.TextLogView:
-    """Show the events in the log."""
-    columns = rrb.TextLogColumns(
-        timeline_columns=[TimelineColumn(entities.STEP)],
-        text_log_columns=[TextLogColumn(TextLogColumnKind.Body)],
-    )
-    return rrb.TextLogView(name="Events of the log", origin=EVENTS, columns=columns)
+def _left(drive: DriveView) -> rrb.Vertical:
+    parts: list[rrb.View] = [rrb.TextDocumentView(name="This drive", origin=TEXT)]
+    shares = [1.0]
+    if drive.arena is not None and (len(drive.paths.true) or drive.paths.moves or drive.info.arena):
+        parts, shares = [_path_view(drive), *parts], [2.4, *shares]
+    if drive.paths.events:
+        columns = rrb.TextLogColumns(
+            timeline_columns=[TimelineColumn(entities.STEP)],
+            text_log_columns=[TextLogColumn(TextLogColumnKind.Body)],
+        )
+        parts.append(rrb.TextLogView(name="Events of the log", origin=EVENTS, columns=columns))
+        shares.append(0.6)
+    return rrb.Vertical(*parts, row_shares=shares)
 
 
-def channel_view(channel: str) -> rrb.BarChartView:
-    """Show what a channel measures in the picture."""
-    name = f"{channel.capitalize()} ({CHANNELS[channel].unit}): red, green, blue from 0, 1, 2"
-    return bars_view(name, [f"{HISTOGRAM}/{channel}"])
+def _right(drive: DriveView) -> rrb.Vertical | None:
+    parts: list[rrb.View | rrb.Container] = []
+    shares: list[float] = []
+    if drive.pictures:
+        charts = [
+            bars_view(
+                f"{channel.capitalize()} ({CHANNELS[channel].unit}): red, green, blue from 0, 1, 2",
+                [f"{HISTOGRAM}/{channel}"],
+            )
+            for channel in drive.channels
+        ]
+        parts += [rrb.Horizontal(camera_view(), edges_view()), rrb.Tabs(*charts, active_tab=0)]
+        shares += [1.5, 1.0]
+    plots = _motion_plots(drive)
+    parts, shares = [*parts, *plots], [*shares, *(0.8 for _ in plots)]
+    return rrb.Vertical(*parts, row_shares=shares) if parts else None
 
 
-def motion_plots(drive: DriveView) -> list[rrb.TimeSeriesView]:
+def _motion_plots(drive: DriveView) -> list[rrb.TimeSeriesView]:
     """Plot each movement by odometry and by truth: a wrong sign or unit is visible at once."""
     unit, each = drive.scale.units.name, "picture" if drive.pictures else "moment"
     kinds = [

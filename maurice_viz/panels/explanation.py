@@ -18,6 +18,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.analysis.explanation import (
+    ASKED,
     ESTIMATE,
     TRUTH,
     WINNER,
@@ -30,32 +31,37 @@ from maurice_mcl.sensor.descriptors.edges import edge_image
 from maurice_mcl.sensor.model import SensorModel
 
 from .. import entities
-from ..drawing.arrow import tensor_of
-from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, Bars, bars_for, place_bars
+from .. import style as look
+from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, Bars, bars_for, place_bars, tensor_of
+from ..drawing.canvas import brightened, jpeg, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
-from ..drawing.raster import brightened, jpeg, put_text, text_size
 from ..entities import Phase, RunPaths
-from ..explanations.paths import (
-    COLORS,
-    KINDS,
-    NAMES,
-    NOT_KNOWN,
-    OUTSIDE,
-    Column,
-    card_path,
-    chart_path,
-    columns,
-    columns_of,
-    marks_path,
-    table_path,
-)
-from ..explanations.table import markdown_table
-from ..explanations.words import say_behind
 from ..scene import SceneInfo
-from ..style import BAR, GROUND, MISSING, PALE, TINTS
+from ..style import BAR, GROUND, MISSING, PALE, RANK, RGB, TINTS
+from ..text.explanation import say_behind
+from ..text.explanation_table import markdown_table
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
 from .views import MAP, bars_view, map_view, picture_view
+
+COLORS: dict[str, RGB] = {TRUTH: look.TRUTH, ESTIMATE: look.ESTIMATE, WINNER: RANK, ASKED: (86, 180, 233)}
+NAMES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
+OUTSIDE = "outside free space"
+NOT_KNOWN = "truth not known here"
+KINDS = ("sample", "reference", "cost")  # of bars
+
+Column = tuple[str, Explained | None]  # which reference; None: the truth is not known at this update
+
+
+def columns_of(has_truth: bool) -> tuple[str, ...]:
+    """Return the references that have a column."""
+    return (TRUTH, ESTIMATE, WINNER) if has_truth else (ESTIMATE, WINNER)
+
+
+def columns(step: StepExplanation, has_truth: bool) -> list[Column]:
+    """Return the content of each column; always the same number of columns."""
+    return [(who, step.of(who)) for who in columns_of(has_truth)]
+
 
 FOOT_NATS = 0.3  # height of the tints in the chart of costs; higher bars make the chart grow
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
@@ -83,17 +89,21 @@ class ExplanationPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log kinds of pictures and texts, colors, and where bars stand."""
         if self._references is None:
-            rec.log(table_path(self._paths), rr.TextDocument(NO_LIBRARY, media_type=MARKDOWN), static=True)
+            rec.log(
+                self._paths.explain("table"),
+                rr.TextDocument(NO_LIBRARY, media_type=MARKDOWN),
+                static=True,
+            )
             return
         whose = columns_of(self._has_truth)
-        rec.log(table_path(self._paths), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
+        rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         for who in whose:
-            prepare_jpeg(rec, card_path(self._paths, who), order=-10.0)
+            prepare_jpeg(rec, self._paths.explain("card", who), order=-10.0)
         prepare_charts(rec, self._paths, self._references.bars, len(whose))
         thick = rr.components.Radius.ui_points(THICKNESS[-len(whose) :])
         colors = [COLORS[who] for who in whose]
         style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
-        rec.log(marks_path(self._paths), style, static=True)
+        rec.log(self._paths.explain("marks"), style, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log cards, charts, arrows and table of one update."""
@@ -106,22 +116,22 @@ class ExplanationPanel(Panel):
         for who, explained in shown:
             card = references.card(explained)
             if self._cards.get(who) != card:  # most of the size, and it often stays
-                draw_jpeg(rec, card_path(self._paths, who), card)
+                draw_jpeg(rec, self._paths.explain("card", who), card)
                 self._cards[who] = card
         draw_charts(rec, self._paths, references.bars, step, shown)
         self._draw_marks(rec, shown, references.sensor)
         text = f"{headline(step)}\n\n{markdown_table(step, self._scale)}"
-        rec.log(table_path(self._paths), rr.TextDocument.from_fields(text=text))
+        rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(text=text))
 
     def clear(self, rec: rr.RecordingStream) -> None:
         """Empty everything."""
         if self._references is None:
             return
-        charts = [chart_path(self._paths, kind) for kind in KINDS]
-        cards = [card_path(self._paths, who) for who in columns_of(self._has_truth)]
-        for path in (*charts, *cards, marks_path(self._paths)):
+        charts = [self._paths.explain("chart", kind) for kind in KINDS]
+        cards = [self._paths.explain("card", who) for who in columns_of(self._has_truth)]
+        for path in (*charts, *cards, self._paths.explain("marks")):
             rec.log(path, rr.Clear(recursive=False))
-        rec.log(table_path(self._paths), rr.TextDocument.from_fields(text=LEFT_OUT))
+        rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(text=LEFT_OUT))
         self._cards.clear()
 
     def _draw_marks(self, rec: rr.RecordingStream, shown: Sequence[Column], sensor: SensorModel) -> None:
@@ -133,7 +143,7 @@ class ExplanationPanel(Panel):
         marks = rr.Arrows2D.from_fields(
             origins=self._scale.screen(poses[:, :2]), vectors=np.asarray(along, np.float32)
         )
-        rec.log(marks_path(self._paths), marks)
+        rec.log(self._paths.explain("marks"), marks)
 
 
 class _References:
@@ -188,7 +198,7 @@ def prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks:
                 widths=np.ones(blocks, np.float32),
                 color=TINTS[number % len(TINTS)],
             )
-            rec.log(f"{chart_path(paths, kind)}/{number}", band, static=True)
+            rec.log(f"{paths.at('explain', 'chart', kind)}/{number}", band, static=True)
     lefts = np.concatenate([bars.lefts + bars.left_of(block) for block in range(blocks)])
     widths = np.tile(bars.widths, blocks)
     for kind, color, offset, width in (
@@ -196,7 +206,7 @@ def prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks:
         ("sample", SAMPLE, *SAMPLE_BAR),
         ("cost", BAR, 0.0, 1.0),
     ):
-        place_bars(rec, chart_path(paths, kind), color, lefts + offset * widths, width * widths)
+        place_bars(rec, paths.explain("chart", kind), color, lefts + offset * widths, width * widths)
 
 
 def draw_charts(
@@ -211,7 +221,7 @@ def draw_charts(
         np.concatenate([cost for _, cost in heights]),
     )
     for kind, values in zip(KINDS, shown, strict=True):
-        rec.log(chart_path(paths, kind), rr.BarChart.from_fields(values=tensor_of(values)))
+        rec.log(paths.explain("chart", kind), rr.BarChart.from_fields(values=tensor_of(values)))
 
 
 def _block(bars: Bars, column: Column) -> tuple[F32, F32]:
@@ -255,7 +265,13 @@ def headline(step: StepExplanation) -> str:
 
 def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show where the references of the columns are, over the match circles and under truth and estimate."""
-    contents = [*MAP, entities.EXPLAIN_KEY, paths.circles, marks_path(paths), f"{paths.estimate}/**"]
+    contents = [
+        *MAP,
+        entities.EXPLAIN_KEY,
+        paths.circles,
+        paths.explain("marks"),
+        f"{paths.estimate}/**",
+    ]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return map_view(
         f"Match circles, and the references explained ({scene.scale.units.name})", contents, scene
@@ -264,14 +280,14 @@ def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
 
 def card_view(paths: RunPaths, who: str) -> rrb.Spatial2DView:
     """Show a reference's picture over its edges."""
-    return picture_view(CARD_TITLES[who], card_path(paths, who))
+    return picture_view(CARD_TITLES[who], paths.explain("card", who))
 
 
 def descriptors_view(paths: RunPaths, whose: Sequence[str]) -> rrb.BarChartView:
     """Show the descriptors of all references, a block a reference."""
     sides = SIDES[len(whose)].format(*(NAMES[who] for who in whose))
     name = f"Descriptors (1: usual top): picture blue, reference orange, both pale; {sides}"
-    return bars_view(name, [chart_path(paths, kind) for kind in ("tints", "reference", "sample")])
+    return bars_view(name, [paths.explain("chart", kind) for kind in ("tints", "reference", "sample")])
 
 
 def costs_view(paths: RunPaths, channels: Sequence[str]) -> rrb.BarChartView:
@@ -279,9 +295,9 @@ def costs_view(paths: RunPaths, channels: Sequence[str]) -> rrb.BarChartView:
     many = len(channels) > MOST_NAMED
     names = f"{len(channels)} channels as in the table" if many else ", ".join(channels)
     name = f"What each element costs (nats; tint {FOOT_NATS:g} high): {names}"
-    return bars_view(name, [chart_path(paths, kind) for kind in ("feet", "cost")])
+    return bars_view(name, [paths.explain("chart", kind) for kind in ("feet", "cost")])
 
 
 def figures_view(paths: RunPaths) -> rrb.TextDocumentView:
     """Show the figures of all references in a table."""
-    return rrb.TextDocumentView(name=f"Figures ({LOSES})", origin=table_path(paths))
+    return rrb.TextDocumentView(name=f"Figures ({LOSES})", origin=paths.explain("table"))

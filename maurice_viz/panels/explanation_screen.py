@@ -26,21 +26,19 @@ from maurice_mcl.session import Moment
 
 from .. import entities
 from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, SMALLEST, bands_of
-from ..drawing.canvas import long_side
+from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, long_side, put_text
 from ..drawing.contact_sheet import NOT_KEPT, read_picture
-from ..drawing.raster import EDGE_GAIN, brightened, jpeg, put_text
 from ..entities import Phase, RunPaths
-from ..explanations.paths import COLORS, OUTSIDE, marks_path, table_path
-from ..explanations.table import markdown_table
-from ..explanations.words import say_step
 from ..scene import SceneInfo
 from ..style import BAR, MISSING, PALE, Scale
+from ..text.explanation import say_step
+from ..text.explanation_table import markdown_table
 from .belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
-from .camera import draw_camera, prepare_camera
-from .explanation import ARROW, labels_on_map
+from .camera import camera_view, draw_camera, edges_view, prepare_camera
+from .explanation import ARROW, COLORS, OUTSIDE, figures_view, labels_on_map
 from .panel import MARKDOWN, set_phase
 from .references import match_circles
-from .views import MAP, bars_view, map_view, picture_view
+from .views import MAP, bars_view, map_view, picture_view, window
 from .world import draw_world
 
 GRAY = (144, 176)  # rows and columns of the gray picture in place of a missing one
@@ -58,31 +56,6 @@ log-likelihood. One nat less is 2.7 times less likely.
 
 **Rank** 1 is the nearest, **quality** 0 the worst for this picture, **D** the channel's own distance.
 """
-
-
-def picture_path(paths: RunPaths, who: str) -> str:
-    """Return the entity of a reference's picture."""
-    return paths.at("explain", who, "picture")
-
-
-def edges_path(paths: RunPaths, who: str) -> str:
-    """Return the entity of its edge picture."""
-    return paths.at("explain", who, "edges")
-
-
-def bars_path(paths: RunPaths, who: str, channel: str, kind: str) -> str:
-    """Return the entity of one channel's bars: `kind` is "descriptor" or "cost"."""
-    return paths.at("explain", who, channel, kind)
-
-
-def words_path(paths: RunPaths) -> str:
-    """Return the entity of the sentences."""
-    return paths.at("explain", "words")
-
-
-def notes_path(paths: RunPaths) -> str:
-    """Return the entity of the notes on how to read the screen."""
-    return paths.at("explain", "notes")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,10 +93,10 @@ def draw_explanation(rec: rr.RecordingStream, paths: RunPaths, update: Explained
         for number, channel in enumerate(update.step.channels):
             _draw_charts(rec, paths, explained, number, channel, update)
     words = "\n\n".join([f"**Step {update.step.step}**", *say_step(update.step, update.scale)])
-    rec.log(notes_path(paths), rr.TextDocument(NOTES, media_type=MARKDOWN))
-    rec.log(words_path(paths), rr.TextDocument(words, media_type=MARKDOWN))
+    rec.log(paths.explain("notes"), rr.TextDocument(NOTES, media_type=MARKDOWN))
+    rec.log(paths.explain("words"), rr.TextDocument(words, media_type=MARKDOWN))
     table = markdown_table(update.step, update.scale, costliest_first(update.step))
-    rec.log(table_path(paths), rr.TextDocument(table, media_type=MARKDOWN))
+    rec.log(paths.explain("table"), rr.TextDocument(table, media_type=MARKDOWN))
 
 
 def _draw_map(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate) -> None:
@@ -156,7 +129,7 @@ def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdat
         radii=rr.components.Radius.ui_points(2.0),
         draw_order=60.0,
     )
-    rec.log(marks_path(paths), marks)
+    rec.log(paths.explain("marks"), marks)
 
 
 def _draw_pictures(rec: rr.RecordingStream, paths: RunPaths, explained: Explained, library: Library) -> None:
@@ -165,8 +138,8 @@ def _draw_pictures(rec: rr.RecordingStream, paths: RunPaths, explained: Explaine
     if picture is None:
         picture = _gray(OUTSIDE if explained.entry is None else NOT_KEPT)
     for path, image in (
-        (picture_path(paths, explained.who), picture),
-        (edges_path(paths, explained.who), edges),
+        (paths.explain(explained.who, "picture"), picture),
+        (paths.explain(explained.who, "edges"), edges),
     ):
         rec.log(path, rr.EncodedImage(contents=jpeg(image), media_type="image/jpeg"))
 
@@ -200,7 +173,7 @@ def _draw_charts(
     most = max(float(c.nats.max()) for c in found)
     heights: dict[str, float] = {"descriptor": top, "cost": most}
     for kind, height in heights.items():
-        path = bars_path(paths, explained.who, channel, kind)
+        path = paths.explain(explained.who, channel, kind)
         for plane, color in enumerate(bands_of(len(found[0].sample))):
             ground = [max(height, SMALLEST)]
             band = rr.BarChart(ground, abscissa=[float(plane)], widths=[1.0], color=color)
@@ -214,7 +187,7 @@ def _draw_bars(rec: rr.RecordingStream, paths: RunPaths, who: str, mine: Channel
     one = len(bands_of(size)) / size
     lefts = np.arange(size, dtype=np.float32) * np.float32(one)
     wide = np.full(size, one, np.float32)
-    descriptor = bars_path(paths, who, mine.channel, "descriptor")
+    descriptor = paths.explain(who, mine.channel, "descriptor")
     for name, values, color, offset, width in (
         ("reference", mine.reference, REFERENCE, *REFERENCE_BAR),
         ("sample", mine.sample, SAMPLE, *SAMPLE_BAR),
@@ -223,42 +196,45 @@ def _draw_bars(rec: rr.RecordingStream, paths: RunPaths, who: str, mine: Channel
         bars = rr.BarChart(values, abscissa=at, widths=wide * np.float32(width), color=color)
         rec.log(f"{descriptor}/{name}", bars)
     cost = rr.BarChart(mine.nats, abscissa=lefts, widths=wide, color=BAR)
-    rec.log(f"{bars_path(paths, who, mine.channel, 'cost')}/nats", cost)
+    rec.log(f"{paths.at('explain', who, mine.channel, 'cost')}/nats", cost)
 
 
-def explained_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
-    """Show match circles, particles and the references explained."""
+def explanation_blueprint(paths: RunPaths, step: StepExplanation, scene: SceneInfo) -> rrb.Blueprint:
+    """Lay out map, camera and words left; a column a reference right, over the table of their figures."""
+    left = rrb.Vertical(
+        _map_view(paths, scene),
+        rrb.Horizontal(camera_view(), edges_view()),
+        rrb.TextDocumentView(name="Why the winner wins", origin=paths.explain("words")),
+        row_shares=[1.7, 0.85, 2.3],
+    )
+    notes = rrb.TextDocumentView(name="How to read this", origin=paths.explain("notes"))
+    below = rrb.Horizontal(figures_view(paths), notes, column_shares=[0.7 * len(step.shown), 1])
+    columns = rrb.Horizontal(*(_column(paths, one, step) for one in step.shown))
+    right = rrb.Vertical(columns, below, row_shares=[24, 8.5 + len(step.channels)])
+    return window(rrb.Horizontal(left, right, column_shares=[1, 2.1]))
+
+
+def _map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     name = f"Match circles (area: likelihood), particles, references ({scene.scale.units.name})"
-    contents = [*MAP, paths.circles, paths.particles, marks_path(paths), f"{paths.estimate}/**"]
+    contents = [*MAP, paths.circles, paths.particles, paths.explain("marks"), f"{paths.estimate}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return map_view(name, contents, scene, paths.particles)
 
 
-def explained_words(paths: RunPaths) -> rrb.TextDocumentView:
-    """Show the sentences."""
-    return rrb.TextDocumentView(name="Why the winner wins", origin=words_path(paths))
-
-
-def explained_notes(paths: RunPaths) -> rrb.TextDocumentView:
-    """Show the notes on how to read the screen."""
-    return rrb.TextDocumentView(name="How to read this", origin=notes_path(paths))
-
-
-def reference_views(
-    paths: RunPaths, explained: Explained, step: StepExplanation
-) -> list[rrb.View | rrb.Container]:
+def _column(paths: RunPaths, explained: Explained, step: StepExplanation) -> rrb.Vertical:
     """Show one reference; the channel that costs most has the first tab, the same in all columns."""
     who, channels = explained.who, [step.channels[k] for k in costliest_first(step)]
     entry = "none" if explained.entry is None else f"entry {explained.entry.entry}"
-    descriptors = [bars_view(f"{c} ({_unit(c)})", [bars_path(paths, who, c, "descriptor")]) for c in channels]
-    costs = [bars_view(f"{c}, nats", [bars_path(paths, who, c, "cost")]) for c in channels]
-    return [
-        picture_view(f"{WHO[who]}: {entry}", picture_path(paths, who)),
-        picture_view(f"Its edges x {EDGE_GAIN}", edges_path(paths, who)),
+    units = [CHANNELS[c].unit if c in CHANNELS else "its own unit" for c in channels]
+    descriptors = [
+        bars_view(f"{c} ({unit})", [paths.explain(who, c, "descriptor")])
+        for c, unit in zip(channels, units, strict=True)
+    ]
+    costs = [bars_view(f"{c}, nats", [paths.explain(who, c, "cost")]) for c in channels]
+    return rrb.Vertical(
+        picture_view(f"{WHO[who]}: {entry}", paths.explain(who, "picture")),
+        picture_view(f"Its edges x {EDGE_GAIN}", paths.explain(who, "edges")),
         rrb.Tabs(*descriptors, active_tab=0),
         rrb.Tabs(*costs, active_tab=0),
-    ]
-
-
-def _unit(channel: str) -> str:
-    return CHANNELS[channel].unit if channel in CHANNELS else "its own unit"
+        row_shares=[0.9, 0.9, 1.2, 1.2],
+    )

@@ -16,7 +16,6 @@ import rerun.blueprint as rrb
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
 
-from ..drawing.arrow import tensor_of
 from ..drawing.bars import (
     REFERENCE,
     REFERENCE_BAR,
@@ -24,6 +23,7 @@ from ..drawing.bars import (
     SAMPLE_BAR,
     bands_of,
     place_bars,
+    tensor_of,
     usual_difference,
     usual_height,
 )

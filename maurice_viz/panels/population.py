@@ -15,9 +15,8 @@ from maurice_mcl.analysis.modes import Ancestry, TrackedMode
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.records import Belief, StepRecord
 
-from ..drawing.arrow import strips_of
-from ..drawing.canvas import Extent
-from ..drawing.raster import png, put_text, text_size
+from ..drawing.bars import strips_of
+from ..drawing.canvas import Extent, png, put_text, text_size
 from ..entities import Phase, RunPaths
 from ..style import (
     EMPTY,

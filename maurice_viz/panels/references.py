@@ -20,9 +20,8 @@ from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.references import NearestReference
 
 from .. import entities
-from ..drawing.canvas import Extent
+from ..drawing.canvas import Extent, jpeg
 from ..drawing.contact_sheet import BEST, ContactSheet, best_matches
-from ..drawing.raster import jpeg
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale

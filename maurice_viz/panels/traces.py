@@ -10,8 +10,8 @@ import rerun.blueprint as rrb
 
 from maurice_mcl.filter.estimate import CONFIDENCE_M
 
+from ..drawing.canvas import png
 from ..drawing.keys import line_key
-from ..drawing.raster import png
 from ..entities import Phase, RunPaths
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, RGB, RUN_COLORS, font_safe

@@ -11,8 +11,7 @@ from maurice_mcl.map import Arena
 
 from .. import entities
 from ..drawing import keys
-from ..drawing.canvas import Extent, draw_ground, map_extent
-from ..drawing.raster import png
+from ..drawing.canvas import Extent, draw_ground, map_extent, png
 from ..style import NODE, WALL, Scale
 from .panel import DrawnRun, Panel
 

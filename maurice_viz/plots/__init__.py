@@ -1,6 +1,5 @@
 """Figures for print, without the viewer.
 
-figure       axes, legends and files of matplotlib figures
 calibration  the thesis's figures of odometry calibration and camera noise
 sheets       a map of a library's ambiguity, and a sheet of a world's views
 """

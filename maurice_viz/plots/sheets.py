@@ -15,8 +15,7 @@ from maurice_mcl.library import Library
 from maurice_mcl.library_quality import SelfSimilarity
 from maurice_mcl.map import spacing
 
-from ..drawing.canvas import TEXT, Canvas, draw_ground, long_side
-from ..drawing.raster import jpeg, png, put_text
+from ..drawing.canvas import TEXT, Canvas, draw_ground, jpeg, long_side, png, put_text
 from ..panels.world import clipped
 from ..style import DEAD, GROUND, PALE, RGB, WALL, Scale, scale_for, shade
 

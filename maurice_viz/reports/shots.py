@@ -14,8 +14,7 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
-from ..drawing.canvas import Canvas, draw_ground, long_side
-from ..drawing.raster import jpeg
+from ..drawing.canvas import Canvas, draw_ground, jpeg, long_side
 from ..panels.belief import ARROW
 from ..panels.world import clipped
 from ..style import ESTIMATE, GROUND, RGB, TRUTH, WALL, Scale, weight_colors

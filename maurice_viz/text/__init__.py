@@ -1,7 +1,8 @@
 """What people read about a run: Markdown for panels, rows for tables, values for JSON.
 
-narration   what each step did
-comparison  how several runs differ
-summary     the scores of runs
-diagnosis   what is wrong with a recording, the evidence, and how to fix it
+narration          what each step did
+explanation        why the best reference wins, in sentences
+explanation_table  the figures of all references as Markdown and as JSON
+summary            the scores of runs, and how several differ
+diagnosis          what is wrong with a recording, the evidence, and how to fix it
 """

@@ -9,20 +9,87 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
+import socket
+import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import platformdirs
+import rerun_cli  # type: ignore[import-untyped]  # has no types, comes with rerun-sdk
+from rerun.experimental import ViewerClient
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.io.fields import read_json
 from maurice_loaders.io.files import write_whole
 
-from .spawn import is_listening
+HOST = "127.0.0.1"
+PROBE_EVERY_S = 0.1
+
+
+def viewer_binary() -> Path:
+    """Find the viewer that belongs to our own SDK, whatever the PATH; the `rerun` script only wraps it."""
+    folder = Path(rerun_cli.__file__).parent
+    return folder / ("rerun.exe" if os.name == "nt" else "rerun")
+
+
+def free_port() -> int:
+    """Find a port of our own: on Rerun's usual one an older viewer may be listening."""
+    with socket.socket() as listener:
+        listener.bind((HOST, 0))
+        return int(listener.getsockname()[1])
+
+
+def address(port: int) -> str:
+    """Return the address that recordings are sent to."""
+    return f"rerun+http://{HOST}:{port}/proxy"
+
+
+def start_viewer(
+    port: int, options: Sequence[str], environment: Mapping[str, str] | None = None
+) -> subprocess.Popen[bytes]:
+    """Start a viewer in a session of its own, so that neither our end nor our Ctrl-C ends it. OSError."""
+    command = [str(viewer_binary()), "--hide-welcome-screen", "--bind", HOST, "--port", str(port), *options]
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(
+        command,
+        stdin=quiet,
+        stdout=quiet,
+        stderr=quiet,
+        env=os.environ | (environment or {}),
+        start_new_session=True,
+    )
+
+
+def is_listening(port: int) -> bool:
+    """Return whether a viewer listens; takes no time where none does."""
+    with socket.socket() as probe:
+        probe.settimeout(PROBE_EVERY_S)
+        return probe.connect_ex((HOST, port)) == 0
+
+
+def wait_until_listening(viewer: subprocess.Popen[bytes], port: int, patience_s: float) -> bool:
+    """Wait for a viewer to come up; False when it ended, or did not listen in time."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline and viewer.poll() is None:
+        if is_listening(port):
+            return True
+        time.sleep(PROBE_EVERY_S)
+    return False
+
+
+def ends_within(viewer: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Wait a moment and return whether the viewer ended."""
+    try:
+        viewer.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
+
 
 STATE = "MAURICE_STATE"  # environment variable: in place of the user's state folder
 
@@ -102,3 +169,56 @@ def _is_alive(pid: int) -> bool:
     except (PermissionError, OverflowError):
         return True
     return True
+
+
+ANY = ""  # the recording in front
+
+
+def move_viewer(folder: Path, session: str, port: int | None, timeline: str, value: int) -> None:
+    """Move the viewer on a port, or the last opened one that shows this session, to a value of a timeline.
+
+    Raises InputError where none is open, or its recording has no such timeline.
+    """
+    recording = ANY
+    if port is None:
+        port, recording = _ours(folder, session)
+    elif not is_listening(port):
+        raise InputError(
+            folder, f"found no viewer on port {port}; open one with: rerun --port {port} FILE.rrd"
+        )
+    try:
+        client = ViewerClient.connect(address(port))
+        shown = _recording(client.get_state(), recording)
+        if shown is None or timeline not in [known.name for known in shown.timelines]:
+            found = f"the viewer on port {port} shows no recording with the timeline {timeline!r}"
+            raise InputError(folder, f"{found}; {_how_to_open(folder)}")
+        client.set_location(shown.location)
+        client.set_time(timeline, sequence=value, play_state="paused", recording=shown.store_id)
+    except (ConnectionError, OSError, RuntimeError, ValueError) as problem:
+        raise InputError(folder, f"the viewer on port {port} does not answer ({problem})") from None
+
+
+def _ours(folder: Path, session: str) -> tuple[int, str]:
+    """Return port and recording of the last opened viewer that shows a session of that name."""
+    viewers = open_viewers()
+    for viewer in viewers:
+        if viewer.name == session:
+            return viewer.port, viewer.recording
+    shown = ", ".join(repr(viewer.name) for viewer in viewers)
+    found = f"the open viewers show {shown}, not {session!r}" if viewers else "no viewer is open"
+    raise InputError(folder, f"{found}; {_how_to_open(folder)}")
+
+
+def _how_to_open(folder: Path) -> str:
+    return f"open one with: maurice-replay {shlex.quote(str(folder))}, or name one's port with --port"
+
+
+def _recording(state: Any, recording: str) -> Any | None:
+    """Find a recording by its id, else the one in front; None where nothing is open."""
+    for known in state.recordings:
+        if recording and recording in str(known.store_id):
+            return known
+    for known in state.recordings:
+        if known.store_id == state.active_recording:
+            return known
+    return state.recordings[0] if state.recordings else None

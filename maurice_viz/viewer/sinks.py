@@ -21,8 +21,17 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ..errors import SinkError
-from .open_viewers import remember, remember_recording
-from .spawn import HOST, address, ends_within, free_port, start_viewer, viewer_binary, wait_until_listening
+from .open_viewers import (
+    HOST,
+    address,
+    ends_within,
+    free_port,
+    remember,
+    remember_recording,
+    start_viewer,
+    viewer_binary,
+    wait_until_listening,
+)
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0

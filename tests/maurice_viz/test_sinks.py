@@ -10,8 +10,8 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 from rerun_bindings import check_for_rrd_footer
 
+from maurice_viz.viewer import open_viewers as viewer
 from maurice_viz.viewer import sinks
-from maurice_viz.viewer import spawn as viewer
 from maurice_viz.viewer.snapshot import software_driver
 
 LAYOUT = rrb.Blueprint(rrb.TextDocumentView(origin="/a"))
@@ -110,13 +110,13 @@ def test_a_display_is_what_the_environment_says(monkeypatch: pytest.MonkeyPatch,
 def test_a_viewer_that_does_not_start_is_said_in_one_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("maurice_viz.viewer.spawn.viewer_binary", lambda: tmp_path / "no such viewer")
+    monkeypatch.setattr("maurice_viz.viewer.open_viewers.viewer_binary", lambda: tmp_path / "no such viewer")
     with pytest.raises(sinks.SinkError, match="No such file"):
         sinks.bring_up_viewer()
 
 
 def test_a_viewer_that_dies_at_once_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maurice_viz.viewer.spawn.viewer_binary", lambda: Path("/bin/false"))
+    monkeypatch.setattr("maurice_viz.viewer.open_viewers.viewer_binary", lambda: Path("/bin/false"))
     with pytest.raises(sinks.SinkError, match="opened no window"):
         sinks.bring_up_viewer()
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ...layouts.names import DETAILS
+from ...layouts import DETAILS
 from ..console import listening
 from ..options import (
     ConfigsOption,

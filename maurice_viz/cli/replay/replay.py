@@ -7,7 +7,7 @@ from pathlib import Path
 
 from maurice_loaders.live.source import is_live
 
-from ...layouts.names import DETAILS
+from ...layouts import DETAILS
 from ..console import listening
 from ..options import (
     AsRecordedOption,

@@ -17,7 +17,7 @@ from maurice_mcl.calibration.noise import NoiseFloor
 from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread
 
 from ...app.calibrate import calibrate_motion, calibrate_noise, figures, make_trials, noise_json
-from ...plots.figure import expect_matplotlib
+from ...plots.calibration import expect_matplotlib
 from ...style import Units
 from ..console import listening, note, results
 from ..errors import one_line_errors

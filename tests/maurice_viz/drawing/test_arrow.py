@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rerun.components import TensorDataBatch
 
-from maurice_viz.drawing.arrow import tensor_of
+from maurice_viz.drawing.bars import tensor_of
 
 
 @pytest.mark.parametrize("length", [1, 2, 84, 168])

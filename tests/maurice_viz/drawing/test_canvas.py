@@ -6,8 +6,7 @@ import pytest
 from helpers import viz_fakes as fakes
 from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
-from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, draw_ground, ticks
-from maurice_viz.drawing.raster import ascii_of, text_size
+from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, ascii_of, draw_ground, text_size, ticks
 from maurice_viz.style import OBSTACLE, scale_for
 
 

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from helpers import viz_fakes as fakes
 from maurice_viz import entities
 from maurice_viz.drawing.canvas import arena_extent, map_extent
-from maurice_viz.layouts import compare, overview
+from maurice_viz.layouts import one_run, several_runs
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -30,8 +30,8 @@ def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
             yield from views(inner)
 
 
-def one_run(run: RunView, shown: SceneInfo) -> rrb.Blueprint:
-    return rrb.Blueprint(overview.layout(run, shown))
+def overview_of(run: RunView, shown: SceneInfo) -> rrb.Blueprint:
+    return rrb.Blueprint(one_run.overview(run, shown))
 
 
 def titles(layout: rrb.Blueprint) -> list[str]:
@@ -47,7 +47,7 @@ def test_every_view_has_a_title_of_its_own(runs: list[RunView], has_truth: bool)
 
 
 def test_no_two_views_of_one_run_have_the_same_title() -> None:
-    found = titles(one_run(BLENDED, shown()))
+    found = titles(overview_of(BLENDED, shown()))
     assert len(found) == len(set(found))
 
 
@@ -60,12 +60,12 @@ def test_lengths_and_angles_have_units_in_their_titles() -> None:
 
 
 def test_a_run_shows_its_own_channels_only() -> None:
-    assert not any("Edges" in t and "px" not in t for t in titles(one_run(COLOR, shown())))
-    assert any("Edges" in t and "px" not in t for t in titles(one_run(BLENDED, shown())))
+    assert not any("Edges" in t and "px" not in t for t in titles(overview_of(COLOR, shown())))
+    assert any("Edges" in t and "px" not in t for t in titles(overview_of(BLENDED, shown())))
 
 
 def test_two_runs_share_the_camera_and_the_error_plot() -> None:
-    found = titles(rrb.Blueprint(compare.layout([COLOR, BLENDED], shown())))
+    found = titles(rrb.Blueprint(several_runs.compare([COLOR, BLENDED], shown())))
     assert found.count("Camera (px)") == 1
     assert found.count("Position error (in)") == 1
 
@@ -79,7 +79,7 @@ def test_map_views_hold_the_whole_arena_with_a_margin() -> None:
 
 
 def test_key_and_cloud_of_the_other_view_are_left_out() -> None:
-    for view in views(one_run(BLENDED, shown()).root_container):
+    for view in views(overview_of(BLENDED, shown()).root_container):
         if "Belief" in str(view.name):
             assert entities.MATCH_KEY not in list(view.contents)
         if "circles" in str(view.name):

@@ -20,7 +20,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_viz import entities
 from maurice_viz import entities as paths
 from maurice_viz.drawing.keys import belief_key, key_extent, narrow_circle_key, runs_key
-from maurice_viz.layouts import compare
+from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
 from maurice_viz.scene import RunView, SceneInfo
@@ -166,7 +166,7 @@ def shown(has_truth: bool = True) -> SceneInfo:
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_truth: bool) -> None:
     runs = [RunView(f"seed {k}", ("color", "edges")) for k in range(count)]
-    body = compare.layout(runs, shown(has_truth))
+    body = several_runs.compare(runs, shown(has_truth))
     assert len(body.contents) == count + 1
     columns = [[str(view.name) for view in views(column)] for column in body.contents]
     middle = columns.pop(count // 2)
@@ -180,20 +180,20 @@ def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_t
 def test_titles_are_short_where_columns_are_narrow() -> None:
     """At 1600 pixels a column of four has room for 28 letters beside the view's buttons."""
     runs = [RunView(label, ("color",)) for label in ("color", "edges", "blended", "best")]
-    for column in compare.layout(runs, shown()).contents:
+    for column in several_runs.compare(runs, shown()).contents:
         for part in column.contents:
             assert len(str(next(views(part)).name)) <= 28
 
 
 def test_a_long_label_is_not_part_of_shared_titles() -> None:
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
-    middle = compare.layout(runs, shown()).contents[1]
+    middle = several_runs.compare(runs, shown()).contents[1]
     assert "Error minus the first's (in)" in [str(view.name) for view in views(middle)]
 
 
 def test_drives_of_their_own_show_their_own_camera_and_truth() -> None:
     runs = [RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)]
-    found = list(views(compare.layout(runs, shown())))
+    found = list(views(several_runs.compare(runs, shown())))
     assert {"a: camera (px)", "b: camera (px)"} <= {str(view.name) for view in found}
     assert not any("Apart" in str(view.name) for view in found)
     belief = {str(view.name)[0]: list(view.contents) for view in found if "belief" in str(view.name)}

@@ -24,16 +24,16 @@ from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
 from maurice_viz.drawing.bars import MOST, bars_for
 from maurice_viz.entities import Phase, RunPaths
-from maurice_viz.explanations.paths import card_path, chart_path, marks_path, table_path
-from maurice_viz.layouts import explain
-from maurice_viz.layouts.explain import explanation_blueprint
-from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card
+from maurice_viz.layouts import one_run
+from maurice_viz.panels.explanation import (
+    CARD_PX,
+    ExplanationPanel,
+    blank_card,
+)
 from maurice_viz.panels.explanation_screen import (
     ExplainedUpdate,
-    bars_path,
     draw_explanation,
-    picture_path,
-    words_path,
+    explanation_blueprint,
 )
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView, SceneInfo
@@ -55,7 +55,7 @@ def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | 
     library = sensor.library
     scale = scale_for("in", library.arena)
     panel = ExplanationPanel(recordings.drawn_run(PATHS, library, sensor=sensor, has_truth=has_truth))
-    layout = explain.layout(
+    layout = one_run.explain(
         RunView(PATHS.label, tuple(sensor.parameters.weights)), SceneInfo(library.arena, scale, has_truth)
     )
     with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
@@ -86,7 +86,7 @@ def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
 
 def test_costs_add_up_to_minus_the_log_likelihood_of_each_column(drawn: tuple[Path, Played]) -> None:
     path, (sensor, updates) = drawn
-    found = recordings.rows(path, chart_path(PATHS, "cost"))
+    found = recordings.rows(path, PATHS.explain("chart", "cost"))
     assert len(found) == len(updates)
     for row, (moment, record) in zip(found, updates, strict=True):
         step = explain_step(record, sensor, moment.truth)
@@ -97,7 +97,7 @@ def test_costs_add_up_to_minus_the_log_likelihood_of_each_column(drawn: tuple[Pa
 
 def test_the_picture_stands_over_every_reference(drawn: tuple[Path, Played]) -> None:
     path, _ = drawn
-    for row in recordings.rows(path, chart_path(PATHS, "sample")):
+    for row in recordings.rows(path, PATHS.explain("chart", "sample")):
         blocks = heights(row).reshape(3, -1)
         assert np.array_equal(blocks[0], blocks[1])
         assert np.array_equal(blocks[0], blocks[2])
@@ -109,7 +109,7 @@ def test_cards_show_the_references_pictures_and_are_logged_when_they_change(
     path, (sensor, updates) = drawn
     entries = [explain_step(r, sensor, m.truth).winner.entry for m, r in updates]
     changes = [k for k, entry in enumerate(entries) if k == 0 or entry != entries[k - 1]]
-    rows = recordings.rows(path, card_path(PATHS, "winner"))
+    rows = recordings.rows(path, PATHS.explain("card", "winner"))
     assert [row.step for row in rows] == [updates[k][0].frame.step for k in changes]
     for row, k in zip(rows, changes, strict=True):
         blob = np.array(row.values["EncodedImage:blob"][0], np.uint8)
@@ -118,14 +118,14 @@ def test_cards_show_the_references_pictures_and_are_logged_when_they_change(
         height = round(CARD_PX * picture.shape[0] / picture.shape[1])
         small = cv2.resize(picture, (CARD_PX, height), interpolation=cv2.INTER_AREA)
         assert np.abs(card[:height].astype(int) - small).mean() < 12
-    tables = recordings.rows(path, table_path(PATHS))
+    tables = recordings.rows(path, PATHS.explain("table"))
     for row, entry in zip(tables, entries, strict=True):
         assert f"winner: entry {entry} |" in row.values["TextDocument:text"][0]
 
 
 def test_table_and_arrows_are_there_at_every_update(drawn: tuple[Path, Played]) -> None:
     path, (sensor, updates) = drawn
-    tables, marks = (recordings.rows(path, p) for p in (table_path(PATHS), marks_path(PATHS)))
+    tables, marks = (recordings.rows(path, p) for p in (PATHS.explain("table"), PATHS.explain("marks")))
     assert len(tables) == len(marks) == len(updates)
     for row, (moment, record) in zip(marks, updates, strict=True):
         step = explain_step(record, sensor, moment.truth)
@@ -143,8 +143,8 @@ def test_without_truth_there_are_two_columns(library: Library, tmp_path: Path) -
     played = play(library, has_truth=False)
     draw(tmp_path / "out.rrd", played, has_truth=False)
     found = recordings.entities_of(tmp_path / "out.rrd")
-    assert card_path(PATHS, "truth") not in found
-    assert {card_path(PATHS, "estimate"), card_path(PATHS, "winner")} <= found
+    assert PATHS.explain("card", "truth") not in found
+    assert {PATHS.explain("card", "estimate"), PATHS.explain("card", "winner")} <= found
 
 
 def test_a_truth_that_is_missing_for_a_while_says_so_in_its_column(library: Library, tmp_path: Path) -> None:
@@ -153,16 +153,16 @@ def test_a_truth_that_is_missing_for_a_while_says_so_in_its_column(library: Libr
         (moment if k else replace(moment, truth=None), record) for k, (moment, record) in enumerate(updates)
     ]
     draw(tmp_path / "out.rrd", (sensor, some))
-    first, second = recordings.rows(tmp_path / "out.rrd", card_path(PATHS, "truth"))[:2]
+    first, second = recordings.rows(tmp_path / "out.rrd", PATHS.explain("card", "truth"))[:2]
     assert bytes(first.values["EncodedImage:blob"][0]) == blank_card(98, "truth not known here")
     assert len(bytes(second.values["EncodedImage:blob"][0])) > 0
-    first_table = recordings.rows(tmp_path / "out.rrd", table_path(PATHS))[0]
+    first_table = recordings.rows(tmp_path / "out.rrd", PATHS.explain("table"))[0]
     assert "truth" not in first_table.values["TextDocument:text"][0]
 
 
 def test_pictures_that_are_not_kept_are_gray(tmp_path: Path) -> None:
     draw(tmp_path / "out.rrd", play(fakes.make_library()))
-    row = recordings.rows(tmp_path / "out.rrd", card_path(PATHS, "winner"))[0]
+    row = recordings.rows(tmp_path / "out.rrd", PATHS.explain("card", "winner"))[0]
     card = cv2.imdecode(np.array(row.values["EncodedImage:blob"][0], np.uint8), cv2.IMREAD_COLOR)
     assert card.shape[1] == CARD_PX
     assert np.ptp(card[:20].astype(int), axis=2).max() < 20
@@ -175,7 +175,7 @@ def test_a_saved_run_without_its_library_says_so(library: Library, tmp_path: Pat
         panel.prepare(rec)
         panel.draw(rec, StepUpdate(*updates[0]))
     found = {name for name in recordings.entities_of(tmp_path / "out.rrd") if "explain" in name}
-    assert found == {table_path(PATHS)}
+    assert found == {PATHS.explain("table")}
 
 
 def test_an_update_that_is_left_out_shows_nothing_and_the_next_one_everything(
@@ -185,11 +185,12 @@ def test_an_update_that_is_left_out_shows_nothing_and_the_next_one_everything(
     again = [updates[0], updates[1], (updates[2][0], replace(updates[0][1], frame=updates[2][1].frame))]
     draw(tmp_path / "out.rrd", (sensor, again), left_out=2)
     tables = [
-        row.values["TextDocument:text"][0] for row in recordings.rows(tmp_path / "out.rrd", table_path(PATHS))
+        row.values["TextDocument:text"][0]
+        for row in recordings.rows(tmp_path / "out.rrd", PATHS.explain("table"))
     ]
     assert "--detail" in tables[1]
     assert "--detail" not in tables[0] + tables[2]
-    cards = recordings.rows(tmp_path / "out.rrd", card_path(PATHS, "winner"))
+    cards = recordings.rows(tmp_path / "out.rrd", PATHS.explain("card", "winner"))
     assert [(row.step, "EncodedImage:blob" in row.values) for row in cards] == [
         (1, True),
         (2, False),
@@ -199,7 +200,7 @@ def test_an_update_that_is_left_out_shows_nothing_and_the_next_one_everything(
 
 def test_one_entry_alone(tmp_path: Path) -> None:
     draw(tmp_path / "out.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
-    for row in recordings.rows(tmp_path / "out.rrd", table_path(PATHS)):
+    for row in recordings.rows(tmp_path / "out.rrd", PATHS.explain("table")):
         assert "entry 0 matches best of 1" in row.values["TextDocument:text"][0]
 
 
@@ -254,14 +255,16 @@ def test_the_full_panel_has_every_chart(
         draw_explanation(rec, PATHS, ExplainedUpdate(moment, record, step, library, scale))
     found = recordings.entities_of(path)
     for explained in step.shown:
-        assert picture_path(PATHS, explained.who) in found
+        assert PATHS.explain(explained.who, "picture") in found
         if explained.entry is None:
             continue
         for channel in explained.entry.channels:
-            (row,) = recordings.rows(path, f"{bars_path(PATHS, explained.who, channel.channel, 'cost')}/nats")
+            (row,) = recordings.rows(
+                path, f"{PATHS.at('explain', explained.who, channel.channel, 'cost')}/nats"
+            )
             np.testing.assert_allclose(heights(row), channel.nats, rtol=1e-6)
-            descriptor = bars_path(PATHS, explained.who, channel.channel, "descriptor")
+            descriptor = PATHS.explain(explained.who, channel.channel, "descriptor")
             (row,) = recordings.rows(path, f"{descriptor}/reference")
             np.testing.assert_allclose(heights(row), channel.reference, rtol=1e-6)
-    (words,) = recordings.rows(path, words_path(PATHS))
+    (words,) = recordings.rows(path, PATHS.explain("words"))
     assert f"**Step {moment.frame.step}**" in words.values["TextDocument:text"][0]

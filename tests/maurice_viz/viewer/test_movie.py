@@ -9,7 +9,7 @@ from PIL import Image
 
 from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import U8
-from maurice_viz.drawing.raster import png
+from maurice_viz.drawing.canvas import png
 from maurice_viz.viewer.movie import film, from_png
 
 FRAMES = 5

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from maurice_viz.viewer import open_viewers
-from maurice_viz.viewer.open_viewers import remember, remember_recording, state_folder
-from maurice_viz.viewer.spawn import HOST
+from maurice_viz.viewer.open_viewers import HOST, remember, remember_recording, state_folder
 
 Listen = Callable[[], int]
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from maurice_viz.viewer.tabs import LayoutError, maximized, with_layout
+from maurice_viz.viewer.snapshot import LayoutError, maximized, with_layout
 
 VIEWS = {"Belief: particles (in)": "b", "Edges": "e", "Edges difference": "d", "Camera (px)": "c"}
 

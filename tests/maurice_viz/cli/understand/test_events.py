@@ -20,7 +20,7 @@ from maurice_viz.cli import app as cli
 from maurice_viz.cli.understand.events import events
 from maurice_viz.cli.understand.jump import jump
 from maurice_viz.viewer import open_viewers, sinks
-from maurice_viz.viewer import spawn as viewer
+from maurice_viz.viewer import open_viewers as viewer
 from maurice_viz.viewer.snapshot import software_driver
 
 Type = Callable[..., tuple[str, str]]

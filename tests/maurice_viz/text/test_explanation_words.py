@@ -17,9 +17,9 @@ from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_viz.explanations.table import markdown_table, to_json
-from maurice_viz.explanations.words import KNOWN, ordinal, planes_of, say_behind, say_step, where_lost
 from maurice_viz.style import scale_for
+from maurice_viz.text.explanation import KNOWN, ordinal, planes_of, say_behind, say_step, where_lost
+from maurice_viz.text.explanation_table import markdown_table, to_json
 
 
 def explained(

@@ -1,4 +1,4 @@
-"""Two to four runs side by side: one column per run, and between them what they share.
+"""Layouts of several runs: two to four of them side by side, and one number per update over the session.
 
 Columns are narrow with three or four runs, so titles are short, and the histograms of a run are only in
 its tab of the layout `overview`.
@@ -21,15 +21,26 @@ from ..panels.comparison import (
     heading_difference_plot,
     run_belief_view,
 )
-from ..panels.events import words_view
+from ..panels.events import events_view, words_view
 from ..panels.histograms import SHORT_LEGEND, histogram_views
 from ..panels.references import best_references_view, circles_view, narrow_circles_view
-from ..panels.traces import CONFIDENCE, SPREAD, error_plots
+from ..panels.traces import (
+    CONFIDENCE,
+    SPREAD,
+    cloud_plots,
+    error_plots,
+    evidence_key,
+    evidence_plot,
+    key_share,
+    survival_plots,
+    truth_plots,
+    who_is_who,
+)
 from ..panels.views import plot_of_runs
 from ..scene import RunView, SceneInfo
 
 
-def layout(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
+def compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
     """Lay out the runs in order: half of them left of what they share, the others right of it."""
     side, shared = (_wide, _wide_shared) if len(runs) < NARROW_FROM else (_narrow, _narrow_shared)
     columns = [side(run, number, len(runs), scene) for number, run in enumerate(runs)]
@@ -99,3 +110,39 @@ def _narrow_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSer
 
 def _spread(labels: Sequence[str], scene: SceneInfo) -> rrb.TimeSeriesView:
     return plot_of_runs(SPREAD, f"Spread ({scene.scale.units.name})", labels)
+
+
+def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
+    """Plot one quantity per panel, one line per run."""
+    labels = [run.label for run in runs]
+    who = who_is_who(labels)  # stands in the first title
+    columns = []
+    if scene.has_truth:
+        columns.append(rrb.Vertical(*error_plots(labels, scene, who), *truth_plots(labels)))
+    cloud = cloud_plots(labels, scene, "" if scene.has_truth else who)
+    columns.append(rrb.Vertical(*cloud, *survival_plots(labels)))
+    return rrb.Horizontal(*columns, _last(runs))
+
+
+def _last(runs: Sequence[RunView]) -> rrb.Vertical:
+    """Plot evidence, one panel per run, over the key of its lines and the events."""
+    titles = {run.label: f"{run.label}: " if len(runs) > 1 else "" for run in runs}
+    evidence = [evidence_plot(RunPaths(run.label), titles[run.label]) for run in runs]
+    by_channels = {run.channels: run for run in reversed(runs)}  # the same channels have the same key
+    first_ones = [run for run in runs if by_channels[run.channels] is run]
+    if len(first_ones) > 1:
+        keys = [evidence_key(RunPaths(run.label), titles[run.label]) for run in first_ones]
+        key: rrb.Tabs | rrb.Spatial2DView = rrb.Tabs(*keys, active_tab=0)
+    else:
+        key = evidence_key(RunPaths(runs[0].label))
+    shares = [2.4 / len(runs)] * len(runs) + [key_share(runs[0]), 0.45 + 0.42 * len(runs)]
+    return rrb.Vertical(*evidence, key, events_view(list(titles)), row_shares=shares)
+
+
+def recorded_traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
+    """Plot one quantity per panel of another localizer's clouds, whose evidence is not known."""
+    labels = [run.label for run in runs]
+    columns = [error_plots(labels, scene)] if scene.has_truth else []
+    columns.append(cloud_plots(labels, scene))
+    side_by_side = rrb.Horizontal(*(rrb.Vertical(*column) for column in columns))
+    return rrb.Vertical(side_by_side, events_view(labels), row_shares=[4, 1])

@@ -20,7 +20,7 @@ from maurice_mcl.analysis.explanation import (
 )
 
 from ..style import Scale
-from .words import say_offset
+from .explanation import say_offset
 
 # An explanation as a table in Markdown: one column per reference, one row per number.
 

@@ -1,0 +1,110 @@
+"""Layouts of one run: at a glance, an update from the inside, why the winner wins, and a recorded cloud."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from ..drawing.canvas import map_extent
+from ..entities import RunPaths
+from ..panels.belief import belief_view, closeup_view
+from ..panels.camera import camera_view, edges_view, filmstrip_view
+from ..panels.events import events_view, words_view
+from ..panels.explanation import (
+    card_view,
+    columns_of,
+    costs_view,
+    descriptors_view,
+    figures_view,
+    references_map_view,
+)
+from ..panels.histograms import difference_views, histogram_views
+from ..panels.population import ancestry_plot, headings_view, modes_view
+from ..panels.references import best_references_view, circles_view, likelihood_views
+from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
+from ..scene import RunView, SceneInfo
+
+LEFT_SHARE = 1.9  # how much higher than the words a square map is
+FEW_CHANNELS = 4  # with more, the table gets more of the screen
+
+
+def overview(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+    """Lay out the arena and the words left, matching in the middle, pictures and traces right."""
+    paths = RunPaths(run.label)
+    distances, *others = single_plots(paths, scene)
+    left = rrb.Vertical(
+        belief_view(paths, scene),
+        words_view(paths),
+        events_view([run.label]),
+        distances,
+        row_shares=[2.2, 0.95, 0.95, 0.9],
+    )
+    middle = rrb.Vertical(
+        circles_view(paths, scene),
+        rrb.Tabs(*histogram_views(paths, run.channels), active_tab=0),
+        rrb.Tabs(*difference_views(paths, run.channels), active_tab=0),
+        row_shares=[1.85, 1, 1],
+    )
+    right = rrb.Vertical(
+        rrb.Horizontal(camera_view(), edges_view()),
+        best_references_view(paths),
+        *others,
+        row_shares=[1.3, 0.8] + [2 / len(others)] * len(others),
+    )
+    return rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
+
+
+def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+    """Lay out the cloud large; likelihoods, headings, ancestors and evidence beside it."""
+    paths = RunPaths(run.label)
+    cloud = rrb.Vertical(
+        closeup_view(paths, scene, ": moves blue, ancestors yellow, died red, new pink"),
+        words_view(paths),
+        events_view([run.label]),
+        row_shares=[2.65, 1.0, 0.95],
+    )
+    maps = [*likelihood_views(paths, run.channels, scene), circles_view(paths, scene)]
+    middle = rrb.Vertical(
+        rrb.Tabs(*maps, active_tab=0),
+        rrb.Horizontal(headings_view(paths), camera_view()),
+        ancestry_plot(paths),
+        row_shares=[2, 1.25, 1],
+    )
+    right = rrb.Vertical(
+        filmstrip_view(paths, scene),
+        modes_view(paths),
+        evidence_plot(paths),
+        evidence_key(paths),
+        row_shares=[1.12, 0.85, 1.1, key_share(run)],
+    )
+    return rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
+
+
+def explain(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+    """Lay out the map and the words left; the references, their charts and their figures right."""
+    paths, whose = RunPaths(run.label), columns_of(scene.has_truth)
+    extent = map_extent(scene.arena, scene.scale)
+    map_share = float(np.clip(LEFT_SHARE * extent.height / extent.width, 1.0, 2.6))  # as its shape needs
+    left = rrb.Vertical(references_map_view(paths, scene), words_view(paths), row_shares=[map_share, 1])
+    seen = rrb.Vertical(camera_view(), edges_view())
+    right = rrb.Vertical(
+        rrb.Horizontal(seen, *(card_view(paths, who) for who in whose)),
+        descriptors_view(paths, whose),
+        costs_view(paths, run.channels),
+        figures_view(paths),
+        row_shares=[1.2, 0.5, 0.6, 1.32 + 0.19 * max(len(run.channels) - FEW_CHANNELS, 0)],
+    )
+    return rrb.Horizontal(left, right, column_shares=[1, 1.9])
+
+
+def recorded(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+    """Lay out another localizer's clouds: the arena and the words left, the close-up, traces right."""
+    paths = RunPaths(run.label)
+    left = rrb.Vertical(
+        belief_view(paths, scene), words_view(paths), events_view([run.label]), row_shares=[2.2, 0.95, 0.95]
+    )
+    middle = rrb.Vertical(closeup_view(paths, scene), modes_view(paths), row_shares=[1.85, 1])
+    seen = rrb.Horizontal(*([camera_view()] if scene.has_pictures else []), headings_view(paths))
+    plots = single_plots(paths, scene)
+    right = rrb.Vertical(seen, *plots, row_shares=[1.3] + [2.8 / len(plots)] * len(plots))
+    return rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
