@@ -14,8 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
-from .errors import errors_end_the_command, fail
-from .signals import stop_by_exception
+from .errors import errors_end_the_command, fail, stop_by_exception
 from .spelling import modern
 
 GROUPS = ("Replay and compare", "Understand", "Record and convert", "Library", "Simulate", "Configure")
@@ -23,10 +22,10 @@ GROUPS = ("Replay and compare", "Understand", "Record and convert", "Library", "
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """A command as the list has it; `where` is module:function below this package."""
+    """A command as the list has it: the function of its last word in a module of this package."""
 
     name: str  # one word, or two of a group of commands: "library build"
-    where: str
+    module: str
     what: str  # one line
     group: str
 
@@ -35,33 +34,33 @@ _REPLAY, _UNDERSTAND, _CONVERT, _LIBRARY, _SIMULATE, _CONFIGURE = GROUPS
 COMMANDS = {
     one.name: one
     for one in (
-        Listed("replay", "replay.replay:replay", "Replay a session, a saved run or a live source.", _REPLAY),
-        Listed("compare", "replay.compare:compare", "Replay two to four runs side by side.", _REPLAY),
-        Listed("demo", "replay.demo:demo", "Compare color and blended features in simulation.", _REPLAY),
-        Listed("verify", "replay.verify:verify", "Run a saved run again and compare it bit by bit.", _REPLAY),
-        Listed("inspect", "understand.inspect:inspect", "Show what a recording holds.", _UNDERSTAND),
-        Listed("doctor", "understand.doctor:doctor", "Find what is wrong with a recording.", _UNDERSTAND),
-        Listed("events", "understand.events:events", "List what happened in a saved run.", _UNDERSTAND),
-        Listed("explain", "understand.explain:explain", "Explain one update of a saved run.", _UNDERSTAND),
-        Listed("report", "understand.report:report", "Write one page about a saved run.", _UNDERSTAND),
-        Listed("snapshot", "understand.snapshot:snapshot", "Take a picture or a movie.", _UNDERSTAND),
-        Listed("jump", "understand.jump:jump", "Move the open viewer to a step or an event.", _UNDERSTAND),
-        Listed("record", "convert.record:record", "Record a live source into a session log.", _CONVERT),
-        Listed("convert", "convert.convert:convert", "Write a recording as a log or as MCAP.", _CONVERT),
-        Listed("export", "convert.export:export", "Write a saved run for other tools.", _CONVERT),
-        Listed("import pictures", "convert.imports:pictures", "Make logs of pictures and poses.", _CONVERT),
-        Listed("formats", "convert.formats:formats", "List the formats that can be read.", _CONVERT),
-        Listed("library build", "library.build:build", "Build a library of reference pictures.", _LIBRARY),
-        Listed("library show", "library.build:show", "Show what a library holds.", _LIBRARY),
-        Listed("library check", "library.check:check", "Check coverage and ambiguity.", _LIBRARY),
-        Listed("library tune", "library.tune:tune", "Tune channels to a library.", _LIBRARY),
-        Listed("simulate", "simulate.simulate:simulate", "Simulate a drive and its survey.", _SIMULATE),
-        Listed("survey", "simulate.survey:survey", "Survey a simulated world.", _SIMULATE),
-        Listed("calibrate motion", "simulate.calibrate:motion", "Fit the motion parameters.", _SIMULATE),
-        Listed("calibrate noise", "simulate.calibrate:noise", "Measure the camera's noise floor.", _SIMULATE),
-        Listed("calibrate drive", "simulate.calibrate:drive", "Simulate a table of trials.", _SIMULATE),
-        Listed("config show", "configure.config:show", "Show the configuration in force.", _CONFIGURE),
-        Listed("config check", "configure.config:check", "Check a configuration file.", _CONFIGURE),
+        Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
+        Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY),
+        Listed("demo", "replay", "Compare color and blended features in simulation.", _REPLAY),
+        Listed("verify", "replay", "Run a saved run again and compare it bit by bit.", _REPLAY),
+        Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND),
+        Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND),
+        Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND),
+        Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND),
+        Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND),
+        Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND),
+        Listed("jump", "runs", "Move the open viewer to a step or an event.", _UNDERSTAND),
+        Listed("record", "convert", "Record a live source into a session log.", _CONVERT),
+        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _CONVERT),
+        Listed("export", "convert", "Write a saved run for other tools.", _CONVERT),
+        Listed("import pictures", "convert", "Make logs of pictures and poses.", _CONVERT),
+        Listed("formats", "convert", "List the formats that can be read.", _CONVERT),
+        Listed("library build", "library", "Build a library of reference pictures.", _LIBRARY),
+        Listed("library show", "library", "Show what a library holds.", _LIBRARY),
+        Listed("library check", "library", "Check coverage and ambiguity.", _LIBRARY),
+        Listed("library tune", "library", "Tune channels to a library.", _LIBRARY),
+        Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE),
+        Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE),
+        Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE),
+        Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE),
+        Listed("calibrate drive", "calibrate", "Simulate a table of trials.", _SIMULATE),
+        Listed("config show", "config", "Show the configuration in force.", _CONFIGURE),
+        Listed("config check", "config", "Check a configuration file.", _CONFIGURE),
     )
 }
 FAMILIES = {
@@ -99,10 +98,8 @@ class PanelCommand(TyperCommand):
         """Run the command; bad input ends in one line and status 1, a request to stop in 130 or 143."""
         with errors_end_the_command():
             stop_by_exception()
-            channels = sys.modules.get(
-                "maurice_mcl.sensor.descriptors.registry"
-            )  # of which some may be the user's own
-            for text in getattr(channels, "BROKEN", ()):
+            channels = sys.modules.get("maurice_mcl.sensor.descriptors.registry")
+            for text in getattr(channels, "BROKEN", ()):  # of the user's own
                 typer.echo(text, err=True)
             return super().invoke(ctx)
 
@@ -170,9 +167,9 @@ def _nearest(word: str, commands: list[str]) -> str:
 
 def load(one: Listed) -> TyperCommand:
     """Import a command."""
-    module, _, function = one.where.partition(":")
-    callback = getattr(import_module(f".{module}", __package__), function)
-    info = CommandInfo(name=one.name.split()[-1], cls=PanelCommand, callback=callback)
+    name = one.name.split()[-1]
+    callback = getattr(import_module(f".{one.module}", __package__), name)
+    info = CommandInfo(name=name, cls=PanelCommand, callback=callback)
     made = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
     assert isinstance(made, TyperCommand)
     return made

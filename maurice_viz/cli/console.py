@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from rich.console import Console
 from rich.progress import (
@@ -12,7 +12,6 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     SpinnerColumn,
-    TaskID,
     TextColumn,
     TimeElapsedColumn,
 )
@@ -25,26 +24,21 @@ results = Console(
 notes = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 
-class Advance(Protocol):
-    """Moves a progress bar."""
-
-    def __call__(self, done: int, total: int, what: str = "", /) -> None:
-        """Show how many are done, of how many (0: not known), and of what if that changed."""
-        ...
-
-
 def note(text: str) -> None:
     """Print a line that is not a result."""
     notes.print(text)
+
+
+def print_json(value: object) -> None:
+    """Print a result as JSON; paths are texts."""
+    results.print_json(json.dumps(value, default=str))
 
 
 class ConsoleListener:
     """Writes remarks and warnings to standard error and shows progress there, one bar at a time."""
 
     def __init__(self) -> None:
-        """Begin without a bar."""
         self._bar: Progress | None = None
-        self._task = TaskID(0)
         self._what = ""
 
     def remark(self, text: str) -> None:
@@ -65,8 +59,9 @@ class ConsoleListener:
             elapsed = TimeElapsedColumn()
             self._bar = Progress(*columns, elapsed, console=notes, transient=True, redirect_stdout=False)
             self._bar.start()
-            self._task, self._what = self._bar.add_task(what, total=None), what
-        self._bar.update(self._task, completed=done, total=total or None)
+            self._bar.add_task(what, total=None)
+            self._what = what
+        self._bar.update(self._bar.task_ids[0], completed=done, total=total or None)
         if done >= total > 0:
             self.end()
 
@@ -87,14 +82,3 @@ def listening() -> Iterator[ConsoleListener]:
         yield TO_CONSOLE
     finally:
         TO_CONSOLE.end()
-
-
-@contextmanager
-def progress(what: str) -> Iterator[Advance]:
-    """Yield a callback that shows progress on standard error, for functions that take no listener."""
-
-    def advance(done: int, total: int, now: str = "", /) -> None:
-        TO_CONSOLE.progress(done, total, now or what)
-
-    with listening():
-        yield advance

@@ -1,34 +1,30 @@
-"""How a command ends: bad input in one line and status 1, a request to stop in 130 or 143; no traceback."""
+"""How a command ends: bad input in one line and status 1, a request to stop in 130 or 143; no traceback.
+
+Typer takes a tenth of a second to import, in which a request to stop should count as well.
+"""
 
 from __future__ import annotations
 
 import errno
+import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import NoReturn
 
-import typer
-
-INTERRUPTED = 130  # the status a shell gives a command ended by Ctrl-C ...
-TERMINATED = 143  # ... and by SIGTERM
+STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}  # what a shell gives a command ended by a signal
 
 
 @contextmanager
 def errors_end_the_command() -> Iterator[None]:
-    """Turn bad input and a request to stop into one line and a status; defects keep their traceback."""
-    try:
-        with one_line_errors():
-            yield
-    except KeyboardInterrupt as stop:
-        terminated = type(stop) is not KeyboardInterrupt  # Terminated, which need not be imported yet
-        typer.echo("; ".join(["maurice-replay: stopped", *map(str, stop.args)]), err=True)
-        raise typer.Exit(TERMINATED if terminated else INTERRUPTED) from None
+    """Turn bad input and a request to stop into one line and a status, a bad argument into a usage error.
 
+    Defects keep their traceback.
+    """
+    import typer
 
-@contextmanager
-def one_line_errors() -> Iterator[None]:
-    """Turn bad input and bad files into one line and status 1, a bad argument into a usage error."""
     try:
         yield
     except OSError as problem:
@@ -41,6 +37,14 @@ def one_line_errors() -> Iterator[None]:
         if _is(problem, "maurice_loaders.errors", "InputError"):
             fail(str(problem))
         raise
+    except KeyboardInterrupt as stop:
+        typer.echo("; ".join(["maurice-replay: stopped", *map(str, stop.args)]), err=True)
+        raise typer.Exit(status_of(stop)) from None
+
+
+def status_of(stop: KeyboardInterrupt) -> int:
+    """Return the status after Ctrl-C, or after SIGTERM for `Terminated`, which need not be imported yet."""
+    return STATUS[signal.SIGINT if type(stop) is KeyboardInterrupt else signal.SIGTERM]
 
 
 def _is(problem: Exception, module: str, name: str) -> bool:
@@ -51,5 +55,33 @@ def _is(problem: Exception, module: str, name: str) -> bool:
 
 def fail(text: str) -> NoReturn:
     """End the command with one line on standard error and status 1."""
+    import typer
+
     typer.echo(f"maurice-replay: {' '.join(text.split())}", err=True)
     raise typer.Exit(1)
+
+
+def end_while_starting() -> None:
+    """Let both signals end the process at once, unless its parent has it ignore them."""
+    for number in STATUS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _end_at_once)
+
+
+def stop_by_exception() -> None:
+    """From here on the command has things to close: let a request to stop raise an exception."""
+    for number in STATUS:
+        if signal.getsignal(number) is _end_at_once:
+            signal.signal(number, _stop)
+
+
+def _end_at_once(number: int, frame: FrameType | None) -> None:
+    """End the process: while modules are imported nothing needs cleaning up, and an exception may be lost."""
+    os.write(sys.stderr.fileno(), b"maurice-replay: stopped\n")
+    os._exit(STATUS[signal.Signals(number)])
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    from ..errors import Terminated
+
+    raise Terminated if number == signal.SIGTERM else KeyboardInterrupt

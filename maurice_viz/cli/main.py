@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .signals import end_while_starting
+from .errors import end_while_starting
 
 
 def main() -> None:

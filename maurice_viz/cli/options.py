@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import difflib
+import math
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from maurice_loaders.reading import FIELDS, ReadingOptions, option_value, read_reading
 from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
@@ -18,10 +22,23 @@ from ..layouts import DETAILS, LAYOUT_NAMES
 if TYPE_CHECKING:
     from ..app.output import OutputOptions
 
+FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
+MOST_SEED = 2**32 - 1
+
+
+def option(names: str, text: str, panel: str | None = None, **more: Any) -> Any:
+    """Describe an option: its names with spaces between them, its help, the panel that lists it."""
+    return typer.Option(*names.split(), help=text, rich_help_panel=panel, **more)
+
+
+def argument(metavar: str | None, text: str, **more: Any) -> Any:
+    """Describe an argument."""
+    return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
+
 
 def _one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
     """Make what checks an option's value, or each of its values, to be the name of a known one."""
-    names = list(known)
+    names = list(dict.fromkeys(known))
 
     def check(typed: Any) -> Any:
         for value in typed if isinstance(typed, list) else [typed]:
@@ -32,189 +49,143 @@ def _one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
     return check
 
 
-_check_feature = _one_of([*FEATURES, *(name for name in CHANNELS if name not in FEATURES)], "feature")
-_check_preset = _one_of(PRESETS, "preset")
-_check_detail = _one_of(DETAILS, "detail")
-_check_layout = _one_of(LAYOUT_NAMES, "layout")
-
-
-FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
-
-SessionArgument = Annotated[
+Session = Annotated[
     Path,
-    typer.Argument(
-        help="A session log, a recording of any format (see `formats`), a saved run's folder, or a live "
+    argument(
+        "SESSION",
+        "A session log, a recording of any format (see `formats`), a saved run's folder, or a live "
         "source: -, tcp://HOST:PORT, ws://HOST:PORT.",
-        show_default=False,
-        metavar="SESSION",
     ),
 ]
-_FEATURE: Any = typer.Option(
+Run = Annotated[Path, argument("RUN", "A saved run's folder, or a comparison's.")]
+RunLabel = Annotated[str | None, option("--run-label", "Which run of a comparison.", metavar="LABEL")]
+_FEATURE = option(
     "--feature",
+    f"What is compared: {', '.join(FEATURES)}, or any one channel. [default: blended]",
+    FILTER,
     metavar="NAME",
-    help=f"What is compared: {', '.join(FEATURES)}, or any one channel. [default: blended]",
-    callback=_check_feature,
-    rich_help_panel=FILTER,
+    callback=_one_of([*FEATURES, *CHANNELS], "feature"),
 )
-_PRESET: Any = typer.Option(
+_PRESET = option(
     "--preset",
+    "A complete filter by name.",
+    FILTER,
     metavar="|".join(PRESETS),
-    help="A complete filter by name.",
-    callback=_check_preset,
-    rich_help_panel=FILTER,
+    callback=_one_of(PRESETS, "preset"),
 )
-_CONFIG: Any = typer.Option(
-    "--config", metavar="FILE.toml", help="A configuration file, over the preset.", rich_help_panel=FILTER
-)
-_PARTICLES: Any = typer.Option(
-    "--particles",
-    min=1,
-    max=10_000_000,
-    help="Number of particles. [default: 2000]",
-    rich_help_panel=FILTER,
-)
-_SEED: Any = typer.Option(
+_CONFIG = option("--config", "A configuration file, over the preset.", FILTER, metavar="FILE.toml")
+_PARTICLES = option("--particles", "Number of particles. [default: 2000]", FILTER, min=1, max=10_000_000)
+_SEED = option(
     "--seed",
+    "Seed of all randomness: the same seed gives the same run. [default: 0]",
+    FILTER,
     min=0,
-    max=2**32 - 1,
-    help="Seed of all randomness: the same seed gives the same run. [default: 0]",
-    rich_help_panel=FILTER,
+    max=MOST_SEED,
     show_default=False,
 )
-_START: Any = typer.Option(
+_START = option(
     "--start",
-    metavar="tracking|truth|global|X,Y,HEADING",
-    help="Where the particles begin: on the header's start pose, on the first true pose, anywhere, or on a "
+    "Where the particles begin: on the header's start pose, on the first true pose, anywhere, or on a "
     "pose in display units and degrees. [default: tracking where there is a start pose, else global]",
-    rich_help_panel=FILTER,
+    FILTER,
+    metavar="tracking|truth|global|X,Y,HEADING",
 )
-FeatureOption = Annotated[str | None, _FEATURE]
-FeaturesOption = Annotated[list[str] | None, _FEATURE]
-PresetOption = Annotated[str | None, _PRESET]
-PresetsOption = Annotated[list[str] | None, _PRESET]
-ConfigOption = Annotated[Path | None, _CONFIG]
-ConfigsOption = Annotated[list[Path] | None, _CONFIG]
-ParticlesOption = Annotated[int | None, _PARTICLES]
-ParticleCountsOption = Annotated[list[int] | None, _PARTICLES]
-SeedOption = Annotated[int, _SEED]
-SeedsOption = Annotated[list[int] | None, _SEED]
-StartOption = Annotated[str | None, _START]
-StartsOption = Annotated[list[str] | None, _START]
-SetOption = Annotated[
+Feature = Annotated[str | None, _FEATURE]
+Features = Annotated[list[str] | None, _FEATURE]
+Preset = Annotated[str | None, _PRESET]
+Presets = Annotated[list[str] | None, _PRESET]
+Config = Annotated[Path | None, _CONFIG]
+Configs = Annotated[list[Path] | None, _CONFIG]
+Particles = Annotated[int | None, _PARTICLES]
+ParticleCounts = Annotated[list[int] | None, _PARTICLES]
+Seed = Annotated[int, _SEED]
+Seeds = Annotated[list[int] | None, _SEED]
+Start = Annotated[str | None, _START]
+Starts = Annotated[list[str] | None, _START]
+Set = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--set",
-        metavar="KEY=VALUE",
-        help="Set any key of the configuration, such as sensor.sharpness=2 or resampling.scheme=residual; "
+        "Set any key of the configuration, such as sensor.sharpness=2 or resampling.scheme=residual; "
         "motion=FILE.toml takes motion parameters from a file. Repeatable; `config show` lists the keys.",
-        rich_help_panel=FILTER,
+        FILTER,
+        metavar="KEY=VALUE",
     ),
 ]
-LibraryOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--library",
-        metavar="PATH",
-        help="A library folder or a survey log. [default: the one that the header names]",
-        rich_help_panel=FILTER,
-    ),
-]
-RrdOption = Annotated[
+_LIBRARY = "A library folder or a survey log. [default: the one that the header names]"
+Library = Annotated[Path | None, option("--library", _LIBRARY, FILTER, metavar="PATH")]
+Rrd = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--rrd",
-        metavar="OUT.rrd|auto|none",
-        help="Open no viewer, and write the Rerun recording to this file; auto: <name>.rrd; none: write no "
+        "Open no viewer, and write the Rerun recording to this file; auto: <name>.rrd; none: write no "
         "recording. [default: the viewer where there is a display, else auto]",
-        rich_help_panel=OUTPUT,
+        OUTPUT,
+        metavar="OUT.rrd|auto|none",
     ),
 ]
-SaveRunOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--save-run",
-        metavar="DIR",
-        help="Save every step to this new folder, for `explain`, `report`, `verify` and others.",
-        rich_help_panel=OUTPUT,
-    ),
-]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite what exists.", rich_help_panel=OUTPUT)]
-KeepGoingOption = Annotated[
-    bool,
-    typer.Option(
-        "--keep-going",
-        help="Skip broken lines and pictures, and report how many at the end.",
-        rich_help_panel=READING,
-    ),
-]
-LayoutOption = Annotated[
+_SAVE = "Save every step to this new folder, for `explain`, `report`, `verify` and others."
+SaveRun = Annotated[Path | None, option("--save-run", _SAVE, OUTPUT, metavar="DIR")]
+Force = Annotated[bool, option("--force", "Overwrite what exists.", OUTPUT)]
+Json = Annotated[bool, option("--json", "Print JSON instead of a table.", OUTPUT)]
+Layout = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--layout",
-        metavar="NAME",
-        help=f"The layout to begin with, of the tabs in the viewer: {', '.join(LAYOUT_NAMES)}. "
+        f"The layout to begin with, of the tabs in the viewer: {', '.join(LAYOUT_NAMES)}. "
         "[default: overview, or compare for several runs]",
-        callback=_check_layout,
-        rich_help_panel=OUTPUT,
+        OUTPUT,
+        metavar="NAME",
+        callback=_one_of(LAYOUT_NAMES, "layout"),
     ),
 ]
-AsRecordedOption = Annotated[
-    bool,
-    typer.Option(
-        "--as-recorded",
-        help="Of a bag: show the particles of the localizer that was recorded; no filter runs.",
-        rich_help_panel=READING,
-    ),
-]
-DetailOption = Annotated[
+Detail = Annotated[
     str,
-    typer.Option(
+    option(
         "--detail",
+        "Draw every panel at every step, only around events, or little everywhere.",
+        OUTPUT,
         metavar="|".join(DETAILS),
-        help="Draw every panel at every step, only around events, or little everywhere.",
-        callback=_check_detail,
-        rich_help_panel=OUTPUT,
+        callback=_one_of(DETAILS, "detail"),
     ),
 ]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print JSON instead of a table.", rich_help_panel=OUTPUT)
-]
-FollowOption = Annotated[
-    bool,
-    typer.Option(
-        "--follow",
-        help="SESSION is a file that is still being written: continue as it grows.",
-        rich_help_panel=LIVE,
+_KEEP_GOING = "Skip broken lines and pictures, and report how many at the end."
+KeepGoing = Annotated[bool, option("--keep-going", _KEEP_GOING, READING)]
+_RECORDED = "Of a bag: show the particles of the localizer that was recorded; no filter runs."
+AsRecorded = Annotated[bool, option("--as-recorded", _RECORDED, READING)]
+Reading = Annotated[
+    list[str] | None,
+    option(
+        "--reading",
+        "How the recording is read: format, camera, topics, columns, clocks, units, frames, which "
+        "pictures. Repeatable; docs/reading.md lists the keys. [default: detected, printed]",
+        READING,
+        metavar="FILE.toml|KEY=VALUE",
     ),
 ]
-CaptureOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--capture",
-        metavar="DIR",
-        help="Of a live source: write all that comes to DIR/session.log.",
-        rich_help_panel=LIVE,
-    ),
-]
-KeepUpOption = Annotated[
+_FOLLOW = "SESSION is a file that is still being written: continue as it grows."
+Follow = Annotated[bool, option("--follow", _FOLLOW, LIVE)]
+_CAPTURE = "Of a live source: write all that comes to DIR/session.log."
+Capture = Annotated[Path | None, option("--capture", _CAPTURE, LIVE, metavar="DIR")]
+KeepUp = Annotated[
     bool | None,
-    typer.Option(
+    option(
         "--keep-up/--every-picture",
-        help="Of a live source: leave out the oldest of more than four waiting pictures, and count them; or "
+        "Of a live source: leave out the oldest of more than four waiting pictures, and count them; or "
         "use every one, however late. [default: --keep-up for tcp:// and ws://]",
-        rich_help_panel=LIVE,
+        LIVE,
     ),
 ]
-PatienceOption = Annotated[
+Patience = Annotated[
     float | None,
-    typer.Option(
+    option(
         "--patience",
+        "Of a live source: end when it was away, or silent, for this long. "
+        "[default: 30 away; silent forever]",
+        LIVE,
         hidden=True,  # of `replay`, which has enough options; `record` shows its own
         min=0.0,
         metavar="SECONDS",
-        help="Of a live source: end when it was away, or silent, for this long. "
-        "[default: 30 away; silent forever]",
-        rich_help_panel=LIVE,
     ),
 ]
 
@@ -222,11 +193,11 @@ PatienceOption = Annotated[
 def output_of(
     stem: str,
     rrd: str | None,
-    *,
     save_run: Path | None = None,
     layout: str | None = None,
     detail: str = DETAILS[0],
-    force: bool = False,
+    *,
+    force: bool,
 ) -> OutputOptions:
     """Return where the output goes; `stem` names the recording where `rrd` does not."""
     from ..app.output import OutputOptions  # imports Rerun, which `inspect` and others do without
@@ -251,3 +222,97 @@ def _toml(pair: str, value: str) -> Any:
         return tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError as problem:
         raise OptionError(f"--set {pair}: {problem}") from None
+
+
+# How a recording is read: from a TOML file or as KEY=VALUE; the keys are those of the file.
+
+USUAL = ReadingOptions()
+KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # as they are typed, angles in degrees
+
+
+def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> ReadingOptions:
+    """Return the options that files and KEY=VALUE pairs set, the later over the earlier.
+
+    OptionError for a pair that is not valid, InputError for a file.
+    """
+    options = USUAL
+    for word in given or ():
+        key, equals, value = word.partition("=")
+        if equals and not Path(word).exists():
+            options = _with(options, key.strip(), value.strip())
+        else:
+            read = read_reading(word)
+            changed = {name for name in FIELDS if getattr(read, name) != getattr(USUAL, name)}
+            options = replace(options, **{name: getattr(read, name) for name in changed})
+    return replace(options, keep_going=keep_going or options.keep_going)
+
+
+def typed(options: ReadingOptions) -> list[str]:
+    """Return the options that differ from their defaults as they are typed."""
+    words = []
+    for key, name in KEYS.items():
+        value = getattr(options, name)
+        if value != getattr(USUAL, name):
+            words += ["--reading", f"{key}={_text(name, value)}"]
+    return words
+
+
+def _text(name: str, value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ",".join(f"{role}={column}" for role, column in value.items())
+    return str(value).lower() if isinstance(value, bool) else option_value(name, value)
+
+
+def _with(options: ReadingOptions, key: str, value: str) -> ReadingOptions:
+    name = KEYS.get(key, key if key in FIELDS else None)
+    if name is None:
+        near = difflib.get_close_matches(key, KEYS, n=1)
+        advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(KEYS)}"
+        raise OptionError(f"--reading has no key {key!r}; {advice}")
+    try:
+        found = _value(name, value)
+    except ValueError as problem:
+        raise OptionError(f"--reading {key}: expected {problem}, found {value!r}") from None
+    changes: dict[str, Any] = {name: math.radians(found) if name != key else found}
+    return replace(options, **changes)
+
+
+def _value(name: str, text: str) -> Any:
+    """Return a value as its field holds it. ValueError says what was expected."""
+    usual, meaning = getattr(USUAL, name), FIELDS[name]
+    if meaning.choices and text not in meaning.choices:
+        raise ValueError(f"one of {', '.join(meaning.choices)}")
+    if isinstance(usual, Mapping):
+        return columns_of(text)
+    if usual is None:
+        return Path(text) if name == "table" else text
+    if isinstance(usual, bool):
+        if text not in ("true", "false"):
+            raise ValueError("true or false")
+        return text == "true"
+    return _number(text, usual, meaning.least)
+
+
+def _number(text: str, usual: float, least: float | None) -> float:
+    try:
+        number = int(text) if isinstance(usual, int) else float(text)
+    except ValueError:
+        raise ValueError("a number") from None
+    if not math.isfinite(number) or (least is not None and number < least):
+        raise ValueError("a finite number" + ("" if least is None else f" from {least:g}"))
+    if isinstance(usual, int) and number >= 2**32:
+        raise ValueError("a whole number below 2**32")
+    if usual == 1 and not number:
+        raise ValueError("a number other than 0")
+    return number
+
+
+def columns_of(text: str) -> dict[str, str]:
+    """Read `image=file,heading=yaw:deg`. ValueError for anything else."""
+    found: dict[str, str] = {}
+    for part in text.split(","):
+        role, equals, column = part.partition("=")
+        if not equals or not role.strip() or not column.strip():
+            raise ValueError("ROLE=COLUMN, with commas between them")
+        found[role.strip()] = column.strip()
+    return found

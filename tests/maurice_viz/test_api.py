@@ -95,7 +95,7 @@ def test_help_and_version_import_nothing_heavy() -> None:
 
 def test_replay_imports_neither_statistics_nor_signals() -> None:
     code = (
-        "import sys, maurice_viz.cli.replay.replay, maurice_viz.app.replay\n"
+        "import sys, maurice_viz.cli.replay, maurice_viz.app.replay\n"
         "print([n for n in ('scipy.stats', 'scipy.signal') if n in sys.modules])"
     )
     assert python(code) == "[]"

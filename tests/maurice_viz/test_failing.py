@@ -11,7 +11,7 @@ import time
 import pytest
 import typer
 
-from maurice_viz.cli.errors import one_line_errors
+from maurice_viz.cli.errors import errors_end_the_command
 
 FULL = "maurice-replay: a/b.log: No space left on device"
 
@@ -29,7 +29,7 @@ FULL = "maurice-replay: a/b.log: No space left on device"
 def test_an_error_of_the_system_is_one_line(
     number: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(typer.Exit) as end, one_line_errors():
+    with pytest.raises(typer.Exit) as end, errors_end_the_command():
         raise OSError(number, os.strerror(number), "a/b.log")
     assert end.value.exit_code == 1
     assert capsys.readouterr().err == f"{said}\n"

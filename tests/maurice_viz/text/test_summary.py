@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from maurice_mcl.analysis.metrics import Scorer, Success
-from maurice_viz.cli.scores import to_table
+from maurice_viz.cli.replay import to_table
 from maurice_viz.playback import RunResult
 from maurice_viz.style import units_named
 from maurice_viz.text.summary import to_json

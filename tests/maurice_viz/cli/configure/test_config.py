@@ -17,14 +17,14 @@ from maurice_loaders.config_files import configuration_of, read_config, to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.io.fields import toml_value
 from maurice_mcl.config.parameters import PRESETS, RULES, Layer, configure, defaults
-from maurice_viz.cli.configure.config import config
+from maurice_viz.cli.app import app
 
 DOCS = Path(__file__).parents[4] / "docs" / "configuration.md"
 RUNNER = CliRunner()
 
 
 def _run(*args, expect=0, **environment):
-    done = RUNNER.invoke(config, [str(arg) for arg in args], env=environment)
+    done = RUNNER.invoke(app, ["config", *map(str, args)], env=environment)
     assert done.exit_code == expect, (done.stdout, done.stderr)
     return done
 

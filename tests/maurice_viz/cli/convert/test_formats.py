@@ -6,15 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.geometry import compose
 from maurice_viz.cli.app import app
-from maurice_viz.cli.convert.formats import formats
-from maurice_viz.cli.reading import columns_of
+from maurice_viz.cli.options import columns_of
 
 
 def run(*words: object) -> tuple[int, str, str]:
@@ -78,13 +76,11 @@ def test_options_that_make_no_sense_are_usage_errors(small_session: Path) -> Non
 
 
 def test_formats_are_listed_and_a_file_is_told(small_session: Path) -> None:
-    alone = typer.Typer()
-    alone.command()(formats)
-    listed = CliRunner().invoke(alone, ["--json"])
+    listed = CliRunner().invoke(app, ["formats", "--json"])
     assert [one["name"] for one in json.loads(listed.stdout)] == list(all_formats())
-    told = CliRunner().invoke(alone, [str(small_session), "--json"])
+    told = CliRunner().invoke(app, ["formats", str(small_session), "--json"])
     assert [one["name"] for one in json.loads(told.stdout)] == ["session-log"]
-    assert CliRunner().invoke(alone, [str(small_session.with_name("nowhere"))]).exit_code == 1
+    assert CliRunner().invoke(app, ["formats", str(small_session.with_name("nowhere"))]).exit_code == 1
 
 
 def test_an_extra_that_is_missing_is_named_whole(monkeypatch: pytest.MonkeyPatch) -> None:

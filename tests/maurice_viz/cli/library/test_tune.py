@@ -7,13 +7,13 @@ import pytest
 from typer.testing import CliRunner
 
 from maurice_loaders.config_files import configuration_of
-from maurice_viz.cli.library.build import library
+from maurice_viz.cli.app import app
 
 RUNNER = CliRunner()
 
 
 def _tune(*args, expect=0):
-    done = RUNNER.invoke(library, ["tune", *(str(arg) for arg in args)])
+    done = RUNNER.invoke(app, ["library", "tune", *(str(arg) for arg in args)])
     assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
     return done
 

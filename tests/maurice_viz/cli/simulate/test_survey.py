@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.cli.app import app
-from maurice_viz.cli.simulate.survey import read_length
+from maurice_viz.cli.simulate import read_length
 
 SMALL = """
 format = 1

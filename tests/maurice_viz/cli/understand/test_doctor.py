@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from maurice_loaders.reading import ReadingOptions, read_reading
 from maurice_viz.cli.app import app
-from maurice_viz.cli.reading import reading_of, typed
+from maurice_viz.cli.options import reading_of, typed
 
 runner = CliRunner()
 

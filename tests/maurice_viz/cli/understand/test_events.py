@@ -9,25 +9,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-import typer
 from rerun.experimental import ViewerClient
 from typer.testing import CliRunner
 
 from maurice_loaders.runs.bookmarks import bookmarks_file
 from maurice_mcl.analysis.events import RunEvent
 from maurice_viz.app.events import is_named, names_in
-from maurice_viz.cli import app as cli
-from maurice_viz.cli.understand.events import events
-from maurice_viz.cli.understand.jump import jump
+from maurice_viz.cli.app import app
 from maurice_viz.viewer import open_viewers, sinks
 from maurice_viz.viewer import open_viewers as viewer
 from maurice_viz.viewer.snapshot import software_driver
 
 Type = Callable[..., tuple[str, str]]
-
-mine = typer.Typer(rich_markup_mode=None)
-mine.command()(events)
-mine.command()(jump)
 
 
 @pytest.fixture
@@ -39,7 +32,6 @@ def typed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Type:
         monkeypatch.delenv(name, raising=False)
 
     def run(*args: str | Path | int, expect: int = 0) -> tuple[str, str]:
-        app = mine if args[0] in ("events", "jump") else cli.app
         done = CliRunner().invoke(app, [str(arg) for arg in args])
         assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
         return done.stdout, done.stderr
@@ -70,7 +62,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReques
         [log, "--particles", 200, "--run", folder / "kept"],
         ["compare", log, *two, "--particles", 100, "--run", folder / "both"],
     ):
-        done = CliRunner().invoke(cli.app, [*map(str, args), "--no-recording"])
+        done = CliRunner().invoke(app, [*map(str, args), "--no-recording"])
         assert done.exit_code == 0, done.output
     return folder
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from rich.table import Table
 
 from maurice_loaders.calibration import METERS
@@ -16,45 +14,35 @@ from maurice_mcl.calibration.motion import Calibration
 from maurice_mcl.calibration.noise import NoiseFloor
 from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread
 
-from ...app.calibrate import calibrate_motion, calibrate_noise, figures, make_trials, noise_json
-from ...plots.calibration import expect_matplotlib
-from ...style import Units
-from ..console import listening, note, results
-from ..errors import one_line_errors
-from ..options import ForceOption, JsonOption
+from ..app.calibrate import calibrate_motion, calibrate_noise, figures, make_trials, noise_json
+from ..plots.calibration import expect_matplotlib
+from ..style import Units
+from . import options as opt
+from .console import listening, note, print_json, results
+from .options import MOST_SEED, argument, option
 
 DEG = 180 / math.pi
 
-calibrate = typer.Typer(
-    help="Fit the robot's motion or the camera's noise to recorded trials.", no_args_is_help=True
-)
 
-
-@calibrate.command()
 def motion(
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="SOURCE",
-            show_default=False,
-            help="A session log with truth, a CSV of trials, or a folder of odometry beside truth.",
+        argument(
+            "SOURCE", "A session log with truth, a CSV of trials, or a folder of odometry beside truth."
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="OUT.toml", help="Write the parameters here.")
+        Path | None, option("-o --output", "Write the parameters here.", metavar="OUT.toml")
     ] = None,
     plots: Annotated[
-        Path | None, typer.Option("--plots", metavar="DIR", help="Draw the thesis's figures 4 to 11.")
+        Path | None, option("--plots", "Draw the thesis's figures 4 to 11.", metavar="DIR")
     ] = None,
-    unit: Annotated[
-        str,
-        typer.Option(help=f"Unit of the lengths in a CSV: {' | '.join(METERS)}."),
-    ] = "m",
-    force: ForceOption = False,
-    json_output: JsonOption = False,
+    unit: Annotated[str, option("--unit", f"Unit of the lengths in a CSV: {' | '.join(METERS)}.")] = "m",
+    force: opt.Force = False,
+    json_output: opt.Json = False,
 ) -> None:
     """Fit turn gain, straight error and drift by floor, with intervals, as the thesis did (3.2, 3.3)."""
-    with one_line_errors(), listening() as listener:
+    with listening() as listener:
         if plots is not None:
             expect_matplotlib(plots)
         fitted = calibrate_motion(source, unit=unit, to=output, force=force, listener=listener)
@@ -62,7 +50,7 @@ def motion(
             drawn = figures(fitted, plots, force=force)
             note(f"{len(drawn)} figures written to {plots}")
     if json_output:
-        results.print_json(json.dumps(fitted.to_json()))
+        print_json(fitted.to_json())
         return
     results.print(_motion_table(fitted.fit, fitted.units, source.name))
     if output is None:
@@ -71,24 +59,21 @@ def motion(
         note(f"{output} written; now try: maurice-replay SESSION --set motion={output}")
 
 
-@calibrate.command()
 def noise(
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="SOURCE",
-            show_default=False,
-            help="A survey log or its folder, or a folder of pictures taken with the lens covered.",
+        argument(
+            "SOURCE", "A survey log or its folder, or a folder of pictures taken with the lens covered."
         ),
     ],
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="OUT.png", help="Draw the thesis's figures 13 and 14.")
+        Path | None, option("--plot", "Draw the thesis's figures 13 and 14.", metavar="OUT.png")
     ] = None,
-    force: ForceOption = False,
-    json_output: JsonOption = False,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
 ) -> None:
     """Measure the camera's noise floor in pictures taken with the lens covered."""
-    with one_line_errors(), listening() as listener:
+    with listening() as listener:
         if plot is not None:
             expect_matplotlib(plot)
             expect_absent(plot, force=force)
@@ -97,24 +82,21 @@ def noise(
             figures(found, plot, force=force)
             note(f"{plot} written")
     if json_output:
-        results.print_json(json.dumps(noise_json(found)))
+        print_json(noise_json(found))
     else:
         results.print(_noise_table(found, source.name))
 
 
-@calibrate.command()
 def drive(
     output: Annotated[
-        Path,
-        typer.Option("-o", "--output", metavar="OUT.csv", help="The table to write.", show_default=False),
+        Path, option("-o --output", "The table to write.", metavar="OUT.csv", show_default=False)
     ],
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed gives the same trials.")] = 0,
-    trials: Annotated[int, typer.Option(min=1, max=100_000, help="Number of turns, and of straights.")] = 41,
-    force: ForceOption = False,
+    seed: Annotated[int, option("--seed", "The same seed gives the same trials.", min=0, max=MOST_SEED)] = 0,
+    trials: Annotated[int, option("--trials", "Number of turns, and of straights.", min=1, max=100_000)] = 41,
+    force: opt.Force = False,
 ) -> None:
     """Make a table of calibration trials with the simulated Maurice: turns, and straights on both floors."""
-    with one_line_errors():
-        make_trials(output, trials=trials, seed=seed, force=force)
+    make_trials(output, trials=trials, seed=seed, force=force)
     results.print(f"{output}: {trials} turns, {trials} straights")
     note(f"now try: maurice-replay calibrate motion {output}")
 

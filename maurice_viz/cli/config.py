@@ -1,0 +1,35 @@
+"""`maurice-replay config show|check`: the configuration in force and its origin, and checking a file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from maurice_loaders.config_files import check_config, configuration_of, to_toml
+
+from . import options as opt
+from .console import print_json, results
+
+
+def show(
+    origin: Annotated[bool, opt.option("--origin", "Show where each value comes from.")] = False,
+    preset: opt.Preset = None,
+    file: opt.Config = None,
+    json_output: opt.Json = False,
+) -> None:
+    """Print the configuration in force as TOML that --config reads back."""
+    found = configuration_of(preset, file, os.environ, {})
+    if json_output:
+        both = {one.key: {"value": one.value, "origin": one.origin} for one in found.settings}
+        print_json(both if origin else {key: one["value"] for key, one in both.items()})
+    else:
+        typer.echo(to_toml(found, origins=origin), nl=False)
+
+
+def check(file: Annotated[Path, opt.argument("FILE", "A configuration file.")]) -> None:
+    """Check whether a configuration file is valid; the environment is left out."""
+    count = check_config(file)
+    results.print(f"{file}: valid, {count} {'value' if count == 1 else 'values'} set", soft_wrap=True)

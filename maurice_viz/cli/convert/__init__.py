@@ -1,1 +1,0 @@
-"""Commands that read one format and write another: convert, export, record, import, formats."""

@@ -1,0 +1,276 @@
+"""`maurice-replay library build|show|check|tune`: reference pictures with poses, used by every run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from maurice_loaders.libraries.store import open_library
+from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.library_quality import CURVE, Coverage, SelfSimilarity
+
+from ..app.library import TuningResult, build_library, check_library
+from ..app.library import tune as tune_channels
+from ..listener import progress_of
+from ..style import Scale, scale_for, units_named
+from . import options as opt
+from .console import listening, note, print_json, results
+from .options import argument, option, reading_of
+
+MOST_HEADINGS = 16  # more than this are counted, not listed
+MOST_PAIRS = 10  # listed; JSON has them all
+MOST_PLACES = 5
+
+LibraryArgument = Annotated[Path, argument("LIBRARY", "A library folder or a survey log.")]
+
+
+def build(
+    survey: Annotated[Path, argument(None, "A survey log, or any recording of a drive with truth.")],
+    output: Annotated[
+        Path, option("-o --output", "The folder to write.", metavar="LIBRARY", show_default=False)
+    ],
+    every: Annotated[
+        str | None,
+        option(
+            "--every",
+            "Distance or turn between the entries of a drive: 0.4m,45deg. "
+            "[default: that for a drive, and all of a survey log]",
+            metavar="LENGTH,ANGLE",
+        ),
+    ] = None,
+    yaw: Annotated[
+        float,
+        option(
+            "--yaw",
+            "Yaw of the robot's camera from the survey's camera, in degrees, counter-clockwise.",
+            min=-180,
+            max=180,
+        ),
+    ] = 0.0,
+    force: opt.Force = False,
+    keep_going: opt.KeepGoing = False,
+    reading: opt.Reading = None,
+) -> None:
+    """Measure every picture of a survey, or some of a drive, and write a self-contained library."""
+    how, yaw_rad = reading_of(reading, keep_going=keep_going), float(np.radians(yaw))
+    with listening() as listener:
+        built, covered = build_library(
+            survey, output, every=every, yaw_rad=yaw_rad, options=how, force=force, listener=listener
+        )
+    results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}", soft_wrap=True)
+    if covered is not None:
+        scale = scale_for(built.display_units, built.arena)
+        for line in (f"coverage: {_coverage(covered, scale)}", *_gap_lines(covered, scale)):
+            results.print(line, soft_wrap=True)
+
+
+def show(path: LibraryArgument, json_output: opt.Json = False) -> None:
+    """Show what a library holds: entries, places, headings, channels, map."""
+    with listening() as listener:
+        found = open_library(path, progress=progress_of(listener, "library"), warn=listener.warning)
+    if json_output:
+        print_json(_facts(found))
+    else:
+        results.print(_facts_table(found))
+
+
+def _facts(found: Library) -> dict[str, object]:
+    """Return what a library holds as JSON, in meters."""
+    width_m, depth_m = found.arena.size_m
+    places = np.unique(np.round(found.poses[:, :2], 3), axis=0)
+    headings = np.unique(np.round(np.rad2deg(found.poses[:, 2]) % 360, 1))
+    return {
+        "name": found.name,
+        "entries": found.size,
+        "places": len(places),
+        "headings_deg": headings.tolist() if len(headings) <= MOST_HEADINGS else len(headings),
+        "pictures_kept": sum(picture is not None for picture in found.pictures),
+        "display_units": found.display_units,
+        "width_m": width_m,
+        "depth_m": depth_m,
+        "walls": len(found.arena.walls),
+        "obstacles": [region.name for region in found.arena.obstacles],
+        "floors": list(dict.fromkeys(region.name for region in found.arena.floors)),
+        "channels": {name: _channel_facts(index) for name, index in found.index.items()},
+    }
+
+
+def _channel_facts(index: ChannelIndex) -> dict[str, float]:
+    return {
+        "length": len(index.relevance),
+        "noise_floor_peak": float(index.noise_floor.max()),
+        "relevance_peak": float(index.relevance.max()),
+    }
+
+
+def _facts_table(found: Library) -> Table:
+    facts, units = _facts(found), units_named(found.display_units)
+    table = _table_of(found.name)
+    headings = facts["headings_deg"]
+    named = ", ".join(f"{h:g}" for h in headings) if isinstance(headings, list) else str(headings)
+    width, depth = (length * units.per_m for length in found.arena.size_m)
+    table.add_row("entries", f"{found.size} pictures with a pose, {facts['pictures_kept']} of them kept here")
+    table.add_row("places", str(facts["places"]))
+    table.add_row("headings (deg)", named)
+    table.add_row(f"map ({units.name})", f"{width:.{units.digits}f} x {depth:.{units.digits}f}")
+    table.add_row("walls", str(facts["walls"]))
+    table.add_row("obstacles", ", ".join(region.name for region in found.arena.obstacles) or "none")
+    table.add_row("floors", ", ".join(dict.fromkeys(r.name for r in found.arena.floors)) or "none named")
+    for name, index in found.index.items():
+        channel = _channel_facts(index)
+        table.add_row(
+            f"channel {name}",
+            f"{channel['length']:.0f} bins, noise floor up to {channel['noise_floor_peak']:.1f}, "
+            f"relevance up to {channel['relevance_peak']:.1f} (256 x share of pixels)",
+        )
+    return table
+
+
+def _table_of(name: str) -> Table:
+    return Table(title=f"library {name}", title_justify="left", show_header=False)
+
+
+def check(
+    library: LibraryArgument,
+    feature: opt.Feature = None,
+    draw: Annotated[
+        Path | None, option("--map", "Draw the map of expected ambiguity.", metavar="OUT.png")
+    ] = None,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Compare a library's pictures with each other: aliases, retrieval error, ambiguity, gaps."""
+    with listening() as listener:
+        found = check_library(library, feature=feature or "blended", to=draw, force=force, listener=listener)
+    if json_output:
+        print_json(found.to_json())
+        return
+    scale = scale_for(found.library.display_units, found.library.arena)
+    results.print(_check_table(found.library, found.similarity, found.coverage, scale))
+    gaps, pairs = _gap_lines(found.coverage, scale), _pair_lines(found.library, found.similarity, scale)
+    for line in (*gaps, *pairs):
+        results.print(line, soft_wrap=True)
+
+
+def _coverage(covered: Coverage, scale: Scale) -> str:
+    where = "free space" if covered.mapped else "between its poses (no wall is known)"
+    return (
+        f"{covered.covered:.0%} of {scale.say_area(covered.free_m2)} {where} has an entry within "
+        f"{scale.say(covered.reach_m)}; {covered.directions:.0%} of 8 directions there have one"
+    )
+
+
+def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
+    for gap in covered.gaps:
+        x, y = scale.say(gap.x_m), scale.say(gap.y_m)
+        where = f"{scale.say_area(gap.area_m2)} around ({x}, {y})"
+        yield f"gap: {where}, up to {scale.say(gap.to_entry_m)} from an entry"
+
+
+def _pair_lines(library: Library, found: SelfSimilarity, scale: Scale) -> Iterator[str]:
+    for entry in found.aliased[:MOST_PAIRS].tolist():
+        one, other = (scale.say_pose(library.poses[k]) for k in (entry, found.alias[entry]))
+        by = -found.margin[entry]
+        yield f"alias: {one} is more like {other} than like its neighbors, by {by:.2f} nats"
+    if len(found.aliased) > MOST_PAIRS:
+        yield f"... and {len(found.aliased) - MOST_PAIRS} more aliases; --json lists all"
+
+
+def _check_table(library: Library, found: SelfSimilarity, covered: Coverage, scale: Scale) -> Table:
+    table, places = _table_of(library.name), found.at_places(found.ambiguity)
+    apart = f"neighbors of one heading are {scale.say(found.spacing_m)} apart"
+    table.add_row("entries", f"{library.size} at {len(found.places)} places; {apart}")
+    table.add_row("coverage", _coverage(covered, scale))
+    again = f"{found.retrieved_right:.0%} at a neighboring place, same heading"
+    table.add_row("left out, found again", again)
+    table.add_row("retrieval error", _error(found, scale))
+    share = len(found.aliased) / library.size
+    table.add_row("aliases", f"{len(found.aliased)} of {library.size} entries ({share:.0%})")
+    middle, most = float(np.median(places)), float(places.max())
+    table.add_row("ambiguity", f"{middle:.1f} places fit as well (median), {most:.1f} at worst")
+    for place in np.argsort(-places, kind="stable")[:MOST_PLACES].tolist():
+        x, y = (scale.say(float(v)) for v in found.places[place])
+        table.add_row("", f"({x}, {y}): {places[place]:.1f} places fit")
+    ranges = [f"to {scale.say(k * found.spacing_m)}" for k in CURVE] + ["beyond"]
+    lowest = zip(ranges, found.similarity, strict=True)
+    curve = ", ".join(f"{name}: {cost:.2f}" for name, cost in lowest if np.isfinite(cost))
+    table.add_row("lowest cost by distance", f"{curve} nats")
+    return table
+
+
+def _error(found: SelfSimilarity, scale: Scale) -> str:
+    known = found.retrieved >= 0
+    if not known.any():
+        return "- (one place only)"
+    middle, high = np.percentile(found.error_m[known], [50, 90]).tolist()
+    turned = float(np.degrees(np.median(found.error_rad[known])))
+    return f"{scale.say(middle)} median, {scale.say(high)} at 90 %, heading {turned:.0f} deg median"
+
+
+def tune(
+    library: LibraryArgument,
+    session: Annotated[
+        list[Path] | None,
+        option("--session", "A drive with truth to fit on; may be repeated.", metavar="FIT.log"),
+    ] = None,
+    score: Annotated[
+        list[Path] | None,
+        option("--score", "A drive with truth to score on; may be repeated.", metavar="TEST.log"),
+    ] = None,
+    channels: Annotated[
+        str | None, option("--channels", "Fit these. [default: all of the library]", metavar="A,B,C")
+    ] = None,
+    output: Annotated[
+        Path | None, option("-o --output", "Write the result here.", metavar="TUNED.toml")
+    ] = None,
+    force: opt.Force = False,
+    keep_going: opt.KeepGoing = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Fit scales and weights of channels by log score, on drives with truth or on the library alone."""
+    with listening() as listener:
+        found = tune_channels(
+            library,
+            sessions=session or (),
+            score=score or (),
+            channels=None if channels is None else channels.split(","),
+            to=output,
+            keep_going=keep_going,
+            force=force,
+            listener=listener,
+        )
+    if json_output:
+        print_json(found.to_json())
+        return
+    results.print(_tuning_table(found))
+    if output is None:
+        typer.echo(found.to_toml(), nl=False)
+    else:
+        note(f"{output} written; now try: maurice-replay SESSION --config {output}")
+
+
+def _tuning_table(report: TuningResult) -> Table:
+    """Return a table with one row per channel, then the blends."""
+    table = Table(title=f"library {report.library}", title_justify="left", caption=report.gain)
+    for name in ("", "distance", "scale", "weight", "log score, fitted"):
+        table.add_column(name, justify="left" if name in ("", "distance") else "right")
+    sets = [report.fitted]
+    if report.scored is not None:
+        table.add_column("log score, scored", justify="right")
+        sets.append(report.scored)
+    for k, name in enumerate(report.tuned.channels):
+        weight = report.weights.get(name)
+        shown = "-" if weight is None else f"{weight:g}"
+        cells = [name, report.distances[name], f"{report.scales[name]:g}", shown]
+        table.add_row(*cells, *(f"{s.alone[k]:.3f}" for s in sets))
+    table.add_section()
+    blends = {"tuned blend": "together", "default blend": "before", "knowing nothing": "blind"}
+    for name, score in blends.items():
+        table.add_row(name, "", "", "", *(f"{getattr(s, score):.3f}" for s in sets))
+    table.add_row("pictures", "", "", "", *(str(s.pictures) for s in sets))
+    return table

@@ -1,1 +1,0 @@
-"""The commands `library build`, `show`, `tune` and `check`."""

@@ -1,0 +1,205 @@
+"""`maurice-replay replay|compare|demo|verify`: runs of the filter, into the viewer or a file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from maurice_loaders.live.source import is_live
+
+from ..layouts import DETAILS
+from ..style import Units, units_named
+from ..text.summary import paired_rows, score_rows
+from . import options as opt
+from .console import TO_CONSOLE, listening, note, print_json, results
+from .options import output_of, reading_of, settings_of
+
+if TYPE_CHECKING:
+    from ..app.run import Report, RunScores
+    from ..playback import RunResult
+
+QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
+DEMO_SEED = 0  # the first, for arena, survey, drive and filter alike
+
+
+def replay(
+    session: opt.Session,
+    library: opt.Library = None,
+    preset: opt.Preset = None,
+    feature: opt.Feature = None,
+    particles: opt.Particles = None,
+    seed: opt.Seed = 0,
+    start: opt.Start = None,
+    config: opt.Config = None,
+    settings: opt.Set = None,
+    rrd: opt.Rrd = None,
+    save_run: opt.SaveRun = None,
+    layout: opt.Layout = None,
+    detail: opt.Detail = DETAILS[0],
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+    follow: opt.Follow = False,
+    capture: opt.Capture = None,
+    keep_up: opt.KeepUp = None,
+    patience: opt.Patience = None,
+    reading: opt.Reading = None,
+    keep_going: opt.KeepGoing = False,
+    as_recorded: opt.AsRecorded = False,
+) -> None:
+    """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
+    if follow or is_live(session):
+        os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
+    from ..app.open import RunSpec
+    from ..app.replay import LiveOptions, replay_any
+
+    given = settings_of(settings)
+    motion = given.pop("motion", None)
+    motion = None if motion is None else Path(motion)
+    spec = RunSpec(preset, feature, particles, seed, start, config, given, motion)
+    output = output_of(session.absolute().stem, rrd, save_run, layout, detail, force=force)
+    with listening() as listener:
+        replay_any(
+            session,
+            library,
+            spec,
+            output,
+            reading=reading_of(reading, keep_going=keep_going),
+            live=LiveOptions(follow, capture, keep_up, patience),
+            as_recorded=as_recorded,
+            alone=not json_output,
+            listener=listener,
+            report=printed(json_output),
+        )
+
+
+def compare(
+    paths: Annotated[
+        list[Path],
+        opt.argument(
+            "SESSION|RUN...", "A session; or two to four of them, or of saved runs; or a comparison's folder."
+        ),
+    ],
+    library: opt.Library = None,
+    preset: opt.Presets = None,
+    feature: opt.Features = None,
+    particles: opt.ParticleCounts = None,
+    seed: opt.Seeds = None,
+    start: opt.Starts = None,
+    config: opt.Configs = None,
+    settings: opt.Set = None,
+    rrd: opt.Rrd = None,
+    save_run: opt.SaveRun = None,
+    layout: opt.Layout = None,
+    detail: opt.Detail = DETAILS[0],
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+    reading: opt.Reading = None,
+    keep_going: opt.KeepGoing = False,
+) -> None:
+    """Replay two to four runs side by side in one recording, and show how they differ.
+
+    Of one session, give exactly one option of the filter several times, or one key of --set with several
+    values; without any, color and blended are compared.
+    """
+    from ..app.compare import SEVERAL, compare_any
+
+    several = {"feature": feature, "preset": preset, "particles": particles, "seed": seed, "start": start}
+    given: dict[str, Any] = {name: values or () for name, values in {**several, "config": config}.items()}
+    given |= _settings(settings or [])
+    stem = paths[0].absolute().stem if len(paths) == 1 else SEVERAL
+    output = output_of(stem, rrd, save_run, layout, detail, force=force)
+    how = reading_of(reading, keep_going=keep_going)
+    with listening() as listener:
+        report = printed(json_output)
+        compare_any(paths, library, given, output, reading=how, listener=listener, report=report)
+
+
+def _settings(pairs: list[str]) -> dict[str, Any]:
+    """Return settings a run: a key that is given several times makes a run of each of its values."""
+    values: dict[str, list[Any]] = {}
+    for pair in pairs:
+        for key, value in settings_of([pair]).items():
+            values.setdefault(key, []).append(value)
+    motion = [Path(file) for file in values.pop("motion", [])]
+    once = {key: value[0] for key, value in values.items() if len(value) == 1}
+    several = {key: value for key, value in values.items() if len(value) > 1}
+    if len(several) > 1:
+        raise typer.BadParameter(f"--set gives {' and '.join(several)} several times; vary one key")
+    varied = [once | {key: value} for key, some in several.items() for value in some]
+    return {"settings": varied or ([once] if once else []), "motion": motion}
+
+
+def demo(
+    session_only: Annotated[
+        Path | None,
+        opt.option("--session-only", "Only write session and survey to this folder.", metavar="DIR"),
+    ] = None,
+    rrd: opt.Rrd = None,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Compare color and blended features on a drive through a simulated two-room arena."""
+    from maurice_datasets.sessions import demo_paths, write_demo
+
+    from ..app.compare import COLOR_AND_BLENDED, compare_any
+
+    with listening() as listener:
+        if session_only is None:
+            session = demo_paths(DEMO_SEED, progress=listener.progress).session
+            given = {"feature": COLOR_AND_BLENDED, "seed": [DEMO_SEED]}
+            output = output_of("demo", rrd, force=force)
+            compare_any([session], None, given, output, listener=listener, report=printed(json_output))
+            return
+        written = write_demo(session_only, DEMO_SEED, force=force, progress=listener.progress)
+    if json_output:
+        print_json({"session": written.session, "survey": written.survey})
+    else:
+        results.print(f"{written.session}\n{written.survey}")
+    note(f"now try: maurice-replay {written.session}")
+
+
+def verify(run: opt.Run, json_output: opt.Json = False) -> None:
+    """Filter a saved run again; exit status 0 when every step is the same to the last bit, else 1."""
+    from ..app.saved import verify as verify_run
+
+    with listening() as listener:
+        verdicts = verify_run(run, listener=listener)
+    if json_output:
+        print_json({"runs": [verdict.to_json() for verdict in verdicts]})
+    else:
+        for verdict in verdicts:
+            results.print(str(verdict), soft_wrap=True)
+    if not all(verdict.same for verdict in verdicts):
+        raise typer.Exit(1)
+
+
+def printed(json_output: bool) -> Report:
+    """Return what prints scores as JSON or as a table."""
+
+    def report(scores: RunScores) -> None:
+        TO_CONSOLE.end()
+        if json_output:
+            print_json(scores.to_json())
+        else:
+            results.print(to_table(scores.runs, units_named(scores.display_units), scores.name))
+
+    return report
+
+
+def to_table(runs: Sequence[RunResult], units: Units, title: str) -> Table:
+    """Return a table of scores with one column per run, in the session's own units."""
+    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
+    table.add_column("")
+    for result in runs:
+        table.add_column(result.label, justify="right")
+    for rows in (score_rows(runs, units), paired_rows(runs, units)):
+        for name, cells in rows:
+            table.add_row(name, *cells)
+        table.add_section()
+    return table

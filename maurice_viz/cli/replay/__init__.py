@@ -1,1 +1,0 @@
-"""Commands that run filters: replay, compare, demo, verify."""

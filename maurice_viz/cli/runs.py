@@ -1,0 +1,240 @@
+"""`maurice-replay events|jump|explain|report|snapshot RUN`: what happened in a saved run, and why."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from maurice_mcl.analysis.events import KINDS, RunEvent
+
+from ..entities import Phase
+from . import options as opt
+from .console import listening, note, print_json, results
+from .options import argument, option
+
+ALL_RUNS = "all"  # in a table: an event that every run of a comparison has
+BOOKMARKS, MORE, PICTURE, MOVIE = "Bookmarks", "One more reference", "Picture", "Movie"  # panels of the help
+PHASES = " | ".join(phase.name.lower() for phase in Phase)
+
+
+def events(
+    run: opt.Run,
+    kinds: Annotated[
+        list[str] | None,
+        option("--kind", f"Only this kind; may be repeated: {', '.join(KINDS)}.", metavar="KIND"),
+    ] = None,
+    everything: Annotated[bool, option("--all", "List routine events too: resampling, a new floor.")] = False,
+    add: Annotated[
+        tuple[int, str] | None,
+        option(
+            "--add",
+            'Keep a bookmark beside the run: --add 40 "odd turn".',
+            BOOKMARKS,
+            metavar="STEP NOTE",
+        ),
+    ] = None,
+    remove: Annotated[
+        str | None,
+        option(
+            "--remove",
+            "Remove the bookmarks of a step, or those with this note.",
+            BOOKMARKS,
+            metavar="STEP|NOTE",
+        ),
+    ] = None,
+    json_output: opt.Json = False,
+) -> None:
+    """List what happened in a saved run, and keep bookmarks of your own beside it."""
+    from ..app.events import drop_bookmarks, keep_bookmark
+    from ..app.events import events as find
+
+    if add is not None and remove is not None:
+        raise typer.BadParameter("give --add or --remove, not both")
+    with listening() as listener:
+        if add is not None:
+            step, text = add
+            file = keep_bookmark(run, step, text)
+            note(f"{file}: bookmark at step {step}: {' '.join(text.split())}")
+            return
+        if remove is not None:
+            gone = drop_bookmarks(run, remove)
+            note(f"{run}: {gone} bookmark{'s' * (gone != 1)} removed")
+            return
+        found = find(run, kinds=kinds or (), routine=everything, listener=listener)
+    if json_output:
+        print_json(found.to_json())
+    elif any(one.events for one in found.runs):
+        results.print(_table({one.label: one.events for one in found.runs}, found.session))
+    else:
+        note(f"{run}: no event{' of that kind' if kinds else ''}")
+
+
+def _table(by_run: dict[str, Sequence[RunEvent]], title: str) -> Table:
+    """Return a table with one row per event, by step, and a column for the run where there are several."""
+    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
+    several = len(by_run) > 1
+    for name in ("step", "time (s)"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for name in ("run", "event") if several else ("event",):
+        table.add_column(name, no_wrap=True)
+    table.add_column("what")
+    for event, labels in _by_event(by_run):
+        who = ALL_RUNS if len(labels) == len(by_run) else ", ".join(labels)
+        row = [str(event.step), f"{event.time_s:.1f}", *([who] if several else []), event.kind, event.text]
+        table.add_row(*map(Text, row))
+    return table
+
+
+def _by_event(by_run: dict[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, list[str]]]:
+    """Join equal events of several runs, in the order of steps and kinds."""
+    labels: dict[RunEvent, list[str]] = {}
+    for label, some in by_run.items():
+        for event in dict.fromkeys(some):
+            labels.setdefault(event, []).append(label)
+    order = list(KINDS)
+    return sorted(labels.items(), key=lambda item: (item[0].step, order.index(item[0].kind)))
+
+
+def jump(
+    run: opt.Run,
+    to: Annotated[
+        str | None, option("--to", "An event by its kind, or a bookmark by its text.", metavar="KIND|NOTE")
+    ] = None,
+    nth: Annotated[int, option("--nth", "The second, third ... of them.", min=1)] = 1,
+    step: Annotated[int | None, option("--step", "A step by its number.")] = None,
+    phase: Annotated[str | None, option("--phase", f"Inside the step: {PHASES}.")] = None,
+    run_label: Annotated[
+        str | None, option("--run-label", "Only events of this run of a comparison.")
+    ] = None,
+    port: Annotated[
+        int | None,
+        option(
+            "--port",
+            "The port of a viewer that you opened. [default: the one we opened]",
+            min=1,
+            max=65535,
+        ),
+    ] = None,
+) -> None:
+    """Move the open viewer to an event, a bookmark or a step of a saved run."""
+    from ..app.events import jump as move
+
+    with listening() as listener:
+        place = move(
+            run, to, nth=nth, step=step, phase=phase, run_label=run_label, port=port, listener=listener
+        )
+    results.print(f"step {place.step}{f', {phase}' if phase else ''}: {place.text}")
+
+
+def explain(
+    run: opt.Run,
+    step: Annotated[int | None, option("--step", "Which update. [default: the last one]", min=1)] = None,
+    at: Annotated[
+        str | None,
+        option("--at", "Explain this pose too, in display units and degrees.", MORE, metavar="X,Y,HEADING"),
+    ] = None,
+    entry: Annotated[int | None, option("--entry", "Explain this library entry too.", MORE, min=0)] = None,
+    particle: Annotated[
+        int | None,
+        option("--particle", "Explain this particle too, by its number in the saved cloud.", MORE, min=0),
+    ] = None,
+    run_label: opt.RunLabel = None,
+    rrd: opt.Rrd = None,
+    output: Annotated[
+        Path | None,
+        option("-o --output", "Write a picture of the panel to this file.", metavar="OUT.png"),
+    ] = None,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Explain and show why the filter believed what it believed at one update of a saved run."""
+    from ..app.explain import check_picture, record, show
+    from ..app.explain import explain as explain_run
+
+    with listening() as listener:
+        if output is not None:
+            check_picture(output, force=force)
+        found = explain_run(
+            run, step, at=at, entry=entry, particle=particle, run_label=run_label, listener=listener
+        )
+        if json_output:
+            print_json(found.to_json())
+        else:
+            typer.echo(found.text)
+        if output is not None:
+            found.save(output, force=force)
+            listener.remark(f"{output} written")
+        usual = Path(f"{run.absolute().stem}-step-{found.step.step}.rrd")
+        if rrd is None and output is None:
+            show(found, usual, force=force, listener=listener)
+        elif rrd not in (None, "none"):
+            record(found, usual if rrd == "auto" else Path(str(rrd)), force=force, listener=listener)
+
+
+def report(
+    run: opt.Run,
+    output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
+        "report.html"
+    ),
+    force: opt.Force = False,
+) -> None:
+    """Write one self-contained page about a saved run: summary, map, traces, events, configuration."""
+    from ..reports.make import report as write_report  # jinja2 and the drawings are needed only here
+
+    with listening() as listener:
+        file = write_report(run, output, force=force, listener=listener)
+    results.print(str(file), soft_wrap=True)
+
+
+def snapshot(
+    source: Annotated[Path, argument("RUN|FILE.rrd", "A saved run's folder, or a Rerun recording.")],
+    output: Annotated[
+        Path | None, option("-o --output", "The picture to write.", PICTURE, metavar="OUT.png")
+    ] = None,
+    step: Annotated[int | None, option("--step", "Which step. [default: the last]", PICTURE, min=1)] = None,
+    phase: Annotated[str | None, option("--phase", f"One phase of it: {PHASES}.", PICTURE)] = None,
+    movie: Annotated[
+        Path | None,
+        option("--movie", "Write a movie of a range of steps instead.", MOVIE, metavar="OUT.mp4|OUT.gif"),
+    ] = None,
+    first: Annotated[
+        int | None, option("--from", "Its first step. [default: the first]", MOVIE, min=1)
+    ] = None,
+    last: Annotated[int | None, option("--to", "Its last step. [default: the last]", MOVIE, min=1)] = None,
+    fps: Annotated[float, option("--fps", "Its pictures per second.", MOVIE, min=0.1, max=50)] = 4.0,
+    phases: Annotated[
+        bool, option("--phases", "Six pictures per step, one per phase, instead of one.", MOVIE)
+    ] = False,
+    view: Annotated[
+        str | None, option("--view", "Only this view, by its title or the beginning of its title.")
+    ] = None,
+    layout: opt.Layout = None,
+    size: Annotated[str, option("--size", "Size of the window in pixels.", metavar="WxH")] = "1600x1000",
+    force: opt.Force = False,
+) -> None:
+    """Take a picture or a movie of what the viewer shows of a saved run or a recording, without a screen."""
+    if output is not None and (first is not None or last is not None or phases):
+        raise typer.BadParameter("--from, --to and --phases go with --movie")
+    if movie is not None and (step is not None or phase is not None):
+        raise typer.BadParameter("--step and --phase go with -o; a movie has --from, --to and --phases")
+    window = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", size)  # the functions check its limits
+    if window is None:
+        raise typer.BadParameter(f"--size is like 1600x1000, found {size!r}")
+    from ..app import snapshot as app
+
+    shown: dict[str, Any] = {"view": view, "layout": layout, "size": (int(window[1]), int(window[2]))}
+    with listening() as listener:
+        shown |= {"force": force, "listener": listener}
+        if output is not None and movie is None:
+            made = app.snapshot(source, to=output, step=step, phase=phase, **shown)
+        elif movie is not None and output is None:
+            made = app.movie(source, to=movie, first=first, last=last, phases=phases, fps=fps, **shown)
+        else:
+            raise typer.BadParameter("give either -o OUT.png or --movie OUT.mp4")
+    results.print(str(made), soft_wrap=True)

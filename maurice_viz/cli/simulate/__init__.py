@@ -1,1 +1,0 @@
-"""Commands that make data and parameters: simulate, survey, calibrate."""

@@ -1,1 +1,0 @@
-"""Commands that explain a run or a recording: explain, events, snapshot, report, jump, inspect, doctor."""
