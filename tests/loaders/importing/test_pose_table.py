@@ -1,4 +1,4 @@
-"""Tables of poses: read strictly, complaints name row and column."""
+"""Tables of poses and text files of walls: read strictly, complaints name row and column."""
 
 import itertools
 import math
@@ -11,7 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.importing.pose_table import Columns, PoseRow, pose_runs, read_pose_table
+from maurice_loaders.importing.pose_table import (
+    Columns,
+    PoseRow,
+    arena_from_lines,
+    pose_runs,
+    read_pose_table,
+)
 
 HEAD = "image,x_m,y_m,heading_deg"
 
@@ -45,26 +51,12 @@ def test_the_unit_of_headings(tmp_path: Path, column: str, unit: str | None, exp
     assert row.pose[2] == pytest.approx(expected)
 
 
-def test_a_heading_of_unknown_unit_is_not_guessed(tmp_path: Path) -> None:
-    path = table(tmp_path, "a.jpg,0,0,90", head="image,x_m,y_m,yaw")
-    with pytest.raises(InputError, match=r"found heading column 'yaw' without a unit .* deg or rad"):
-        read_pose_table(path, Columns(heading="yaw"))
-
-
 def test_other_columns_other_order_quotes_and_a_byte_order_mark(tmp_path: Path) -> None:
     path = tmp_path / "p.csv"
     path.write_text('\ufeffΘ,"bild",y,note,x\r\n0.5,"Büro, 1.jpg",2,x,1\r\n', encoding="utf-8")
     (row,) = read_pose_table(path, Columns("bild", "x", "y", "Θ", "rad"))
     assert row.image == "Büro, 1.jpg"
     assert row.pose.tolist() == [1, 2, 0.5]
-
-
-def test_missing_columns_are_named_with_those_found(tmp_path: Path) -> None:
-    path = table(tmp_path, head="file,x_m,y_m,theta")
-    with pytest.raises(InputError) as caught:
-        read_pose_table(path, Columns())
-    message = "found columns file, x_m, y_m, theta, expected also image, heading_deg; choose the columns"
-    assert str(caught.value) == f"{path}:1: {message}"
 
 
 @pytest.mark.parametrize(
@@ -88,38 +80,45 @@ def test_a_bad_row_is_named(tmp_path: Path, line: str, message: str) -> None:
 
 
 def test_no_table_at_all(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="found no such file"):
-        read_pose_table(tmp_path / "no.csv", Columns())
-    with pytest.raises(InputError, match="found no rows"):
-        read_pose_table(table(tmp_path), Columns())
-    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="cannot be read as a CSV table"):
-        read_pose_table(tmp_path / "b.csv", Columns())
-    with pytest.raises(InputError, match="cannot be read as a CSV table"):
-        read_pose_table(tmp_path, Columns())
-
-
-def test_a_table_that_never_ends(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", Path("/dev/zero")):
-        with pytest.raises(InputError, match="found no regular file, expected a table of poses"):
+    (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
+    for path, told in (
+        (tmp_path / "no.csv", "found no such file"),
+        (table(tmp_path), "found no rows"),
+        (tmp_path / "b.csv", "cannot be read as a CSV table"),
+        (tmp_path, "cannot be read as a CSV table"),
+        (tmp_path / "pipe", "found no regular file, expected a table of poses"),
+        (Path("/dev/zero"), "found no regular file, expected a table of poses"),
+    ):
+        with pytest.raises(InputError, match=told):
             read_pose_table(path, Columns())
 
 
-@pytest.mark.parametrize(("separator", "name"), [(";", "semicolons"), ("\t", "tabs")])
-@pytest.mark.parametrize("quote", ["", '"'])
-def test_other_separators_are_named(tmp_path: Path, separator: str, name: str, quote: str) -> None:
-    head = separator.join(f"{quote}{column}{quote}" for column in HEAD.split(","))
-    path = table(tmp_path, separator.join(["a.jpg", "1,5", "2", "3"]), head=head)
-    with pytest.raises(InputError) as caught:
-        read_pose_table(path, Columns())
-    advice = "save the table with commas between columns"
-    assert str(caught.value) == f"{path}:1: found columns separated by {name}, expected commas; {advice}"
+FOUND = "found columns"
 
 
-def test_a_semicolon_within_a_name_is_no_separator(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"found columns file;name, x_m, .*, expected also image; choose"):
-        read_pose_table(table(tmp_path, head="file;name,x_m,y_m,heading_deg"), Columns())
+@pytest.mark.parametrize(
+    ("head", "told"),
+    [
+        (
+            HEAD.replace(",", ";"),
+            f"{FOUND} separated by semicolons, expected commas; save the table with commas",
+        ),
+        (HEAD.replace(",", "\t"), f"{FOUND} separated by tabs, expected commas"),
+        ('"' + HEAD.replace(",", '";"') + '"', f"{FOUND} separated by semicolons, expected commas"),
+        ('"' + HEAD.replace(",", '"\t"') + '"', f"{FOUND} separated by tabs, expected commas"),
+        ("file;name,x_m,y_m,heading_deg", f"{FOUND} file;name, x_m, .*, expected also image; choose"),
+        (
+            "file,x_m,y_m,theta",
+            f"{FOUND} file, x_m, y_m, theta, expected also image, heading_deg; choose the columns",
+        ),
+        ("image,x_m,y_m,yaw", "found heading column 'yaw' without a unit .* deg or rad"),
+    ],
+)
+def test_columns_that_are_not_there_are_named(tmp_path: Path, head: str, told: str) -> None:
+    path = table(tmp_path, "a.jpg;1,5;2;3", head=head)
+    with pytest.raises(InputError, match=rf"poses\.csv(:1)?: {told}"):
+        read_pose_table(path, Columns(heading="yaw") if "yaw" in head else Columns())
 
 
 @given(st.lists(st.integers(0, 2), min_size=1))
@@ -129,3 +128,52 @@ def test_runs_are_maximal_and_lose_nothing(places: list[int]) -> None:
     assert [row for run in runs for row in run] == rows
     assert all(row.pose[0] == run[0].pose[0] for run in runs for row in run)
     assert all(a[0].pose[0] != b[0].pose[0] for a, b in itertools.pairwise(runs))
+
+
+POSES = np.array([[1.0, 2.0, 0.0], [4.0, 3.0, 0.0]])
+
+
+def walls(folder: Path, text: str) -> Path:
+    (folder / "map.txt").write_text(text)
+    return folder / "map.txt"
+
+
+@pytest.mark.parametrize(("text", "unit"), [("1000 2000 3000 2500\n", "mm"), ("1 2 3 2.5", "m")])
+def test_units(tmp_path: Path, text: str, unit: str) -> None:
+    assert np.allclose(arena_from_lines(walls(tmp_path, text), unit, POSES).walls, [[1, 2, 3, 2.5]])
+
+
+def test_bounds_reach_a_metre_beyond_the_poses(tmp_path: Path) -> None:
+    assert arena_from_lines(walls(tmp_path, ""), "m", POSES).bounds == (0, 1, 5, 4)
+    assert arena_from_lines(walls(tmp_path, ""), "m", POSES).walls.shape == (0, 4)
+
+
+def test_walls_far_outside_are_left_out_and_passing_ones_are_not(tmp_path: Path) -> None:
+    text = "# plan\n\n-9 2 9 2\n20 20 21 20\n0.5 -3 0.5 0.9\n0.5, -3, 0.5, 1.1\n"
+    found = arena_from_lines(walls(tmp_path, text), "m", POSES).walls
+    assert found.tolist() == [[-9, 2, 9, 2], [0.5, -3, 0.5, 1.1]]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        *(
+            (f"1 2 3 4\n{line}\n", ":2: found '.*', expected four numbers x1 y1 x2 y2")
+            for line in ("1 2 3", "1 2 3 4 5", "1 2 3 wall", "1 2 3 nan")
+        ),
+        ("1 2 3 4\n1 2 1e300 4\n", ":2: found '.*', expected each a number up to 1e9 in size"),
+        ("-10000 2 10000 2\n", ": found a map that .* spans 20000 m, expected at most"),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(InputError, match=r"map\.txt" + told):
+        arena_from_lines(walls(tmp_path, text), "m", POSES)
+
+
+def test_no_map(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read as a map"):
+        arena_from_lines(tmp_path / "no.txt", "m", POSES)
+    with pytest.raises(InputError, match="found no regular file, expected a map"):
+        arena_from_lines(Path("/dev/zero"), "m", POSES)
+    with pytest.raises(ValueError, match="found map unit 'ft'"):
+        arena_from_lines(walls(tmp_path, ""), "ft", POSES)

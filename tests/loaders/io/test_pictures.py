@@ -1,5 +1,7 @@
 """Pictures come out as they went in, and never half."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
@@ -15,11 +17,6 @@ def encoded(image: U8, ending: str) -> bytes:
     done, data = cv2.imencode(f".{ending}", image)
     assert done
     return data.tobytes()
-
-
-def test_png_keeps_every_pixel_in_rgb_order(image: U8) -> None:
-    data = encoded(cv2.cvtColor(image, cv2.COLOR_RGB2BGR), "png")
-    assert np.array_equal(decode_picture(data), image)
 
 
 def test_jpeg_keeps_color_at_full_resolution() -> None:
@@ -45,12 +42,6 @@ def test_cut_pictures_are_refused(image: U8, ending: str, share: float) -> None:
         decode_picture(data[: int(len(data) * share)])
 
 
-def test_a_jpeg_cut_and_filled_with_zeros_is_refused(image: U8) -> None:
-    data = encode_jpeg(image)
-    with pytest.raises(PictureError, match="cut JPEG"):
-        decode_picture(data[:-20] + bytes(20))
-
-
 @pytest.mark.parametrize("length", [1, 2**31, 2**32 - 1])
 def test_a_png_whose_end_claims_more_than_is_there_is_cut(
     image: U8, length: int, capfd: pytest.CaptureFixture[str]
@@ -66,35 +57,20 @@ def test_an_end_marker_in_a_thumbnail_does_not_hide_a_cut(image: U8) -> None:
     data = encode_jpeg(image)
     thumbnail = b"\xff\xe1" + (2 + len(data)).to_bytes(2, "big") + data
     whole = data[:2] + thumbnail + data[2:]
-    assert decode_picture(whole).shape == image.shape
+    assert decode_picture(whole + b"maker's notes").shape == image.shape
     with pytest.raises(PictureError, match="cut JPEG"):
         decode_picture(whole[:-1])
 
 
-def test_what_follows_the_end_of_a_jpeg_does_no_harm(image: U8) -> None:
-    assert decode_picture(encode_jpeg(image) + b"maker's notes").shape == image.shape
-
-
-def test_a_flipped_bit_in_a_png_is_noticed(image: U8) -> None:
-    data = bytearray(encoded(image, "png"))
-    data[len(data) // 2] ^= 1
-    with pytest.raises(PictureError, match="damaged PNG"):
-        decode_picture(bytes(data))
-
-
-def test_gray_becomes_rgb(image: U8) -> None:
-    gray = decode_picture(encoded(image[..., 0], "png"))
-    assert np.array_equal(gray, np.repeat(image[..., :1], 3, axis=2))
-
-
-def test_alpha_is_dropped(image: U8) -> None:
-    with_alpha = np.dstack([image, np.full(image.shape[:2], 7, np.uint8)])
-    assert np.array_equal(decode_picture(encoded(with_alpha, "png")), image[..., ::-1])
-
-
-def test_16_bits_are_refused_by_name(image: U8) -> None:
-    with pytest.raises(PictureError, match="16 bits a channel, expected 8"):
-        decode_picture(encoded(image.astype(np.uint16) * 256, "png"))
+def test_pngs_keep_every_pixel_in_rgb_order_and_alpha_is_dropped(image: U8) -> None:
+    alpha = np.full((*image.shape[:2], 1), 7, np.uint8)
+    gray = np.repeat(image[..., :1], 3, axis=2)
+    for written, seen in (
+        (image[..., ::-1], image),
+        (np.dstack([image[..., ::-1], alpha]), image),
+        (image[..., 0], gray),
+    ):
+        assert np.array_equal(decode_picture(encoded(written, "png")), seen)
 
 
 def test_exif_orientation_is_applied(image: U8) -> None:
@@ -105,10 +81,27 @@ def test_exif_orientation_is_applied(image: U8) -> None:
     assert np.array_equal(decode_picture(turned), np.rot90(decode_picture(data), -1))
 
 
-@pytest.mark.parametrize("data", [b"", b"GIF89a....", b"hello", bytes(100)])
-def test_other_things_are_refused(data: bytes) -> None:
-    with pytest.raises(PictureError, match="expected JPEG, PNG, WebP or BMP"):
-        decode_picture(data)
+def damaged_png(image: U8) -> bytes:
+    data = bytearray(encoded(image, "png"))
+    data[len(data) // 2] ^= 1
+    return bytes(data)
+
+
+BAD: dict[str, tuple[Callable[[U8], bytes], str]] = {
+    "a JPEG cut and filled with zeros": (lambda image: encode_jpeg(image)[:-20] + bytes(20), "cut JPEG"),
+    "a flipped bit": (damaged_png, "damaged PNG"),
+    "16 bits": (lambda image: encoded(image.astype(np.uint16) * 256, "png"), "16 bits a channel, expected 8"),
+} | {
+    repr(data): (lambda _, data=data: data, "expected JPEG, PNG, WebP or BMP")
+    for data in (b"", b"GIF89a....", b"hello", bytes(100))
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_other_things_are_refused(image: U8, name: str) -> None:
+    made, told = BAD[name]
+    with pytest.raises(PictureError, match=told):
+        decode_picture(made(image))
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (4, 4, 4)])

@@ -1,5 +1,6 @@
-"""Folders appear whole or not at all, and nobody's are deleted."""
+"""Files and folders appear whole or not at all, and nobody's are deleted."""
 
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ import platformdirs
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.files import cache_root, discard, new_folder
+from maurice_loaders.io.files import cache_root, discard, new_folder, write_whole
 
 
 def fill(target: Path, text: str = "new", *, force: bool = False) -> None:
@@ -18,9 +19,14 @@ def fill(target: Path, text: str = "new", *, force: bool = False) -> None:
 
 
 def test_appears_with_its_content_and_leaves_nothing_beside(tmp_path: Path) -> None:
+    (tmp_path / "deep" / "a").mkdir(parents=True)  # an empty folder may be filled
     fill(tmp_path / "deep" / "a")
     assert (tmp_path / "deep/a/manifest.json").read_text() == "new"
     assert [p.name for p in (tmp_path / "deep").iterdir()] == ["a"]
+    discard(tmp_path / "deep" / "a")
+    fill(tmp_path / "deep" / "a")  # nor need it be there
+    discard(tmp_path / "deep")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
@@ -80,12 +86,6 @@ def test_a_new_folder_has_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    fill(tmp_path / "a")
-    assert (tmp_path / "a/manifest.json").exists()
-
-
 @pytest.mark.parametrize("as_file", [True, False])
 def test_never_replaces_what_was_not_made_here(tmp_path: Path, as_file: bool) -> None:
     precious = tmp_path / "a" if as_file else tmp_path / "a" / "thesis.txt"
@@ -114,14 +114,36 @@ def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
         fill(tmp_path / "file" / "a")
 
 
-def test_discard(tmp_path: Path) -> None:
-    fill(tmp_path / "a")
-    discard(tmp_path / "a")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_cache_is_where_the_environment_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
     assert cache_root() == tmp_path
     monkeypatch.delenv("MAURICE_CACHE")
     assert cache_root() == Path(platformdirs.user_cache_dir("maurice-replay"))
+
+
+def test_what_cannot_be_written_whole_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "a.png"
+    write_whole(file, b"old")
+    with pytest.raises(InputError, match="--force"):
+        write_whole(file, b"new")
+
+    def full(path: Path, data: bytes) -> int:
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InputError, match=r"a.png: cannot be written: No space left"):
+        write_whole(file, b"new", force=True)
+    assert file.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_folder_a_device_or_a_pipe_is_never_replaced_by_a_file(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for place, told in ((tmp_path, "found a folder"), (pipe, "device or pipe")):
+        with pytest.raises(InputError, match=told):
+            write_whole(place, b"data", force=True)
+    assert pipe.is_fifo()
