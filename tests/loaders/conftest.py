@@ -13,6 +13,7 @@ import pytest
 from maurice_loaders.config_files import to_toml
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
+from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
@@ -126,6 +127,16 @@ def save_run(small_session: Path, run_library: Library, tmp_path: Path) -> Save:
         return folder, played
 
     return saved
+
+
+def opened(folder: Path) -> SavedRun:
+    (saved,) = open_runs(folder)
+    return saved
+
+
+def edit(file: Path, **changes: Any) -> None:
+    """Change values of a JSON file."""
+    file.write_text(json.dumps(json.loads(file.read_text()) | changes))
 
 
 def numbered(played: Played) -> Played:

@@ -1,5 +1,7 @@
 """A drive becomes a library: spaced, turned, sharp, each picture with its own pose."""
 
+import base64
+import json
 from pathlib import Path
 
 import cv2
@@ -51,15 +53,10 @@ def test_chosen_ones_are_apart_and_all_others_are_near_one(
         assert near, "what is left out has a sharper one near"
 
 
-@pytest.mark.parametrize(
-    ("text", "distance_m", "degrees"),
-    [
-        ("0.4m,45deg", 0.4, 45),
-        (" 18in , 30deg", 0.4572, 30),
-        ("40cm,180deg", 0.4, 180),
-        ("1ft,9.5deg", 0.3048, 9.5),
-    ],
-)
+SPACINGS = [("0.4m,45deg", 0.4, 45), (" 18in , 30deg", 0.4572, 30), ("40cm,180deg", 0.4, 180)]
+
+
+@pytest.mark.parametrize(("text", "distance_m", "degrees"), [*SPACINGS, ("1ft,9.5deg", 0.3048, 9.5)])
 def test_spacing_is_read(text: str, distance_m: float, degrees: float) -> None:
     every = read_every(text)
     assert every.distance_m == pytest.approx(distance_m)
@@ -98,12 +95,8 @@ def test_blurred_pictures_are_told_from_sharp_ones_of_other_things() -> None:
     assert np.flatnonzero(found).tolist() == list(range(0, 40, 8))
 
 
-def test_few_pictures_are_not_judged() -> None:
+def test_few_pictures_are_not_judged_and_a_little_blur_one_way_only_is_found() -> None:
     assert not blurred(np.array([[0.0, 0.0]] * 10 + [[-9.0, -9.0]])).any()
-
-
-def test_a_picture_that_is_a_little_blurred_one_way_only_is_found_by_that() -> None:
-    """As blurred both ways it may as well show little."""
     usual = np.random.default_rng(0).normal(-1.0, 0.1, (100, 1)) + np.array([0.0, 0.2])
     little = -1.0 - 0.28
     found = blurred(np.vstack([usual, [[little, little + 0.2], [little, -0.8], [-1.0, little]]]))
@@ -175,14 +168,10 @@ def test_pictures_inside_a_log_are_kept(tmp_path: Path) -> None:
 
 
 def _inlined(text: str, folder: Path) -> str:
-    import base64
-    import json
-
     lines = [json.loads(line) for line in text.splitlines()]
     for line in lines:
         if "image" in line:
-            data = (folder / line["image"]).read_bytes()
-            line["image"] = {"base64": base64.b64encode(data).decode()}
+            line["image"] = {"base64": base64.b64encode((folder / line["image"]).read_bytes()).decode()}
     return "\n".join(json.dumps(line) for line in lines) + "\n"
 
 

@@ -1,5 +1,6 @@
-"""The cache: built once, by content, fixed when damaged, safe for two at once."""
+"""Libraries hold what their channels measure; the cache builds them once, by content, for two at once."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,12 @@ import pytest
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries import store as library_store
 from maurice_loaders.libraries.store import build_library, library_key, open_library, save_library
+from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.library import Library
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.sensor.references import nearest_reference
+
+from ..conftest import WriteLog
 
 
 @pytest.fixture
@@ -61,8 +67,13 @@ def test_a_library_folder_is_loaded(survey: Path, builds: list[Path], tmp_path: 
     assert builds == []
 
 
-def test_content_decides(survey: Path) -> None:
+def test_what_decides_is_content_and_not_the_place(survey: Path, tmp_path: Path) -> None:
     key = library_key(survey)
+    (tmp_path / "there").mkdir()
+    for name in ("pictures", "survey.log"):
+        (survey.parent / name).rename(tmp_path / "there" / name)
+    assert library_key(tmp_path / "there/survey.log") == key
+    survey = tmp_path / "there/survey.log"
     assert library_key(survey, keep_going=True) != key
     assert library_key(survey, ["color"]) != key
     picture = survey.parent / "pictures/survey-00004.jpg"
@@ -73,14 +84,6 @@ def test_content_decides(survey: Path) -> None:
     assert library_key(survey) == key
     survey.write_text(survey.read_text() + "\n")
     assert library_key(survey) != key
-
-
-def test_the_place_does_not(survey: Path, tmp_path: Path) -> None:
-    key = library_key(survey)
-    (tmp_path / "there").mkdir()
-    for name in ("pictures", "survey.log"):
-        (survey.parent / name).rename(tmp_path / "there" / name)
-    assert library_key(tmp_path / "there/survey.log") == key
 
 
 @pytest.mark.parametrize("part", ["manifest.json", "entries.parquet", "color-*.npz", "pictures/00000.jpg"])
@@ -150,3 +153,115 @@ def test_two_processes_at_once(survey: Path, tmp_path: Path) -> None:
 def test_a_session_is_no_library(write_log: Any) -> None:
     with pytest.raises(InputError, match="found a session log, expected a survey log"):
         open_library(write_log())
+
+
+def test_measures_every_picture_with_every_channel(survey: Path) -> None:
+    library = build_library(survey)
+    pictures = [p for p in SessionLog(survey).survey_pictures() if not p.covered]
+    assert set(library.index) == set(CHANNELS)
+    for name, index in library.index.items():
+        rows = np.array([CHANNELS[name].describe(p.image) for p in pictures])
+        assert np.array_equal(index.references, rows)
+        assert np.array_equal(index.relevance, rows.max(axis=0))
+        assert index.references.dtype == index.noise_floor.dtype == index.relevance.dtype == np.float32
+    assert np.allclose(library.poses, [[0.5 * k, 1.0, 0.1 * k] for k in range(5)])
+    assert library.pictures == tuple(p.path for p in pictures)
+    assert (library.name, library.display_units) == ("place", "in")
+
+
+def test_the_noise_floor_is_the_mean_of_the_covered_pictures(survey: Path) -> None:
+    covered = [p.image for p in SessionLog(survey).survey_pictures() if p.covered]
+    library = build_library(survey)
+    for name, index in library.index.items():
+        expected = np.mean([CHANNELS[name].describe(image) for image in covered], axis=0)
+        assert np.allclose(index.noise_floor, expected, atol=1e-4)
+    assert library.index["color"].noise_floor.max() > 0
+
+
+def test_without_covered_pictures_and_a_map_there_is_no_floor_a_warning_and_all_around_is_free(
+    write_log: WriteLog, pixel: object, survey: Path
+) -> None:
+    path = write_log({"t": 0, "image": pixel, "pose": [1, 2, 0]}, kind="survey")
+    warnings: list[str] = []
+    library = build_library(path, warn=warnings.append)
+    assert not library.index["color"].noise_floor.any()
+    assert "lens covered" in warnings[0]
+    assert library.pictures == (None,)
+    library = build_library(survey)
+    assert library.arena.bounds == (-1.0, 0.0, 3.0, 2.0)
+    assert library.arena.walls.shape == (0, 4)
+
+
+def test_poses_outside_the_map_are_told(write_log: WriteLog, pixel: object) -> None:
+    records = [{"t": t, "image": pixel, "pose": [t, 0.5, 0]} for t in range(4)]
+    warnings: list[str] = []
+    build_library(write_log(*records, kind="survey", map={"bounds_m": [0, 0, 1.5, 1]}), warn=warnings.append)
+    assert any("2 of 4 surveyed poses lie outside the map" in text for text in warnings)
+
+
+def test_only_the_channels_asked_for_and_progress_to_the_end(survey: Path) -> None:
+    assert set(build_library(survey, ["edges"]).index) == {"edges"}
+    with pytest.raises(ValueError, match="found channel 'smell', expected one of color, edges"):
+        build_library(survey, ["smell"])
+    seen: list[tuple[int, int]] = []
+    build_library(survey, progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(k, 7) for k in range(1, 8)]
+
+
+def test_broken_lines_stop_it_or_are_told(survey: Path) -> None:
+    survey.write_text(survey.read_text() + '{"t": 99, "image": "gone.jpg", "pose": [0, 0, 0]}\n')
+    with pytest.raises(InputError, match=r"survey\.log:9: gone\.jpg"):
+        build_library(survey)
+    warnings: list[str] = []
+    assert build_library(survey, keep_going=True, warn=warnings.append).size == 5
+    assert any("1 broken records skipped, the first: " in text for text in warnings)
+
+
+@pytest.mark.parametrize("far", [[1e8, 1e7, 0], [1e9, -1e9, 0], [0, 1e4 + 0.6, 0]])
+def test_a_wild_pose_is_named_and_no_map_is_rastered(write_log: WriteLog, pixel: object, far: object) -> None:
+    poses = [[0, 0, 0], [0.5, 0, 0], far, [0, 0.5, 0]]
+    records = [{"t": t, "image": pixel, "pose": pose} for t, pose in enumerate(poses)]
+    survey = write_log(*records, name="survey.log", kind="survey")
+    session = write_log(name="session.log", survey="survey.log")
+    at = re.escape(f"({far[0]:.15g}, {far[1]:.15g})") if isinstance(far, list) else ""
+    for build in (build_library, open_library):
+        with pytest.raises(InputError, match=f"found poses .* m apart, the farthest off at {at}") as caught:
+            build(SessionLog(session).info.survey or session)
+        assert caught.value.file == survey
+
+
+def test_ten_kilometers_anywhere_become_a_raster(write_log: WriteLog, pixel: object) -> None:
+    poses = [[1e8, -1e8, 0], [1e8 + 0.5, -1e8, 0], [1e8 + 9_990, -1e8 + 9_990, 0]]
+    records = [{"t": t, "image": pixel, "pose": pose} for t, pose in enumerate(poses)]
+    library = build_library(write_log(*records, kind="survey"))
+    reference = nearest_reference(library.poses, library.arena)
+    assert np.prod(reference.grid.shape) < 1.1e6
+    at = (library.poses - [*library.origin, 0.0]).astype(np.float32)
+    assert reference.entries(at, library.origin)[2] == 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"bounds_m": [0, 0, 1e7, 1]},
+        {"walls_m": [[0, 0, 1e8, 0]]},
+        {"floors": [{"name": "f", "polygon_m": [[0, 0], [1, 0], [-2e4, 1]]}]},
+        {"bounds_m": [2e4, 0, 2e4 + 1, 1]},
+    ],
+    ids=["bounds", "wall", "floor", "far from the poses"],
+)
+def test_a_map_too_large_names_the_survey(write_log: WriteLog, pixel: object, change: dict[str, Any]) -> None:
+    plan = {"bounds_m": [0, 0, 1, 1]} | change
+    path = write_log({"t": 0, "image": pixel, "pose": [0, 0, 0]}, kind="survey", map=plan)
+    with pytest.raises(
+        InputError, match=r"found a map that with the poses spans .*; are they in meters"
+    ) as caught:
+        build_library(path)
+    assert caught.value.file == path
+
+
+def test_nothing_to_build_from(write_log: WriteLog, pixel: object) -> None:
+    with pytest.raises(InputError, match="found no picture with a pose, expected at least one"):
+        build_library(write_log({"t": 0, "image": pixel, "covered": True}, kind="survey"))
+    with pytest.raises(InputError, match="found a session log, expected a survey log"):
+        build_library(write_log({"t": 0, "image": pixel}))

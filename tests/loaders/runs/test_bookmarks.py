@@ -21,25 +21,18 @@ from maurice_loaders.runs.bookmarks import (
 ODD, LATE = Bookmark(40, "odd turn"), Bookmark(7, "späte Bilder 雨")
 
 
-def test_none_where_there_is_no_file(tmp_path: Path) -> None:
+def test_what_is_added_is_appended_read_by_step_and_twice_is_twice(tmp_path: Path) -> None:
     assert read_bookmarks(tmp_path).kept == ()
     assert remove_bookmarks(tmp_path, [ODD]) == 0
     assert not bookmarks_file(tmp_path).exists()
-
-
-def test_what_is_added_is_read_by_step_and_twice_is_twice(tmp_path: Path) -> None:
+    before = b""
     for one in (ODD, LATE, ODD):
         add_bookmark(tmp_path, one)
+        assert bookmarks_file(tmp_path).read_bytes().startswith(before)
+        before = bookmarks_file(tmp_path).read_bytes()
     assert read_bookmarks(tmp_path).kept == (LATE, ODD, ODD)
     lines = bookmarks_file(tmp_path).read_text(encoding="utf-8").splitlines()
     assert json.loads(lines[1]) == {"step": 7, "note": "späte Bilder 雨"}
-
-
-def test_adding_only_appends(tmp_path: Path) -> None:
-    add_bookmark(tmp_path, ODD)
-    before = bookmarks_file(tmp_path).read_bytes()
-    add_bookmark(tmp_path, LATE)
-    assert bookmarks_file(tmp_path).read_bytes().startswith(before)
 
 
 @pytest.mark.parametrize(
@@ -68,9 +61,6 @@ def test_a_broken_line_is_said_with_its_number_and_the_others_are_read(
     assert "bookmarks.jsonl:2: " in found.problem
     assert said in found.problem
     assert "\n" not in found.problem
-
-
-def test_several_broken_lines_are_one_line(tmp_path: Path) -> None:
     bookmarks_file(tmp_path).write_text("a\n\nb\nc\n")
     assert str(read_bookmarks(tmp_path).problem).endswith("left as it is (and 2 more)")
 

@@ -1,27 +1,19 @@
 """Damaged saved runs are one line each, and what differs from a run is named."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.runs.store import SavedRun, first_difference, open_runs, same
+from maurice_loaders.runs.store import first_difference, same
 from maurice_loaders.runs.writer import rows_of
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
 
-Save = Callable[..., tuple[Path, list[tuple[Moment, StepRecord]]]]
+from ..conftest import Save, edit, opened
+
 INJECTING = {"recovery.strategy": "always", "recovery.share": 0.1}
-
-
-def opened(folder: Path) -> SavedRun:
-    (saved,) = open_runs(folder)
-    return saved
 
 
 def tamper(folder: Path, table: str, part: str, column: str, change: Callable[[pl.Expr], pl.Expr]) -> None:
@@ -70,12 +62,17 @@ def test_zero_and_minus_zero_are_not_the_same() -> None:
     assert not same(1, 1.0)
 
 
-def edit(file: Path, **changes: Any) -> None:
-    file.write_text(json.dumps(json.loads(file.read_text()) | changes))
-
-
 def cut(file: Path) -> None:
     file.write_bytes(file.read_bytes()[:-100])
+
+
+def tampered(table: str, column: str, more: int | None) -> Callable[[Path], None]:
+    """Add to a column, or empty it."""
+
+    def change(values: pl.Expr) -> pl.Expr:
+        return pl.when(False).then(values) if more is None else values + more
+
+    return lambda folder: tamper(folder, table, "00000001.parquet", column, change)
 
 
 DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -95,22 +92,10 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
     "cut particles": (lambda f: cut(f / "particles/00000001.parquet"), "damaged Parquet"),
     "no renewed": (lambda f: (f / "renewed/00000001.parquet").unlink(), "is missing"),
     "no steps": (lambda f: (f / "steps/00000001.parquet").unlink(), "found 0 steps, expected the 14"),
-    "fewer particles": (
-        lambda f: tamper(f, "steps", "00000001.parquet", "particles", lambda c: c + 1),
-        "found 50 particles at step 1, expected 51",
-    ),
-    "steps out of order": (
-        lambda f: tamper(f, "steps", "00000001.parquet", "step", lambda c: c + 1),
-        "found step 2, expected step 1",
-    ),
-    "parent out of reach": (
-        lambda f: tamper(f, "renewed", "00000001.parquet", "parent", lambda c: c + 10**9),
-        "parent that is no particle",
-    ),
-    "empty values": (
-        lambda f: tamper(f, "particles", "00000001.parquet", "x_m", lambda c: pl.when(False).then(c)),
-        "found no value of x_m",
-    ),
+    "fewer particles": (tampered("steps", "particles", 1), "found 50 particles at step 1, expected 51"),
+    "steps out of order": (tampered("steps", "step", 1), "found step 2, expected step 1"),
+    "parent out of reach": (tampered("renewed", "parent", 10**9), "parent that is no particle"),
+    "empty values": (tampered("particles", "x_m", None), "found no value of x_m"),
 }
 
 

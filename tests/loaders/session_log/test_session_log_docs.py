@@ -44,7 +44,7 @@ def with_pictures(folder: Path, text: str, image: U8) -> Path:
     return folder / "example.log"
 
 
-def test_the_example_reads_as_the_page_says(tmp_path: Path, image: U8) -> None:
+def test_the_examples_read_as_the_page_says(tmp_path: Path, image: U8) -> None:
     log = SessionLog(with_pictures(tmp_path, SESSION, image))
     first, second = log.moments()
     assert [first.frame.time_s, second.frame.time_s] == [1.6, 4.0]
@@ -53,9 +53,6 @@ def test_the_example_reads_as_the_page_says(tmp_path: Path, image: U8) -> None:
     assert second.truth is None
     assert second.events == ("lights off",)
     assert log.info.survey == tmp_path / "survey.log"
-
-
-def test_the_survey_example_reads(tmp_path: Path, image: U8) -> None:
     pictures = list(SessionLog(with_pictures(tmp_path, SURVEY, image)).survey_pictures())
     assert [p.covered for p in pictures] == [True, False, False]
 
@@ -66,15 +63,12 @@ def test_the_examples_obey_the_schema(validator: Any, text: str) -> None:
         validator.validate(line)
 
 
-def test_the_example_shows_every_key_of_the_schema() -> None:
+def test_the_page_tells_every_key_and_the_bounds_and_no_option_that_there_is_not() -> None:
     for kind in ("header", "record", "camera", "map"):
         for key in SCHEMA["$defs"][kind]["properties"]:
             assert f'"{key}":' in SESSION + SURVEY, key
             assert re.search(rf"`{key}\b|\.{key}`", PAGE), key
     assert all(f"`{key}`" in PAGE for key in RECORD_KEYS)
-
-
-def test_the_page_tells_the_bounds_and_no_option_that_there_is_not() -> None:
     assert "at most 1e9 in size, `t` at most 4e9" in PAGE
     assert (MOST, MOST_T_S, MOST_SPAN_M) == (1e9, 4e9, 10_000)
     assert "--camera" not in PAGE

@@ -17,6 +17,7 @@ from maurice_loaders.session_log.records import (
     EventRecord,
     OdometryRecord,
     PictureRecord,
+    Record,
     TruthRecord,
     read_header,
     read_records,
@@ -49,53 +50,45 @@ def test_comes_back_exactly(tmp_path_factory: Any, steps: list[tuple[float, Any]
             else:
                 getattr(writer, kind)(t_s, value)
     assert read_header(path)[0].name == name
-    found: list[tuple[float, Any]] = []
-    for record in read_records(path, "session", ReadingNotes(keep_going=False)):
-        match record:
-            case OdometryRecord():
-                found.append((record.t_s, ("odometry", record.motion.tolist())))
-            case TruthRecord():
-                found.append((record.t_s, ("truth", record.pose.tolist())))
-            case EventRecord():
-                found.append((record.t_s, ("event", record.text)))
-            case PictureRecord():
-                found.append((record.t_s, ("image", record.covered)))
+    found = [(r.t_s, content(r)) for r in read_records(path, "session", ReadingNotes(keep_going=False))]
     assert found == [(t_s, value) for t_s, (_, value) in zip(times, steps, strict=True)]
 
 
-def test_encoders_are_kept(tmp_path: Path) -> None:
-    with SessionWriter(tmp_path / "a.log", INFO) as writer:
-        writer.odometry(0, np.array([1.0, 2.0, 3.0]), encoders_m=(0.1, 0.2, 0.3, 0.4))
-    (record,) = read_records(tmp_path / "a.log", "session", ReadingNotes(keep_going=False))
-    assert isinstance(record, OdometryRecord)
-    assert record.encoders_m is not None
-    assert record.encoders_m.tolist() == [0.1, 0.2, 0.3, 0.4]
+def content(record: Record) -> tuple[str, object]:
+    match record:
+        case OdometryRecord():
+            return "odometry", record.motion.tolist()
+        case TruthRecord():
+            return "truth", record.pose.tolist()
+        case EventRecord():
+            return "event", record.text
+        case PictureRecord():
+            return "image", record.covered
+
+
+def test_encoders_are_kept_and_every_line_is_there_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    with SessionWriter(path, INFO) as writer:
+        for k in range(1, 4):
+            writer.odometry(k, np.array([1.0, 2.0, 3.0]), encoders_m=(0.1, 0.2, 0.3, 0.4))
+            assert path.read_bytes().count(b"\n") == k + 1
+            assert path.read_bytes().endswith(b"\n")
+    for record in read_records(path, "session", ReadingNotes(keep_going=False)):
+        assert isinstance(record, OdometryRecord)
+        assert record.encoders_m is not None
+        assert record.encoders_m.tolist() == [0.1, 0.2, 0.3, 0.4]
 
 
 def test_pictures_are_numbered_and_read_back(tmp_path: Path, image: U8) -> None:
     with SessionWriter(tmp_path / "a.log", INFO) as writer:
         names = [writer.image(0, image), writer.image(1, image[:8]), writer.image(2, image, name="mine")]
     assert names == ["pictures/a-00001.jpg", "pictures/a-00002.jpg", "pictures/mine.jpg"]
+    with SessionWriter(tmp_path / "other.log", INFO) as writer:
+        assert writer.image(0, image) == "pictures/other-00001.jpg"  # logs in one folder share no pictures
     first, second, _ = SessionLog(tmp_path / "a.log").moments()
     jpeg = cv2.imdecode(np.frombuffer(encode_jpeg(image), np.uint8), cv2.IMREAD_COLOR)
     assert np.array_equal(first.frame.image, cv2.cvtColor(jpeg, cv2.COLOR_BGR2RGB))
     assert second.frame.image.shape == (8, 16, 3)
-
-
-def test_two_logs_in_one_folder_do_not_share_pictures(tmp_path: Path, image: U8) -> None:
-    for stem in ("session", "survey"):
-        with SessionWriter(tmp_path / f"{stem}.log", INFO) as writer:
-            writer.image(0, image)
-    assert len(list((tmp_path / "pictures").iterdir())) == 2
-
-
-def test_every_line_is_there_at_once(tmp_path: Path, image: U8) -> None:
-    path = tmp_path / "a.log"
-    with SessionWriter(path, INFO) as writer:
-        for k in range(1, 4):
-            writer.event(k, "hello")
-            assert path.read_bytes().count(b"\n") == k + 1
-            assert path.read_bytes().endswith(b"\n")
 
 
 def test_nothing_is_overwritten_unasked(tmp_path: Path, image: U8) -> None:
@@ -123,48 +116,40 @@ def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
         SessionWriter(tmp_path / "folder.log", INFO, force=True)
 
 
-class TestValuesThatNoLogMayHold:
-    @pytest.fixture
-    def path(self, tmp_path: Path) -> Path:
-        return tmp_path / "a.log"
+IMPOSSIBLE: list[tuple[str, tuple[Any, ...], dict[str, Any], str]] = [
+    ("event", (4, "too early"), {}, "not before 5"),
+    ("event", (float("nan"), "never"), {}, "finite time"),
+    ("truth", (6, [0, float("inf"), 0]), {}, "expected 3 finite numbers"),
+    ("odometry", (6, [0, 0]), {}, "expected 3 finite numbers"),
+    ("odometry", (6, [0, 0, 0]), {"encoders_m": [1, 2]}, "expected 4 finite numbers"),
+    ("odometry", (6, [0, 0, -1e300]), {}, "expected each a number up to 1e9 in size"),
+    ("event", (1e10, "too late"), {}, "expected a number up to 4e9 in size"),
+    ("image", (6, np.zeros((2, 2, 3), np.uint8)), {"pose": [0, 0, 0]}, "a pose goes with"),
+]
 
-    def test_are_refused_and_leave_the_log_whole(self, path: Path, image: U8) -> None:
-        with SessionWriter(path, INFO) as writer:
-            writer.event(5, "begin")
-            with pytest.raises(ValueError, match="not before 5"):
-                writer.event(4, "too early")
-            with pytest.raises(ValueError, match="finite time"):
-                writer.event(float("nan"), "never")
-            with pytest.raises(ValueError, match="expected 3 finite numbers"):
-                writer.truth(6, [0, float("inf"), 0])
-            with pytest.raises(ValueError, match="expected 3 finite numbers"):
-                writer.odometry(6, [0, 0])
-            with pytest.raises(ValueError, match="expected 4 finite numbers"):
-                writer.odometry(6, [0, 0, 0], encoders_m=[1, 2])
-            with pytest.raises(ValueError, match="expected each a number up to 1e9 in size"):
-                writer.odometry(6, [0, 0, -1e300])
-            with pytest.raises(ValueError, match="expected a number up to 4e9 in size"):
-                writer.event(1e10, "too late")
-            with pytest.raises(ValueError, match="a pose goes with"):
-                writer.image(6, image, pose=[0, 0, 0])
-            writer.event(6, "end")
-        assert len(path.read_text().splitlines()) == 3
-        assert not (path.parent / "pictures").exists()
 
-    def test_a_survey_wants_poses_unless_covered(self, path: Path, image: U8) -> None:
-        with SessionWriter(path, INFO, "survey") as writer:
-            with pytest.raises(ValueError, match="a pose goes with"):
-                writer.image(0, image)
-            with pytest.raises(ValueError, match="a pose goes with"):
-                writer.image(0, image, covered=True, pose=[0, 0, 0])
-            writer.image(0, image, covered=True)
-            writer.image_path(1, "b.jpg", pose=[0, 0, 0])
-        assert [json.loads(line).get("pose") for line in path.read_text().splitlines()[1:]] == [
-            None,
-            [0, 0, 0],
-        ]
+def test_values_that_no_log_may_hold_are_refused_and_leave_the_log_whole(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    with SessionWriter(path, INFO) as writer:
+        writer.event(5, "begin")
+        for kind, values, options, told in IMPOSSIBLE:
+            with pytest.raises(ValueError, match=told):
+                getattr(writer, kind)(*values, **options)
+        writer.event(6, "end")
+    assert len(path.read_text().splitlines()) == 3
+    assert not (tmp_path / "pictures").exists()
+    with pytest.raises(ValueError, match="JSON compliant"):
+        SessionWriter(tmp_path / "b.log", SessionInfo("a", motion={"gain": float("nan")}))
+    assert not (tmp_path / "b.log").exists()
 
-    def test_a_header_with_nan_touches_no_file(self, path: Path) -> None:
-        with pytest.raises(ValueError, match="JSON compliant"):
-            SessionWriter(path, SessionInfo("a", motion={"gain": float("nan")}))
-        assert not path.exists()
+
+def test_a_survey_wants_poses_unless_covered(tmp_path: Path, image: U8) -> None:
+    path = tmp_path / "a.log"
+    with SessionWriter(path, INFO, "survey") as writer:
+        for options in ({}, {"covered": True, "pose": [0, 0, 0]}):
+            with pytest.raises(ValueError, match="a pose goes with"):
+                writer.image(0, image, **options)
+        writer.image(0, image, covered=True)
+        writer.image_path(1, "b.jpg", pose=[0, 0, 0])
+    poses = [json.loads(line).get("pose") for line in path.read_text().splitlines()[1:]]
+    assert poses == [None, [0, 0, 0]]
