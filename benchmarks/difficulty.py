@@ -26,7 +26,7 @@ from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import GENERATOR
 from maurice_datasets.tasks import TASKS, TIERS, for_fitting
 from maurice_datasets.worlds.world import inside
-from maurice_loaders.io.files import cache_root
+from maurice_loaders.files import cache_root
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.map import Arena

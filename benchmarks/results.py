@@ -31,7 +31,7 @@ from maurice_datasets.sessions import simulated_session
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import GENERATOR, cached_survey
 from maurice_datasets.tasks import TASKS, for_testing
-from maurice_loaders.io.files import cache_root
+from maurice_loaders.files import cache_root
 from maurice_mcl.analysis.metrics import Scorer, score_step
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.config.build import build_localizer

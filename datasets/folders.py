@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.files import cache_root, discard
+from maurice_loaders.files import cache_root, discard
 
 NOTE = "simulation.json"  # written last: a folder without it is not finished
 

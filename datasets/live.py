@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log.header import header_to_json
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.io.files import new_folder
+from maurice_loaders.files import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.errors import InputError
 from maurice_mcl.session import Frame, Moment, SessionInfo

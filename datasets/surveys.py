@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_loaders.io.files import new_folder
+from maurice_loaders.files import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import INCH_M, wrap

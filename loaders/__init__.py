@@ -5,11 +5,13 @@ The chapters are
 * `reading`: how a recording is read; `recording`: records in time order, which every format is read into
 * `formats`: one file a format, and the registry that detects it; `bags`: ROS bags and MCAP
 * `session_log`: our own format, read and written
-* `transforms`: recordings corrected, aligned in time, thinned, with odometry made
+* `transforms`: recordings corrected, with odometry made, with fewer pictures
+* `time_alignment`: clocks, and pictures paired with odometry and truth by time
 * `recorded_session`: a recording as a session; `live`: a source that is read while it grows
 * `libraries`: built from surveys and drives; `runs`: saved runs
-* `export`, `importing`, `calibration`, `inspection`: files for and from other programs, and their contents
-* `config_files`: configuration as TOML; `io`: files, fields, pictures; `errors`: what bad input raises
+* `export`, `importing`, `calibration`: files for and from other programs
+* `inspection`, `doctor`: what is in a recording, and what is wrong with it
+* `config_files`: configuration as TOML; `files`, `pictures`: reading and writing; `errors`: bad input
 
 A new format is one file in `formats` and one line in its registry.
 """

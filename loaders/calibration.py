@@ -1,4 +1,4 @@
-"""Calibration trials: from a CSV table, or from a session log with truth."""
+"""Calibration trials: from a CSV table, a session log with truth, or a folder of odometry and truth."""
 
 from __future__ import annotations
 
@@ -11,18 +11,24 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from maurice_mcl.arrays import F64, U8
+from maurice_mcl.arrays import F64, U8, Bool
 from maurice_mcl.calibration.motion import MotionSegment, Straights, Trials, Turns, trials_of
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
 from .errors import InputError, PictureError, ReadingNotes
-from .formats.odometry_folder import Cutting
-from .io.fields import number_in, show
-from .io.files import PICTURES, expect_regular, write_whole
-from .io.pictures import decode_picture
+from .files import (
+    PICTURES,
+    number_in,
+    read_csv,
+    read_number_rows,
+    show,
+    write_whole,
+)
+from .pictures import decode_picture
 from .session_log.reader import picture_bytes
 from .session_log.records import (
     EventRecord,
@@ -58,16 +64,7 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
     """
     if unit not in METERS:
         raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
-    expect_regular(file, "a table of trials")
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as data:
-            rows = list(_rows(file, csv.DictReader(data), METERS[unit]))
-    except FileNotFoundError:
-        raise InputError(file, "found no such file, expected a table of trials; check the path") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as problem:
-        raise InputError(file, f"cannot be read as a CSV table: {problem}") from None
-    if not rows:
-        raise InputError(file, "found no rows, expected one a trial")
+    rows = read_csv(file, "a table of trials", "trial", lambda table: _rows(file, table, METERS[unit]))
     return _trials(rows)
 
 
@@ -243,7 +240,6 @@ def covered_pictures(path: Path) -> Iterator[U8]:
 
 
 def _log_of(folder: Path) -> Path | None:
-    """Return survey.log, or the only log of a folder; None when it holds no log."""
     logs = sorted(folder.glob("*.log"))
     named = folder / "survey.log"
     if named in logs:
@@ -264,19 +260,130 @@ def _of_log(log: Path) -> Iterator[U8]:
             except PictureError as problem:
                 raise InputError(log, f"{record.path or 'inline picture'}: {problem}", record.line) from None
     if none:
-        raise InputError(
-            log, 'found no picture with "covered": true, expected some taken with the lens cap on'
-        )
+        wanted = "expected some taken with the lens cap on"
+        raise InputError(log, f'found no picture with "covered": true, {wanted}')
 
 
 def _of_folder(folder: Path) -> Iterator[U8]:
     files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES and file.is_file())
     if not files:
-        raise InputError(
-            folder, "found neither pictures nor a log, expected pictures taken with the lens cap on"
-        )
+        wanted = "expected pictures taken with the lens cap on"
+        raise InputError(folder, f"found neither pictures nor a log, {wanted}")
     for file in files:
         try:
             yield decode_picture(file.read_bytes())
         except PictureError as problem:
             raise InputError(file, str(problem)) from None
+
+
+# A folder of odometry beside motion-capture truth, one row per sample: the true x y theta, the x y of the
+# robot's own odometry, and the z w of its heading, in a frame of its own. The robot never stops to be
+# measured, so the drive is cut where it changes between turning and going.
+
+FILES = {"gt.txt": 3, "odom_pose.txt": 2, "odom_quaternion.txt": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Cutting:
+    """How a drive is cut into movements; all ours."""
+
+    turning_m: float = 0.05  # turning: heading change times this (half a track) exceeds the distance
+    still_m: float = 0.0005  # a row in which neither goes further than this is standing
+    least_rad: float = float(np.radians(10))  # a smaller turn is left out, a straight that bends more as well
+    least_m: float = 0.05  # shorter straights are left out
+    jump: float = 3.0  # truth that goes this many times as far as the wheels, in a row or altogether ...
+    noise_rad: float = 0.1  # ... is not believed; but truth may be noisy by this in a row
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlignedDrive:
+    """Odometry and truth, row by row; headings are not wrapped."""
+
+    odometry: F64  # (n, 3) x_m, y_m, heading_rad, in the odometry's own frame
+    truth: F64  # (n, 3)
+
+
+def is_odometry_folder(folder: Path) -> bool:
+    """Return whether a folder holds the three files."""
+    return all((folder / name).is_file() for name in FILES)
+
+
+def read_aligned(folder: Path) -> AlignedDrive:
+    """Read the three files. Raises InputError naming the file and the line, or files of different lengths."""
+    missing = [name for name in FILES if not (folder / name).is_file()]
+    if missing:
+        raise InputError(folder, f"found no {', '.join(missing)} in it, expected {', '.join(FILES)}")
+    truth, places, turns = (_table(folder / name, columns) for name, columns in FILES.items())
+    if not len(truth) == len(places) == len(turns):
+        counts = ", ".join(f"{len(t)} in {n}" for n, t in zip(FILES, (truth, places, turns), strict=True))
+        raise InputError(folder, f"found rows of different number ({counts}), expected them aligned")
+    if len(truth) < 2:
+        raise InputError(folder, f"found {len(truth)} rows, expected a drive")
+    heading = np.unwrap(2 * np.arctan2(turns[:, 0], turns[:, 1]))
+    return AlignedDrive(
+        np.column_stack([places, heading]), np.column_stack([truth[:, :2], np.unwrap(truth[:, 2])])
+    )
+
+
+def _table(file: Path, columns: int) -> F64:
+    rows = read_number_rows(file, "a table of numbers", "a table", columns, f"{columns} finite numbers")
+    return np.array(rows, np.float64).reshape(-1, columns)
+
+
+def trials_from_folder(folder: Path, cutting: Cutting | None = None) -> Trials:
+    """Read a drive and cut it into turns and straights."""
+    return cut(read_aligned(folder), cutting or Cutting())
+
+
+STANDING, TURNING, FORWARD, BACKWARD = range(4)
+
+
+def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
+    """Cut a drive where it changes between turning and going straight, and between forward and backward.
+
+    A straight's length is that between its ends, and its drift is what the heading really changed less what
+    the odometry saw of it. Movements in which the truth jumps (capture lost, or the robot carried) are left
+    out, and counted with those that are too small, and with arcs.
+    """
+    kinds, jumped = _kinds(drive.odometry, cutting), jumps(drive, cutting)
+    edges = np.flatnonzero(np.diff(kinds)) + 1
+    turns, ways, left_out = [], [], 0
+    for first, last in zip([0, *edges], [*edges, len(kinds)], strict=True):  # steps first to last - 1
+        moved, went = (rows[last] - rows[first] for rows in (drive.odometry, drive.truth))
+        kind = kinds[first]
+        if kind == STANDING:
+            continue
+        if jumped[first:last].any() or not _believed(moved, went, kind == TURNING, cutting):
+            left_out += 1
+        elif kind == TURNING:
+            turns.append((moved[2], went[2]))
+        else:
+            ways.append((np.hypot(*moved[:2]), np.hypot(*went[:2]), went[2] - moved[2]))
+    measured, actual = np.array(turns, np.float64).reshape(-1, 2).T
+    way_m, went_m, drift_rad = np.array(ways, np.float64).reshape(-1, 3).T
+    straights = Straights(way_m, went_m, drift_rad, ("",) * len(ways))
+    return Trials(Turns(measured, actual), straights, left_out)
+
+
+def _believed(moved: F64, went: F64, turning: bool, cutting: Cutting) -> bool:
+    """Return whether a movement, by odometry and by truth (3,), is large enough, and the truth no jump."""
+    if turning:
+        return bool(cutting.least_rad <= abs(moved[2]) and abs(went[2]) < cutting.jump * abs(moved[2]))
+    way, really = (float(np.hypot(*step[:2])) for step in (moved, went))
+    return bool(abs(moved[2]) <= cutting.least_rad and cutting.least_m <= way and really < cutting.jump * way)
+
+
+def _kinds(odometry: F64, cutting: Cutting) -> NDArray[np.int64]:
+    steps = np.diff(odometry, axis=0)
+    way, arc = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) * cutting.turning_m
+    ahead = steps[:, 0] * np.cos(odometry[:-1, 2]) + steps[:, 1] * np.sin(odometry[:-1, 2])
+    going = np.where(arc > way, TURNING, np.where(ahead >= 0, FORWARD, BACKWARD))
+    return np.where(np.maximum(way, arc) < cutting.still_m, STANDING, going).astype(np.int64)
+
+
+def jumps(drive: AlignedDrive, cutting: Cutting) -> Bool:
+    """Return the steps (n - 1,) in which the truth goes or turns further than the wheels ever could."""
+    wheels, truth = (np.abs(np.diff(rows, axis=0)) for rows in (drive.odometry, drive.truth))
+    most_m = cutting.jump * float(np.hypot(wheels[:, 0], wheels[:, 1]).max())
+    most_rad = max(cutting.jump * float(wheels[:, 2].max()), cutting.noise_rad)
+    return np.asarray((np.hypot(truth[:, 0], truth[:, 1]) > most_m) | (truth[:, 2] > most_rad))

@@ -11,10 +11,7 @@ from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configu
 from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters
 
 from .errors import InputError
-from .io.fields import toml_value
-from .io.files import expect_regular
-
-# Configuration files: TOML with the tables and names of `maurice_mcl.config.parameters`, and the environment.
+from .files import read_toml, toml_value
 
 PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
 
@@ -48,10 +45,7 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
 
 
 def configuration_of(
-    preset: str | None,
-    file: Path | None,
-    environment: Mapping[str, str],
-    typed: Mapping[str, Any],
+    preset: str | None, file: Path | None, environment: Mapping[str, str], typed: Mapping[str, Any]
 ) -> Configuration:
     """Put together what is in force: default, preset, file, environment, command line, the last one winning.
 
@@ -132,13 +126,7 @@ def read_motion(file: Path) -> dict[str, Any]:
 
     Raises InputError if the file is no TOML, or holds no such table.
     """
-    expect_regular(file, "a TOML file")
-    try:
-        found = tomllib.loads(file.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(file, "found no such file, expected motion parameters; check the path") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as problem:
-        raise InputError(file, f"cannot be read as TOML: {problem}") from None
+    found = read_toml(file, "motion parameters")
     robot = found.get("robot")
     motion = robot.get("motion") if isinstance(robot, dict) else None
     if not isinstance(motion, dict) or not motion:

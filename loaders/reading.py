@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -16,8 +15,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 from .errors import FieldError, InputError
-from .io.fields import flag, mapping, number, show, text, toml_value, whole
-from .io.files import expect_regular, write_whole
+from .files import (
+    flag,
+    mapping,
+    number,
+    read_toml,
+    show,
+    text,
+    toml_value,
+    whole,
+    write_whole,
+)
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")
@@ -162,13 +170,7 @@ def read_reading(path: str | Path) -> ReadingOptions:
         -1.0
     """
     path = Path(path)
-    expect_regular(path, "a TOML file")
-    try:
-        found = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(path, "found no such file, expected options of reading; check the path") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as problem:
-        raise InputError(path, f"cannot be read as TOML: {problem}") from None
+    found = read_toml(path, "options of reading")
     if list(found) != [TABLE]:
         names = ", ".join(found) or "nothing"
         raise InputError(path, f"found {names}, expected one table [{TABLE}], as doctor --fix writes it")
@@ -234,7 +236,6 @@ def reading_from_json(value: Any, elsewhere: tuple[str, ...] = ELSEWHERE) -> Rea
 
 
 def _checked(name: str, value: Any) -> Any:
-    """Return a value of the field's type. FieldError for any other."""
     usual, meaning = getattr(ReadingOptions(), name), FIELDS[name]
     if usual is None:
         if value is None or text(value, name) in (meaning.choices or (value,)):

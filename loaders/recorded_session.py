@@ -19,11 +19,8 @@ from .recording import Motion, OdometryPose, Picture, Record, Recording, TruthPo
 from .session_log.header import Kind
 from .session_log.reader import SessionLog, SurveyPicture
 from .session_log.records import read_records
-from .transforms.clocks import TimeSpan, apart
-from .transforms.gating import Gate
-from .transforms.time_alignment import Aligned, Aligner, Steps, as_rows
-
-# A recording of any format as a session: pictures paired with odometry and truth by their times.
+from .time_alignment import Aligned, Aligner, Steps, TimeSpan, apart, as_rows
+from .transforms import Gate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,8 +34,6 @@ class Glance:
 
 @dataclass(slots=True, eq=False)
 class _Update:
-    """An update before its picture is decoded."""
-
     aligned: Aligned
     time_s: float
     motions: list[F64]
@@ -155,17 +150,14 @@ class _Updates:
         self._tell()
 
     def used(self, update: _Update) -> None:
-        """Begin the motions anew: this update's picture was used."""
         self._steps.used(update.odometry)
         self._used = True
 
     def events_taken(self) -> list[str]:
-        """Return the events since the last picture used."""
         events, self._events = self._events, []
         return events
 
     def _seen(self) -> Iterator[Record]:
-        """Pass the records on, and keep what is reported at the end."""
         for record in checked(self._session.recording, self._notes):
             self._begin_s = record.t_s if self._begin_s is None else self._begin_s
             self.truths += isinstance(record, TruthPose)
@@ -203,9 +195,6 @@ class _Updates:
         )
 
 
-# When a session began, on the clock of the recording itself; a session counts from there.
-
-
 def begin_of(session: SessionLog | RecordedSession) -> float:
     """Return the time in seconds of the first record; 0 where there is none.
 
@@ -217,9 +206,6 @@ def begin_of(session: SessionLog | RecordedSession) -> float:
         return 0.0 if line is None else line.t_s
     record = next(checked(session.recording, notes), None)
     return 0.0 if record is None else record.t_s
-
-
-# Where a drive really began, for starting the filter there.
 
 
 def first_truth(recording: Recording) -> F64 | None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -18,9 +18,7 @@ from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
 
 from .errors import InputError, ReadingNotes
-from .io.fields import MOST, MOST_T_S, up_to
-
-# A recorded drive as a stream of records in time order: what every format is read into.
+from .files import MOST, MOST_T_S, up_to
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,12 +71,10 @@ class Recording(Protocol):
     @property
     def path(self) -> Path:
         """The file or folder."""
-        ...
 
     @property
     def info(self) -> SessionInfo:
         """What is known before the first record."""
-        ...
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read from the beginning on every call, lazily, in time order.
@@ -86,7 +82,6 @@ class Recording(Protocol):
         What is broken goes to `notes.problem`, what is worth saying to `notes.warning`; InputError
         where nothing more can be read.
         """
-        ...
 
 
 def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:
@@ -113,7 +108,6 @@ def interpolated(before: OdometryPose | TruthPose, after: OdometryPose | TruthPo
 
 
 def _fault(record: Record, last_t_s: float) -> str:
-    """Return what is wrong with a record; nothing when all is well."""
     if not abs(record.t_s) <= MOST_T_S:
         return f"expected a finite time, {up_to(MOST_T_S)}"
     if record.t_s < last_t_s:
@@ -122,9 +116,6 @@ def _fault(record: Record, last_t_s: float) -> str:
     if values is not None and not (np.shape(values) == (3,) and (np.abs(values) <= MOST).all()):
         return f"found {values}, expected three finite numbers, each {up_to()}"
     return ""
-
-
-# A recording around another one, in which something is otherwise: what such recordings share.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,3 +133,30 @@ class RecordingWrapper:
     def info(self) -> SessionInfo:
         """What is known before the first record."""
         return self.measured.info
+
+
+@dataclass(slots=True)
+class SimplifiedPath:
+    """A path of at most `most` poses and the last one: of a longer one every second, fourth, ... pose."""
+
+    most: int
+    _kept: list[F64] = field(default_factory=list)
+    _last: F64 | None = None
+    _stride: int = 1
+    _seen: int = 0
+
+    def add(self, pose: F64) -> None:
+        """Take in the next pose (3,)."""
+        if self._seen % self._stride == 0:
+            self._kept.append(pose)
+            if len(self._kept) > self.most:
+                self._kept, self._stride = self._kept[::2], 2 * self._stride
+        self._seen += 1
+        self._last = pose
+
+    def poses(self) -> F64:
+        """Return what is kept, and the last pose: (N, 3)."""
+        kept = self._kept
+        if self._last is not None and kept[-1] is not self._last:
+            kept = [*kept, self._last]
+        return np.array(kept, np.float64).reshape(-1, 3)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from maurice_loaders.calibration import Cutting, jumps, read_aligned
 from maurice_loaders.errors import InputError, ReadingNotes
-from maurice_loaders.formats.odometry_folder import Cutting, jumps, read_aligned
 from maurice_loaders.session_log.records import (
     OdometryRecord,
     PictureRecord,

@@ -23,7 +23,7 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError, ReadingNotes
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
-from ..transforms.time_alignment import Aligner, Steps, as_rows
+from ..time_alignment import Aligner, Steps, as_rows
 from .messages import CLOUDS, POSE_WITH_COVARIANCE, cloud_of, pose_of, use_recorded
 from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_bag, time_s
 from .recording import BagRecording, peek
@@ -297,7 +297,6 @@ def _runs(border: Bool) -> F64:
 
 
 def _coarser(occupied: Bool) -> Bool:
-    """Merge cells two by two; a merged cell is occupied if any of its cells is."""
     height, width = occupied.shape
     even = np.pad(occupied, ((0, height % 2), (0, width % 2)))
     return np.asarray(even.reshape(even.shape[0] // 2, 2, -1, 2).any(axis=(1, 3)))

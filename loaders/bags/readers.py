@@ -16,10 +16,9 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..io.fields import read_json
+from ..files import read_json
 from ..recording import Motion, Note, Picture
 from ..session_log.header import header_from_json
-from .images import picture_of
 from .messages import (
     PICTURES,
     POSES,
@@ -30,6 +29,7 @@ from .messages import (
     Link,
     known_type,
     links_of,
+    picture_of,
     planar,
     pose_of,
     stamp_ns,
@@ -53,7 +53,6 @@ class Timed(Protocol):
     @property
     def t_s(self) -> float:
         """Seconds."""
-        ...
 
 
 class Reader(Protocol):
@@ -62,19 +61,16 @@ class Reader(Protocol):
     @property
     def topics(self) -> Collection[str]:
         """The topics that it reads."""
-        ...
 
     @property
     def transforms(self) -> bool:
         """Whether it reads all transforms as well."""
-        ...
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Yield the records of one message, which is the `number`-th of its topic.
 
         `recorded`: use the recording time instead of the message's own.
         """
-        ...
 
 
 def read_bag(
@@ -101,7 +97,6 @@ def read_bag(
 def _valid(
     path: Path, records: Iterator[Timed], message: Message, number: int, notes: ReadingNotes
 ) -> Iterator[Timed]:
-    """Yield the records of one message; a message that is invalid goes to `notes`."""
     try:
         found = list(records)
     except MESSAGE_ERRORS as problem:
@@ -190,7 +185,6 @@ class PoseReader:
             yield self.make(t_s + self.offset_s, pose_of(found))
 
     def _moved(self, links: list[Link], log_ns: int, *, recorded: bool) -> Iterator[Timed]:
-        """Yield the pose when one of the transforms between the two frames was updated."""
         news = self._tree.news(links, *(self.route.frames or ("", "")))
         if news is not None:
             stamp, matrix = news

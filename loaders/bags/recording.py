@@ -14,8 +14,10 @@ from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..formats._poses import forward_axis, leaning, planar
+from ..formats.registry import Format
 from ..reading import ReadingOptions
-from ..recording import OdometryPose, Record, TruthPose
+from ..recording import OdometryPose, Record, Recording, TruthPose
+from .containers import COMPRESSED, is_bag_folder, is_mcap, open_mcap, open_ros1, open_ros2
 from .messages import (
     TEXT,
     TRANSFORMS,
@@ -41,7 +43,7 @@ from .readers import (
     in_order,
     read_bag,
 )
-from .source import BagSource, OpenBag
+from .source import BagSource, OpenBag, starts_with
 from .topics import TopicRequest, choose, nothing_to_read, readable
 
 ROLES = ("image", "odometry", "truth")
@@ -103,7 +105,6 @@ class BagRecording:
         return [ROLES]
 
     def _read(self, roles: tuple[str, ...], notes: ReadingNotes) -> Iterator[Timed]:
-        """Yield the records of some roles as they come."""
         recorded = bool(self.recorded_times)
         return read_bag(self.path, self.open_bag, self.readers(roles), notes, recorded=recorded)
 
@@ -125,12 +126,10 @@ class BagRecording:
 
 
 def _refuse_tables(path: Path, options: ReadingOptions) -> None:
-    """Refuse options of tables."""
     for name in ("time_unit", "table", "columns"):
         if getattr(options, name):
             raise InputError(
-                path,
-                f"found --reading {name}=..., which is for tables, and this is a bag; leave it out",
+                path, f"found --reading {name}=..., which is for tables, and this is a bag; leave it out"
             )
 
 
@@ -161,7 +160,6 @@ def counted(bag: BagSource, topic: str) -> int:
 
 
 def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
-    """Return the parent and child frames of the first transforms."""
     edges: set[tuple[str, str]] = set()
     for topic in readable(bag.topics, TRANSFORMS):
         for message in islice(bag.messages({topic.name}), min(TRANSFORMS_PEEKED, topic.count)):
@@ -194,7 +192,6 @@ def camera_of(bag: BagSource, image: str | None) -> tuple[Camera | None, str]:
 
 
 def _calibrated(bag: BagSource, image: str) -> Camera | None:
-    """Read image size and field of view from the calibration topic beside the pictures."""
     place = image.removesuffix("/compressed").rpartition("/")[0]
     for topic in bag.topics:
         if known_type(topic.type) in CALIBRATIONS and topic.name.rpartition("/")[0] == place:
@@ -214,7 +211,6 @@ def _camera(name: str, calibration: Any) -> Camera:
 
 
 def _frame_of(bag: BagSource, image: str) -> str:
-    """Return the frame that the first picture names."""
     for message in _decoded(bag, image, 1):
         named = getattr(message, "header", message)
         return str(getattr(named, "frame_id", "")).lstrip("/")
@@ -247,3 +243,41 @@ def _decoded(bag: BagSource, topic: str, most: int) -> Iterator[Any]:
             yield message.decode()
         except (InputError, *MESSAGE_ERRORS):
             continue
+
+
+ROS1_ANY = b"#ROSBAG V"  # of any version
+SQLITE_MAGIC = b"SQLite format 3\0"
+BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
+
+
+def _opening(name: str) -> Format:
+    def open_one(path: Path, options: ReadingOptions) -> Recording:
+        return BagRecording(path, BAGS[name], options)
+
+    return Format(name, WHAT[name], LOOKS[name], open_one, "ros", shifts=True)
+
+
+def looks_like_rosbag1(path: Path) -> bool:
+    """Return whether a file begins as ROS 1 bags do, or is named like one."""
+    return starts_with(path, ROS1_ANY) or (path.suffix == ".bag" and path.is_file())
+
+
+def looks_like_rosbag2(path: Path) -> bool:
+    """Return whether a folder is a ROS 2 bag, or a file is its database."""
+    if path.is_dir():
+        return is_bag_folder(path)
+    return path.name.endswith((".db3", *COMPRESSED)) or starts_with(path, SQLITE_MAGIC)
+
+
+def looks_like_mcap(path: Path) -> bool:
+    """Return whether a file begins as MCAP does, or is named like it."""
+    return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
+
+
+WHAT = {
+    "rosbag1": "ROS 1 bag: .bag, chunks plain, bz2 or lz4",
+    "rosbag2": "ROS 2 bag: a folder with metadata.yaml, or one .db3",
+    "mcap": "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it",
+}
+LOOKS = {"rosbag1": looks_like_rosbag1, "rosbag2": looks_like_rosbag2, "mcap": looks_like_mcap}
+FORMATS = tuple(_opening(name) for name in BAGS)

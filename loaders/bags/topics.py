@@ -122,7 +122,6 @@ def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
 
 
 def _video_advice(topics: Sequence[Topic]) -> str:
-    """Return how to install a video decoder where video needs it; else \"\"."""
     found = [] if can_decode() else readable(topics, VIDEOS)
     return _needs_extra(found[0]) if found else ""
 
@@ -167,7 +166,6 @@ def _route(
 
 
 def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str]) -> Topic:
-    """Return the requested topic."""
     same = [t for t in topics if t.name.lstrip("/") == name.lstrip("/")]
     if not same:
         raise InputError(path, f"found no topic {name}; it holds {listed(topics)}")
@@ -213,7 +211,6 @@ def _guess_in_words(
     odometry: PoseTopic | None,
     truth: PoseTopic | None,
 ) -> str:
-    """Return what was guessed, what else there is, and the options to choose otherwise."""
     roles = (
         ("pictures", "--reading image_topic=...", wishes.image, image, PICTURES | VIDEOS),
         ("odometry", "--reading odometry_topic=...", wishes.odometry, odometry, POSES),

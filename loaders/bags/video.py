@@ -23,7 +23,7 @@ import numpy as np
 from maurice_mcl.arrays import U8
 
 from ..errors import PictureError
-from .images import bytes_of
+from .messages import bytes_of
 
 if TYPE_CHECKING:
     from av.video.codeccontext import VideoCodecContext
@@ -197,7 +197,6 @@ class _Group:
         self._latest: tuple[int, U8] | None = None
 
     def add(self, data: bytes) -> int:
-        """Add a packet and return its number."""
         if len(self._packets) >= MOST_BUILT or self._bytes + len(data) > MOST_BYTES:
             found = f"found video without a key frame for {_pictures(len(self._packets))}"
             raise PictureError(f"{found} of {self._bytes} bytes, expected one")
@@ -206,7 +205,6 @@ class _Group:
         return len(self._packets) - 1
 
     def picture(self, number: int) -> U8:
-        """Decode the picture (H, W, 3) RGB of a packet."""
         from av import FFmpegError
 
         if self._latest is None or self._latest[0] != number:

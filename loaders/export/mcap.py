@@ -22,10 +22,10 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..bags.readers import HEADER, MOTIONS
 from ..bags.source import INSTALL
 from ..errors import InputError
-from ..io.files import expect_absent
-from ..io.pictures import PictureKind, encode_picture
+from ..files import expect_absent, writing
+from ..pictures import PictureKind, encode_picture
+from ..recording import SimplifiedPath
 from ..runs.writer import weighted_of
-from ..transforms.gating import SimplifiedPath
 from .tables import ExportStep
 
 if TYPE_CHECKING:
@@ -115,12 +115,10 @@ def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
     filling = file.with_name(f".{file.name}-{uuid.uuid4().hex}.part")
     bag = filling / file.stem  # rosbags names the file after its folder, and keeps that name in it
     try:
-        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            yield McapWriter(file, writer)
-        (bag / file.name).replace(file)
-    except OSError as problem:
-        reason = problem.strerror or problem
-        raise InputError(file, f"cannot be written: {reason}; choose another place") from None
+        with writing(file):
+            with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+                yield McapWriter(file, writer)
+            (bag / file.name).replace(file)
     finally:
         shutil.rmtree(filling, ignore_errors=True)
 
@@ -210,7 +208,6 @@ class RunSink:
             write_paths(self._mcap, self._begin_s, self._paths)
 
     def _add_poses(self, step: ExportStep, make: SceneMessages) -> None:
-        """Write truth and estimate, and add them to their paths."""
         if step.truth is not None:
             self._put(step, TRUTH, make.pose(MAP, step.truth))
             self._paths[TRUE_PATH].add(step.truth)

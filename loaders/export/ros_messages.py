@@ -24,7 +24,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..io.pictures import encode_jpeg
+from ..pictures import encode_jpeg
 from ..session_log.header import header_to_json
 
 PARTICLE = "geometry_msgs/Pose pose\nfloat64 weight\n"

@@ -23,8 +23,8 @@ from maurice_mcl.session import Moment, Session, SessionInfo
 
 from ..bags.readers import MOTIONS
 from ..errors import InputError, ReadingNotes
-from ..io.files import discard, expect_absent
-from ..io.pictures import PictureKind, encode_picture
+from ..files import discard, expect_absent, writing
+from ..pictures import PictureKind, encode_picture
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, checked
 from ..session_log.header import header_to_json
@@ -46,8 +46,6 @@ from .mcap import (
     write_paths,
 )
 from .tables import filling
-
-# A session of any format as a native session log.
 
 OURS = re.compile(r"\d{5,}\.(png|jpg)")  # names of pictures that were written here
 
@@ -142,12 +140,10 @@ def _filling(file: Path) -> Iterator[Path]:
     made = not file.parent.exists()
     folder = file.with_name(f".{file.name}-{uuid.uuid4().hex}.part")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        folder.mkdir()
-        yield folder
-    except OSError as problem:
-        reason = problem.strerror or problem
-        raise InputError(file, f"cannot be written: {reason}; choose another place") from None
+        with writing(file):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            folder.mkdir()
+            yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         if made:
@@ -168,10 +164,8 @@ def records_to_log(
     """
     done = Converted()
     last: F64 | None = None
-    try:
+    with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InputError(file, f"cannot be written: {problem.strerror}; choose another place") from None
     with filling(file, force=force) as part:
         with SessionWriter(part, beside(recording.info, file), force=True) as log:
             for record in checked(recording, notes):
@@ -183,7 +177,6 @@ def records_to_log(
 def _write_line(
     log: SessionWriter, record: Record, t_s: float, last: F64 | None, done: Converted
 ) -> F64 | None:
-    """Write one record; return the last odometry pose."""
     if isinstance(record, OdometryPose):
         if last is not None:
             log.odometry(t_s, motion_between(last, record.pose))

@@ -29,11 +29,9 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose
 
 from ..errors import InputError
-from ..io.files import expect_absent
+from ..files import expect_absent, writing
 from ..runs.store import SavedRun
 from ..runs.writer import StepRows, steps_schema
-
-# What other tools are given of a saved run, update by update (docs/export.md).
 
 PATHS = ("estimate", "truth", "odometry")  # in the order in which files and tables have them
 
@@ -63,7 +61,6 @@ class Sink(Protocol):
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
         """Take in the next update, and its picture (H, W, 3) RGB where that is at hand."""
-        ...
 
 
 def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportStep]:
@@ -94,14 +91,12 @@ def filling(target: Path, *, force: bool) -> Iterator[Path]:
     expect_absent(target, force=force)
     part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        yield part
-        if part.exists():
-            part.replace(target)
-        else:
-            target.unlink(missing_ok=True)
-    except OSError as problem:
-        reason = problem.strerror or problem
-        raise InputError(target, f"cannot be written: {reason}; choose another place") from None
+        with writing(target):
+            yield part
+            if part.exists():
+                part.replace(target)
+            else:
+                target.unlink(missing_ok=True)
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
@@ -318,7 +313,6 @@ class EvoSink:
 
 
 def _way(poses: F64) -> F64:
-    """Return the distance driven up to each pose (N,), from poses (N, 3)."""
     steps = np.diff(poses[:, :2], axis=0)
     return np.concatenate([[0.0], np.hypot(steps[:, 0], steps[:, 1]).cumsum()])
 

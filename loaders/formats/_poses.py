@@ -16,11 +16,11 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..io.fields import MOST_T_S, show, up_to
-from ..io.pictures import decode_picture
+from ..files import MOST_T_S, show, up_to
+from ..pictures import decode_picture
 from ..recording import OdometryPose, Picture, Record, TruthPose
 from ..session_log.reader import MAX_PICTURE_BYTES
-from ..transforms.clocks import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
+from ..time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
 from .cmucam import BEGIN, decode_frame
 
@@ -147,7 +147,6 @@ class PoseFile:
 
     @cached_property
     def _turned(self) -> list[F64]:
-        """The body's rotations in the first rows."""
         turned = []
         for row in islice(self._rows(), LOOKED_AT):
             try:
@@ -224,8 +223,6 @@ def _ending(columns: Sequence[str], axis: str) -> int | None:
     return None
 
 
-# A folder of pictures with files of odometry and truth beside it, merged by time.
-
 SLACK_S = 1.0  # spans that miss each other by less are of one clock
 
 
@@ -263,7 +260,6 @@ class TimedFolder:
         return heapq.merge(*streams, key=lambda record: record.t_s)
 
     def _one_clock(self, truth: PoseFile, notes: ReadingNotes) -> bool:
-        """Return whether truth is of the time of pictures or odometry; say what would help when it is not."""
         main = self.pictures or self.odometry
         if main is None or not main.span.count or main.span.overlaps(truth.span, SLACK_S):
             return True
@@ -284,9 +280,6 @@ class TimedFolder:
         together = f"--reading truth_offset_s={main.first_s - truth.span.first_s + truth.offset_s:.6f}"
         no_help = "" if odometry is None else "movement does not tell how far; "
         return f"{no_help}if both begin together, use {together}"
-
-
-# Text files that name pictures and when they were taken, and reading the pictures.
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,7 +325,6 @@ class PictureList:
                 yield row
 
     def _words(self, row: Row) -> list[str]:
-        """Return time and name."""
         if self.column is None:
             return words_of(row.text, 1)
         return words_of(row.text)[self.column - 1 : self.column + 1]

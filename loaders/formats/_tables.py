@@ -15,11 +15,8 @@ from typing import BinaryIO
 from maurice_mcl.geometry import INCH_M
 
 from ..errors import InputError
-from ..io.fields import MOST, show, up_to
-from ..io.files import expect_regular
-from ..transforms.clocks import PER_SECOND
-
-# Rows of text tables, streamed, whether packed with gzip or not; what is no text ends in one line.
+from ..files import MOST, expect_regular, show, up_to
+from ..time_alignment import PER_SECOND
 
 MAX_ROW_BYTES = 2**20  # a laser scan has ten thousand
 GZIP = b"\x1f\x8b"

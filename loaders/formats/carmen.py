@@ -21,7 +21,7 @@ from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..io.fields import MOST_T_S, show
+from ..files import MOST_T_S, show
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, TruthPose
 from ._tables import Row, begin_lines, number_of, rows
@@ -36,8 +36,6 @@ SAME_M, SAME_RAD = 0.01, 0.01  # a laser whose place on the robot differs by mor
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pose:
-    """A pose of a line, with its time."""
-
     row: Row
     word: str
     t_s: float
@@ -131,7 +129,6 @@ class _Continuous:
         self._pose: F64 | None = None
 
     def take(self, raw: F64, *, set_anew: bool) -> F64:
-        """Return the pose (3,) in the frame of the log's first one."""
         if self._raw is None or self._pose is None:
             self._pose = raw
         elif not set_anew:
@@ -164,7 +161,6 @@ def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
 
 
 def _time(file: Path, row: Row, words: list[str]) -> float:
-    """Return the logger's time, which stands last; it is of one clock throughout."""
     if len(words) < 4:
         raise InputError(file, f"found {show(row.text)}, expected pose, times and host", row.number)
     return number_of(file, row, words[-1], "time", MOST_T_S)

@@ -20,12 +20,10 @@ from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..io.files import natural_order
+from ..files import natural_order
 from ..reading import ReadingOptions
 from ..recording import Picture, Record
 from .registry import Format
-
-# Frames of a CMUcam's frame dump, as the camera sends them and as programs have saved them.
 
 BEGIN, LINE, END = b"\x01", b"\x02", b"\x03"
 LEAST, WIDEST, HIGHEST = 4, 176, 255  # pixels; the camera has 176 x 255
@@ -68,7 +66,6 @@ def decode_frame(data: bytes) -> U8:
 
 
 def _sized(data: bytes, begin: int) -> Found | None:
-    """Find a frame by the size that it gives, whatever its values are."""
     if begin + 3 > len(data):
         return None
     width, height = data[begin + 1], data[begin + 2]
@@ -82,7 +79,6 @@ def _sized(data: bytes, begin: int) -> Found | None:
 
 
 def _fits(body: bytes, width: int, height: int, markers: int) -> bool:
-    """Return whether the markers stand where they belong."""
     line = 3 * width
     if markers == height:
         return body[:: line + 1] == LINE * height
@@ -138,8 +134,6 @@ def _without_markers(frame: bytes) -> bytes:
     return body[1:] if extra == 1 and body[:1] == LINE and body[-1:] != LINE else body[: line * height]
 
 
-# CMUcam frame dumps: a file of frames as the serial line gave them, or a folder of such files.
-
 CHUNK_BYTES = 2**17
 PERIOD_S = 1.0  # frames carry no time
 PREFIX = 256  # bytes of text (banner, ACK, prompt) before the first frame
@@ -194,7 +188,6 @@ def _begins_with_frame(path: Path) -> bool:
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the dumps of a folder in natural order, or the file itself."""
     if not path.is_dir():
         return [path]
     return natural_order(one for one in path.iterdir() if one.is_file() and one.suffix.lower() in ENDINGS)

@@ -17,10 +17,10 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import InputError
-from ..io.files import PICTURES
+from ..files import PICTURES
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
-from ..transforms.clocks import unit_in
+from ..time_alignment import unit_in
 from ._poses import Layout, PictureList, PoseFile, TimedFolder, layout_of
 from ._tables import begin_lines, begin_of, words_of
 from .registry import Format
@@ -74,8 +74,6 @@ def _lists(text: str) -> dict[str, list[float]]:
     return found
 
 
-# EuRoC / ASL folders: one folder a sensor, each with a `data.csv` whose first line names the columns.
-
 TRUTHS = ("state_groundtruth_estimate0", "groundtruth", "gt", "vicon", "mocap", "leica")  # best first
 ODOMETRY = ("odom",)
 DEPTH, TABLE, DESCRIBED = 2, "data.csv", "sensor.yaml"
@@ -85,8 +83,6 @@ USUAL = ("timestamp", "p_x", "p_y", "p_z", "q_w", "q_x", "q_y", "q_z")  # of pos
 
 @dataclass(frozen=True, slots=True)
 class _Sensor:
-    """A data.csv by what its columns are."""
-
     file: Path
     columns: tuple[str, ...]  # without units
     unit: str | None  # of the times, as the header has it
@@ -110,7 +106,6 @@ class _Sensor:
 
     @property
     def layout(self) -> Layout | None:
-        """Return where position and quaternion stand; None where they are not there."""
         return layout_of(self.columns)
 
 
@@ -214,12 +209,8 @@ def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
 
 
 def _remarks(
-    cameras: Sequence[_Sensor],
-    camera: _Sensor | None,
-    sensors: Sequence[_Sensor],
-    used: set[_Sensor | None],
+    cameras: Sequence[_Sensor], camera: _Sensor | None, sensors: Sequence[_Sensor], used: set[_Sensor | None]
 ) -> tuple[str, ...]:
-    """Return which camera is used, which poses are not, and what holds no poses."""
     others = [one.name for one in cameras if one is not camera]
     said = []
     if others and camera is not None:

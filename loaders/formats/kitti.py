@@ -20,10 +20,10 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..io.fields import MOST_T_S, show
+from ..files import MOST_T_S, show
 from ..reading import ReadingOptions
 from ..recording import Picture, Record, TruthPose
-from ..transforms.clocks import clock_s
+from ..time_alignment import clock_s
 from ._poses import first_file, read_picture
 from ._tables import Row, begin_lines, number_of, rows, words_of
 from .registry import Format
@@ -97,14 +97,12 @@ class KittiRecording:
             return number_of(file, row, row.text, "time", MOST_T_S)
 
     def _untimed(self) -> Iterator[Row]:
-        """Yield one row per picture, as long as there are any."""
         number = 0
         while self.pictures is not None and self._file(number).is_file():
             number += 1
             yield Row(number, "")
 
     def _file(self, number: int) -> Path:
-        """Find a picture by its number."""
         folder = self.pictures or self.path
         names = [f"{number:0{width}d}{end}" for width in WIDTHS for end in ENDINGS]
         return next((folder / name for name in names if (folder / name).is_file()), folder / names[0])
@@ -197,10 +195,6 @@ FORMATS = (
         beside=poses_beside,
     ),
     Format(
-        "kitti-poses",
-        "poses alone: twelve numbers a line",
-        looks_like_poses,
-        open_poses,
-        beside=times_beside,
+        "kitti-poses", "poses alone: twelve numbers a line", looks_like_poses, open_poses, beside=times_beside
     ),
 )

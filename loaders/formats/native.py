@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from maurice_mcl.arrays import U8
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError, ReadingNotes
-from ..io.pictures import decode_picture
+from ..errors import FieldError, InputError, ReadingNotes
+from ..pictures import decode_picture
 from ..reading import ReadingOptions
 from ..recording import Motion, Note, Picture, Record, TruthPose
 from ..session_log.header import FORMAT
 from ..session_log.reader import CameraChoice, SessionLog, picture_bytes
-from ..session_log.records import OdometryRecord, PictureRecord, TruthRecord, read_records
-from ..transforms.clocks import PER_SECOND
+from ..session_log.records import (
+    OdometryRecord,
+    PictureRecord,
+    TruthRecord,
+    parse_object,
+    read_header,
+    read_lines,
+    read_records,
+)
+from ..time_alignment import PER_SECOND
 from .registry import NATIVE, Format
 
+MOST_RAW = 1e25  # of any number of a raw log; nanoseconds since 1970 are 2e18, and squares can be added up
 LOOKED_AT = 4096  # bytes of the header in which the format's name is looked for
 
 
@@ -53,6 +65,65 @@ class NativeRecording:
                 number += 1
                 name = record.path or f"{self.path.name}, picture {number}"
                 yield Picture(record.t_s, partial(_read, record, self.path), name)
+
+
+class RawLog:
+    """A native log whose numbers may break the rules."""
+
+    def __init__(self, path: Path, options: ReadingOptions) -> None:
+        self.path = path
+        self.info, kind = read_header(path)
+        if kind != "session":
+            advice = "expected a session log; `library check` is for those"
+            raise InputError(path, f"found a {kind} log, {advice}", 1)
+        self._camera = options.camera or next((one.name for one in self.info.cameras), None)
+        self._per_s = PER_SECOND[options.time_unit or "s"]
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Yield what can be read at all, in the order of the lines."""
+        taken = CameraChoice(self._camera, notes)
+        for line in read_lines(self.path):
+            if line.number == 1 or not line.data.strip():
+                continue
+            try:
+                record = _raw(parse_object(line), line.number, self.path, taken)
+            except (FieldError, TypeError, ValueError, OverflowError) as problem:
+                if line.ended:
+                    notes.problem(InputError(self.path, str(problem), line.number))
+                continue
+            if record is not None:
+                yield replace(record, t_s=record.t_s / self._per_s)
+
+
+def _raw(found: dict[str, object], number: int, path: Path, taken: CameraChoice) -> Record | None:
+    t_s = _finite(found.get("t"))
+    if "odometry" in found:
+        return Motion(t_s, _three(found["odometry"]))
+    if "truth" in found:
+        return TruthPose(t_s, _three(found["truth"]))
+    if "event" in found:
+        return Note(t_s, str(found["event"]))
+    if "image" not in found or found.get("covered"):
+        return None
+    image = found["image"]
+    inline = str(image.get("base64")) if isinstance(image, dict) else None
+    camera = found.get("camera")
+    named = None if camera is None else str(camera)
+    record = PictureRecord(number, t_s, None if inline else str(image), inline, named, False, None)
+    name = record.path or f"{path.name}:{number}"
+    return Picture(t_s, partial(_read, record, path), name) if taken(record) else None
+
+
+def _finite(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < MOST_RAW:
+        raise FieldError(f"found {value!r:.60}, expected a finite number")
+    return float(value)
+
+
+def _three(value: object) -> F64:
+    if not isinstance(value, list) or len(value) != 3:
+        raise FieldError(f"found {value!r:.60}, expected a list of 3 numbers")
+    return np.array([_finite(v) for v in value])
 
 
 def looks_native(path: Path) -> bool:

@@ -62,7 +62,6 @@ def looks_openloris(path: Path) -> bool:
 
 
 def _cameras(path: Path, name: str) -> tuple[Camera, ...]:
-    """Describe the camera as far as the YAML files do; what they do not hold stays unknown."""
     sensor = SENSORS.get(name.removeprefix("d400_").removeprefix("t265_"), name)
     try:
         described = _described(path / "sensors.yaml", name, sensor)
@@ -72,7 +71,6 @@ def _cameras(path: Path, name: str) -> tuple[Camera, ...]:
 
 
 def _described(file: Path, name: str, sensor: str) -> Camera:
-    """Read a camera's size and angle of view."""
     storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ) if file.is_file() else None
     node = None if storage is None else storage.getNode(sensor)
     if node is None or node.empty():
@@ -84,7 +82,6 @@ def _described(file: Path, name: str, sensor: str) -> Camera:
 
 
 def _yaw(file: Path, sensor: str) -> float:
-    """Return where the camera looks, from its frame on the robot: the optical axis is z."""
     storage = cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ) if file.is_file() else None
     pairs = None if storage is None else storage.getNode("trans_matrix")
     for at in range(0 if pairs is None else pairs.size()):

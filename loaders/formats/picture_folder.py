@@ -14,11 +14,10 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..io.fields import MOST_T_S, show
-from ..io.files import PICTURES, pictures_in
+from ..files import MOST_T_S, PICTURES, pictures_in, show
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
-from ..transforms.clocks import PER_SECOND, detect_unit, seconds
+from ..time_alignment import PER_SECOND, detect_unit, seconds
 from ._poses import planar, read_picture, rotation
 from ._tables import (
     MOTION,
@@ -40,8 +39,6 @@ from ._tables import (
 from .registry import Format
 from .video import ENDINGS as VIDEOS
 from .video import Frames
-
-# A folder or a video of pictures with a CSV table of poses or odometry.
 
 TABLES = (".csv", ".tsv")
 PERIOD_S = 1.0  # of rows without a time
@@ -122,7 +119,6 @@ class TableRecording:
         return Picture(t_s, partial(read_picture, file, file.name), file.name)
 
     def _vector(self, group: tuple[str, ...], row: Row, words: list[str]) -> F64 | None:
-        """Return a pose (3,); None where the table has none, or the row leaves it empty."""
         turned = [role for role in QUATERNIONS[group] if role in self.roles]
         roles = [*group[:2], *(turned or group[2:])]
         if not all(role in self.roles for role in roles):
@@ -234,7 +230,6 @@ def _is_file(file: Path) -> bool:
 
 
 def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
-    """Return what rows are paired with by number, where the table names no files."""
     if named:
         return None
     if path.is_dir():
@@ -246,9 +241,6 @@ def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
 TABLE_FORMATS = (
     Format("table", "a CSV table of pictures with poses or odometry", looks_like_table, open_table),
 )
-
-
-# A folder of pictures alone, in the order of their names.
 
 
 @dataclass(frozen=True, eq=False)

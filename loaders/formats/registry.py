@@ -12,21 +12,18 @@ from shlex import quote
 from typing import Any
 
 from ..errors import InputError
-from ..io.files import expect_regular
+from ..files import expect_regular
 from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
 from ..recording import Recording
 from ..session_log.reader import SessionLog
-from ..transforms.corrected import corrected
-from ..transforms.made_odometry import odometry_from_truth
-
-# The formats that can be read, by name, and guessing one from a file's content before its name.
+from ..transforms import corrected, odometry_from_truth
 
 NATIVE = "session-log"
 BARE = ("pictures", "video")  # formats that a table goes beside
 MODULES = (  # in the order in which they are asked whether a file looks like theirs; each has `FORMATS`
     ".native",
-    "..bags.formats",
+    "..bags.recording",
     ".tum",
     ".openloris",
     ".euroc",
@@ -131,14 +128,12 @@ def chosen(path: Path, options: ReadingOptions) -> Format:
 
 
 def _expect_there(path: Path) -> None:
-    """Refuse what is not there, and what might never begin or end."""
     if not path.exists():
         raise InputError(path, "found no such file or folder, expected a recording; check the path")
     expect_regular(path, "a recording")
 
 
 def _known(path: Path) -> str | None:
-    """Return the name of the format that a path looks like; None for what is none, or cannot be opened."""
     try:
         one = _guess(path)
     except InputError:
@@ -192,7 +187,6 @@ def _describe_file(path: Path) -> str:
 
 
 def _below(path: Path, known: Known) -> dict[Path, str]:
-    """Return what looks like a recording in a folder, or in the folders there, and its format."""
     level = [path]
     for _ in range(DEPTH):
         inside = sorted(islice((one for folder in level for one in _entries(folder)), MOST_LOOKED_AT))

@@ -12,7 +12,7 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, TruthPose
-from ..transforms.clocks import unit_in
+from ..time_alignment import unit_in
 from ._poses import COMMENTS, Layout, PictureList, PoseFile, TimedFolder, first_file, layout_of, pose_file
 from ._tables import NAMES, begin_lines, is_number, names_columns, words_of
 from .registry import Format
@@ -67,7 +67,6 @@ def looks_like_trajectory(path: Path) -> bool:
 
 
 def _listed(path: Path) -> Path | None:
-    """Find what lists the pictures."""
     if first_file(path, (PICTURES,)) is not None:
         return path / PICTURES
     paired = first_file(path, PAIRED)
@@ -85,13 +84,11 @@ def _color_column(listed: Path) -> int | None:
 
 
 def _names(path: Path) -> list[str]:
-    """Return the names of a file's columns, where its first line has them between commas."""
     first = next(iter(begin_lines(path)), "").lstrip("#%").strip()
     return words_of(first) if first and names_columns(first) and len(words_of(first)) > 7 else []
 
 
 def _is_poses(names: list[str]) -> bool:
-    """Return whether columns are a time and one pose, not a table of pictures or odometry as well."""
     others = [name for name in names if name.lower() in NAMES["image"] or name.lower().startswith("odom")]
     return not others and ("time" in names[0].lower() or names[0].lower() in NAMES["time"])
 

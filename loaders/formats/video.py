@@ -78,8 +78,6 @@ class VideoRecording:
 
 
 class _Frame:
-    """One frame, for later."""
-
     def __init__(self, source: Frames, number: int) -> None:
         self._source = source
         self._number = number

@@ -20,8 +20,7 @@ from maurice_mcl.map import Arena
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
 
 from ..errors import FieldError, InputError
-from ..io.fields import MOST, items, mapping, read_json, show, text, up_to
-from ..io.files import new_folder
+from ..files import MOST, items, mapping, new_folder, read_json, show, text, up_to
 from ..session_log.header import arena_from_json, arena_to_json
 
 # How much ground a survey may cover: one wild pose would make the map's cells larger than the rooms.
@@ -45,18 +44,14 @@ def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
 
 
 def _span(points: F64) -> float:
-    """Return the larger of width and depth of points (K, 2)."""
     return float(np.ptp(points, axis=0).max())
 
 
 def _corners(arena: Arena) -> F64:
-    """Return all points (K, 2) that a map names."""
     regions = (*arena.obstacles, *arena.floors, *arena.rooms)
     borders = np.array(arena.bounds).reshape(2, 2)
     return np.concatenate([borders, arena.walls.reshape(-1, 2), *(region.polygon for region in regions)])
 
-
-# A library as a folder that stands alone: manifest, entries, map, pictures, one file a channel.
 
 FORMAT = "maurice-library"
 VERSION = 1

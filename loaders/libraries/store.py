@@ -17,13 +17,11 @@ from maurice_mcl.sensor.descriptors.channel import Channel
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describe
 
 from ..errors import InputError, ReadingNotes
-from ..io.files import cache_root, discard
+from ..files import cache_root, discard
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
 from .files import MANIFEST, VERSION, check_span, hash_file, load_library, manifest_warnings, save_library
 from .survey import Survey
-
-# From a survey log to a library: every picture measured by every channel.
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
 Warn = Callable[[str], None]
@@ -75,8 +73,6 @@ def build_library(
 
 
 class _Rows:
-    """What has been measured so far, picture by picture."""
-
     def __init__(self, channels: Mapping[str, Channel], yaw_rad: float) -> None:
         self.poses: list[F64] = []
         self.broken: list[str] = []  # channels of somebody else's that failed, and why
@@ -89,11 +85,9 @@ class _Rows:
 
     @property
     def has_covered(self) -> bool:
-        """Whether there was a picture with the lens covered."""
         return any(self._covered.values())
 
     def add(self, picture: SurveyPicture) -> None:
-        """Measure a picture by every channel."""
         rows = self._covered if picture.pose is None else self._references
         for name, channel in list(self._channels.items()):
             row = self._measured(name, channel, picture.image)
@@ -107,7 +101,6 @@ class _Rows:
             self._pictures.append(None if picture.path is None else picture.path.resolve())
 
     def library(self, name: str, arena: Arena, display_units: str) -> Library:
-        """Make a library of it."""
         index = {one: _index(self._references[one], self._covered[one]) for one in self._channels}
         return Library(name, np.array(self.poses), tuple(self._pictures), index, arena, display_units)
 
@@ -152,8 +145,6 @@ def _warnings(log: Survey, library: Library, covered: bool) -> list[str]:
 def silent(text: str) -> None:
     """Drop a warning that nobody asked for."""
 
-
-# Libraries on disk: a library folder is read, a survey log is built once and kept in the cache.
 
 __all__ = ["build_library", "library_key", "load_library", "open_library", "save_library"]
 

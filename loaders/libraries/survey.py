@@ -17,7 +17,7 @@ from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import InputError
 from ..formats.registry import NATIVE, chosen, open_session
-from ..io.pictures import encode_jpeg
+from ..pictures import encode_jpeg
 from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
 from ..session_log.reader import SessionLog, SurveyPicture
@@ -66,7 +66,6 @@ def sharpness(image: U8) -> F64:
 
 
 def _lost(gray: NDArray[Any], axis: int) -> float:
-    """Return the share of the changes along an axis that go when the picture is blurred along it."""
     size = (BLUR_PX, 1) if axis else (1, BLUR_PX)
     before, after = (np.abs(np.diff(one, axis=axis)) for one in (gray, cv2.blur(gray, size)))
     return float(np.maximum(before - after, 0).sum() / max(float(before.sum()), 1e-6))
@@ -82,7 +81,6 @@ def blurred(sharpnesses: F64) -> Bool:
 
 
 def _deviations(values: F64) -> F64:
-    """Return how many robust standard deviations values (n,) are above their median, by median deviation."""
     above = values - np.median(values)
     return np.asarray(above / max(1.4826 * float(np.median(np.abs(above))), LEAST_SD))
 
@@ -113,13 +111,10 @@ def _around(cell: tuple[int, int]) -> Iterator[tuple[int, int]]:
 
 
 def _same(a: F64, b: F64, every: Spacing) -> bool:
-    """Return whether two poses are nearer than asked, in place and in heading."""
     turned = abs((float(a[2] - b[2]) + np.pi) % (2 * np.pi) - np.pi)
     apart = float(np.hypot(a[0] - b[0], a[1] - b[1]))
     return apart < every.distance_m * (1 - 1e-9) and turned < every.angle_rad * (1 - 1e-9)
 
-
-# Surveys, and the pictures that are taken of a drive.
 
 EVERY = Spacing(0.4, float(np.radians(45)))  # what a drive is thinned to unless asked otherwise
 
@@ -132,35 +127,28 @@ class Survey(Protocol):
     @property
     def path(self) -> Path:
         """The log, file or folder."""
-        ...
 
     @property
     def info(self) -> SessionInfo:
         """What the header says."""
-        ...
 
     @property
     def problem_count(self) -> int:
         """How much was skipped."""
-        ...
 
     @property
     def problems(self) -> tuple[InputError, ...]:
         """The first of it."""
-        ...
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is worth saying."""
-        ...
 
     def count_pictures(self) -> int:
         """Return how many pictures there are to measure."""
-        ...
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
         """Yield them, one at a time."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +194,6 @@ def _with_poses(drive: SessionLog | RecordedSession) -> Iterator[SurveyPicture]:
 
 
 def _file_of(drive: SessionLog | RecordedSession, moment: Moment) -> Path | None:
-    """Return the file that a picture was read from; None where it is inside something else."""
     name = moment.frame.picture
     for folder in (drive.path.parent, drive.path, Path()):
         if name and len(name) < 1000 and (folder / name).is_file():

@@ -14,12 +14,11 @@ from typing import Any
 from maurice_mcl.session import SessionInfo
 
 from ..errors import FieldError, PictureError, ReadingNotes, SourceError
-from ..io.fields import MOST_T_S, up_to
+from ..files import MOST_T_S, up_to
 from ..session_log.header import header_from_json
 from ..session_log.reader import picture_bytes
 from ..session_log.records import EventRecord, LogLine, PictureRecord, Record, parse_object, record_of
-from .listening import Connected, Disconnected, Listening, Malformed
-from .source import LiveSource
+from .source import Connected, Disconnected, Listening, LiveSource, Malformed
 
 # One clock for a session whose source may restart: times that never decrease.
 
@@ -171,7 +170,6 @@ class Intake:
             self._away_since_s = time.monotonic()
 
     def _mind_the_gap(self, t_s: float) -> Iterator[Received]:
-        """Yield an event where the source was away."""
         if self._away_since_s is None:
             return
         away_s, self._away_since_s, self._why = time.monotonic() - self._away_since_s, None, ""

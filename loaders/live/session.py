@@ -20,16 +20,15 @@ from maurice_mcl.geometry import compose, compose_motions
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
-from ..io.files import expect_absent
-from ..io.pictures import decode_picture
+from ..files import expect_absent
+from ..pictures import decode_picture
 from ..session_log.header import Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
 from ..session_log.records import EventRecord, OdometryRecord, PictureRecord, Record, with_truth
-from ..transforms.gating import Gate
-from ..transforms.time_alignment import as_rows
+from ..time_alignment import as_rows
+from ..transforms import Gate
 from .intake import Counts, Intake, Received
-from .listening import Listening, Patience
-from .source import LiveSource
+from .source import Listening, LiveSource, Patience
 
 # Pictures that wait for the filter: those that it cannot keep up with are left out and counted.
 
@@ -156,8 +155,6 @@ class LiveRecorder:
     def _cannot(self, problem: OSError) -> InputError:
         return InputError(self.path, f"cannot be recorded to: {problem.strerror or problem}")
 
-
-# The session.
 
 QUIET = 4  # polls without a line (a second) after which truth is not awaited
 LOOK_S = 0.2
@@ -321,7 +318,6 @@ class LiveSession(HasReadingNotes):
                     motions, way, events = [], np.zeros(3), []
 
     def _makes_an_update(self, way: F64) -> bool:
-        """Return whether a picture makes an update, by the motion (3,) since the last one that did."""
         if self._listen.only_record:
             return False
         if self._first or self._listen.gate.open_after(way):

@@ -1,4 +1,4 @@
-"""Live sources: how one is typed, and the byte streams behind them (socket, pipe, growing file)."""
+"""Live sources: how one is typed, its byte stream (socket, pipe, growing file), its lines, reconnecting."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ import select
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from threading import Event
+from typing import BinaryIO, Protocol, TypeAlias
 from urllib.parse import urlsplit
 
-from ..errors import SourceError
-from ..io.files import expect_regular
+from ..errors import FieldError, InputError, SourceError
+from ..files import expect_regular
 from ..reading import ReadingOptions
+from ..session_log.records import LogLine
 
 STDIN = "-"
 _SCHEME = re.compile(r"^(tcp|wss?):/{1,2}(?=[^/])")  # a path has lost its second slash
@@ -64,7 +66,6 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
 
 
 def _parts(name: str) -> tuple[str, int, str]:
-    """Return host, port and path of an address."""
     try:
         parts = urlsplit(name)
         host, port = parts.hostname, parts.port
@@ -74,8 +75,6 @@ def _parts(name: str) -> tuple[str, int, str]:
         raise SourceError(name, f"found no host, or no port from 1 to 65535, {WANTED}")
     return host, port, parts.path
 
-
-# Byte streams of live sources: a socket, standard input, a growing file.
 
 PORTION = 1 << 16  # bytes read at once
 CONNECT_S = 5.0
@@ -87,11 +86,9 @@ class ByteStream(Protocol):
 
     def read(self, wait_s: float) -> bytes | None:
         """Return the bytes received within `wait_s`: None for nothing yet, b"" at the end. OSError."""
-        ...
 
     def close(self) -> None:
         """Close the connection; closing twice does no harm."""
-        ...
 
 
 class SocketStream:
@@ -159,9 +156,193 @@ class FileStream:
         self._file.close()
 
     def _is_the_same(self) -> bool:
-        """Return whether the path still names the opened file, and the file is no shorter."""
         try:
             now, opened = self._path.stat(), os.fstat(self._file.fileno())
         except OSError:
             return False
         return os.path.samestat(now, opened) and now.st_size >= self._read
+
+
+MOST_LINE_BYTES = 16 * 2**20  # a picture of 12 megapixels inline; more is no log
+
+
+class LineCutter:
+    """Cuts bytes into lines, which do not depend on the portions that the bytes come in."""
+
+    def __init__(self, most: int = MOST_LINE_BYTES) -> None:
+        """Keep at most `most` bytes of a line; the rest is dropped, and the line is marked."""
+        self._most = most
+        self._held = bytearray()
+        self._too_long = False
+        self._number = 0
+
+    @property
+    def overflowing(self) -> bool:
+        """Whether the current line is too long already."""
+        return self._too_long
+
+    def feed(self, data: bytes) -> list[LogLine]:
+        """Add bytes and return the lines that end within them."""
+        lines, begin = [], 0
+        while (end := data.find(b"\n", begin)) >= 0:
+            self._hold(data[begin:end])
+            lines.append(self._take(ended=True))
+            begin = end + 1
+        self._hold(data[begin:])
+        return lines
+
+    def rest(self) -> LogLine | None:
+        """Return the last line if it has no line end; None otherwise."""
+        return self._take(ended=False) if self._held else None
+
+    def _hold(self, piece: bytes) -> None:
+        self._too_long = self._too_long or len(self._held) + len(piece) > self._most
+        self._held += piece[: self._most - len(self._held)]
+
+    def _take(self, *, ended: bool) -> LogLine:
+        self._number += 1
+        line = LogLine(self._number, bytes(self._held).rstrip(b"\r"), ended, self._too_long)
+        self._held, self._too_long = bytearray(), False
+        return line
+
+
+# Connecting to a live source, and again at growing intervals when it goes away.
+
+POLL_S = 0.25  # interval of checking whether to stop
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0  # between two attempts
+SENSE_S = 10.0  # after a connection, in which a peer must send something valid
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """A connection was made."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disconnected:
+    """The source is away, or was never reached."""
+
+    why: str
+    hung_up: bool = False  # by us, because of what it sent
+
+
+@dataclass(frozen=True, slots=True)
+class Malformed:
+    """Input that could not be converted to a line."""
+
+    why: str
+
+
+Arrival: TypeAlias = LogLine | Malformed | Connected | Disconnected | None  # None: nothing came yet
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """When listening ends by itself."""
+
+    away_s: float = 30.0  # most time that a source may be away
+    silent_s: float | None = None  # most time that a connected source may be silent; None: forever
+
+
+class Listening:
+    """Yields what arrives, over any number of connections, until stopped or out of patience."""
+
+    def __init__(self, source: LiveSource, stop: Event, patience: Patience | None = None) -> None:
+        self.ended = ""  # why, when it has ended by itself
+        self._source, self._stop = source, stop
+        self._patience = patience or Patience()
+        self._wait_s = FIRST_WAIT_S
+        self._heard_s = time.monotonic()
+        self._begun_s = 0.0
+        self._sense = False  # made since the connection began
+        self._ever = False  # made at all
+        self._hung_up = ""
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it was asked to stop."""
+        return self._stop.is_set()
+
+    def greeted(self) -> None:
+        """Note a valid header, which does not extend patience."""
+        self._sense = self._ever = True
+
+    def heard(self) -> None:
+        """Note that the last line was a valid record."""
+        self._heard_s = time.monotonic()
+        self._sense = self._ever = True
+        self._wait_s = FIRST_WAIT_S
+
+    def hang_up(self, why: str) -> None:
+        """End this connection; another one is tried after a while."""
+        self._hung_up = why
+
+    def __iter__(self) -> Iterator[Arrival]:
+        while not self._stop.is_set():
+            try:
+                channel = self._source.connect()
+            except OSError as problem:
+                yield Disconnected(_reason(problem))
+            else:
+                yield Connected()
+                yield from self._connection(channel)
+                if self._source.once:
+                    return
+            if self._out_of_patience():
+                return
+            self._stop.wait(self._wait_s)
+            self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
+
+    def _connection(self, channel: ByteStream) -> Iterator[Arrival]:
+        """Yield the lines of one connection and, unless we end it, the reason of its end."""
+        cutter, why = LineCutter(), "has hung up"
+        self._begun_s, self._sense, self._hung_up = time.monotonic(), False, ""
+        try:
+            while not self._stop.is_set():
+                try:
+                    data = channel.read(POLL_S)
+                except FieldError as problem:
+                    yield Malformed(str(problem))
+                except InputError as problem:  # it can never be read; unless it could before
+                    if not self._ever:
+                        raise
+                    self.hang_up(problem.message)
+                else:
+                    if data == b"":
+                        break
+                    yield from [None] if data is None else cutter.feed(data)
+                self._judge(cutter)
+                if self._hung_up or self._silent_too_long():
+                    break
+            if not self._hung_up and (rest := cutter.rest()) is not None:
+                yield rest
+        except OSError as problem:
+            why = _reason(problem)
+        finally:
+            channel.close()
+        if not self._stop.is_set() and not self._source.once and not self.ended:
+            yield Disconnected(self._hung_up or why, bool(self._hung_up))
+
+    def _judge(self, cutter: LineCutter) -> None:
+        """Disconnect a peer that sends an endless line, or nothing valid."""
+        if not self._source.peer:
+            return
+        if cutter.overflowing:
+            self.hang_up(f"sent a line of more than {MOST_LINE_BYTES // 2**20} MiB; hung up")
+        elif not self._sense and time.monotonic() - self._begun_s > SENSE_S:
+            self.hang_up(f"sent nothing valid for {SENSE_S:g} s; hung up")
+
+    def _silent_too_long(self) -> bool:
+        limit = self._patience.silent_s
+        if limit is not None and time.monotonic() - self._heard_s > limit:
+            self.ended = f"{self._source.name} has been silent for {limit:g} s"
+        return bool(self.ended)
+
+    def _out_of_patience(self) -> bool:
+        if not self.ended and time.monotonic() - self._heard_s > self._patience.away_s:
+            self.ended = f"{self._source.name} was away for {self._patience.away_s:g} s"
+        return bool(self.ended)
+
+
+def _reason(problem: OSError) -> str:
+    return str(problem.strerror or problem or type(problem).__name__)

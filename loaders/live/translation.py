@@ -18,12 +18,12 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import motion_between
 
-from ..bags.images import picture_of
 from ..bags.messages import (
     TRANSFORMS,
     FrameTree,
     known_type,
     links_of,
+    picture_of,
     planar,
     pose_of,
     stamp_ns,
@@ -33,8 +33,8 @@ from ..bags.source import Message
 from ..bags.topics import PoseTopic
 from ..bags.video import VideoStream, codec_of
 from ..errors import FieldError
-from ..io.fields import MOST_T_S, show, up_to
-from ..io.pictures import encode_jpeg
+from ..files import MOST_T_S, show, up_to
+from ..pictures import encode_jpeg
 from ..recording import TruthPose, interpolated
 
 # Poses of a running robot: from each topic's messages, with a short history of each topic.
@@ -169,8 +169,6 @@ class ChosenTopics:
 
 @dataclass(frozen=True, slots=True)
 class _Item:
-    """The content of a message for one role; the stamp is the message's own."""
-
     role: str
     stamp_ns: int | None
     log_ns: int
@@ -179,8 +177,6 @@ class _Item:
 
 @dataclass(frozen=True, slots=True)
 class _Unencoded:
-    """A picture as received."""
-
     encoded: Callable[[], str]  # returns its file as base64. FieldError where it cannot be read
     note: str = ""  # a remark for the user
 
@@ -214,7 +210,6 @@ class Translator:
                 yield from self._settle_clock()
 
     def _items(self, message: Message, topics: ChosenTopics) -> Iterator[_Item]:
-        """Yield the content of a message for each role that it serves."""
         tellers = {
             role: self._tellers.setdefault(route, PoseExtractor(route))
             for role, route in topics.routes.items()
@@ -274,7 +269,6 @@ class Translator:
         yield from self._ready()
 
     def _ready(self) -> Iterator[dict[str, Any]]:
-        """Yield the lines of pictures whose motion is known, or that waited too long."""
         while self._pictures:
             t_s, since_s, picture = self._pictures[0]
             known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
@@ -288,7 +282,6 @@ class Translator:
                 self.problems.append(problem)
 
     def _lines(self, t_s: float, picture: _Unencoded) -> Iterator[dict[str, Any]]:
-        """Yield the lines of one picture: motion, truth, picture."""
         if t_s < self._last_s:
             raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
         pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
@@ -347,7 +340,6 @@ def _as_jpeg(read: Callable[[], U8]) -> str:
 
 @contextmanager
 def _usable() -> Iterator[None]:
-    """Raise FieldError where a picture cannot be read."""
     try:
         yield
     except MESSAGE_ERRORS as problem:

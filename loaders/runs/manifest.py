@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 from maurice_mcl.library import Library
 
 from ..errors import FieldError, InputError
+from ..files import PICTURES, flag, items, mapping, numbers, read_json, show, text, whole
 from ..formats.cmucam import ENDINGS as DUMPS
 from ..formats.registry import NATIVE
 from ..formats.video import ENDINGS as VIDEOS
-from ..io.fields import flag, items, mapping, numbers, read_json, show, text, whole
-from ..io.files import PICTURES
 from ..libraries.files import MANIFEST, hash_file
 from ..reading import ReadingOptions, reading_from_json, reading_to_json
 

@@ -23,7 +23,7 @@ from maurice_mcl.records import Belief, Estimate, Sighting, StepRecord
 from maurice_mcl.session import Frame, Moment
 
 from ..errors import InputError
-from ..io.files import begin_folder, check_target
+from ..files import begin_folder, check_target
 from ..libraries.files import MANIFEST
 from ..session_log.header import arena_to_json
 from .manifest import (

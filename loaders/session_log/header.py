@@ -13,9 +13,7 @@ from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import FieldError
-from ..io.fields import items, mapping, number, numbers, show, text
-
-# A map as a JSON object, and back.
+from ..files import items, mapping, number, numbers, show, text
 
 
 def arena_to_json(arena: Arena) -> dict[str, Any]:
@@ -60,8 +58,6 @@ def _region(value: Any, what: str) -> Region:
         raise FieldError(f"found {len(corners)} corners in {what}.polygon_m, expected at least 3")
     return Region(text(found.get("name"), f"{what}.name"), np.array(corners, np.float64))
 
-
-# The header, the first line of a log, to and from SessionInfo.
 
 FORMAT = "maurice-session-log"
 VERSION = 1

@@ -14,7 +14,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
-from ..io.pictures import decode_picture
+from ..pictures import decode_picture
 from .header import Kind
 from .records import (
     EventRecord,
@@ -125,7 +125,6 @@ class SessionLog(HasReadingNotes):
                 yield record
 
     def _image(self, record: PictureRecord, notes: ReadingNotes) -> U8 | None:
-        """Read a picture; a problem gives None."""
         try:
             return decode_picture(picture_bytes(record, self.path))
         except PictureError as problem:

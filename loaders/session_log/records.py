@@ -17,8 +17,7 @@ from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
 
 from ..errors import FieldError, InputError, ReadingNotes
-from ..io.fields import MOST_T_S, flag, mapping, number, numbers, show, text
-from ..io.files import expect_regular
+from ..files import MOST_T_S, expect_regular, flag, mapping, number, numbers, show, text
 from .header import Kind, header_from_json
 
 # A log's lines as JSON objects: streamed, bounded, strict about numbers.
@@ -310,7 +309,6 @@ def is_kidnapping(record: Record) -> bool:
 def _answer(
     waiting: deque[Record], before: TruthRecord | None, after: TruthRecord | None
 ) -> Iterator[Answered]:
-    """Empty the queue, giving its pictures their truth."""
     while waiting:
         record = waiting.popleft()
         known = after is not None and isinstance(record, PictureRecord)

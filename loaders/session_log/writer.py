@@ -15,8 +15,8 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
-from ..io.fields import MOST, MOST_T_S, up_to
-from ..io.pictures import encode_jpeg
+from ..files import MOST, MOST_T_S, up_to
+from ..pictures import encode_jpeg
 from .header import KINDS, Kind, header_to_json
 
 Numbers = F64 | Sequence[float]
@@ -147,7 +147,6 @@ class SessionWriter:
 
 
 def _create(file: Path, found: str, force: bool) -> BinaryIO:
-    """Open a file for writing and make its folder. Raises InputError if it exists, unless `force`."""
     with _clear_errors(file):
         if file.parent.exists() and not file.parent.is_dir():
             raise InputError(file.parent, "found a file, expected a folder; write elsewhere")
@@ -160,7 +159,6 @@ def _create(file: Path, found: str, force: bool) -> BinaryIO:
 
 @contextmanager
 def _clear_errors(file: Path) -> Iterator[None]:
-    """Return in one line what the system refuses: a full disk, a place without permission."""
     try:
         yield
     except OSError as problem:

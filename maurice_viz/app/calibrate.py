@@ -10,15 +10,16 @@ from typing import Any
 from maurice_loaders.calibration import (
     METERS,
     covered_pictures,
+    is_odometry_folder,
     mishaps,
     read_trials,
+    trials_from_folder,
     trials_from_session,
     write_trials,
 )
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.odometry_folder import is_odometry_folder, trials_from_folder
-from maurice_loaders.io.files import expect_absent, write_whole
+from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.session_log.records import read_header
 from maurice_mcl.calibration.motion import Calibration, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials

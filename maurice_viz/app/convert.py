@@ -27,7 +27,7 @@ from maurice_loaders.export.tables import (
     path_sink,
     tum_line,
 )
-from maurice_loaders.io.pictures import PictureKind
+from maurice_loaders.pictures import PictureKind
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import begin_of
 from maurice_loaders.recording import Picture, Recording

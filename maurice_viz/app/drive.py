@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import Overview, RecordedLocalizer, RecordedUpdate
+from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen, open_recording
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import Glance, RecordedSession
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms.gating import FewerPictures, Placeholders
+from maurice_loaders.transforms import FewerPictures, Placeholders
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.estimate import CLUSTER_M, CONFIDENCE_M, heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.library import Library

@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import TypeAlias
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.runs.bookmarks import (
+from maurice_loaders.runs.store import (
     Bookmark,
     Bookmarks,
+    SavedRun,
     add_bookmark,
     bookmarks_file,
+    open_runs,
     read_bookmarks,
     remove_bookmarks,
 )
-from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.analysis.events import BOOKMARK, KINDS, SESSION, EventDetector, RunEvent
 from maurice_mcl.analysis.run_comparison import RunComparison
 from maurice_mcl.records import StepRecord

@@ -12,7 +12,7 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.files import expect_absent, write_whole
+from maurice_loaders.files import expect_absent, write_whole
 from maurice_mcl.analysis.explanation import Asked, StepExplanation, explain_step
 from maurice_mcl.arrays import F64
 from maurice_mcl.records import StepRecord

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
+from maurice_loaders.doctor import Diagnosis, fixed_options
+from maurice_loaders.doctor import diagnose as diagnose_recording
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import expect_absent
 from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.formats.registry import formats as all_formats
-from maurice_loaders.inspection.doctor import Diagnosis, fixed_options
-from maurice_loaders.inspection.doctor import diagnose as diagnose_recording
-from maurice_loaders.inspection.overview import Inspection, inspect_recording, inspect_session
-from maurice_loaders.io.files import expect_absent
+from maurice_loaders.inspection import Inspection, inspect_recording, inspect_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions, write_reading
 from maurice_loaders.recorded_session import RecordedSession

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.fields import toml_value
-from maurice_loaders.io.files import expect_absent, write_whole
+from maurice_loaders.files import expect_absent, toml_value, write_whole
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import open_library, save_library

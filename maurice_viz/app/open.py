@@ -18,7 +18,7 @@ from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, first_truth
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms.made_odometry import MadeOdometry
+from maurice_loaders.transforms import MadeOdometry
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration

@@ -10,13 +10,12 @@ from typing import Any
 
 from maurice_loaders.errors import SourceError
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.live.listening import Patience
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
-from maurice_loaders.live.source import is_live, live_source
+from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.runs.writer import check_run_target
-from maurice_loaders.transforms.gating import Gate
+from maurice_loaders.transforms import Gate
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
 from maurice_mcl.session import Moment, SessionInfo

@@ -25,7 +25,7 @@ from maurice_loaders.runs.manifest import (
 )
 from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference, open_runs
 from maurice_loaders.runs.writer import RunWriter, StepRows, begin_comparison, rows_of
-from maurice_loaders.transforms.made_odometry import NAMED
+from maurice_loaders.transforms import NAMED
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.localizer import run as run_filter

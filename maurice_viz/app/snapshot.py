@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.files import expect_absent, write_whole
+from maurice_loaders.files import expect_absent, write_whole
 
 from ..entities import PHASE, PHASES_PER_STEP, STEP, Phase, phase_number
 from ..errors import OptionError

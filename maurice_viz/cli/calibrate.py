@@ -9,7 +9,7 @@ from typing import Annotated
 from rich.table import Table
 
 from maurice_loaders.calibration import METERS
-from maurice_loaders.io.files import expect_absent
+from maurice_loaders.files import expect_absent
 from maurice_mcl.calibration.motion import Calibration
 from maurice_mcl.calibration.noise import NoiseFloor
 from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread

@@ -10,8 +10,7 @@ import typer
 from rich.table import Table
 
 from maurice_loaders.export.tables import PATHS
-from maurice_loaders.importing.pictures import ImportOptions, ImportSummary, import_pictures
-from maurice_loaders.importing.pose_table import Columns
+from maurice_loaders.importing import Columns, ImportOptions, ImportSummary, import_pictures
 from maurice_loaders.reading import MAX_DT_S, ReadingOptions
 
 from . import options as opt

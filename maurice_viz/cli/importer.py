@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maurice_loaders.io.fields import read_json
+from maurice_loaders.files import read_json
 
 if TYPE_CHECKING:
     import rerun as rr

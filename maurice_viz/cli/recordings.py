@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from maurice_loaders.inspection.doctor import Diagnosis, fixed_options
-from maurice_loaders.inspection.overview import Inspection
+from maurice_loaders.doctor import Diagnosis, fixed_options
+from maurice_loaders.inspection import Inspection
 
 from ..app.inspect import diagnose
 from ..app.inspect import inspect as inspect_recording

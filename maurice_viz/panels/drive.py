@@ -12,7 +12,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-from maurice_loaders.transforms.gating import PLACEHOLDER, SimplifiedPath
+from maurice_loaders.recording import SimplifiedPath
+from maurice_loaders.transforms import PLACEHOLDER
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.geometry import compose, compose_motions, motion_between
 from maurice_mcl.library import Library

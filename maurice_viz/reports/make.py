@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.files import expect_absent, write_whole
+from maurice_loaders.files import expect_absent, write_whole
 from maurice_mcl.analysis.events import KINDS
 from maurice_mcl.filter.estimate import CONFIDENCE_M
 

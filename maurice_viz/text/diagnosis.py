@@ -1,6 +1,6 @@
 """A diagnosis in words: what is wrong, the evidence for it, and how to fix it in the log itself.
 
-`maurice_mcl.diagnosis` and `maurice_loaders.inspection.doctor` return findings as codes and numbers.
+`maurice_mcl.diagnosis` and `maurice_loaders.doctor` return findings as codes and numbers.
 """
 
 from __future__ import annotations

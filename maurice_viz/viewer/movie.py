@@ -17,7 +17,7 @@ import numpy as np
 from PIL import GifImagePlugin, Image
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.files import expect_absent
+from maurice_loaders.files import expect_absent
 from maurice_mcl.arrays import U8
 
 SUFFIXES = (".mp4", ".gif")

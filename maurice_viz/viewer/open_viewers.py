@@ -24,8 +24,7 @@ import rerun_cli  # type: ignore[import-untyped]  # has no types, comes with rer
 from rerun.experimental import ViewerClient
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.fields import read_json
-from maurice_loaders.io.files import write_whole
+from maurice_loaders.files import read_json, write_whole
 
 HOST = "127.0.0.1"
 PROBE_EVERY_S = 0.1

@@ -16,7 +16,7 @@ from fuzz_seeds import JPEG, PICTURE
 from rosbags.typesys import Stores, get_typestore
 from websockets.exceptions import ConnectionClosedOK
 
-from maurice_loaders.live.bridges import ASK, HEAD
+from maurice_loaders.live.websocket import ASK, HEAD
 
 Message = str | bytes
 Conversation = list[Message | None]  # None: nothing comes for a moment

@@ -18,11 +18,10 @@ from fuzz_seeds import DUMPS, JPEG, LOGS, ON_DISK, STREAMS
 
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
-from maurice_loaders.io.pictures import decode_picture
 from maurice_loaders.live.intake import Intake, Received
-from maurice_loaders.live.listening import Listening, Patience
-from maurice_loaders.live.source import LiveSource
+from maurice_loaders.live.source import Listening, LiveSource, Patience
 from maurice_loaders.live.websocket import WebsocketStream
+from maurice_loaders.pictures import decode_picture
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture
 from maurice_loaders.session_log.reader import SessionLog, picture_bytes

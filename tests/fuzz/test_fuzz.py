@@ -17,9 +17,8 @@ from fuzz_targets import SHARES, TARGETS, Target, prepare
 from fuzz_watch import TookTooLong, in_memory, in_time
 
 from maurice_loaders.formats.cmucam import decode_frame, frames
-from maurice_loaders.live.bridges import ASK
-from maurice_loaders.live.listening import LineCutter
-from maurice_loaders.live.websocket import WebsocketStream
+from maurice_loaders.live.source import LineCutter
+from maurice_loaders.live.websocket import ASK, WebsocketStream
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import PictureRecord, record_of

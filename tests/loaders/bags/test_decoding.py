@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helpers import bags as making
-from maurice_loaders.bags.decoding import decode, decode_protobuf
-from maurice_loaders.bags.source import bag_errors
+from maurice_loaders.bags.source import bag_errors, decode, decode_protobuf
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_loaders.bags.images import PLAIN, picture_of
+from maurice_loaders.bags.messages import PLAIN, picture_of
 from maurice_loaders.errors import PictureError
 from maurice_mcl.arrays import U8
 

@@ -13,7 +13,7 @@ from mcap import reader
 
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
-from maurice_loaders.bags.mcap import open_mcap
+from maurice_loaders.bags.containers import open_mcap
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.reading import ReadingOptions

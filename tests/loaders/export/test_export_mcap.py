@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from maurice_loaders.bags.containers import open_mcap
 from maurice_loaders.bags.localizer import RecordedLocalizer
-from maurice_loaders.bags.mcap import open_mcap
 from maurice_loaders.bags.messages import matrix_of
 from maurice_loaders.bags.readers import HEADER, MOTIONS
 from maurice_loaders.errors import InputError, ReadingNotes
@@ -29,7 +29,7 @@ from maurice_loaders.export.mcap import (
 )
 from maurice_loaders.export.tables import export_steps
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.io.pictures import decode_picture
+from maurice_loaders.pictures import decode_picture
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.store import open_runs
 from maurice_loaders.session_log.reader import SessionLog

@@ -12,7 +12,7 @@ from helpers.dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, ima
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.recording import Picture, TruthPose
-from maurice_loaders.transforms.clocks import clock_s
+from maurice_loaders.time_alignment import clock_s
 
 # TUM
 

@@ -4,14 +4,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.errors import InputError
-from maurice_loaders.formats.odometry_folder import (
+from maurice_loaders.calibration import (
     AlignedDrive,
     Cutting,
     cut,
     read_aligned,
     trials_from_folder,
 )
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.motion import calibrate
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.transforms.made_odometry import OdometryNoise, synthetic_motions
+from maurice_loaders.transforms import OdometryNoise, synthetic_motions
 from maurice_mcl.geometry import angle_between, compose
 
 QUIET = OdometryNoise(0.0, 0.0, 0.0)

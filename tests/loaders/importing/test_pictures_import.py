@@ -11,13 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.importing.pictures import ImportOptions, import_pictures, nearest_m, split_runs, spread
-from maurice_loaders.importing.pose_table import PoseRow, pose_runs
-from maurice_loaders.inspection.overview import inspect_session
-from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.importing import (
+    ImportOptions,
+    PoseRow,
+    import_pictures,
+    nearest_m,
+    pose_runs,
+    split_runs,
+    spread,
+)
+from maurice_loaders.inspection import inspect_session
 from maurice_loaders.libraries.store import build_library
+from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms.made_odometry import OdometryNoise
+from maurice_loaders.transforms import OdometryNoise
 from maurice_mcl.geometry import angle_between, compose
 
 POSES = [(0.3 * k, 0.1 * k, 45 * (k % 3)) for k in range(12) for _ in range(2 + k % 2)]

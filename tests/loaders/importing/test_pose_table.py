@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.importing.pose_table import (
+from maurice_loaders.importing import (
     Columns,
     PoseRow,
     arena_from_lines,

@@ -14,10 +14,10 @@ from helpers.session_breaking import BREAKS, broken, late, odometry
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
+from maurice_loaders.calibration import read_aligned
+from maurice_loaders.doctor import Diagnosis, diagnose
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.odometry_folder import read_aligned
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.inspection.doctor import Diagnosis, diagnose
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, RecordedTruth

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.inspection.overview import inspect_session
+from maurice_loaders.inspection import inspect_session
 
 from ..conftest import WriteLog
 

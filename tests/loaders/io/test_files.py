@@ -9,7 +9,7 @@ import platformdirs
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.files import cache_root, discard, new_folder, write_whole
+from maurice_loaders.files import cache_root, discard, new_folder, write_whole
 
 
 def fill(target: Path, text: str = "new", *, force: bool = False) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import PictureError
-from maurice_loaders.io.pictures import decode_picture, encode_jpeg, picture_format
+from maurice_loaders.pictures import decode_picture, encode_jpeg, picture_format
 from maurice_mcl.arrays import U8
 
 ENDINGS = ("jpg", "png", "webp", "bmp")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_loaders.live.listening import LineCutter
+from maurice_loaders.live.source import LineCutter
 
 MOST = 12
 PORTIONS = st.lists(

@@ -17,12 +17,11 @@ import pytest
 
 from helpers.live_peers import HEADER, line, log, peer, says, update
 from maurice_loaders.errors import InputError
-from maurice_loaders.live import listening as live_listening
-from maurice_loaders.live.listening import LineCutter, Patience
+from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
-from maurice_loaders.live.source import LiveSource, is_live, live_source
+from maurice_loaders.live.source import LineCutter, LiveSource, Patience, is_live, live_source
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms.gating import Gate
+from maurice_loaders.transforms import Gate
 from maurice_mcl.session import Moment
 
 SOON, LATER = Patience(0.3), Patience(20.0)
@@ -30,9 +29,9 @@ SOON, LATER = Patience(0.3), Patience(20.0)
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_listening, "POLL_S", 0.02)
-    monkeypatch.setattr(live_listening, "LONGEST_WAIT_S", 0.1)
-    monkeypatch.setattr(live_listening, "SENSE_S", 0.3)
+    monkeypatch.setattr(live_source_module, "POLL_S", 0.02)
+    monkeypatch.setattr(live_source_module, "LONGEST_WAIT_S", 0.1)
+    monkeypatch.setattr(live_source_module, "SENSE_S", 0.3)
 
 
 def gone_through(
@@ -136,7 +135,7 @@ def test_a_peer_that_is_no_robot_is_told_in_one_line_at_once(name: str, tmp_path
 
 
 def test_an_endless_line_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_listening, "LineCutter", partial(LineCutter, 1_000_000))
+    monkeypatch.setattr(live_source_module, "LineCutter", partial(LineCutter, 1_000_000))
     sent = [0]
 
     def endless(connection: socket.socket) -> None:

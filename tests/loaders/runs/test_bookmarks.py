@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.runs.bookmarks import (
+from maurice_loaders.runs.store import (
     Bookmark,
     add_bookmark,
     bookmarks_file,

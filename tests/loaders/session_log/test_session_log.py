@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import U8

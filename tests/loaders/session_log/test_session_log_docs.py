@@ -9,9 +9,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from maurice_loaders.io.fields import MOST, MOST_T_S
-from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.files import MOST, MOST_T_S
 from maurice_loaders.libraries.files import MOST_SPAN_M
+from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import RECORD_KEYS
 from maurice_loaders.session_log.writer import SessionWriter

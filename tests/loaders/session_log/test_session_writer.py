@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError, ReadingNotes
-from maurice_loaders.io.pictures import encode_jpeg
+from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import (
     EventRecord,

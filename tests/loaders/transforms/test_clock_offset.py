@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from maurice_loaders.calibration import read_aligned
 from maurice_loaders.errors import ReadingNotes
-from maurice_loaders.formats.odometry_folder import read_aligned
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.transforms.clocks import offset_between
+from maurice_loaders.time_alignment import offset_between
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose
 

@@ -19,7 +19,7 @@ from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_t
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms.corrected import Corrected, corrected
+from maurice_loaders.transforms import Corrected, corrected
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Camera, SessionInfo

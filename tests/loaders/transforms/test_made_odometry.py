@@ -17,7 +17,7 @@ from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, before, first_truth
 from maurice_loaders.recording import Motion, Note, OdometryPose, Record, Recording, TruthPose
-from maurice_loaders.transforms.made_odometry import NAMED, MadeOdometry, OdometryNoise, odometry_from_truth
+from maurice_loaders.transforms import NAMED, MadeOdometry, OdometryNoise, odometry_from_truth
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import SessionInfo

@@ -2,7 +2,7 @@
 
 import pytest
 
-from maurice_loaders.transforms.clocks import TimeSpan, apart, detect_unit, seconds
+from maurice_loaders.time_alignment import TimeSpan, apart, detect_unit, seconds
 
 
 @pytest.mark.parametrize(

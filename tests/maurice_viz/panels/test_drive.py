@@ -16,7 +16,7 @@ from typer.testing import CliRunner, Result
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.recorded_session import Glance, RecordedSession
-from maurice_loaders.transforms.gating import PLACEHOLDER, Placeholders
+from maurice_loaders.transforms import PLACEHOLDER, Placeholders
 from maurice_mcl.geometry import compose
 from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo

@@ -12,7 +12,7 @@ import pytest
 from rerun.experimental import ViewerClient
 from typer.testing import CliRunner
 
-from maurice_loaders.runs.bookmarks import bookmarks_file
+from maurice_loaders.runs.store import bookmarks_file
 from maurice_mcl.analysis.events import RunEvent
 from maurice_viz.app.events import is_named, names_in
 from maurice_viz.cli.app import app

@@ -11,7 +11,7 @@ import numpy as np
 
 from maurice_mcl.arrays import U8
 
-from ..errors import PictureError
+from .errors import PictureError
 
 JPEG_OPTIONS = (
     *(cv2.IMWRITE_JPEG_QUALITY, 95),

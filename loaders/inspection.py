@@ -13,13 +13,13 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError, PictureError, ReadingNotes
-from ..io.pictures import decode_picture, picture_format
-from ..recorded_session import RecordedSession
-from ..recording import Motion, Note, Picture, TruthPose, checked
-from ..session_log.header import Kind
-from ..session_log.reader import picture_bytes
-from ..session_log.records import (
+from .errors import InputError, PictureError, ReadingNotes
+from .pictures import decode_picture, picture_format
+from .recorded_session import RecordedSession
+from .recording import Motion, Note, Picture, TruthPose, checked
+from .session_log.header import Kind
+from .session_log.reader import picture_bytes
+from .session_log.records import (
     EventRecord,
     OdometryRecord,
     TruthRecord,
@@ -27,7 +27,7 @@ from ..session_log.records import (
     read_records,
     with_truth,
 )
-from ..transforms.clocks import TimeSpan
+from .time_alignment import TimeSpan
 
 MOST_EVENTS = 100
 
@@ -111,7 +111,6 @@ def inspect_recording(session: RecordedSession) -> Inspection:
 
 
 def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -> float | None:
-    """Return the share of pictures that have a true pose; problems of the alignment go to `notes`."""
     if not pictures:
         return None
     kept = RecordedSession(session.recording, session.options)
@@ -137,17 +136,14 @@ class _Tally:
         self.pictures: Counter[str] = Counter()
 
     def count(self, kind: str, t_s: float) -> None:
-        """Count a record of a kind: odometry, image, covered, truth, event."""
         self.records[kind] += 1
         self._spans[kind].add(t_s)
         self._all.add(t_s)
 
     def move(self, kind: str, motion: F64) -> None:
-        """Add the length of a motion (3,)."""
         self._distance_m[kind] += float(np.hypot(*motion[:2]))
 
     def move_to(self, kind: str, pose: F64) -> None:
-        """Add the distance from the last pose of a kind to a pose (3,)."""
         self.move(kind, pose - self._before.get(kind, pose))
         self._before[kind] = pose
 
@@ -160,7 +156,6 @@ class _Tally:
             self._events.append(text)
 
     def add_picture(self, read: Callable[[], U8 | bytes], where: str, line: int | None = None) -> None:
-        """Read a picture, encoded or pixels (H, W, 3), and count it by size, and by format if encoded."""
         try:
             found = read()
             image = decode_picture(found) if isinstance(found, bytes) else found
@@ -172,7 +167,6 @@ class _Tally:
             self.pictures[f"{kind}{width}x{height}"] += 1
 
     def inspection(self, kind: Kind, info: SessionInfo, truth_share: float | None) -> Inspection:
-        """Return what was counted."""
         counts, notes = self.records, self._notes
         return Inspection(
             path=str(self._path),
@@ -198,6 +192,5 @@ class _Tally:
 
 
 def _rate_hz(span: TimeSpan) -> float | None:
-    """Return the intervals per second; None if there is no time between."""
     length_s = span.last_s - span.first_s
     return (span.count - 1) / length_s if length_s > 0 else None

@@ -1,0 +1,291 @@
+"""The containers of messages, through `rosbags` and `mcap`: MCAP files, ROS 1 and ROS 2 bags."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
+
+from ..errors import InputError
+from .source import (
+    ENCODINGS,
+    MOST_BYTES,
+    BagSource,
+    Message,
+    Topic,
+    bag_errors,
+    decode,
+    decode_cdr,
+    decode_ros1,
+    require_ros,
+    short_type,
+    sorted_topics,
+    starts_with,
+)
+
+if TYPE_CHECKING:
+    from mcap.reader import McapReader
+    from mcap.records import Channel, Schema
+    from mcap.records import Message as McapMessage
+    from mcap.summary import Summary
+
+    Record: TypeAlias = tuple[Schema | None, Channel, McapMessage]
+    from rosbags.interfaces import Connection
+    from rosbags.rosbag1 import Reader
+    from rosbags.rosbag2.reader import DirectoryReader
+    from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a file begins as MCAP does."""
+    return starts_with(path, MCAP_MAGIC)
+
+
+def mcap_repair(name: str) -> str:
+    """Return the command that repairs an MCAP file."""
+    return f"repair it with `mcap recover {name} -o repaired.mcap`"
+
+
+@contextmanager
+def open_mcap(path: Path) -> Iterator[BagSource]:
+    """Open an MCAP file. InputError when it is damaged or cut."""
+    require_ros(path)
+    if not is_mcap(path):
+        raise InputError(path, "found no MCAP file, expected one; is it another format?")
+    with path.open("rb") as file:
+        with bag_errors(path, mcap_repair(path.name)):
+            bag = _McapBag(path, file)
+        yield bag
+
+
+class _McapBag:
+    """An open MCAP file. Without a chunk index it is read from its beginning, in the order of writing."""
+
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        self._path, self._file = path, file
+        file.seek(-len(MCAP_MAGIC), 2)
+        if file.read() != MCAP_MAGIC:
+            raise ValueError(f"it ends at byte {file.tell()} without its footer")
+        summary = self._reader().get_summary()
+        if summary is not None and not _complete(summary):
+            summary = None
+        self._indexed = summary is not None and bool(summary.chunk_indexes)
+        if summary is None or summary.statistics is None:
+            found = self._counted()
+        else:
+            counts = summary.statistics.channel_message_counts
+            pairs = [(one, summary.schemas.get(one.schema_id)) for one in summary.channels.values()]
+            found = [_topic(schema, channel, counts.get(channel.id, 0)) for channel, schema in pairs]
+        self.topics = sorted_topics(found)
+
+    def messages(self, names: Collection[str]) -> Iterator[Message]:
+        if not names:
+            return
+        with bag_errors(self._path, mcap_repair(self._path.name)):
+            for schema, channel, record in self._records(names):
+                kind = "" if schema is None else schema.name
+                decode_one = partial(self._decode, schema, channel, record.data)
+                yield Message(channel.topic, short_type(kind), record.log_time, decode_one)
+
+    def _reader(self) -> McapReader:
+        from mcap.reader import SeekingReader
+
+        self._file.seek(0)
+        return SeekingReader(self._file, validate_crcs=True, record_size_limit=MOST_BYTES)
+
+    def _records(self, names: Collection[str] | None) -> Iterator[Record]:
+        """Yield messages; the library would read a file without an index whole to sort it."""
+        from mcap.reader import NonSeekingReader
+
+        if self._indexed:
+            return self._reader().iter_messages(names)
+        self._file.seek(0)
+        reader = NonSeekingReader(self._file, validate_crcs=True, record_size_limit=MOST_BYTES)
+        return reader.iter_messages(names, log_time_order=False)
+
+    def _counted(self) -> list[Topic]:
+        found = dict[int, Topic]()
+        counts = Counter[int]()
+        for schema, channel, _ in self._records(None):
+            counts[channel.id] += 1
+            found[channel.id] = _topic(schema, channel, counts[channel.id])
+        return list(found.values())
+
+    def _decode(self, schema: Schema | None, channel: Channel, data: bytes) -> Any:
+        named = ("", b"", "") if schema is None else (schema.name, schema.data, schema.encoding)
+        with bag_errors(self._path):
+            return decode(data, channel.message_encoding, *named)
+
+
+def _complete(summary: Summary) -> bool:
+    """Return whether a summary repeats all channels and schemas, which writers may leave out."""
+    if any(one.uncompressed_size > MOST_BYTES for one in summary.chunk_indexes):
+        raise ValueError(f"a chunk of more than {MOST_BYTES} bytes")
+    used = {number for one in summary.chunk_indexes for number in one.message_index_offsets}
+    if summary.statistics is not None:
+        used |= summary.statistics.channel_message_counts.keys()
+    schemas = {one.schema_id for one in summary.channels.values()} - {0}
+    return bool(summary.channels) and used <= summary.channels.keys() and schemas <= summary.schemas.keys()
+
+
+def _topic(schema: Schema | None, channel: Channel, count: int) -> Topic:
+    known = channel.message_encoding in ENCODINGS
+    unreadable = "" if known else f"its messages are encoded as {channel.message_encoding!r}"
+    return Topic(channel.topic, short_type("" if schema is None else schema.name), count, unreadable)
+
+
+ROS1_MAGIC = b"#ROSBAG V2.0\n"
+
+
+@contextmanager
+def open_ros1(path: Path) -> Iterator[BagSource]:
+    """Open a ROS 1 bag. InputError when it is damaged, or was never closed."""
+    require_ros(path)
+    from rosbags.rosbag1 import Reader
+
+    if not starts_with(path, ROS1_MAGIC):
+        raise InputError(path, "found no ROS 1 bag of version 2.0, expected one; is it another format?")
+    with bag_errors(path, _ros1_repair(path)):
+        reader = Reader(path)
+        reader.open()
+    try:
+        yield _Ros1Bag(path, reader)
+    finally:
+        reader.close()
+
+
+def _ros1_repair(path: Path) -> str:
+    return f"repair it with `rosbag reindex {path.name}`"
+
+
+class _Ros1Bag:
+    def __init__(self, path: Path, reader: Reader) -> None:
+        self._path, self._reader = path, reader
+        self.topics = sorted_topics(
+            [Topic(one.topic, short_type(one.msgtype), one.msgcount) for one in reader.connections]
+        )
+
+    def messages(self, names: Collection[str]) -> Iterator[Message]:
+        wanted = [one for one in self._reader.connections if one.topic in names]
+        if not wanted:  # which the library takes for all
+            return
+        with bag_errors(self._path, _ros1_repair(self._path)):
+            for one, log_ns, data in self._reader.messages(wanted):
+                yield Message(one.topic, short_type(one.msgtype), log_ns, partial(self._decode, one, data))
+
+    def _decode(self, connection: Connection, data: bytes) -> Any:
+        with bag_errors(self._path):
+            return decode_ros1(data, connection.msgtype, connection.msgdef.data)
+
+
+METADATA = "metadata.yaml"
+FILES = (".db3", ".mcap")
+COMPRESSED = tuple(f"{ending}.zstd" for ending in FILES)
+JOURNALS = {"-wal": b"\x37\x7f\x06", "-journal": b"\xd9\xd5\x05\xf9"}  # of SQLite, and how they begin
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Return whether a folder has a bag's metadata or, as an interrupted recording, nothing but its files."""
+    if (path / METADATA).is_file():
+        return True
+    try:
+        names = [entry.name for entry in path.iterdir()]
+    except OSError:
+        return False
+    return bool(names) and all(any(ending in name for ending in FILES) for name in names)
+
+
+def open_ros2(path: Path) -> AbstractContextManager[BagSource]:
+    """Open a ROS 2 bag. InputError when it is damaged, or its recording was interrupted."""
+    require_ros(path)
+    for file in _files_in(path):
+        _refuse_journal(file)
+    opened = _folder_or_file(path)
+    return open_mcap(opened) if is_mcap(opened) else _open_rosbag2(opened)
+
+
+def _files_in(path: Path) -> list[Path]:
+    """Return the files that hold a bag's messages, by name; a file is its own."""
+    if not path.is_dir():
+        return [path]
+    return sorted(file for file in path.iterdir() if file.name.endswith((*FILES, *COMPRESSED)))
+
+
+def _folder_or_file(path: Path) -> Path:
+    """Return a folder with metadata, else its only file. InputError where that cannot be opened alone."""
+    if path.is_file():
+        if path.name.endswith(COMPRESSED):
+            found = "found a compressed file, expected a plain one"
+            raise InputError(path, f"{found}; decompress it with `zstd -d {path.name}`")
+        return path
+    if (path / METADATA).is_file():
+        return path
+    files = _files_in(path)
+    if len(files) == 1:
+        return _folder_or_file(files[0])
+    found = f"found {len(files)} files of a bag and no {METADATA}, expected it"
+    raise InputError(path, f"{found}; create it with `ros2 bag reindex {path.name}`")
+
+
+def _refuse_journal(file: Path) -> None:
+    """Refuse a database with pages still in a journal beside it, which readers would ignore silently."""
+    for ending, magic in JOURNALS.items():
+        beside = file.with_name(f"{file.name}{ending}")
+        if starts_with(beside, magic):
+            found = f"found {beside.stat().st_size} bytes of it in {beside.name}, expected a closed file"
+            merge = f"merge them with `sqlite3 {file.name} 'PRAGMA quick_check'`"
+            raise InputError(file, f"{found}; was the recording killed? {merge}")
+
+
+@contextmanager
+def _open_rosbag2(path: Path) -> Iterator[BagSource]:
+    from rosbags.rosbag2.reader import DirectoryReader
+    from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+    folder = path.is_dir()
+    repair = _ros2_repair(path)
+    rebuild = f"rebuild {METADATA} with `ros2 bag reindex {path.name}`, or " if folder else ""
+    with bag_errors(path, rebuild + repair):
+        reader = DirectoryReader(path) if folder else Sqlite3Reader(path.absolute())
+        reader.open()
+    try:
+        yield _Ros2Bag(path, reader, repair)
+    finally:
+        with suppress(Exception):  # a damaged database may refuse to be closed
+            reader.close()
+
+
+def _ros2_repair(path: Path) -> str:
+    names = [file.name for file in _files_in(path)]
+    name = names[0] if len(names) == 1 else "FILE"
+    if names and not names[0].endswith(".mcap"):
+        return f"repair it with `sqlite3 {name} .recover | sqlite3 repaired.db3`"
+    return mcap_repair(name)
+
+
+class _Ros2Bag:
+    def __init__(self, path: Path, reader: DirectoryReader | Sqlite3Reader, repair: str) -> None:
+        self._path, self._reader, self._repair = path, reader, repair
+        self.topics = sorted_topics(
+            [Topic(one.topic, short_type(one.msgtype), one.msgcount) for one in reader.connections]
+        )
+
+    def messages(self, names: Collection[str]) -> Iterator[Message]:
+        wanted = [one for one in self._reader.connections if one.topic in names]
+        if not wanted:  # which the library takes for all
+            return
+        with bag_errors(self._path, self._repair):
+            for one, log_ns, data in self._reader.messages(wanted):
+                held = bytes(memoryview(data))  # a damaged row may hold anything
+                decode = partial(self._decode, one, held)
+                yield Message(one.topic, short_type(one.msgtype), int(log_ns), decode)
+
+    def _decode(self, connection: Connection, data: bytes) -> Any:
+        definition, form = connection.msgdef.data, connection.msgdef.format.name.lower()
+        with bag_errors(self._path):
+            return decode_cdr(data, connection.msgtype, definition, form)

@@ -1,0 +1,356 @@
+"""Diagnosing a session with truth, with a library, or by the numbers alone, and the options that fix it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.parameters import of_feature
+from maurice_mcl.diagnosis.findings import (
+    Evidence,
+    Finding,
+    RecordedDrive,
+    RecordedOdometry,
+    RecordedTruth,
+    in_radians,
+    joined,
+    turn_finding,
+)
+from maurice_mcl.diagnosis.odometry import compared_with_truth
+from maurice_mcl.diagnosis.pictures import ComparedPictures, doubted_by_pictures, seen_with_truth
+from maurice_mcl.diagnosis.plausibility import clocks_apart, odometry_doubts, time_unit, truth_apart
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.motion import MauriceParameters
+from maurice_mcl.library import Library
+from maurice_mcl.sensor.descriptors.registry import FEATURES
+from maurice_mcl.session import Moment, SessionInfo
+
+from .errors import InputError, PictureError, ReadingNotes
+from .files import MOST
+from .formats.native import RawLog
+from .formats.registry import NATIVE, chosen, open_recording
+from .reading import ReadingOptions
+from .recording import Motion, OdometryPose, Picture, Recording, TruthPose
+from .time_alignment import offset_between
+from .transforms import corrected
+
+MOST_RECORDS = 50_000  # records of one kind that are looked at: an hour and a half of odometry at 10 Hz
+
+
+@dataclass(slots=True, eq=False)
+class Gathered:
+    """A recording without its pictures' content."""
+
+    info: SessionInfo
+    drive: RecordedDrive
+    falls: int  # times that fall, which the reader refuses
+    skipped: int  # records that cannot be read at all
+    first_problem: str
+    cut: bool  # whether only the beginning was looked at
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Lists:
+    t_s: list[float] = field(default_factory=list)
+    values: list[F64] = field(default_factory=list)
+    parts: list[int] = field(default_factory=list)
+
+    def add(self, t_s: float, values: F64, part: int = 0) -> None:
+        self.t_s.append(t_s)
+        self.values.append(values)
+        self.parts.append(part)
+
+    @property
+    def full(self) -> bool:
+        return len(self.t_s) >= MOST_RECORDS
+
+    def rows(self) -> F64:
+        return np.array(self.values, np.float64).reshape(-1, 3)
+
+
+def gather(path: Path, options: ReadingOptions) -> Gathered:
+    """Read all but the pictures. Raises InputError if there is nothing to diagnose."""
+    info = opened(path, options).info
+    notes = ReadingNotes(keep_going=True)
+    moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
+    falls, part, last_s, cut = 0, 0, -math.inf, False
+    for record in opened(path, options).records(notes):
+        falls += record.t_s < last_s
+        last_s = max(last_s, record.t_s) if record.t_s >= last_s else record.t_s
+        if isinstance(record, Motion):
+            moved.add(record.t_s, record.motion)
+        elif isinstance(record, OdometryPose):
+            went.add(record.t_s, record.pose)
+        elif isinstance(record, TruthPose):
+            truth.add(record.t_s, record.pose, part)
+        elif isinstance(record, Picture):
+            pictures.add(record.t_s, np.zeros(3))
+        else:
+            part += record.text.startswith("kidnapped")
+        if any(one.full for one in (moved, went, truth, pictures)):
+            cut = True
+            break
+    odometry = moved if moved.t_s else went
+    drive = RecordedDrive(
+        RecordedOdometry(np.array(odometry.t_s), odometry.rows(), odometry is went),
+        RecordedTruth(np.array(truth.t_s), truth.rows(), np.array(truth.parts, np.int32)),
+        np.array(pictures.t_s),
+        max(info.arena.size_m) if info.arena else math.inf,
+        _gain(path, info),
+    )
+    first = str(notes.problems[0]) if notes.problems else ""
+    return Gathered(info, drive, falls, notes.count, first, cut, notes.warnings)
+
+
+def movement_apart(drive: RecordedDrive) -> float | None:
+    """Return what the truth's times need to move when the odometry does; None if that is unknown."""
+    truth, odometry = drive.truth, drive.odometry
+    if truth.size < 2 or odometry.size < 2 or (np.diff(odometry.t_s) < 0).any() or truth.part.any():
+        return None
+    poses = odometry.values if odometry.poses else joined(odometry.values)
+    found = offset_between(odometry.t_s, poses, truth.t_s, truth.poses)
+    return None if found is None else found.offset_s
+
+
+def opened(path: Path, options: ReadingOptions) -> Recording:
+    """Open a recording; a native log as it stands, put right by the options alone."""
+    if chosen(path, options).name != NATIVE:
+        return open_recording(path, options)
+    return corrected(RawLog(path, options), options)
+
+
+def _gain(path: Path, info: SessionInfo) -> float:
+    """Return the gain of turns that the header's motion model corrects for."""
+    if not info.motion or info.motion.get("model", "maurice") != "maurice":
+        return 1.0
+    try:
+        return MauriceParameters.from_header(info.motion).turn_gain
+    except ValueError as problem:
+        raise InputError(path, str(problem), 1) from None
+
+
+# A session's pictures, compared with a library: some of them, over the whole drive.
+
+MOST_PICTURES = 60
+BETWEEN_S = 2.0  # pictures that come more often are passed over
+
+Progress = Callable[[int, int], None]
+
+
+def look(
+    path: Path,
+    options: ReadingOptions,
+    library: Library,
+    info: SessionInfo,
+    drive: RecordedDrive,
+    factor: float,
+    progress: Progress | None = None,
+) -> ComparedPictures:
+    """Compare some pictures with a library, their times multiplied by `factor`.
+
+    Raises InputError for a library without any of the channels wanted.
+    """
+    localizer = _localizer(path, library, info)
+    spacing = float(np.median(np.diff(drive.picture_t_s))) if len(drive.picture_t_s) > 1 else 0.0
+    stride = max(1, round(BETWEEN_S / spacing)) if spacing > 0 else 1
+    total = min(MOST_PICTURES, -(-len(drive.picture_t_s) // stride))
+    times, comparisons = [], []
+    for t_s, image in _pictures(path, options, stride):
+        times.append(t_s * factor)
+        comparisons.append(localizer.sensor.compare(localizer.sensor.measure(image)))
+        if progress:
+            progress(len(times), total)
+        if len(times) >= MOST_PICTURES:
+            break
+    return ComparedPictures(np.array(times), comparisons, localizer)
+
+
+def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
+    wanted = {name: weight for name, weight in FEATURES["blended"].items() if name in library.index}
+    if not wanted:
+        raise InputError(path, f"the library {library.name!r} holds neither color nor edges; build it again")
+    parameters = of_feature("blended" if len(wanted) > 1 else next(iter(wanted)))
+    return build_localizer(library, _Named(info), parameters)
+
+
+def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:
+    """Yield time and pixels of every first, second, ... picture; those that cannot be read are left out."""
+    records = opened(path, options).records(ReadingNotes(keep_going=True))
+    pictures = (record for record in records if isinstance(record, Picture))
+    for picture in islice(pictures, 0, None, stride):
+        with suppress(PictureError):
+            yield picture.t_s, picture.read()
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    info: SessionInfo
+
+    def moments(self) -> Iterator[Moment]:
+        return iter(())
+
+
+WRONG_TRUTH = ("truth-degrees", "truth-scale", "truth-clock", "disagreement")  # no use for the pictures
+HARMLESS = ("broken", "time-unit")  # the first left out, the second taken back before pictures are asked
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """What was looked at, and what is wrong."""
+
+    path: Path
+    name: str
+    odometry: int  # records
+    truth: int
+    pictures: int
+    cut: bool  # whether only the first 50,000 records of a kind were looked at
+    said: tuple[str, ...]  # by the reader
+    checks: tuple[str, ...]  # what could be asked
+    not_asked: tuple[str, ...]  # what could not, and why
+    findings: tuple[Finding, ...]
+    fixed: ReadingOptions  # what to read it with; as it was read where no option fixes anything
+
+
+def diagnose(
+    path: Path, options: ReadingOptions, library: Library | None, progress: Progress | None = None
+) -> Diagnosis:
+    """Look for everything that is known to go wrong. Raises InputError for what cannot be read at all.
+
+    Reads the records once, and with a library decodes at most 60 pictures. What an earlier check finds is
+    taken back before the next one: times first, then what truth says, then what pictures say.
+    """
+    found = gather(path, options)
+    factor, units = time_unit(found.drive)
+    drive = found.drive.slowed(factor)
+    if library is not None and not np.isfinite(drive.size_m):
+        drive = replace(drive, size_m=max(library.arena.size_m))
+    movement_s = movement_apart(drive)
+    apart = clocks_apart(drive, movement_s) or truth_apart(drive)
+    asked = _Asked(["times", "odometry by itself"], [])
+    known = [*_about_reading(found), *units, *apart, *_about_odometry(drive, movement_s, asked)]
+    if library is None:
+        asked.without.append("pictures: no library was given")
+    elif not len(drive.picture_t_s):
+        asked.without.append("pictures: there are none")
+    else:
+        looks = look(path, options, library, found.info, drive, factor, progress)
+        asked.checks.append(f"{len(looks.t_s)} pictures against the library")
+        known = _about_pictures(looks, drive, found, known)
+    return _diagnosis(path, options, found, drive, asked, known)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    checks: list[str]
+    without: list[str]  # what could not, and why
+
+
+def _diagnosis(
+    path: Path,
+    options: ReadingOptions,
+    found: Gathered,
+    drive: RecordedDrive,
+    asked: _Asked,
+    known: Sequence[Finding],
+) -> Diagnosis:
+    """Put together what is reported; a delay of the pictures is why truth seems to be elsewhere in time."""
+    delayed = any(one.code == "picture-delay" for one in known)
+    format_name = chosen(path, options).name
+    findings = [fixable(one, format_name) for one in known if not (delayed and one.code == "truth-apart")]
+    return Diagnosis(
+        path,
+        found.info.name,
+        drive.odometry.size,
+        drive.truth.size,
+        len(drive.picture_t_s),
+        found.cut,
+        found.warnings,
+        tuple(asked.checks),
+        tuple(asked.without),
+        tuple(findings),
+        fixed_options(options, findings),
+    )
+
+
+def _about_odometry(drive: RecordedDrive, movement_s: float | None, asked: _Asked) -> list[Finding]:
+    if drive.truth.size > 1 and drive.odometry.size > 1:
+        asked.checks.append("odometry against truth")
+        return compared_with_truth(drive, movement_s)
+    asked.without.append(f"{'truth' if drive.truth.size <= 1 else 'odometry'}: there is none")
+    return odometry_doubts(drive)
+
+
+def _about_reading(found: Gathered) -> list[Finding]:
+    findings, truth = [], found.drive.truth.poses
+    if found.falls:
+        findings.append(Finding("times-fall", (Evidence("falling"),), details={"falls": found.falls}))
+    large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (found.drive.odometry.values, truth))
+    if large:
+        most = {"most": MOST}
+        evidence = (Evidence("limits", most),)
+        findings.append(Finding("too-large", evidence, {"records": large}, details=most))
+    if found.skipped:
+        evidence = (Evidence("first-problem", {"problem": found.first_problem}),)
+        findings.append(Finding("broken", evidence, details={"records": found.skipped}))
+    return findings
+
+
+def _about_pictures(
+    looks: ComparedPictures, drive: RecordedDrive, found: Gathered, known: list[Finding]
+) -> list[Finding]:
+    """Ask the pictures, with truth where there is any; not where the odometry is known to be wrong.
+
+    Return what is known by then: degrees alone do not show in which direction they are counted.
+    """
+    if drive.truth.size > 1:
+        truthful = not any(one.code in WRONG_TRUTH for one in known)
+        return known + (seen_with_truth(looks, drive.truth) if truthful else [])
+    doubts = [one for one in known if one.code not in HARMLESS]
+    in_degrees = [one.code for one in doubts] == ["turn-degrees"]
+    if not drive.odometry.size or (doubts and not in_degrees):
+        return known
+    asked = in_radians(drive) if in_degrees else drive
+    more = doubted_by_pictures(looks, asked, found.info.start)
+    if in_degrees and [one.code for one in more] == ["turn-clockwise"]:
+        evidence = (*doubts[0].evidence, *more[0].evidence)
+        both = turn_finding("clockwise degrees", *evidence, **doubts[0].numbers)
+        return [both if one is doubts[0] else one for one in known]
+    return known + more
+
+
+# From what the doctor found to the options of reading that fix it.
+
+UNITS_TAKEN = ("session-log", "table", "tum", "tum-trajectory", "openloris", "euroc")  # by time_unit=...
+# what was read with one factor and needs another is read with their product
+FACTORS = ("odometry_scale", "turn_scale", "turn_gain", "truth_scale", "truth_turn_scale")
+
+
+def fixable(finding: Finding, format_name: str) -> Finding:
+    """Leave out of a finding the options that a format does not take."""
+    if "time_unit" in finding.options and format_name not in UNITS_TAKEN:
+        return replace(finding, options={})
+    return finding
+
+
+def fixed_options(options: ReadingOptions, findings: Iterable[Finding]) -> ReadingOptions:
+    """Return the options with what fixes the findings, found in reading with these options."""
+    for finding in findings:
+        changed: dict[str, Any] = {}
+        for name, value in finding.options.items():
+            before = getattr(options, name)
+            if isinstance(value, str):
+                changed[name] = value
+            else:
+                changed[name] = before * value if name in FACTORS else before + value
+        options = replace(options, **changed)
+    return options

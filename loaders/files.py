@@ -1,0 +1,339 @@
+"""Files and the values in them: atomic writes, the cache, checks of values, values as TOML."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import re
+import shutil
+import tomllib
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import date, datetime, time
+from pathlib import Path
+from typing import Any, TypeVar
+
+import platformdirs
+
+from .errors import FieldError, InputError
+
+
+def expect_regular(file: Path, expected: str) -> None:
+    """Raise InputError for a device, pipe or socket; what is not there, and folders, are the caller's."""
+    if file.exists() and not file.is_file() and not file.is_dir():
+        raise InputError(file, f"found no regular file, expected {expected}; save it to a file first")
+
+
+_DIGITS = re.compile(r"(\d+)")
+
+
+def natural_order(files: Iterable[Path]) -> list[Path]:
+    """Sort by name, numbers in names by their value."""
+    return sorted(files, key=lambda file: _parts(file.name))
+
+
+def _parts(name: str) -> list[tuple[int, int, str]]:
+    parts = _DIGITS.split(name)
+    return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
+
+
+PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")  # endings, in lower case
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """Return the pictures of a folder in natural order."""
+    return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
+
+
+def write_whole(file: Path, data: bytes, *, force: bool = False) -> None:
+    """Write a file completely or not at all. Raises InputError if it exists and `force` is not given."""
+    expect_absent(file, force=force)
+    filling = file.with_name(f".{file.name}.{os.getpid()}.part")
+    try:
+        with writing(file):
+            filling.write_bytes(data)
+            filling.replace(file)
+    finally:
+        filling.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(target: Path) -> Iterator[None]:
+    """Convert what the system refuses, such as a full disk, to an InputError."""
+    try:
+        yield
+    except OSError as problem:
+        reason = problem.strerror or problem
+        raise InputError(target, f"cannot be written: {reason}; choose another place") from None
+
+
+def expect_absent(file: Path, *, force: bool) -> None:
+    """Raise InputError if a file to be written exists and may not be overwritten, or is no regular file."""
+    if file.is_dir() or not file.name:
+        raise InputError(file, "found a folder, expected the name of a file to write")
+    if file.exists() and not file.is_file():  # a device would be replaced by a file
+        raise InputError(file, "found a device or pipe, expected the name of a file to write")
+    if file.exists() and not force:
+        raise InputError(file, "exists already; write elsewhere, or replace it with --force")
+
+
+def cache_root() -> Path:
+    """Return the folder for what can be made again: MAURICE_CACHE, or the user's cache."""
+    named = os.environ.get("MAURICE_CACHE")
+    return Path(named) if named else Path(platformdirs.user_cache_dir("maurice-replay"))
+
+
+@contextmanager
+def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
+    """Return a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
+
+    Raises InputError if `target` exists already or has no name. With `force` an old folder is replaced, but
+    only one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
+    """
+    check_target(target, force, ours)
+    filling = _sibling(target, "part")
+    try:  # from before it is made: a request to stop may come between that and the next line
+        with writing(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            filling.mkdir()
+        yield filling
+        _swap(filling, target, force)
+    finally:
+        try:
+            shutil.rmtree(filling, ignore_errors=True)
+        finally:  # again, where a second request to stop interrupted that
+            shutil.rmtree(filling, ignore_errors=True)
+
+
+def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> None:
+    """Make an empty folder at once, for what grows in it and must be readable after a kill.
+
+    Raises InputError as for `new_folder`; with `force` the old folder is gone from here on.
+    """
+    check_target(target, force, ours)
+    with writing(target):
+        if target.is_dir() and any(target.iterdir()):
+            discard(target)
+        target.mkdir(parents=True, exist_ok=True)
+
+
+def check_target(target: Path, force: bool, ours: str = "manifest.json") -> None:
+    """Raise InputError for a folder that `new_folder` and `begin_folder` would not fill."""
+    if not target.name:  # ".", which "" means as well, and "/" cannot be put in place
+        raise InputError(target, "found no name for a new folder, expected one; name it")
+    if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
+        return
+    if not force:
+        raise InputError(target, "exists already; write elsewhere, or replace it with --force")
+    if not (target / ours).is_file():
+        raise InputError(target, f"found no {ours} in it, so it was not made here; remove it yourself")
+
+
+def _swap(filling: Path, target: Path, force: bool) -> None:
+    """Rename into place; what stood there is put aside first, so that it is never half gone."""
+    if not force or not target.exists():
+        try:
+            filling.replace(target)  # onto nothing or an empty folder
+        except OSError:
+            raise InputError(target, "was written by somebody else meanwhile; write elsewhere") from None
+        return
+    discard(target)
+    filling.replace(target)
+
+
+def discard(folder: Path) -> None:
+    """Remove a folder; it is renamed first, so that nobody sees it half gone."""
+    aside = _sibling(folder, "old")
+    folder.replace(aside)
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _sibling(target: Path, ending: str) -> Path:
+    return target.parent / f".{target.name}-{uuid.uuid4().hex}.{ending}"
+
+
+# Text files: CSV, TOML, rows of numbers.
+
+Row = TypeVar("Row")
+
+
+@contextmanager
+def _reading(file: Path, regular: str, wanted: str, form: str, *errors: type[Exception]) -> Iterator[None]:
+    expect_regular(file, regular)
+    unreadable: tuple[type[Exception], ...] = (OSError, UnicodeDecodeError, *errors)
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(file, f"found no such file, expected {wanted}; check the path") from None
+    except unreadable as problem:
+        raise InputError(file, f"cannot be read as {form}: {problem}") from None
+
+
+def read_csv(
+    file: Path, wanted: str, each: str, parse: Callable[[csv.DictReader[str]], Iterator[Row]]
+) -> list[Row]:
+    """Read a CSV table row by row. Raises InputError where it cannot be read, or has no rows."""
+    with (
+        _reading(file, wanted, wanted, "a CSV table", csv.Error),
+        file.open(newline="", encoding="utf-8-sig") as data,
+    ):
+        rows = list(parse(csv.DictReader(data)))
+    if not rows:
+        raise InputError(file, f"found no rows, expected one a {each}")
+    return rows
+
+
+def read_toml(file: Path, wanted: str) -> dict[str, Any]:
+    """Read a TOML file. Raises InputError where it cannot be read."""
+    with _reading(file, "a TOML file", wanted, "TOML", tomllib.TOMLDecodeError, RecursionError):
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
+
+
+def read_number_rows(
+    file: Path, regular: str, form: str, count: int, wanted: str, *, commas: bool = False
+) -> list[list[float]]:
+    """Read lines of `count` numbers; with `commas` these separate too, and lines with # are comments.
+
+    Raises InputError naming the line at fault.
+    """
+    expect_regular(file, regular)
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as problem:
+        raise InputError(file, f"cannot be read as {form}: {problem}") from None
+    rows = []
+    for at, line in enumerate(map(str.strip, lines), 1):
+        if not line or (commas and line.startswith("#")):
+            continue
+        try:
+            values = [float(word) for word in (line.replace(",", " ") if commas else line).split()]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(map(math.isfinite, values)):
+            raise InputError(file, f"found {show(line)}, expected {wanted}", at)
+        if max(map(abs, values)) > MOST:
+            raise InputError(file, f"found {show(line)}, expected each {up_to()}", at)
+        rows.append(values)
+    return rows
+
+
+# Checks of values: each returns the value with its type known, or says what is wrong.
+
+MOST = 1e9  # meters, radians, pixels: more is a slip, and squares of it still fit into float32
+MOST_T_S = 4e9  # Unix time until 2096; the time between any two is still one that the viewer can count
+
+
+def read_json(data: bytes | str) -> Any:
+    """Return the value of a JSON text. ValueError for what is none, also where it is nested too deeply."""
+    try:
+        return json.loads(data)
+    except RecursionError:
+        raise ValueError("found JSON that is nested too deeply") from None
+
+
+def show(value: Any) -> str:
+    """Show a found value on one line, short."""
+    if value is None:
+        return "nothing"
+    shown = repr(value)
+    return shown if len(shown) <= 60 else shown[:57] + "..."
+
+
+def number(value: Any, what: str, most: float = MOST) -> float:
+    """Return a finite number at most so far from zero; true and false are none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
+        raise FieldError(f"found {what} {show(value)}, expected a finite number")
+    if abs(value) > most:
+        raise FieldError(f"found {what} {show(value)}, expected {up_to(most)}")
+    return float(value)
+
+
+def whole(value: Any, what: str) -> int:
+    """Return a whole number below 2**32."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
+        raise FieldError(f"found {what} {show(value)}, expected a whole number from 0")
+    return value
+
+
+def up_to(most: float = MOST) -> str:
+    """Return how large a number may be."""
+    return f"a number up to {most:g} in size".replace("e+0", "e")
+
+
+def numbers(value: Any, count: int, what: str) -> list[float]:
+    """Return a list of exactly so many numbers, each of them as `number` takes it."""
+    if not isinstance(value, list) or len(value) != count:
+        raise FieldError(f"found {what} {show(value)}, expected a list of {count} numbers")
+    return [number(v, what) for v in value]
+
+
+def text(value: Any, what: str) -> str:
+    """Return a text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise FieldError(f"found {what} {show(value)}, expected a text")
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise FieldError(f"found half a character in {what} {show(value)}, expected whole ones")
+    return value
+
+
+def flag(value: Any, what: str) -> bool:
+    """Return true or false."""
+    if not isinstance(value, bool):
+        raise FieldError(f"found {what} {show(value)}, expected true or false")
+    return value
+
+
+def items(value: Any, what: str) -> list[Any]:
+    """Return a list of anything."""
+    if not isinstance(value, list):
+        raise FieldError(f"found {what} {show(value)}, expected a list")
+    return value
+
+
+def mapping(value: Any, what: str) -> dict[str, Any]:
+    """Return an object."""
+    if not isinstance(value, dict):
+        raise FieldError(f"found {what} {show(value)}, expected an object")
+    return value
+
+
+# Cells of CSV tables: a number, or one line that says where it is none.
+
+
+def number_in(file: Path, line: int, column: str, value: str | None) -> float:
+    """Read a finite number of sensible size. Raises InputError naming file, line and column otherwise."""
+    try:
+        number = float(value or "")
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
+    if abs(number) > MOST:
+        raise InputError(file, f"found {show(value)} in column {column!r}, expected {up_to()}", line)
+    return number
+
+
+# Values as TOML. `tomli-w` writes neither inline tables nor comments behind values, which our files have.
+
+
+def toml_value(value: Any) -> str:
+    """Return one value as TOML, on one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{toml_key(name)} = {toml_value(entry)}" for name, entry in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
+    if isinstance(value, str):  # TOML's basic strings are escaped as JSON's are, but for DEL
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(toml_value(entry) for entry in value)}]"
+    return str(value) if isinstance(value, (date, datetime, time)) else repr(value)
+
+
+def toml_key(name: str) -> str:
+    """Return a key as TOML, quoted where it must be."""
+    bare = bool(name) and name.isascii() and all(c.isalnum() or c in "_-" for c in name)
+    return name if bare else toml_value(name)
