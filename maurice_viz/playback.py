@@ -14,7 +14,7 @@ from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison,
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment, Session
+from maurice_mcl.session import Moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +39,14 @@ class RunResult:
 
 
 def run_together(
-    runs: Sequence[FilterRun], session: Session
+    runs: Sequence[FilterRun], moments: Iterable[Moment]
 ) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
-    """Step all runs through one session side by side; every picture is decoded once.
+    """Step all runs through the moments of one session side by side; every picture is decoded once.
 
     Each run owns its state and its randomness, so that its records are those of a run by itself.
     """
     states = {run.label: run.localizer.initialize(run.start) for run in runs}
-    for moment in session.moments():
+    for moment in moments:
         records = {}
         for run in runs:
             states[run.label], records[run.label] = run.localizer.step(states[run.label], moment.frame)

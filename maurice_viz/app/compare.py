@@ -23,9 +23,17 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..scene import RunView
-from .open import AnySession, RunSpec, make_runs, open_library_for, remark_skipped, unique_labels
+from .open import (
+    AnySession,
+    RunSpec,
+    make_runs,
+    open_library_for,
+    open_session,
+    remark_skipped,
+    unique_labels,
+)
 from .output import DriveScene, OutputOptions
-from .replay import opened_session, output_of, replay_session
+from .replay import output_of, replay_session
 from .run import Playback, Report, RunScores, no_report, play, remark_zeros
 from .saved import Opened, open_saved, playback_of, remark_saved, view_of
 
@@ -235,7 +243,7 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
-    sessions = [opened_session(one, reading, listener) for one in sources]
+    sessions = [open_session(one, reading, listener) for one in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)
     named = [replace(spec, name=label) for label in _labels(paths)]
@@ -248,7 +256,7 @@ def _sessions_playback(
     info = replace(sessions[0].info, name=" | ".join(dict.fromkeys(s.info.name for s in sessions)))
     shortest = min(pictures for pictures, _ in overviews)
     return Playback(
-        aligned([shared(run_together([run], s)) for run, s in zip(runs, sessions, strict=True)]),
+        aligned([shared(run_together([run], s.moments())) for run, s in zip(runs, sessions, strict=True)]),
         shortest,
         [
             replace(RunView.live(run.label, run.localizer), own_drive=drive != drives[0])

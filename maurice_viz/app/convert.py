@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -76,23 +76,29 @@ def convert(
     if not np.isfinite(t_offset_s):
         raise OptionError(f"a time offset is a number of seconds, found {t_offset_s}")
     target = target if target.suffix else target / "session.log"
-    session = open_session(source, keep_going=options.keep_going, opening=options, listener=listener)
+    session = open_session(source, options, listener)
     notes = ReadingNotes(options.keep_going)
     recorded = as_recorded_session(session, options)
+    read: ReadingNotes | AnySession = recorded
     if target.suffix == MCAP:
         steps = convert_to_mcap(
             recorded, target, camera=options.camera, kind=pictures, t_offset_s=t_offset_s, force=force
         )
-        done = _count(steps, target, listener)
-        _report(session.path, recorded, listener)
-        return target, done
-    begin_s, has_pictures = _begin(recorded.recording)
-    if has_pictures:
-        steps = convert_to_log(session, target, kind=pictures, t_offset_s=begin_s + t_offset_s, force=force)
     else:
-        steps = records_to_log(recorded.recording, target, notes, t_offset_s=t_offset_s, force=force)
+        begin_s, has_pictures = _begin(recorded.recording)
+        if has_pictures:
+            begun_s = begin_s + t_offset_s
+            steps = convert_to_log(session, target, kind=pictures, t_offset_s=begun_s, force=force)
+        else:
+            steps = records_to_log(recorded.recording, target, notes, t_offset_s=t_offset_s, force=force)
     done = _count(steps, target, listener)
-    _report(session.path, session if done.pictures else notes, listener)
+    if target.suffix == LOG:
+        read = session if done.pictures else notes
+    for warning in read.warnings:
+        listener.warning(warning)
+    count = read.count if isinstance(read, ReadingNotes) else read.problem_count
+    if count:
+        listener.warning(f"{session.path}: skipped {count} broken records, the first: {read.problems[0]}")
     return target, done
 
 
@@ -116,15 +122,6 @@ def _count(steps: Iterator[Converted], target: Path, listener: Listener) -> Conv
     return done
 
 
-def _report(path: Path, read: ReadingNotes | AnySession, listener: Listener) -> None:
-    """Pass on what was found wrong while reading."""
-    for warning in read.warnings:
-        listener.warning(warning)
-    count = read.count if isinstance(read, ReadingNotes) else read.problem_count
-    if count:
-        listener.warning(f"{path}: skipped {count} broken records, the first: {read.problems[0]}")
-
-
 @dataclass(frozen=True, slots=True)
 class Exported:
     """What was exported of one run."""
@@ -136,39 +133,11 @@ class Exported:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        return {
-            "label": self.label,
-            "updates": self.updates,
-            "files": [str(file) for file in self.files],
-            "position_error_m": self.position_error_m,
-        }
+        return asdict(self) | {"files": [str(file) for file in self.files]}
 
 
-@dataclass(frozen=True, slots=True)
-class _Targets:
-    """The files asked for, by format."""
-
-    paths: Sequence[str]  # some of PATHS
-    tum: Path | None
-    kitti: Path | None
-    csv: Path | None
-    parquet: Path | None
-    mcap: Path | None
-    evo: Path | None
-
-    @property
-    def given(self) -> list[Path]:
-        """The files as they were named."""
-        found = [getattr(self, one.name) for one in fields(self) if one.name != "paths"]
-        return [file for file in found if file is not None]
-
-    @property
-    def written(self) -> list[Path]:
-        """Every file that may be written: TUM and KITTI have one for each path."""
-        named = [path_files(file, self.paths) for file in (self.tum, self.kitti) if file]
-        several = [file for files in named for file in files.values()]
-        others = (self.csv, self.parquet, self.mcap, self.evo)
-        return [*several, *(file for file in others if file is not None)]
+Files = Mapping[str, Path]  # those asked for, by format
+BY_PATH = ("tum", "kitti")  # formats with a file for each path
 
 
 def export(
@@ -202,24 +171,26 @@ def export(
         >>> [file.name for file in exported.files]
         ['my-run.tum']
     """
-    named = [None if file is None else Path(file) for file in (tum, kitti, csv, parquet, mcap, evo)]
-    targets = _Targets(PATHS if only is None else (only,), *named)
-    if not targets.given:
+    given = {"tum": tum, "kitti": kitti, "csv": csv, "parquet": parquet, "mcap": mcap, "evo": evo}
+    files = {name: Path(file) for name, file in given.items() if file is not None}
+    if not files:
         raise OptionError("name a file: --tum, --kitti, --csv, --parquet, --mcap or --evo")
-    if len({file.absolute() for file in targets.given}) < len(targets.given):
+    if len({file.absolute() for file in files.values()}) < len(files):
         raise OptionError("two formats cannot go to one file")
     if only is not None and only not in PATHS:
         raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
     if not np.isfinite(t_offset_s):
         raise OptionError(f"--t-offset is a number of seconds, found {t_offset_s}")
-    saved = chosen_run(Path(run), run_label)
+    runs = {one.manifest.label: one for one in open_runs(Path(run))}
+    saved = runs[chosen_label(Path(run), list(runs), run_label)]
     if only == "truth" and not saved.manifest.has_truth:
         raise InputError(saved.folder, "has no truth, and --only truth asks for nothing else; leave it out")
     steps, errors = 0, EvoSink(saved.manifest.label)
-    session, begin_s = _session(saved, targets, listener)
-    pictures = Pictures(session, listener.warning) if targets.mcap else None
+    paths = PATHS if only is None else (only,)
+    session, begin_s = _session(saved, "mcap" in files, listener)
+    pictures = Pictures(session, listener.warning) if "mcap" in files else None
     with ExitStack() as stack:
-        sinks = _open(stack, saved, targets, session, force)
+        sinks = _open(stack, saved, files, paths, session, force)
         for number, step in enumerate(export_steps(saved, t_offset_s=begin_s + t_offset_s), start=1):
             image = None if pictures is None else pictures.of(step.rows)
             if step.scored or not scored:
@@ -229,18 +200,11 @@ def export(
             listener.progress(number, saved.manifest.pictures, "export")
         if not steps:
             raise InputError(saved.folder, "holds no such update, so there is nothing to export; replay more")
-    _report_left_out(saved, sinks, targets, listener)
-    files = tuple(file for file in targets.written if file.exists())
-    return Exported(saved.manifest.label, steps, files, errors.statistics() or None)
-
-
-def chosen_run(folder: Path, label: str | None) -> SavedRun:
-    """Open a saved run, or the one of a comparison that has this label.
-
-    Raises InputError where the label is missing or unknown.
-    """
-    runs = {run.manifest.label: run for run in open_runs(folder)}
-    return runs[chosen_label(folder, list(runs), label)]
+    _report_left_out(saved, sinks, files, listener)
+    several = [file for name in BY_PATH if name in files for file in path_files(files[name], paths).values()]
+    may_be = [*several, *(file for name, file in files.items() if name not in BY_PATH)]
+    written = tuple(file for file in may_be if file.exists())  # of a path that is not known there is no file
+    return Exported(saved.manifest.label, steps, written, errors.statistics() or None)
 
 
 def chosen_label(folder: Path, labels: Sequence[str], label: str | None) -> str:
@@ -253,32 +217,34 @@ def chosen_label(folder: Path, labels: Sequence[str], label: str | None) -> str:
 
 
 def _open(
-    stack: ExitStack, run: SavedRun, targets: _Targets, session: AnySession | None, force: bool
+    stack: ExitStack,
+    run: SavedRun,
+    files: Files,
+    paths: Sequence[str],
+    session: AnySession | None,
+    force: bool,
 ) -> list[Sink]:
     """Open all files that were asked for; they appear together at the end."""
-    channels, label, paths = run.manifest.channels, run.manifest.label, targets.paths
-    origin = np.array(run.manifest.origin_m)
+    channels, label, origin = run.manifest.channels, run.manifest.label, np.array(run.manifest.origin_m)
     together = run.manifest.has_truth and len(paths) > 1
-    opening: Mapping[Path | None, Callable[[Path], Any]] = {
-        targets.tum: lambda file: path_sink(path_files(file, paths), tum_line, force=force),
-        targets.kitti: lambda file: path_sink(
-            path_files(file, paths), kitti_line, together=together, force=force
-        ),
-        targets.csv: lambda file: csv_sink(file, channels, force=force),
-        targets.parquet: lambda file: parquet_sink(file, channels, force=force),
-        targets.mcap: lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
-        targets.evo: lambda file: evo_sink(file, label, force=force),
+    opening: Mapping[str, Callable[[Path], Any]] = {
+        "tum": lambda file: path_sink(path_files(file, paths), tum_line, force=force),
+        "kitti": lambda file: path_sink(path_files(file, paths), kitti_line, together=together, force=force),
+        "csv": lambda file: csv_sink(file, channels, force=force),
+        "parquet": lambda file: parquet_sink(file, channels, force=force),
+        "mcap": lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
+        "evo": lambda file: evo_sink(file, label, force=force),
     }
-    return [stack.enter_context(make(file)) for file, make in opening.items() if file is not None]
+    return [stack.enter_context(opening[name](file)) for name, file in files.items()]
 
 
-def _session(run: SavedRun, targets: _Targets, listener: Listener) -> tuple[AnySession | None, float]:
+def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[AnySession | None, float]:
     """Return the session and the time on its own clock at which it began, if it is still there."""
     try:
         session = session_of(run)
         return session, begin_of(session)
     except InputError as problem:
-        missing = "pictures are left out and times" if targets.mcap else "times"
+        missing = "pictures are left out and times" if pictured else "times"
         listener.warning(f"{str(problem).split(';')[0]}: {missing} count from its first record")
         return None, 0.0
 
@@ -291,10 +257,10 @@ def _scene(run: SavedRun, session: AnySession | None) -> McapScene:
     return replace(found, arena=run.arena())
 
 
-def _report_left_out(run: SavedRun, sinks: Sequence[Sink], targets: _Targets, listener: Listener) -> None:
+def _report_left_out(run: SavedRun, sinks: Sequence[Sink], files: Files, listener: Listener) -> None:
     for sink in sinks:
         if isinstance(sink, PathSink) and sink.left_out:
             why = "KITTI rows have no time, so that only updates with a known truth are written"
-            listener.remark(f"{targets.kitti}: {sink.left_out} updates are left out: {why}")
-    if not run.manifest.has_truth and (targets.tum or targets.kitti):
+            listener.remark(f"{files['kitti']}: {sink.left_out} updates are left out: {why}")
+    if not run.manifest.has_truth and not files.keys().isdisjoint(BY_PATH):
         listener.remark("the run has no truth: there is no file of it")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import TypeAlias
@@ -51,18 +51,8 @@ class FoundEvents:
 
     def to_json(self) -> dict[str, object]:
         """Return `{"runs": [{"label": ..., "events": [...]}]}`."""
-        return {
-            "runs": [
-                {
-                    "label": run.label,
-                    "events": [
-                        {"step": one.step, "time_s": one.time_s, "kind": one.kind, "text": one.text}
-                        for one in run.events
-                    ],
-                }
-                for run in self.runs
-            ]
-        }
+        runs = [(run.label, [asdict(one) for one in run.events]) for run in self.runs]
+        return {"runs": [{"label": label, "events": found} for label, found in runs]}
 
 
 def events(
@@ -100,14 +90,14 @@ def events(
 def find_events(folder: Path) -> FoundEvents:
     """Find every event of a saved run or a comparison, routine ones included. Raises InputError."""
     runs = open_runs(folder)
-    notes = find_notes(folder, runs)
-    watched = [_Watched.of(run, runs[0], notes.by_label[run.manifest.label]) for run in runs]
+    notes, problems = find_notes(folder, runs)
+    watched = [_Watched.of(run, runs[0], notes[run.manifest.label]) for run in runs]
     for updates in zip_longest(*(_updates(run) for run in runs)):
         for one, update in zip(watched, updates, strict=True):
             if update is not None:
                 one.see(updates[0], update)
     done = tuple(RunEvents(one.label, tuple(one.events)) for one in watched)
-    return FoundEvents(done, runs[0].manifest.name, notes.problems)
+    return FoundEvents(done, runs[0].manifest.name, problems)
 
 
 @dataclass(slots=True)
@@ -136,32 +126,26 @@ class _Watched:
 
 def _updates(run: SavedRun) -> Iterator[Update]:
     """Go through one run as far as it got, without its pictures."""
-    for moment, records in restored_together([Restored(run, None)], Pictures(None, _ignore)):
+    for moment, records in restored_together([Restored(run, None)], Pictures()):
         yield moment, records[run.manifest.label]
 
 
-@dataclass(frozen=True, slots=True)
-class Notes:
-    """The bookmarks of the runs in a folder, as `EventDetector` takes them."""
+def find_notes(
+    folder: Path, runs: Sequence[SavedRun]
+) -> tuple[Mapping[str, Mapping[int, Sequence[str]]], tuple[str, ...]]:
+    """Return the notes of each run by its label and by step, and what cannot be read, a line a file.
 
-    by_label: Mapping[str, Mapping[int, Sequence[str]]]  # a run's label to notes by step
-    problems: tuple[str, ...]  # lines that cannot be read, a line a file
-
-
-def find_notes(folder: Path, runs: Sequence[SavedRun]) -> Notes:
-    """Read each run's own bookmarks, and those of the comparison that they are in, which are for all."""
+    The bookmarks of a comparison are for all its runs.
+    """
     own = {run.manifest.label: read_bookmarks(run.folder) for run in runs}
     alone = [run.folder for run in runs] == [folder]
     shared = Bookmarks(()) if alone else read_bookmarks(folder)
-    notes = {label: _by_step([*shared.kept, *some.kept]) for label, some in own.items()}
-    return Notes(notes, tuple(one.problem for one in (shared, *own.values()) if one.problem))
-
-
-def _by_step(bookmarks: Sequence[Bookmark]) -> dict[int, list[str]]:
-    notes: dict[int, list[str]] = {}
-    for one in bookmarks:
-        notes.setdefault(one.step, []).append(one.note)
-    return notes
+    notes: dict[str, dict[int, list[str]]] = {}
+    for label, some in own.items():
+        notes[label] = {}
+        for one in (*shared.kept, *some.kept):
+            notes[label].setdefault(one.step, []).append(one.note)
+    return notes, tuple(one.problem for one in (shared, *own.values()) if one.problem)
 
 
 def keep_bookmark(run: str | Path, step: int, note: str) -> Path:
@@ -296,7 +280,3 @@ def _check_step(runs: Sequence[SavedRun], folder: Path, step: int) -> None:
     last = max(run.manifest.steps or run.manifest.pictures for run in runs)
     if not 1 <= step <= last:
         raise InputError(folder, f"found step {step}, expected one from 1 to {last}")
-
-
-def _ignore(text: str) -> None:
-    """Ignore remarks about pictures, which are not needed here."""

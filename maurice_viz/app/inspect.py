@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-from maurice_loaders.doctor import Diagnosis, fixed_options
+from maurice_loaders.doctor import Diagnosis
 from maurice_loaders.doctor import diagnose as diagnose_recording
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent
 from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.inspection import Inspection, inspect_recording, inspect_session
-from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions, write_reading
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_mcl.library import Library
 
 from ..listener import SILENT, Listener, progress_of
+from .open import library_at
 
 EXTRAS = {"ros": "rosbags"}  # the module that tells whether an extra is installed
 
@@ -100,26 +99,20 @@ def diagnose(
     path, options = Path(session), options or ReadingOptions()
     if to is not None:
         expect_absent(Path(to), force=force)
-    wanted = None if library is None else Path(library)
-    references = _library(path, wanted, options, listener) if pictures else None
+    references = _library(path, library, options, listener) if pictures else None
     found = diagnose_recording(path, options, references, progress_of(listener, "pictures"))
     if to is not None and found.fixed != options:
         write_reading(to, found.fixed, force=force)
     return found
 
 
-def fixes(diagnosis: Diagnosis, options: ReadingOptions) -> Sequence[ReadingOptions]:
-    """Return, for each finding, the options that fix it alone, as far as options can."""
-    return [fixed_options(options, [one]) for one in diagnosis.findings]
-
-
 def _library(
-    session: Path, library: Path | None, options: ReadingOptions, listener: Listener
+    session: Path, library: str | Path | None, options: ReadingOptions, listener: Listener
 ) -> Library | None:
     """Open the library that was asked for; the one that the header names only where it is there."""
-    path = library or open_recording(session, options).info.survey
+    path = Path(library) if library else open_recording(session, options).info.survey
     if path is None or (library is None and not path.exists()):
         return None
     if not path.exists():
         raise InputError(path, "found no such library or survey; name it with --library")
-    return open_library(path, progress=progress_of(listener, "library"), warn=listener.warning)
+    return library_at(path, listener)

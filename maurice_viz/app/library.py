@@ -14,7 +14,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, toml_value, write_whole
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.libraries.store import build_library as measure
-from maurice_loaders.libraries.store import open_library, save_library
+from maurice_loaders.libraries.store import save_library
 from maurice_loaders.libraries.survey import EVERY, open_survey, read_every
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
@@ -40,7 +40,7 @@ from maurice_mcl.sensor.references import nearest_reference
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..style import scale_for
-from .open import open_session, remark_skipped
+from .open import library_at, open_session, remark_skipped
 
 
 def build_library(
@@ -161,7 +161,7 @@ def check_library(
     path = Path(library)
     if to is not None:
         _checked_map(Path(to), force=force)
-    opened = open_library(path, progress=progress_of(listener, "library"), warn=listener.warning)
+    opened = library_at(path, listener)
     weights = FEATURES.get(feature, {feature: 1.0})
     missing = [name for name in weights if name not in opened.index]
     if missing:
@@ -288,7 +288,7 @@ def tune(
         expect_absent(Path(to), force=force)
     _refuse_fitted(fit, test)
     path = Path(library)
-    opened = open_library(path, progress=progress_of(listener, "library"), warn=listener.warning)
+    opened = library_at(path, listener)
     tuning = _Tuning(path, opened, _wanted(path, opened, channels), keep_going, listener)
     result = _tuned(tuning, fit, test)
     if not test:
@@ -384,7 +384,7 @@ def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[Sample]:
 def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
     """Measure a drive; of a long one, or where it is one among many, evenly chosen pictures."""
     listener, measuring = tuning.listener, tuning.measuring
-    log = open_session(path, keep_going=tuning.keep_going, listener=listener)
+    log = open_session(path, ReadingOptions(keep_going=tuning.keep_going), listener)
     pictures, _ = log.overview()
     taken = spread_out(pictures, max(1, measuring.most_pictures() // among))
     nearest = nearest_reference(tuning.library.poses, tuning.library.arena)

@@ -17,11 +17,11 @@ import polars as pl
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 
-from ..listener import SILENT, progress_of
+from ..listener import SILENT
 from ..style import scale_for
 from ..text.summary import to_json
 from .replay import replay
-from .saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect, known_of, restored_together
+from .saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
 from .snapshot import draw_saved
 
 if TYPE_CHECKING:
@@ -129,11 +129,9 @@ def _widget(recording: Path, width: Side, height: Side) -> Viewer:
 
 def _collected(run: SavedRun) -> Collected:
     """Go through a saved run without its pictures: all that is needed here was kept."""
-    manifest, arena, one = run.manifest, run.arena(), Restored(run, None)
-    updates = restored_together([one], Pictures(None, lambda text: None))
-    scale = scale_for(manifest.display_units, arena)
-    known = {manifest.label: known_of(one)}
-    return collect(updates, known, scale, arena.size_m, progress_of(SILENT, "read"), manifest.pictures)
+    arena = run.arena()
+    scale = scale_for(run.manifest.display_units, arena)
+    return collect([Restored(run, None)], Pictures(), scale, arena.size_m, SILENT)
 
 
 def _flat(row: dict[str, Any], above: str = "") -> dict[str, Any]:

@@ -94,19 +94,15 @@ class SourcedSession(Session, Protocol):
         ...
 
 
-def open_session(
-    path: Path,
-    *,
-    keep_going: bool = False,
-    opening: ReadingOptions | None = None,
-    listener: Listener = SILENT,
-) -> AnySession:
-    """Open a session of any format. InputError for what is no session."""
+def open_session(source: str | Path | AnySession, reading: ReadingOptions, listener: Listener) -> AnySession:
+    """Open a session of any format, unless it is open. InputError for what is no session."""
+    if not isinstance(source, (str, Path)):
+        return source
+    path = Path(source)
     if not path.exists():
         raise InputError(path, "there is no such file or folder; check the path")
-    options = replace(opening or ReadingOptions(), keep_going=keep_going)
-    one = chosen(path, options)
-    session = open_any(path, replace(options, format=one.name))
+    one = chosen(path, reading)
+    session = open_any(path, replace(reading, format=one.name))
     if one.name != NATIVE:
         listener.remark(f"{path}: read as {one.name}, {one.what}")
     if isinstance(session, RecordedSession) and isinstance(session.recording, MadeOdometry):
@@ -138,6 +134,11 @@ def open_library_for(
         )
     if not path.exists():
         raise InputError(path, "found no such library or survey; name one with --library")
+    return library_at(path, listener, keep_going=keep_going)
+
+
+def library_at(path: Path, listener: Listener, *, keep_going: bool = False) -> Library:
+    """Open a library's folder or a survey log, with progress. InputError."""
     advance = progress_of(listener, "library")
     return open_library(path, keep_going=keep_going, progress=advance, warn=listener.warning)
 
@@ -196,8 +197,10 @@ def make_runs(
 ) -> list[FilterRun]:
     """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
     configurations = [one.configuration() for one in specs]
-    for one in configurations:
-        _check_channels(session, library, one)
+    for channel in dict.fromkeys(name for one in configurations for name in one.parameters.sensor.weights):
+        if channel not in library.index:
+            found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
+            raise InputError(session.path, f"{found}, but {channel} is needed; build the library again")
     reference = nearest_reference(library.poses, library.arena)
     if not reference.grid.free.any():
         found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
@@ -246,13 +249,6 @@ def _check_start(
         listener.warning(
             f"{at} is not in the map's free space: until particles reach it, all their weights are zero"
         )
-
-
-def _check_channels(session: SourcedSession, library: Library, configuration: Configuration) -> None:
-    for channel in configuration.parameters.sensor.weights:
-        if channel not in library.index:
-            found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
-            raise InputError(session.path, f"{found}, but {channel} is needed; build the library again")
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:

@@ -127,11 +127,7 @@ def drawing(
 
 @contextmanager
 def _sink(
-    runs: Sequence[RunView],
-    scene: DriveScene,
-    output: OutputOptions,
-    listener: Listener,
-    written: list[Path],
+    runs: Sequence[RunView], scene: DriveScene, output: OutputOptions, listener: Listener, written: list[Path]
 ) -> Iterator[rr.RecordingStream]:
     info, layout = scene.info, layout_of(runs, scene, output.layout)
     if not scene.live:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import SourceError
-from maurice_loaders.libraries.store import open_library
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading import ReadingOptions
@@ -18,18 +17,18 @@ from maurice_loaders.runs.writer import check_run_target
 from maurice_loaders.transforms import Gate
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
-from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import OptionError
 from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
-from ..listener import SILENT, Listener, progress_of
-from ..playback import ResultCollector, run_together, shared
+from ..listener import SILENT, Listener
+from ..playback import FilterRun, ResultCollector, run_together, shared
 from ..scene import RunView
 from .drive import open_as_recorded, playback_as_recorded, show_alone
 from .open import (
     AnySession,
     RunSpec,
     as_recorded_session,
+    library_at,
     make_runs,
     open_library_for,
     open_session,
@@ -37,8 +36,6 @@ from .open import (
 from .output import DriveScene, OutputOptions
 from .run import Playback, Report, RunScores, no_report, play, remark, remark_zeros
 from .saved import Inputs, open_saved, playback_of, saving
-
-AS_IT_WAS = "a saved run is replayed as it was: only options of the output apply to it"
 
 
 def replay(
@@ -77,23 +74,10 @@ def replay(
         >>> round(scores.runs[0].score.position_error_mean_m, 2)
         0.02
     """
-    spec = spec_of(feature, preset, particles, seed, start, config, settings)
+    file = None if config is None else Path(config)
+    spec = RunSpec(preset, feature, particles, seed, start, file, dict(settings or {}))
     output = output_of(session, to, run, layout, detail, force)
     return replay_any(session, library, spec, output, reading=reading, listener=listener or SILENT)
-
-
-def spec_of(
-    feature: str | None,
-    preset: str | None,
-    particles: int | None,
-    seed: int,
-    start: str | F64 | None,
-    config: str | Path | None,
-    settings: Mapping[str, Any] | None,
-) -> RunSpec:
-    """Return one run as it is asked for in Python."""
-    path = None if config is None else Path(config)
-    return RunSpec(preset, feature, particles, seed, start, path, dict(settings or {}))
 
 
 def output_of(
@@ -154,7 +138,7 @@ def replay_any(
         raise OptionError(f"{given}: -, tcp://, ws://, or a file with --follow")
     if is_saved(path):
         if not plain or how != ReadingOptions():
-            raise OptionError(AS_IT_WAS)
+            raise OptionError("a saved run is replayed as it was: only options of the output apply to it")
         return play(playback_of(open_saved(path, listener), listener), output, listener, report=report)
     return replay_session(path, library, [spec], output, how, listener, report, alone)
 
@@ -174,7 +158,7 @@ def replay_session(
         check_run_target(output.save_run, force=output.force)
         if isinstance(library, Library):
             raise OptionError("a saved run names its library: give the path, found an opened library")
-    opened = opened_session(session, reading, listener)
+    opened = open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and not output.no_recording
@@ -183,27 +167,24 @@ def replay_session(
         return RunScores((), opened.info.name, opened.info.display_units, tuple(opened.info.notes), written)
     references = open_library_for(opened, asked, keep_going=reading.keep_going, listener=listener)
     runs = make_runs(opened, references, specs, listener)
-    pictures, has_truth = opened.overview()
+    playback = playback_of_session(opened, references, runs, listener)
     survey = asked if isinstance(asked, Path) else opened.info.survey or opened.path
-    inputs = Inputs(opened, survey, pictures, has_truth, reading.keep_going, reading)
-    playback = Playback(
-        shared(run_together(runs, opened)),
-        pictures,
-        [RunView.live(run.label, run.localizer) for run in runs],
-        DriveScene(opened.info, references, has_truth, pictures),
-        lambda collector: remark(collector, opened, listener),
-    )
+    inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
     return play(playback, output, listener, saving(runs, inputs, output), report)
 
 
-def opened_session(
-    session: str | Path | AnySession, reading: ReadingOptions, listener: Listener
-) -> AnySession:
-    """Return the session itself, or open what the path names. InputError for what is no session."""
-    if not isinstance(session, (str, Path)):
-        return session
-    path = Path(session)
-    return open_session(path, keep_going=reading.keep_going, opening=reading, listener=listener)
+def playback_of_session(
+    session: AnySession, library: Library, runs: Sequence[FilterRun], listener: Listener
+) -> Playback:
+    """Prepare runs of one recorded session for `play`."""
+    pictures, has_truth = session.overview()
+    return Playback(
+        shared(run_together(runs, session.moments())),
+        pictures,
+        [RunView.live(run.label, run.localizer) for run in runs],
+        DriveScene(session.info, library, has_truth, pictures),
+        lambda collector: remark(collector, session, listener),
+    )
 
 
 STEM = "live"  # of the recording, where no --rrd names it
@@ -224,19 +205,6 @@ class LiveOptions:
 def patience_of(seconds: float | None) -> Patience:
     """Return how long to wait for a source that is away or silent."""
     return Patience() if seconds is None else Patience(seconds, seconds)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StartedSession:
-    """A live session whose first moment has come already."""
-
-    info: SessionInfo
-    first: Moment
-    rest: Iterator[Moment]
-
-    def moments(self) -> Iterator[Moment]:
-        """Yield all moments, once."""
-        return chain([self.first], self.rest)
 
 
 def follow_source(
@@ -284,7 +252,7 @@ def _localize(
     if _joined_late(session, spec, listener):
         runs = make_runs(session, references, [replace(spec, start="global")], listener)
     playback = Playback(
-        shared(run_together(runs, StartedSession(session.info, first, moments))),
+        shared(run_together(runs, chain([first], moments))),
         0,
         [RunView.live(run.label, run.localizer) for run in runs],
         DriveScene(session.info, references, first.truth is not None, live=True),
@@ -298,8 +266,7 @@ def _library(session: LiveSession, listener: Listener) -> Library:
     if path is None or not path.exists():
         where = "no library" if path is None else f"no library or survey at {path}"
         raise SourceError(session.source.name, f"found {where}; name one with --library")
-    advance = progress_of(listener, "library")
-    return open_library(path, keep_going=False, progress=advance, warn=listener.warning)
+    return library_at(path, listener)
 
 
 def _joined_late(session: LiveSession, spec: RunSpec, listener: Listener) -> bool:

@@ -24,7 +24,7 @@ from maurice_loaders.runs.manifest import (
     versions_now,
 )
 from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference, open_runs
-from maurice_loaders.runs.writer import RunWriter, StepRows, begin_comparison, rows_of
+from maurice_loaders.runs.writer import RunWriter, begin_comparison, rows_of
 from maurice_loaders.transforms import NAMED
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
@@ -112,20 +112,29 @@ class Opened:
 def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     """Open a saved run's folder, or a comparison's. Warnings name what is gone; InputError."""
     runs = open_runs(folder)
-    _check_one_session(runs)
-    found = _find(runs[0], listener)
-    first = runs[0].manifest
-    whole = found.session is not None and found.library is not None
-    library = found.library if whole and found.library is not None else _map_alone(runs[0])
-    notes_then = (NAMED,) if first.reading.odometry_from_truth else ()
-    gone = SessionInfo(first.name, first.display_units, notes=notes_then)
-    info = found.session.info if found.session else gone
-    notes = find_notes(folder, runs)
-    for problem in notes.problems:
+    run, first = runs[0], runs[0].manifest
+    for other in runs[1:]:
+        if other.manifest.session.sha256 != first.session.sha256:
+            raise InputError(other.folder, f"is a run of another session than {run.folder}; replay it alone")
+    problems: list[str] = []
+    session = _tried(lambda: session_of(run), problems)
+    library = _tried(lambda: library_of(run, listener), problems)
+    if problems:
+        empty = "pictures and comparisons" if session is None else "comparisons"
+        listener.warning(f"{'; '.join(problems)}: the panels of {empty} stay empty")
+    notes, unread = find_notes(folder, runs)
+    for problem in unread:
         listener.warning(problem)
-    restored = [Restored(run, _sensor(run, found), notes.by_label[run.manifest.label]) for run in runs]
+    labelled, sensors = {one.manifest.label: one for one in runs}, dict[str, SensorModel]()
+    if session is not None and library is not None:
+        sensors = {name: localizer_of(one, session, library).sensor for name, one in labelled.items()}
+    else:
+        library = Library(first.name, np.zeros((0, 3)), (), {}, run.arena(), first.display_units)
+    restored = [Restored(one, sensors.get(label), notes[label]) for label, one in labelled.items()]
+    notes_then = (NAMED,) if first.reading.odometry_from_truth else ()
+    info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes_then)
     scene = DriveScene(info, library, first.has_truth, first.pictures)
-    return Opened(runs, restored, found.session, scene, listener)
+    return Opened(runs, restored, session, scene, listener)
 
 
 def playback_of(opened: Opened, listener: Listener = SILENT) -> Playback:
@@ -139,34 +148,6 @@ def playback_of(opened: Opened, listener: Listener = SILENT) -> Playback:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """What is still there of what a run was made from."""
-
-    session: AnySession | None
-    library: Library | None
-
-
-def _check_one_session(runs: list[SavedRun]) -> None:
-    for run in runs[1:]:
-        if run.manifest.session.sha256 != runs[0].manifest.session.sha256:
-            raise InputError(
-                run.folder, f"is a run of another session than {runs[0].folder}; replay it alone"
-            )
-
-
-def _find(run: SavedRun, listener: Listener) -> _Found:
-    """Open what is still there, and warn in a line of what is not."""
-    problems: list[str] = []
-    found = _Found(
-        _tried(lambda: session_of(run), problems), _tried(lambda: library_of(run, listener), problems)
-    )
-    if problems:
-        empty = "pictures and comparisons" if found.session is None else "comparisons"
-        listener.warning(f"{'; '.join(problems)}: the panels of {empty} stay empty")
-    return found
-
-
 def _tried(opening: Callable[[], Part], problems: list[str]) -> Part | None:
     try:
         return opening()
@@ -175,23 +156,11 @@ def _tried(opening: Callable[[], Part], problems: list[str]) -> Part | None:
         return None
 
 
-def _sensor(run: SavedRun, found: _Found) -> SensorModel | None:
-    if found.session is None or found.library is None:
-        return None
-    return localizer_of(run, found.session, found.library).sensor
-
-
 def view_of(one: Restored) -> RunView:
     """Return how one saved run is shown."""
     manifest = one.saved.manifest
     particles = one.saved.configuration.parameters.particles
     return RunView(manifest.label, manifest.channels, one.sensor, particles, one.bookmarks)
-
-
-def _map_alone(run: SavedRun) -> Library:
-    """Make a library without entries, of which only the map can be drawn."""
-    manifest = run.manifest
-    return Library(manifest.name, np.zeros((0, 3)), (), {}, run.arena(), manifest.display_units)
 
 
 def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun], listener: Listener) -> None:
@@ -213,7 +182,6 @@ class Inputs:
     library: Path  # a library folder or a survey log
     pictures: int
     has_truth: bool
-    keep_going: bool
     opening: ReadingOptions  # how the session was read
 
 
@@ -275,7 +243,7 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
         display_units=info.display_units,
         pictures=inputs.pictures,
         has_truth=inputs.has_truth,
-        keep_going=inputs.keep_going,
+        keep_going=opening.keep_going,
         session=source_of(path, folder, form.beside(path)),
         library=source_of(inputs.library, folder),
         library_content=library_hash(localizer.library, channels),
@@ -352,12 +320,15 @@ def _verified(run: SavedRun, listener: Listener) -> Verdict:
     manifest, steps = run.manifest, 0
     session, library = session_of(run), library_of(run, listener)
     localizer = localizer_of(run, session, library)
-    start = None if manifest.start is None else np.array(manifest.start)
-    again = run_filter(localizer, session, start)
+    again = run_filter(localizer, session, Restored(run, None).start)
     changed = changed_versions(run)
     for stored in run.steps():
         update = next(again, None)
-        found = ended(stored) if update is None else first_difference(stored, rows_of(*update))
+        if update is None:
+            step, picture = stored.step["step"], str(stored.step["picture"])
+            found: RunDifference | None = RunDifference(step, "picture", picture, "no more pictures")
+        else:
+            found = first_difference(stored, rows_of(*update))
         if found is not None:
             return Verdict(manifest.label, steps, manifest.pictures, found, changed)
         steps += 1
@@ -365,11 +336,6 @@ def _verified(run: SavedRun, listener: Listener) -> Verdict:
     if not steps:
         raise InputError(run.folder, "holds no step, so there is nothing to verify; replay its session again")
     return Verdict(manifest.label, steps, manifest.pictures, None, changed)
-
-
-def ended(stored: StepRows) -> RunDifference:
-    """Return the difference of a step that the session no longer has."""
-    return RunDifference(stored.step["step"], "picture", str(stored.step["picture"]), "no more pictures")
 
 
 def changed_versions(run: SavedRun) -> tuple[str, ...]:

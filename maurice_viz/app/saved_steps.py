@@ -17,6 +17,7 @@ from maurice_mcl.records import Comparison, Sighting, StepRecord
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, Session
 
+from ..listener import Listener
 from ..playback import ResultCollector, RunResult
 from ..style import MISSING, Scale
 from ..text.narration import errors
@@ -28,8 +29,8 @@ NO_PICTURE: U8 = np.full((90, 120, 3), MISSING, np.uint8)  # shown where the ses
 class Pictures:
     """The session's pictures, step by step, as long as they are those that the run saw."""
 
-    session: Session | None
-    warn: Callable[[str], None]
+    session: Session | None = None
+    warn: Callable[[str], None] = lambda text: None
     _moments: Iterator[Moment] | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -59,6 +60,12 @@ class Restored:
     saved: SavedRun
     sensor: SensorModel | None
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
+
+    @property
+    def start(self) -> F64 | None:
+        """Where the run began (3,); None: anywhere."""
+        start = self.saved.manifest.start
+        return None if start is None else np.array(start)
 
     def record(self, rows: StepRows, moment: Moment, image: U8 | None) -> StepRecord:
         """Return the record of one update, its comparison made again where possible."""
@@ -159,20 +166,6 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class RunStart:
-    """What is known of a run before its first step."""
-
-    start: F64 | None  # (3,) where it began; None: anywhere
-    bookmarks: Mapping[int, Sequence[str]]  # the user's notes, by step
-
-
-def known_of(one: Restored) -> RunStart:
-    """Say what a saved run tells before its first step."""
-    start = one.saved.manifest.start
-    return RunStart(None if start is None else np.array(start), one.bookmarks)
-
-
-@dataclass(frozen=True, slots=True)
 class Collected:
     """All runs of a report, on the same steps."""
 
@@ -187,19 +180,19 @@ class Collected:
 
 
 def collect(
-    updates: Iterator[tuple[Moment, Mapping[str, StepRecord]]],
-    known: Mapping[str, RunStart],
+    runs: Sequence[Restored],
+    pictures: Pictures,
     scale: Scale,
     arena_m: tuple[float, float],
-    advance: Callable[[int, int], None],
-    total: int,
+    listener: Listener,
 ) -> Collected:
-    """Go through all updates once; `known` has what is known beforehand of each run, by its label."""
+    """Go through all updates of saved runs once."""
+    known = {run.saved.manifest.label: run for run in runs}
     tracks = {label: Track(label) for label in known}
     detectors = {label: EventDetector(scale.say, bookmarks=one.bookmarks) for label, one in known.items()}
     scores = ResultCollector(list(known), arena_m, scale.say)
     size: tuple[int, int] | None = None
-    for moment, records in updates:
+    for moment, records in restored_together(runs, pictures):
         paired = scores.add(moment, records)
         size = size or (moment.frame.image.shape[1], moment.frame.image.shape[0])
         for label, record in records.items():
@@ -207,5 +200,5 @@ def collect(
             tracks[label].events.extend(detectors[label].see(moment, record))
         for label, step in paired.items():
             tracks[label].events.extend([] if step.event is None else [step.event])
-        advance(moment.frame.step, total)
+        listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")
     return Collected(list(tracks.values()), scores.results(), size)

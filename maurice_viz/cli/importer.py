@@ -88,11 +88,8 @@ def _import(path: Path, recording_id: str | None) -> int:
     except InputError as problem:
         text = str(problem)
     except OSError as problem:
-        text = (
-            f"{problem.filename}: {problem.strerror}"
-            if problem.filename
-            else str(problem.strerror or problem)
-        )
+        where = f"{problem.filename}: " if problem.filename else ""
+        text = f"{where}{problem.strerror or problem}"
     else:
         return 0
     sys.stderr.write(f"maurice-replay: {' '.join(text.split())}\n")
@@ -119,22 +116,12 @@ def _draw(path: Path, recording_id: str | None) -> None:
 def _usual_run(log: SessionLog) -> Playback:
     """Prepare the run that `maurice-replay SESSION` makes."""
     from ..app.open import RunSpec, make_runs, open_library_for
-    from ..app.output import DriveScene
-    from ..app.run import Playback, remark
-    from ..playback import run_together, shared
-    from ..scene import RunView
+    from ..app.replay import playback_of_session
     from .console import TO_CONSOLE
 
     library = open_library_for(log, None, keep_going=False, listener=TO_CONSOLE)
     runs = make_runs(log, library, [RunSpec()], TO_CONSOLE)
-    pictures, has_truth = log.overview()
-    return Playback(
-        shared(run_together(runs, log)),
-        pictures,
-        [RunView.live(run.label, run.localizer) for run in runs],
-        DriveScene(log.info, library, has_truth, pictures),
-        lambda collector: remark(collector, log, TO_CONSOLE),
-    )
+    return playback_of_session(log, library, runs, TO_CONSOLE)
 
 
 def _play(playback: Playback, recording_id: str | None) -> None:

@@ -10,13 +10,12 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_loaders.libraries.store import open_library
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.library_quality import CURVE, Coverage, SelfSimilarity
 
 from ..app.library import TuningResult, build_library, check_library
 from ..app.library import tune as tune_channels
-from ..listener import progress_of
+from ..app.open import library_at
 from ..style import Scale, scale_for, units_named
 from . import options as opt
 from .console import listening, note, print_json, results
@@ -72,7 +71,7 @@ def build(
 def show(path: LibraryArgument, json_output: opt.Json = False) -> None:
     """Show what a library holds: entries, places, headings, channels, map."""
     with listening() as listener:
-        found = open_library(path, progress=progress_of(listener, "library"), warn=listener.warning)
+        found = library_at(path, listener)
     if json_output:
         print_json(_facts(found))
     else:

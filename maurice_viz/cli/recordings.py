@@ -86,13 +86,7 @@ def doctor(
     opening, to = reading_of(reading), output if fix else None
     with listening() as listener:
         found = diagnose(
-            session,
-            library,
-            pictures=not no_library,
-            options=opening,
-            to=to,
-            force=force,
-            listener=listener,
+            session, library, pictures=not no_library, options=opening, to=to, force=force, listener=listener
         )
     fixing = [*(fixed_options(opening, [one]) for one in found.findings), found.fixed]
     options = [typed(one) if one != opening else [] for one in fixing]

@@ -33,10 +33,7 @@ def events(
     add: Annotated[
         tuple[int, str] | None,
         option(
-            "--add",
-            'Keep a bookmark beside the run: --add 40 "odd turn".',
-            BOOKMARKS,
-            metavar="STEP NOTE",
+            "--add", 'Keep a bookmark beside the run: --add 40 "odd turn".', BOOKMARKS, metavar="STEP NOTE"
         ),
     ] = None,
     remove: Annotated[
@@ -115,10 +112,7 @@ def jump(
     port: Annotated[
         int | None,
         option(
-            "--port",
-            "The port of a viewer that you opened. [default: the one we opened]",
-            min=1,
-            max=65535,
+            "--port", "The port of a viewer that you opened. [default: the one we opened]", min=1, max=65535
         ),
     ] = None,
 ) -> None:
@@ -147,8 +141,7 @@ def explain(
     run_label: opt.RunLabel = None,
     rrd: opt.Rrd = None,
     output: Annotated[
-        Path | None,
-        option("-o --output", "Write a picture of the panel to this file.", metavar="OUT.png"),
+        Path | None, option("-o --output", "Write a picture of the panel to this file.", metavar="OUT.png")
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,

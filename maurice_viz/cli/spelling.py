@@ -8,10 +8,7 @@ import typer
 
 # Old options and what they are replaced by, where the command has that and not the old one.
 ALIASES: Mapping[str, str] = {"--save": "--rrd", "--run": "--save-run", "--record": "--capture"}
-FLAGS: Mapping[str, tuple[str, str]] = {
-    "--no-recording": ("--rrd", "none"),
-    "--headless": ("--rrd", "auto"),
-}
+FLAGS: Mapping[str, tuple[str, str]] = {"--no-recording": ("--rrd", "none"), "--headless": ("--rrd", "auto")}
 SETTINGS: Mapping[str, str] = {
     "--resampler": "resampling.scheme",
     "--sharpness": "sensor.sharpness",

@@ -18,9 +18,9 @@ from maurice_mcl.analysis.events import KINDS
 from maurice_mcl.filter.estimate import CONFIDENCE_M
 
 from ..app.saved import Opened, open_saved
-from ..app.saved_steps import Collected, Pictures, collect, known_of, restored_together
+from ..app.saved_steps import Collected, Pictures, collect, restored_together
 from ..errors import OptionError
-from ..listener import SILENT, Listener, progress_of
+from ..listener import SILENT, Listener
 from ..playback import RunResult
 from ..style import ESTIMATE, LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
 from ..text.summary import paired_rows, score_rows
@@ -69,15 +69,14 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     """Return the page about an opened run. InputError if it has no step."""
     library, info, runs = opened.scene.library, opened.scene.info, opened.runs
     scale = scale_for(info.display_units, library.arena)
-    known = {one.saved.manifest.label: known_of(one) for one in opened.restored}
-    advance, total = progress_of(listener, "read"), runs[0].manifest.pictures
-    collected = collect(opened.updates(), known, scale, library.arena.size_m, advance, total)
+    pictures = Pictures(opened.session, listener.warning)
+    collected = collect(opened.restored, pictures, scale, library.arena.size_m, listener)
     if not collected.steps:
         raise InputError(folder, "found a run without a step, so there is nothing to report; replay again")
     events = events_of(collected)
     pictured = choose(collected, events)
     photographer = Photographer(library.arena, scale, opened.session is not None)
-    again = restored_together(opened.restored, Pictures(opened.session, lambda text: None))  # warned before
+    again = restored_together(opened.restored, Pictures(opened.session))  # warned before
     shot = shots(photographer, again, [one.step for one in pictured])
     charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
     template = _environment().get_template("page.html")

@@ -123,7 +123,7 @@ def test_runs_that_are_compared_have_the_same_noise(small_session: Path) -> None
     few = [replace(one, particles=200, start="global") for one in wanted]
     runs = make_runs(session, library, few)
     color, blended, other_seed, again = (run.label for run in runs)
-    for number, (_, records) in enumerate(run_together(runs, session)):
+    for number, (_, records) in enumerate(run_together(runs, session.moments())):
         clouds = {label: record.predicted.poses for label, record in records.items()}
         if number == 0:  # nothing has been weighed yet, so that motion noise is all there is
             assert np.array_equal(clouds[color], clouds[blended])

@@ -45,7 +45,7 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
     with sinks.to_file(path, "compared", rrb.Blueprint()) as rec:
         drawing = ComparisonDrawing(rec, LABELS, scale, others or set())
         drawing.begin(library.arena, has_truth)
-        for steps_of in aligned([shared(run_together([run], session)) for run in runs]):
+        for steps_of in aligned([shared(run_together([run], session.moments())) for run in runs]):
             pairs = collector.add_steps(steps_of)
             drawing.see(steps_of, pairs)
             seen.append((steps_of, pairs))
