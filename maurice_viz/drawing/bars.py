@@ -24,8 +24,6 @@ from maurice_mcl.sensor.distances import DISTANCES, contributions
 
 from ..style import PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
 
-# Line strips as Arrow data: Rerun's own conversion loops over the strips.
-
 _POINT = pa.field("item", pa.float32(), nullable=False)
 _STRIP = pa.field("item", pa.list_(_POINT, 2), nullable=False)
 
@@ -39,43 +37,32 @@ def strips_of(lines: Sequence[F32] | F32) -> Any:
     return pa.ListArray.from_arrays(pa.array(ends), pairs, type=pa.list_(_STRIP))
 
 
-# Bar values as Arrow data, made six times quicker than Rerun does it (28 against 173 microseconds).
-
 KIND = "F32"  # the union's name for float32
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mold:
-    """The Arrow arrays around `length` float32 numbers."""
-
-    tensor: Any  # struct of shape, names and buffer, for one tensor
-    kinds: tuple[Any, ...]  # the buffer's children, one a kind of number
-    at: int  # which of them is float32
-
-    def cast(self, values: F32) -> Any:
-        """Return the Arrow array of one tensor with these values (length,)."""
-        numbers = pa.Array.from_buffers(pa.float32(), len(values), [None, pa.py_buffer(values)])
-        hole = self.kinds[self.at]
-        filled = pa.Array.from_buffers(hole.type, 1, hole.buffers()[:2], children=[numbers])
-        kinds = [*self.kinds[: self.at], filled, *self.kinds[self.at + 1 :]]
-        shape, names, buffer = (self.tensor.field(k) for k in range(3))
-        union = pa.Array.from_buffers(buffer.type, 1, buffer.buffers()[:3], children=kinds)
-        return pa.Array.from_buffers(self.tensor.type, 1, [None], children=[shape, names, union])
-
-
 @lru_cache(maxsize=16)
-def mold_for(length: int) -> Mold:
-    """Let Rerun build one tensor of this length, and keep what does not depend on the numbers."""
+def _mold(length: int) -> tuple[Any, list[Any], int]:
+    """Let Rerun build a tensor of this length once: return it, its kinds of numbers, and which is float32."""
     tensor = TensorDataBatch(np.zeros(length, np.float32)).as_arrow_array()
     union = tensor.field(2)
     names = [union.type.field(k).name for k in range(union.type.num_fields)]
-    kinds = tuple(union.field(k) for k in range(len(names)))
-    return Mold(tensor, kinds, names.index(KIND))
+    return tensor, [union.field(k) for k in range(len(names))], names.index(KIND)
 
 
 def tensor_of(values: F32) -> Any:
-    """Return a vector (D,) as the Arrow array that `rr.BarChart.from_fields(values=...)` takes unchanged."""
-    return mold_for(len(values)).cast(np.ascontiguousarray(values, np.float32))
+    """Return a vector (D,) as the Arrow array that `rr.BarChart.from_fields(values=...)` takes unchanged.
+
+    Six times quicker than Rerun (28 against 173 microseconds): all but the numbers is built once a length.
+    """
+    tensor, kinds, at = _mold(len(values))
+    data = pa.py_buffer(np.ascontiguousarray(values, np.float32))
+    numbers = pa.Array.from_buffers(pa.float32(), len(values), [None, data])
+    hole = kinds[at]
+    filled = pa.Array.from_buffers(hole.type, 1, hole.buffers()[:2], children=[numbers])
+    shape, names, buffer = (tensor.field(k) for k in range(3))
+    children = [*kinds[:at], filled, *kinds[at + 1 :]]
+    union = pa.Array.from_buffers(buffer.type, 1, buffer.buffers()[:3], children=children)
+    return pa.Array.from_buffers(tensor.type, 1, [None], children=[shape, names, union])
 
 
 PLANES = 3  # red, green, blue: equal thirds of a descriptor
@@ -90,19 +77,13 @@ def place_bars(
     rec: rr.RecordingStream, path: str, color: RGB, lefts: NDArray[Any], widths: NDArray[Any]
 ) -> None:
     """Log where the bars of a chart stand, static; their values come later."""
-    chart = rr.BarChart(
-        np.zeros(len(lefts), np.float32),
-        color=color,
-        abscissa=np.asarray(lefts, np.float32),
-        widths=np.asarray(widths, np.float32),
-    )
+    at, wide = np.asarray(lefts, np.float32), np.asarray(widths, np.float32)
+    parts = rr.BarChart(np.zeros(len(at), np.float32), color=color, abscissa=at, widths=wide)
     # all but the values: static values would hide all later ones, and from_fields() insists on values
-    style = [
-        part
-        for part in chart.as_component_batches()
-        if not part.component_descriptor().component.endswith("values")
+    kept = [
+        p for p in parts.as_component_batches() if not p.component_descriptor().component.endswith("values")
     ]
-    rec.log(path, style, static=True)
+    rec.log(path, kept, static=True)
 
 
 def usual_height(index: ChannelIndex) -> float:
@@ -111,10 +92,7 @@ def usual_height(index: ChannelIndex) -> float:
 
 
 def usual_difference(index: ChannelIndex, distance: str) -> float:
-    """Return a height that nearly all elements stay under, from a reference to the other most like it.
-
-    A picture is drawn against its best match; two references of any kind would differ many times as much.
-    """
+    """Return a height that nearly all elements stay under, from a reference to the other most like it."""
     count = len(index.references)
     if count < 2:
         return 1.0

@@ -1,7 +1,4 @@
-"""Keys: strips above a map view, or beside a plot, that explain its marks.
-
-Keys of comparisons take as many rows as they need, because columns are narrow there.
-"""
+"""Keys: strips above a map view, or beside a plot, that explain its marks."""
 
 from __future__ import annotations
 
@@ -79,34 +76,45 @@ def _rgb(packed_colors: U32) -> U8:
     return np.stack(shifted, axis=1).astype(np.uint8)
 
 
+def _joined(*parts: U8) -> U8:
+    return np.concatenate([_strip(INSET_PX), *parts], axis=1)
+
+
+def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
+    return [_disk(TRUTH, 13), _text(text)] if has_truth else []
+
+
 def weight_key(has_truth: bool) -> U8:
     """Draw the arena's key: truth (if it is known), estimate, and the color scale of the weights."""
-    parts = [_strip(INSET_PX)]
-    parts += [_disk(TRUTH, 13), _text("truth  ")] if has_truth else []
-    parts += [
-        _disk(ESTIMATE, 13),
-        _text("estimate  "),
-        _text("weight: 1/8"),
-        _ramp(),
-        _text("8 times the average"),
-    ]
-    return np.concatenate(parts, axis=1)
+    scale = [_text("weight: 1/8"), _ramp(), _text("8 times the average")]
+    return _joined(*_truth_disk(has_truth), _disk(ESTIMATE, 13), _text("estimate  "), *scale)
 
 
 def likelihood_key(has_truth: bool) -> U8:
     """Draw the likelihood maps' key: the color scale, the cloud, estimate and truth."""
-    parts = [_strip(INSET_PX), _text(f"{DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
-    parts += [_disk(TRUTH, 6), _text("particles  "), _disk(ESTIMATE, 13), _text("estimate")]
-    parts += [_disk(TRUTH, 13), _text("truth")] if has_truth else []
-    return np.concatenate(parts, axis=1)
+    scale = [_text(f"{DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
+    marks = [_disk(TRUTH, 6), _text("particles  "), _disk(ESTIMATE, 13), _text("estimate")]
+    return _joined(*scale, *marks, *_truth_disk(has_truth, "truth"))
 
 
 def explain_key(has_truth: bool) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
-    parts = [_strip(INSET_PX), _disk(CIRCLE, 20), _text("area: likelihood  "), _text("nearest reference to:")]
-    parts += [_arrow(TRUTH), _text("truth")] if has_truth else []
-    parts += [_arrow(ESTIMATE), _text("estimate  "), _arrow(RANK), _text("winner")]
-    return np.concatenate(parts, axis=1)
+    circles = [_disk(CIRCLE, 20), _text("area: likelihood  "), _text("nearest reference to:")]
+    truth = [_arrow(TRUTH), _text("truth")] if has_truth else []
+    return _joined(*circles, *truth, _arrow(ESTIMATE), _text("estimate  "), _arrow(RANK), _text("winner"))
+
+
+def circle_key() -> U8:
+    """Draw the match map's key: circles, ranks and the cloud."""
+    circles = [_disk(CIRCLE, 20), _text("area: likelihood of a reference  ")]
+    return _joined(*circles, _disk(RANK, 13), _text("best five  "), _disk(TRUTH, 6), _text("particles"))
+
+
+def paths_key(moves: bool, has_truth: bool) -> U8:
+    """Draw the key of a drive by itself: the true path, and the one by odometry alone."""
+    return _joined(
+        *_truth_disk(has_truth), *([_disk(ESTIMATE, 13), _text("odometry alone")] if moves else [])
+    )
 
 
 def _arrow(color: RGB) -> U8:
@@ -130,21 +138,6 @@ def line_key(lines: Sequence[tuple[str, RGB, float]]) -> U8:
         cv2.line(image, (left, middle), (left + LINE_PX, middle), color, round(4 * width), cv2.LINE_AA)
         put_text(image, name, left + LINE_PX + 10, middle + LINE_TEXT_PX / 2, LINE_TEXT_PX, PALE)
     return image
-
-
-def circle_key() -> U8:
-    """Draw the match map's key: circles, ranks and the cloud."""
-    parts = [_strip(INSET_PX), _disk(CIRCLE, 20), _text("area: likelihood of a reference  ")]
-    parts += [_disk(RANK, 13), _text("best five  "), _disk(TRUTH, 6), _text("particles")]
-    return np.concatenate(parts, axis=1)
-
-
-def paths_key(moves: bool, has_truth: bool) -> U8:
-    """Draw the key of a drive by itself: the true path, and the one by odometry alone."""
-    parts = [_strip(INSET_PX)]
-    parts += [_disk(TRUTH, 13), _text("truth  ")] if has_truth else []
-    parts += [_disk(ESTIMATE, 13), _text("odometry alone")] if moves else []
-    return np.concatenate(parts, axis=1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,8 @@ from ..panels.comparison import (
     all_runs_view,
     camera_views,
     comparison_words,
+    difference_plots,
     distance_plots,
-    error_difference_plot,
-    heading_difference_plot,
     run_belief_view,
 )
 from ..panels.events import events_view, words_view
@@ -93,7 +92,8 @@ def _wide_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.Tabs]:
     if not scene.has_truth:
         shares = plot_of_runs(CONFIDENCE, "Confidence (share)", labels, 1.1)
         return [rrb.Tabs(one) for one in (_spread(labels, scene), *(distances or [shares]))]
-    differences = [error_difference_plot(runs, scene), *distances, heading_difference_plot()]
+    position, heading = difference_plots(runs, scene)
+    differences = [position, *distances, heading]
     return [
         rrb.Tabs(*error_plots(labels, scene), _spread(labels, scene), active_tab=0),
         rrb.Tabs(*differences, active_tab=0),
@@ -105,7 +105,7 @@ def _narrow_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSer
     if not scene.has_truth:
         return [_spread(labels, scene), *distance_plots(runs, scene)]
     error, _ = error_plots(labels, scene)
-    return [error, error_difference_plot(runs, scene), *distance_plots(runs, scene)]
+    return [error, difference_plots(runs, scene)[0], *distance_plots(runs, scene)]
 
 
 def _spread(labels: Sequence[str], scene: SceneInfo) -> rrb.TimeSeriesView:

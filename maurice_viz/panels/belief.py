@@ -15,14 +15,13 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 
 from .. import entities
-from ..drawing.canvas import long_side, png
+from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import weight_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import (
     DEAD,
     ESTIMATE,
-    GROUND,
     RGB,
     TRUTH,
     Scale,
@@ -31,8 +30,8 @@ from ..style import (
     packed,
     weight_colors,
 )
-from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
-from .views import MAP, map_view
+from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
+from .views import MAP, map_view, plane_view
 
 PARTICLE = 1.75  # radius in points of the screen
 COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
@@ -61,28 +60,23 @@ LEFT, TOP, BOTTOM = -0.96, -0.98, 0.93
 class CloudPanel(Panel):
     """Draws the particles: moved, weighted, resampled, reseeded."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        self._path, self._scale = run.paths.particles, run.scale
-
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log that the cloud lies over the map and under the markers."""
-        prepare_cloud(rec, self._path)
+        prepare_cloud(rec, self._paths.particles)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the cloud in every phase that changes it."""
-        moment, record, scale = update.moment, update.record, self._scale
+        moment, record, path = update.moment, update.record, self._paths.particles
         set_phase(rec, moment, Phase.PREDICT)
-        draw_cloud(rec, self._path, record.predicted if update.whole else few_of(record.weighted), scale)
+        draw_cloud(rec, path, record.predicted if update.whole else few_of(record.weighted), self._scale)
         if not update.whole:
             return
         set_phase(rec, moment, Phase.WEIGHT)  # only colors: positions are most of a recording's size
-        rec.log(self._path, rr.Points2D.from_fields(colors=weight_colors(record.weighted.log_weights)))
+        rec.log(path, rr.Points2D.from_fields(colors=weight_colors(record.weighted.log_weights)))
         if record.parents is not None:
             set_phase_only(rec, moment, Phase.RESAMPLE)
-            rec.log(self._path, resampled_points(record))
+            rec.log(path, resampled_points(record))
         if update.is_reseeded:
             set_phase_only(rec, moment, Phase.RESEED)
-            rec.log(self._path, reseeded_points(record, scale))
+            rec.log(path, reseeded_points(record, self._scale))
 
 
 def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
@@ -104,10 +98,7 @@ def draw_cloud(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale)
 
 
 def resampled_points(record: StepRecord) -> rr.Points2D:
-    """Return sizes and colors of the weighted particles by their copies, the dead small and red.
-
-    Copies are at their parent's pose, so nothing has moved; fresh particles come in the next phase.
-    """
+    """Return sizes and colors of the weighted particles by their copies, the dead small and red."""
     copies = copies_of(record.parents, record.weighted.size)
     gone = copies == 0
     radii = np.where(gone, DEAD_PARTICLE, np.minimum(COPIED * np.sqrt(copies), MOST_COPIED))
@@ -160,7 +151,6 @@ class PoseMarker:
     _trail: deque[F32] = field(default_factory=lambda: deque(maxlen=TRAIL))
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what does not change."""
         points, color = rr.components.Radius.ui_points, [self.color]
         disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.order)
         arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.order)
@@ -193,14 +183,13 @@ class TruthPanel(Panel):
     """Draws the true pose."""
 
     def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
         self._marker = truth_marker(entities.TRUTH, run.library.arena, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what does not change."""
         self._marker.prepare(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the true pose if it is known."""
         if update.moment.truth is not None:
             set_phase(rec, update.moment, Phase.PREDICT)
             self._marker.draw(rec, update.moment.truth)
@@ -210,34 +199,28 @@ class EstimatePanel(Panel):
     """Draws the scored estimate."""
 
     def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
         self._marker = estimate_marker(run.paths.estimate, run.library.arena, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what does not change."""
         self._marker.prepare(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the estimated pose."""
         set_phase(rec, update.moment, Phase.ESTIMATE)
         self._marker.draw(rec, update.record.estimate.pose)
 
 
 class CloseupPanel(Panel):
-    """Moves the frame of a view that follows the cloud, with a scale bar.
-
-    The view shows the entities of the map: only place and size of the frame are logged.
-    """
+    """Moves the frame of a view that follows the cloud, with a scale bar."""
 
     def __init__(self, run: DrawnRun) -> None:
-        self._path, self._scale, self._has_truth = run.paths.closeup, run.scale, run.has_truth
-        self._widest = (
-            long_side(run.library.arena, run.scale) / BARS_WIDE
-        )  # the bar with the whole map in view
+        super().__init__(run)
+        self._path = run.paths.closeup
+        self._widest = long_side(run.library.arena, run.scale) / BARS_WIDE  # bar with the whole map in view
         self._bar = 0.0
         self._at = np.zeros(2, np.float32)  # middle of the frame, as drawn
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log key and bar, static: they move with the frame."""
         radius = rr.components.Radius.ui_points
         end = LEFT + 1 / BARS_WIDE
         bar = np.array([[LEFT, BOTTOM - 0.02], [LEFT, BOTTOM], [end, BOTTOM], [end, BOTTOM - 0.02]])
@@ -247,16 +230,10 @@ class CloseupPanel(Panel):
         # no labels yet: static ones would hide all later ones
         style = rr.Points2D([middle], colors=[TRUTH], radii=radius(0.1), show_labels=True, draw_order=70.0)
         rec.log(f"{self._path}/length", style, static=True)
-        key = weight_key(self._has_truth)
-        rec.log(
-            f"{self._path}/key",
-            rr.EncodedImage(contents=png(key), media_type="image/png", draw_order=60.0),
-            rr.Transform3D(translation=[LEFT, TOP, 0], scale=KEY_WIDTH / key.shape[1]),
-            static=True,
-        )
+        key = weight_key(self._run.has_truth)
+        place_drawing(rec, f"{self._path}/key", key, (LEFT, TOP), KEY_WIDTH / key.shape[1], 60.0)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Move the frame to the cloud if it does not show it well."""
         mean = update.record.mean_estimate
         needed = REACH * self._scale.length(float(np.hypot(*mean.sd_m))) / BARS_WIDE
         resized = not LOOSE * self._bar < needed <= self._bar
@@ -290,10 +267,4 @@ def closeup_view(paths: RunPaths, scene: SceneInfo, colors: str = "") -> rrb.Spa
     """Show the close-up of the cloud; `colors` explains colors in the title."""
     contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
-    return rrb.Spatial2DView(
-        name=f"Cloud close up{colors}",
-        origin=paths.closeup,
-        contents=contents,
-        background=GROUND,
-        visual_bounds=rrb.VisualBounds2D(x_range=(-1, 1), y_range=(-1, 1)),
-    )
+    return plane_view(f"Cloud close up{colors}", contents, Extent(-1, 1, -1, 1), origin=paths.closeup)

@@ -26,11 +26,7 @@ EDGES_QUALITY = 75  # for display; the channel measures the picture itself
 class CameraPanel(Panel):
     """Draws the picture of each update, and its edges."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        pass
-
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the media type."""
         prepare_camera(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -85,8 +81,8 @@ class FilmstripPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         assert run.finder is not None  # this panel is only made where the library has entries
-        self._paths, self._library, self._finder = run.paths, run.library, run.finder
-        self._has_truth = run.has_truth
+        super().__init__(run)
+        self._finder, self._has_truth = run.finder, run.has_truth
         self._drawn = 0  # columns so far
         self._height = cell_height(run.library.pictures)
 
@@ -96,10 +92,11 @@ class FilmstripPanel(Panel):
         gray = np.concatenate([self._cell(None, "", PALE)] * rows)
         for slot in range(COLUMNS):
             prepare_jpeg(rec, self._paths.film(slot), order=0.0)
-            rec.log(f"{self._paths.at('film', 'empty')}/{slot}", *_gray_column(slot, gray), static=True)
+            picture = rr.EncodedImage(contents=jpeg(gray), media_type="image/jpeg", draw_order=-10.0)
+            place = rr.Transform3D(translation=[slot * (CELL_PX + GAP_PX), 0, 0])
+            rec.log(self._paths.at("film", "empty", str(slot)), picture, place, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the column of an update, and move the others."""
         record, truth = update.record, update.moment.truth
         if not update.whole or not len(record.sighting.comparison.quality):
             return
@@ -138,11 +135,6 @@ class FilmstripPanel(Panel):
         height = min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / max(wide, 1))
         put_text(cell, caption, 2, self._height + 17, height, color)
         return cell
-
-
-def _gray_column(slot: int, image: U8) -> tuple[rr.EncodedImage, rr.Transform3D]:
-    picture = rr.EncodedImage(contents=jpeg(image), media_type="image/jpeg", draw_order=-10.0)
-    return picture, rr.Transform3D(translation=[slot * (CELL_PX + GAP_PX), 0, 0])
 
 
 def camera_view(title: str = "") -> rrb.Spatial2DView:

@@ -11,10 +11,10 @@ import rerun.blueprint as rrb
 from maurice_mcl.analysis.run_comparison import Step, StepComparison
 from maurice_mcl.arrays import F32, F64, I32
 from maurice_mcl.map import Arena
-from maurice_mcl.records import Belief, StepRecord
+from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
-from ..drawing.canvas import jpeg, png
+from ..drawing.canvas import jpeg
 from ..drawing.keys import belief_key, extent_with, key_extent, narrow_circle_key, runs_key
 from ..entities import (
     APART,
@@ -40,7 +40,7 @@ from ..style import COLOR_WORDS, RUN_COLORS, Scale, font_safe
 from ..text.summary import NOT_YET, StepWords, result
 from .belief import PoseMarker, truth_marker
 from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
-from .panel import MARKDOWN, set_phase
+from .panel import MARKDOWN, place_drawing, set_phase
 from .traces import LINE
 from .views import MAP, Overrides, picture_view, plane_view, plot
 
@@ -65,7 +65,6 @@ class ComparisonDrawing:
         self._words: StepWords | None = None
 
     def begin(self, arena: Arena, has_truth: bool) -> None:
-        """Log all that does not change."""
         self._truths = {
             label: truth_marker(truth_of(label), arena, self._scale) for label in self._other_drives
         }
@@ -109,12 +108,7 @@ class ComparisonDrawing:
         }
         for path, key in keys.items():
             extent = key_extent(key, arena, self._scale)
-            self._rec.log(
-                path,
-                rr.EncodedImage(contents=png(key), media_type="image/png", draw_order=-5.0),
-                rr.Transform3D(translation=[extent.left, extent.top, 0], scale=extent.width / key.shape[1]),
-                static=True,
-            )
+            place_drawing(self._rec, path, key, (extent.left, extent.top), extent.width / key.shape[1], -5.0)
 
     def _prepare_run(self, label: str, color: tuple[int, int, int]) -> None:
         points = rr.components.Radius.ui_points
@@ -161,7 +155,8 @@ class ComparisonDrawing:
             self._truths[label].draw(self._rec, moment.truth)
 
     def _dots(self, record: StepRecord) -> F32:
-        return self._scale.screen(_places(record.weighted, by_weight(record.weighted.weights, DOTS)))
+        cloud = record.weighted
+        return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS), :2] + cloud.origin)
 
 
 def by_weight(weights: F64, count: int) -> I32:
@@ -169,10 +164,6 @@ def by_weight(weights: F64, count: int) -> I32:
     ends = np.cumsum(weights)
     chosen = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1])
     return np.asarray(chosen[np.diff(chosen, prepend=-1) > 0], np.int32)  # each once, in order
-
-
-def _places(belief: Belief, chosen: I32) -> F64:
-    return np.asarray(belief.poses[chosen, :2] + belief.origin)
 
 
 def distance_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
@@ -226,14 +217,10 @@ def camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
     return [camera_view(f"{runs[0].label}: camera"), *views]
 
 
-def error_difference_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView:
-    """Plot how much larger position errors are than the first run's."""
-    return plot(f"Error minus {first_label(runs)}'s ({scene.scale.units.name})", [POSITION_DIFFERENCE])
-
-
-def heading_difference_plot() -> rrb.TimeSeriesView:
-    """Plot how much larger heading errors are than the first run's."""
-    return plot("Heading diff. (deg)", [HEADING_DIFFERENCE])
+def difference_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
+    """Plot how much larger errors are than the first run's: of the position, and of the heading."""
+    title = f"Error minus {first_label(runs)}'s ({scene.scale.units.name})"
+    return [plot(title, [POSITION_DIFFERENCE]), plot("Heading diff. (deg)", [HEADING_DIFFERENCE])]
 
 
 def comparison_words() -> rrb.Tabs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 from typing import Protocol
 
@@ -26,7 +26,7 @@ from ..drawing.canvas import Extent, long_side, map_extent
 from ..drawing.keys import paths_key
 from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
-from .belief import ARROW, PoseMarker, estimate_marker, truth_marker
+from .belief import ARROW, estimate_marker, truth_marker
 from .camera import camera_view, draw_camera, edges_view, prepare_camera
 from .panel import MARKDOWN
 from .views import FPS, MAP, bars_view, plane_view, plot, window
@@ -38,22 +38,14 @@ LEAST_M = 1.0  # free on each side of them
 
 
 class KnownMoment(Protocol):
-    """A moment without its picture."""
+    """A moment without its picture: its movements (M, 3), its true pose (3,) and the log's events."""
 
     @property
-    def motions(self) -> F64:
-        """Movements (M, 3) as measured."""
-        ...
-
+    def motions(self) -> F64: ...
     @property
-    def truth(self) -> F64 | None:
-        """The true pose (3,)."""
-        ...
-
+    def truth(self) -> F64 | None: ...
     @property
-    def events(self) -> tuple[str, ...]:
-        """Events in the log."""
-        ...
+    def events(self) -> tuple[str, ...]: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,13 +89,11 @@ def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
             true.add(one.truth)
             begins = compose(one.truth, motion_between(own, np.zeros(3))) if begins is None else begins
     if not moves:
-        return DrivePaths(count, events, False, begins, np.zeros((0, 2)), _points(true))
+        return DrivePaths(count, events, False, begins, np.zeros((0, 2)), true.poses()[:, :2])
     begins = np.zeros(3) if begins is None else begins
-    return DrivePaths(count, events, True, begins, _laid(_points(measured), begins), _points(true))
-
-
-def _points(path: SimplifiedPath) -> F64:
-    return path.poses()[:, :2]
+    return DrivePaths(
+        count, events, True, begins, _laid(measured.poses()[:, :2], begins), true.poses()[:, :2]
+    )
 
 
 def _laid(points: F64, begins: F64) -> F64:
@@ -176,17 +166,9 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
         draw_key(rec, entities.WEIGHT_KEY, paths_key(paths.moves, len(paths.true) > 0), drive.arena, scale)
     for name, points, color in (("odometry", paths.measured, ESTIMATE), ("truth", paths.true, TRUTH)):
         if len(points):
-            faint = [(*color, FAINT)]
-            rec.log(
-                f"{PATHS}/{name}",
-                rr.LineStrips2D(
-                    [scale.screen(points)],
-                    colors=faint,
-                    radii=rr.components.Radius.ui_points(0.75),
-                    draw_order=5.0,
-                ),
-                static=True,
-            )
+            thin, faint = rr.components.Radius.ui_points(0.75), [(*color, FAINT)]
+            line = rr.LineStrips2D([scale.screen(points)], colors=faint, radii=thin, draw_order=5.0)
+            rec.log(f"{PATHS}/{name}", line, static=True)
     for path, color in LINES.items():
         rec.log(f"{TRACE}/{path}", rr.SeriesLines(colors=[color], widths=[1.75]), static=True)
     for path in DOTS:  # no line across the gaps that truth may have
@@ -195,27 +177,20 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
     prepare_camera(rec)
 
 
-@dataclass(slots=True)
 class _Pen:
     """Draws moments, and remembers where the last one was."""
 
-    rec: rr.RecordingStream
-    drive: DriveView
-    _pose: F64 | None = field(init=False)  # by odometry, on the map
-    _truth_before: F64 | None = field(init=False, default=None)
-    _measured: PoseMarker = field(init=False)
-    _true: PoseMarker = field(init=False)
-
-    def __post_init__(self) -> None:
-        arena, scale = self.drive.arena or NOWHERE, self.drive.scale
-        self._pose = self.drive.paths.begins
+    def __init__(self, rec: rr.RecordingStream, drive: DriveView) -> None:
+        self.rec, self.drive = rec, drive
+        arena, scale = drive.arena or NOWHERE, drive.scale
+        self._pose = drive.paths.begins  # by odometry, on the map
+        self._truth_before: F64 | None = None
         self._measured = estimate_marker(ODOMETRY, arena, scale)
         self._true = truth_marker(entities.TRUTH, arena, scale)
         for marker in (self._measured, self._true):
-            marker.prepare(self.rec)
+            marker.prepare(rec)
 
     def draw(self, moment: Moment) -> None:
-        """Log one moment."""
         if moment.frame.picture != PLACEHOLDER:
             draw_camera(self.rec, moment.frame.image)
             self._draw_vectors(moment)
@@ -256,7 +231,6 @@ class _Pen:
         self.rec.log(f"{TRACE}/{quantity}", rr.Scalars(round(value, DIGITS)))
 
     def _words(self, moment: Moment) -> str:
-        """Return what is known about this moment, and what to do next."""
         frame, scale = moment.frame, self.drive.scale
         what = "Picture" if self.drive.pictures else "Moment"
         parts = [f"### {what} {frame.step}, {frame.time_s:.2f} s"]

@@ -24,15 +24,10 @@ PARTLY = " · only partly drawn, see `--detail`"
 class WordsPanel(Panel):
     """Logs a text for every phase, and a summary at the end of the step."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        self._path, self._scale = run.paths.text, run.scale
-
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the media type."""
-        rec.log(self._path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
+        rec.log(self._paths.text, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the texts of one update."""
         moment, record = update.moment, update.record
         if update.whole:
             for phase in (Phase.PREDICT, Phase.MEASURE, Phase.WEIGHT):
@@ -46,7 +41,7 @@ class WordsPanel(Panel):
         self._log(rec, f"{title}{'' if update.whole else PARTLY}\n\n{rest}")
 
     def _log(self, rec: rr.RecordingStream, text: str) -> None:
-        rec.log(self._path, rr.TextDocument.from_fields(text=font_safe(text)))
+        rec.log(self._paths.text, rr.TextDocument.from_fields(text=font_safe(text)))
 
 
 def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDocumentView:
@@ -54,9 +49,8 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
     return rrb.TextDocumentView(name=title, origin=paths.text)
 
 
-# Events as lanes over time: the state of the belief, what was noticed, and what the log holds. A state lasts
-# until the next one. An event is a moment: it is at the left edge of its mark, and the mark lasts for a
-# share of the run that can be read on a screen, or until the next one. Only changes are logged.
+# Events as lanes over time. A state lasts until the next one. An event is at the left edge of its mark, which
+# lasts for a share of the run that can be read on a screen, or until the next one. Only changes are logged.
 
 LOG_LANE = "/session/events"  # the log's events are the same for all runs of a recording
 USUAL_UPDATES = 120  # if the number is not known beforehand
@@ -128,20 +122,19 @@ class EventsPanel(Panel):
     """Draws the lanes of one run, status and what was noticed; and the log's, once for all runs."""
 
     def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
         hold_steps = hold_for(run.updates or USUAL_UPDATES)
         self._status_path, self._status = status_path(run.paths), ""  # drawn last
         self._noticed = _Lane(noticed_path(run.paths), NOTICED_COLORS, hold_steps)
         self._log = _Lane(LOG_LANE, LOG_COLORS, hold_steps) if run.draws_scene else None
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log names and colors of the states."""
         _configure(rec, self._status_path, STATUS_COLORS)
         for lane in (self._noticed, self._log):
             if lane is not None:
                 _configure(rec, lane.path, lane.colors)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log what changed at an update."""
         step = update.moment.frame.step
         set_phase(rec, update.moment, Phase.ESTIMATE)
         if update.status != self._status:
@@ -169,10 +162,7 @@ def noticed_path(paths: RunPaths) -> str:
 
 
 def events_view(labels: Sequence[str], title: str = "Events") -> rrb.StateTimelineView:
-    """Show the lanes of some runs and of the log, with the meaning of the colors in the title.
-
-    Each lane takes 35 pixels, title and time axis together 45: 150 pixels for one run, 220 for two.
-    """
+    """Show the lanes of some runs and of the log, with the meaning of the colors in the title."""
     contents = [f"{RunPaths(label).at('events')}/**" for label in labels]
     return rrb.StateTimelineView(name=f"{title}: {LEGEND}", origin="/", contents=[*contents, LOG_LANE])
 

@@ -1,9 +1,7 @@
 """The explanation of a step: the references that matter, side by side.
 
 Columns are the reference nearest to the truth (where it is known), the one nearest to the estimate, and the
-winner: each with its picture over its edges, all of them in one chart of descriptors, one chart of what each
-element costs and one table, and as arrows on the map. A chart has one color, so channels are distinguished by
-tints behind the bars, in the order of the table.
+winner. A chart has one color, so channels are distinguished by tints behind the bars, in the table's order.
 """
 
 from __future__ import annotations
@@ -82,12 +80,12 @@ class ExplanationPanel(Panel):
     """Draws the explanation of each step; empty for a saved run without its library."""
 
     def __init__(self, run: DrawnRun) -> None:
-        self._paths, self._scale, self._has_truth = run.paths, run.scale, run.has_truth
+        super().__init__(run)
+        self._has_truth = run.has_truth
         self._references = None if run.sensor is None else _References(run.sensor)
         self._cards: dict[str, bytes] = {}  # last logged, by column
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log kinds of pictures and texts, colors, and where bars stand."""
         if self._references is None:
             rec.log(
                 self._paths.explain("table"),
@@ -106,7 +104,6 @@ class ExplanationPanel(Panel):
         rec.log(self._paths.explain("marks"), style, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log cards, charts, arrows and table of one update."""
         record, references = update.record, self._references
         if not update.whole or references is None or not len(record.sighting.comparison.quality):
             return
@@ -124,7 +121,6 @@ class ExplanationPanel(Panel):
         rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(text=text))
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        """Empty everything."""
         if self._references is None:
             return
         charts = [self._paths.explain("chart", kind) for kind in KINDS]
@@ -225,7 +221,6 @@ def draw_charts(
 
 
 def _block(bars: Bars, column: Column) -> tuple[F32, F32]:
-    """Return the heights of one reference's descriptors and costs; zeros if there is no reference."""
     _, explained = column
     if explained is None or explained.entry is None:
         nothing = np.zeros(len(bars.starts), np.float32)

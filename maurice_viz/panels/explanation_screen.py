@@ -37,7 +37,7 @@ from .belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
 from .camera import camera_view, draw_camera, edges_view, prepare_camera
 from .explanation import ARROW, COLORS, OUTSIDE, figures_view, labels_on_map
 from .panel import MARKDOWN, set_phase
-from .references import match_circles
+from .references import MatchCircles
 from .views import MAP, bars_view, map_view, picture_view, window
 from .world import draw_world
 
@@ -101,7 +101,7 @@ def draw_explanation(rec: rr.RecordingStream, paths: RunPaths, update: Explained
 
 def _draw_map(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdate) -> None:
     record, scale = update.record, update.scale
-    circles = match_circles(update.library, scale)
+    circles = MatchCircles(update.library, scale)
     circles.prepare(rec, paths)
     circles.draw(rec, paths, record.sighting.comparison)
     prepare_cloud(rec, paths.particles)

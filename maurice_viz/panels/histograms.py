@@ -1,8 +1,6 @@
 """Histograms: the picture's over that of its best match, and how much each bin adds to the distance.
 
-The picture's bars are narrower and drawn over the reference's: where they overlap the viewer mixes their
-colors, to a pale one in its dark theme and a dull one in its light theme. Static bands behind the bars
-separate red, green and blue, and fix the height of the chart, so that steps can be compared.
+Static bands behind the bars separate red, green and blue, and fix the height, so that steps can be compared.
 """
 
 from __future__ import annotations
@@ -28,8 +26,8 @@ from ..drawing.bars import (
     usual_height,
 )
 from ..entities import Phase, RunPaths
-from ..style import BAR, RGB
-from .panel import DrawnRun, Panel, StepUpdate, set_phase
+from ..style import BAR
+from .panel import Panel, StepUpdate, set_phase
 from .views import bars_view
 
 KINDS = ("sample", "reference", "difference")
@@ -40,22 +38,22 @@ SHORT_LEGEND = ", match orange"
 class HistogramsPanel(Panel):
     """Draws for each channel the picture's descriptor, its best match's, and what each element adds to D."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        self._paths, self._library, self._distances = run.paths, run.library, run.distances
-
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log bands, colors, and where the bars stand."""
-        for channel, distance in self._distances.items():
+        for channel, distance in self._run.distances.items():
             index = self._library.index[channel]
             bins = len(index.relevance)
             self._place_bands(rec, channel, "bands", bins, usual_height(index))
             self._place_bands(rec, channel, "difference_bands", bins, usual_difference(index, distance))
-            self._place_bars(rec, channel, "reference", REFERENCE, bins, *REFERENCE_BAR)
-            self._place_bars(rec, channel, "sample", SAMPLE, bins, *SAMPLE_BAR)
-            self._place_bars(rec, channel, "difference", BAR, bins, 0.0, 1.0)
+            one = len(bands_of(bins)) / bins
+            for kind, color, offset, width in (
+                ("reference", REFERENCE, *REFERENCE_BAR),
+                ("sample", SAMPLE, *SAMPLE_BAR),
+                ("difference", BAR, 0.0, 1.0),
+            ):
+                path, lefts = self._paths.histogram(channel, kind), (np.arange(bins) + offset) * one
+                place_bars(rec, path, color, lefts, np.full(bins, width * one))
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the bars of one update."""
         comparison = update.record.sighting.comparison
         if not update.whole or not len(comparison.quality):
             return
@@ -64,37 +62,19 @@ class HistogramsPanel(Panel):
         for channel in comparison.channels:
             sample, index = comparison.descriptors[channel], self._library.index[channel]
             reference = index.references[best]
-            difference = contributions(self._distances[channel], sample, reference, index)
+            difference = contributions(self._run.distances[channel], sample, reference, index)
             for kind, values in zip(KINDS, (sample, reference, difference), strict=True):
                 rec.log(
                     self._paths.histogram(channel, kind), rr.BarChart.from_fields(values=tensor_of(values))
                 )
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        """Empty all charts."""
         rec.log(self._paths.at("histogram"), rr.Clear(recursive=True))
 
-    def _place_bands(
-        self, rec: rr.RecordingStream, channel: str, kind: str, bins: int, height: float
-    ) -> None:
+    def _place_bands(self, rec: rr.RecordingStream, channel: str, kind: str, bins: int, top: float) -> None:
         for plane, color in enumerate(bands_of(bins)):
-            band = rr.BarChart([height], abscissa=[float(plane)], widths=[1.0], color=color)
+            band = rr.BarChart([top], abscissa=[float(plane)], widths=[1.0], color=color)
             rec.log(self._paths.histogram(channel, f"{kind}/{plane}"), band, static=True)
-
-    def _place_bars(
-        self,
-        rec: rr.RecordingStream,
-        channel: str,
-        kind: str,
-        color: RGB,
-        bins: int,
-        offset: float,
-        width: float,
-    ) -> None:
-        """Place the bars; `offset` and `width` are shares of a bin."""
-        one = len(bands_of(bins)) / bins
-        path = self._paths.histogram(channel, kind)
-        place_bars(rec, path, color, (np.arange(bins) + offset) * one, np.full(bins, width * one))
 
 
 def histogram_views(paths: RunPaths, channels: Sequence[str], legend: str = LEGEND) -> list[rrb.BarChartView]:

@@ -21,8 +21,6 @@ from ..style import scale_for
 from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
 from .registry import panels_of
 
-# How much of each update is drawn: all of it, or only what is cheap where nothing happens.
-
 AROUND = 2  # updates before and after an event that are drawn in full
 
 # bytes of a recording, measured by benchmarks/recording.py on two drives; fixed, per particle, per channel

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import rerun as rr
 
 from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.analysis.modes import TrackedMode
-from maurice_mcl.arrays import F64
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.localizer import EXPANDED
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
@@ -23,6 +22,7 @@ from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.session import Moment
 
+from ..drawing.canvas import png
 from ..entities import PHASE, SESSION, STEP, Phase, RunPaths, phase_number
 from ..style import Scale
 
@@ -80,8 +80,11 @@ class StepUpdate:
         return self.record.injected is not None or EXPANDED in self.record.events
 
 
-class Panel(Protocol):
+class Panel:
     """One panel of one run. The defaults do nothing."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        self._run, self._paths, self._scale, self._library = run, run.paths, run.scale, run.library
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log what does not change, static."""
@@ -108,3 +111,11 @@ def set_phase_only(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> Non
     set_phase(rec, moment, phase)
     rec.disable_timeline(STEP)
     rec.disable_timeline(SESSION)
+
+
+def place_drawing(
+    rec: rr.RecordingStream, path: str, image: U8, corner: tuple[float, float], scale: float, order: float
+) -> None:
+    """Log a drawing (H, W, 3), static, with its upper left corner there and its pixels this large."""
+    picture = rr.EncodedImage(contents=png(image), media_type="image/png", draw_order=order)
+    rec.log(path, picture, rr.Transform3D(translation=[*corner, 0], scale=scale), static=True)

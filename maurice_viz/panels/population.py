@@ -15,24 +15,13 @@ from maurice_mcl.analysis.modes import Ancestry, TrackedMode
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.records import Belief, StepRecord
 
+from .. import style
 from ..drawing.bars import strips_of
 from ..drawing.canvas import Extent, png, put_text, text_size
 from ..entities import Phase, RunPaths
-from ..style import (
-    EMPTY,
-    ESTIMATE,
-    FAMILY,
-    GROUND,
-    HEADINGS,
-    MODE_COLORS,
-    MOVED,
-    PALE,
-    RULER,
-    TRUTH,
-    heading_vector,
-)
+from ..style import heading_vector
 from .belief import copies_of, positions
-from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 from .views import plane_view, plot
 
 # Headings: a histogram of all directions at once, area by weight.
@@ -48,31 +37,22 @@ DIRECTIONS = ((0, "0"), (90, "90"), (180, "180"), (270, "270"))
 class HeadingsPanel(Panel):
     """Draws the cloud's headings by weight, and the arrows of estimate and truth."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        self._path, self._has_truth = run.paths.headings, run.has_truth
-
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the rim with its labels, colors, sizes."""
         radius = rr.components.Radius.ui_points
-        rec.log(
-            f"{self._path}/rim",
-            rr.EncodedImage(contents=png(rim(self._has_truth)), media_type="image/png", draw_order=-10.0),
-            rr.Transform3D(translation=[-ROSE_REACH, -ROSE_REACH, 0], scale=1 / RIM_PX),
-            static=True,
-        )
-        shape = rr.LineStrips2D.from_fields(colors=[HEADINGS], radii=radius(1.25), draw_order=1.0)
+        path, drawing = self._paths.headings, rim(self._run.has_truth)
+        place_drawing(rec, f"{path}/rim", drawing, (-ROSE_REACH, -ROSE_REACH), 1 / RIM_PX, -10.0)
+        shape = rr.LineStrips2D.from_fields(colors=[style.HEADINGS], radii=radius(1.25), draw_order=1.0)
         arrows = rr.Arrows2D.from_fields(draw_order=2.0, radii=radius([1.75, 2.5]))
-        rec.log(self._path, shape, arrows, static=True)
+        rec.log(path, shape, arrows, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the sectors and the arrows of one update."""
-        poses, colors = [update.record.estimate.pose], [ESTIMATE]
+        poses, colors = [update.record.estimate.pose], [style.ESTIMATE]
         if update.moment.truth is not None:
-            poses, colors = [*poses, update.moment.truth], [ESTIMATE, TRUTH]
+            poses, colors = [*poses, update.moment.truth], [style.ESTIMATE, style.TRUTH]
         vectors = np.concatenate([heading_vector(float(pose[2]), RIM) for pose in poses])
         set_phase(rec, update.moment, Phase.ESTIMATE)
         rec.log(
-            self._path,
+            self._paths.headings,
             rr.LineStrips2D.from_fields(strips=strips_of([outline(update.record.weighted)])),
             rr.Arrows2D.from_fields(origins=np.zeros_like(vectors), vectors=vectors, colors=colors),
         )
@@ -81,17 +61,19 @@ class HeadingsPanel(Panel):
 def rim(has_truth: bool) -> U8:
     """Draw the rim (H, W, 3) RGB with its spokes and labels, and the key in two corners."""
     size = round(2 * ROSE_REACH * RIM_PX)
-    image = np.full((size, size, 3), GROUND, np.uint8)
+    image = np.full((size, size, 3), style.GROUND, np.uint8)
     middle = np.array([size / 2, size / 2])
-    cv2.circle(image, (size // 2, size // 2), round(RIM * RIM_PX), RULER, 2, cv2.LINE_AA)
+    cv2.circle(image, (size // 2, size // 2), round(RIM * RIM_PX), style.RULER, 2, cv2.LINE_AA)
     for turn in np.arange(8) * np.pi / 4:
         end = middle + heading_vector(float(turn), RIM * RIM_PX)[0]
-        cv2.line(image, (size // 2, size // 2), (round(end[0]), round(end[1])), RULER, 1, cv2.LINE_AA)
+        cv2.line(image, (size // 2, size // 2), (round(end[0]), round(end[1])), style.RULER, 1, cv2.LINE_AA)
     for deg, text in DIRECTIONS:
         width, height = text_size(text, ROSE_TEXT_PX)
         x, y = middle + heading_vector(np.radians(deg), 1.2 * RIM_PX)[0]
-        put_text(image, text, x - width / 2, y + height / 2, ROSE_TEXT_PX, PALE)
-    items = [("cloud", HEADINGS), ("estimate", ESTIMATE)] + ([("truth", TRUTH)] if has_truth else [])
+        put_text(image, text, x - width / 2, y + height / 2, ROSE_TEXT_PX, style.PALE)
+    items = [("cloud", style.HEADINGS), ("estimate", style.ESTIMATE)] + (
+        [("truth", style.TRUTH)] if has_truth else []
+    )
     for row, (text, color) in enumerate(items):
         base = 1.7 * ROSE_TEXT_PX * (row + 1)
         cv2.circle(image, (12, round(base - ROSE_TEXT_PX / 2)), 7, color, -1, cv2.LINE_AA)
@@ -124,9 +106,8 @@ def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
     )
 
 
-# Modes over time: how the weight was shared among the modes of the cloud over the last updates. Every mode
-# keeps its color as long as it lives. Modes are stacked by age, the oldest at the bottom, so that a band does
-# not jump when another overtakes it. Weight in no mode stays empty at the top.
+# Modes over time: each keeps its color. They are stacked by age, the oldest at the bottom, so that a band
+# does not jump when another overtakes it. Weight in no mode stays empty at the top.
 
 UPDATES_SEEN = 60  # updates that are shown, one column each
 ROWS = 24  # rows for the whole weight
@@ -144,59 +125,54 @@ class ModesPanel(Panel):
     """Draws the bands of one run."""
 
     def __init__(self, run: DrawnRun) -> None:
-        self._path = run.paths.modes
+        super().__init__(run)
         self._past: deque[tuple[TrackedMode, ...]] = deque(maxlen=UPDATES_SEEN)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the frame with its labels, and the media type."""
         left, _, top, _ = MODES_MARGIN
-        rec.log(
-            f"{self._path}/frame",
-            rr.EncodedImage(contents=png(frame()), media_type="image/png", draw_order=-20.0),
-            rr.Transform3D(translation=[-left, -top, 0], scale=1 / FRAME_PX),
-            static=True,
-        )
+        place_drawing(rec, f"{self._paths.modes}/frame", frame(), (-left, -top), 1 / FRAME_PX, -20.0)
         kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
-        rec.log(f"{self._path}/bands", kind, static=True)
+        rec.log(f"{self._paths.modes}/bands", kind, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the bands up to this update."""
         self._past.append(update.modes)
         set_phase(rec, update.moment, Phase.ESTIMATE)
-        rec.log(f"{self._path}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
+        rec.log(f"{self._paths.modes}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
 
 
 def frame() -> U8:
-    """Draw the frame (H, W, 3) RGB with labels below and beside it.
-
-    The viewer's own labels cannot be read on a dark ground in its light theme.
-    """
+    """Draw the frame (H, W, 3) RGB with labels below and beside it."""
     left, right, top, bottom = MODES_MARGIN
     size = round((top + ROWS + bottom) * FRAME_PX), round((left + UPDATES_SEEN + right) * FRAME_PX)
-    image = np.full((*size, 3), GROUND, np.uint8)
+    image = np.full((*size, 3), style.GROUND, np.uint8)
     corner = np.array([left, top]) * FRAME_PX
     far = corner + np.array([UPDATES_SEEN, ROWS]) * FRAME_PX
-    image[round(corner[1]) - 2 : round(far[1]) + 2, round(corner[0]) - 2 : round(far[0]) + 2] = RULER
+    image[round(corner[1]) - 2 : round(far[1]) + 2, round(corner[0]) - 2 : round(far[0]) + 2] = style.RULER
     for column, text in TIMES:
         at = corner[0] + column * FRAME_PX - text_size(text, MODES_TEXT_PX)[0] / 2
-        put_text(image, text, max(at, 4), far[1] + 2 * MODES_TEXT_PX, MODES_TEXT_PX, PALE)
+        put_text(image, text, max(at, 4), far[1] + 2 * MODES_TEXT_PX, MODES_TEXT_PX, style.PALE)
     for row, text in ((0.0, "100 %"), (ROWS / 2, "50 %"), (float(ROWS), "0 %")):
         width, height = text_size(text, MODES_TEXT_PX)
         put_text(
-            image, text, corner[0] - width - 12, corner[1] + row * FRAME_PX + height / 2, MODES_TEXT_PX, PALE
+            image,
+            text,
+            corner[0] - width - 12,
+            corner[1] + row * FRAME_PX + height / 2,
+            MODES_TEXT_PX,
+            style.PALE,
         )
     return image
 
 
 def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:
     """Draw the bands (ROWS, UPDATES_SEEN, 3) RGB, the latest update at the right."""
-    image = np.full((ROWS, UPDATES_SEEN, 3), EMPTY, np.uint8)
+    image = np.full((ROWS, UPDATES_SEEN, 3), style.EMPTY, np.uint8)
     for ago, modes in enumerate(reversed(past)):
         mass = 0.0
         for mode in sorted(modes, key=lambda mode: mode.identity):
             base, mass = mass, mass + mode.estimate.mass
             rows = slice(ROWS - round(mass * ROWS), ROWS - round(base * ROWS))
-            image[rows, UPDATES_SEEN - 1 - ago] = MODE_COLORS[mode.identity % len(MODE_COLORS)]
+            image[rows, UPDATES_SEEN - 1 - ago] = style.MODE_COLORS[mode.identity % len(style.MODE_COLORS)]
     return image
 
 
@@ -207,10 +183,8 @@ def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
     return plane_view("Modes: share of the weight (%), a color each", f"{paths.modes}/**", extent)
 
 
-# Ancestry: how particles moved in an update, and which ancestors the survivors come from. A copy stands where
-# its parent stood, so lines from parents to children are drawn where they can be seen: in the phase `predict`
-# from where each copy was made to where it has moved, and in the phase `resample` along the ancestors of a
-# few survivors over the last updates.
+# Ancestry: a copy stands where its parent stood, so lines from parents to children are drawn where they can
+# be seen: in the phase `predict` to where each copy has moved, in `resample` along ancestors of survivors.
 
 MOST_MOVES = 150  # lines of moved particles; more cannot be distinguished
 MOST_FAMILIES = 40
@@ -225,14 +199,16 @@ class AncestryPanel(Panel):
     """Draws the lines of one run, and logs the shares of survivors and ancestors."""
 
     def __init__(self, run: DrawnRun) -> None:
-        self._paths, self._scale = run.paths, run.scale
+        super().__init__(run)
         self._ancestry = Ancestry()
         self._before: Belief | None = None  # what the last update passed on
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log colors and widths of the lines."""
         radius = rr.components.Radius.ui_points
-        for path, color, order in ((self._paths.moves, MOVED, 15.0), (self._paths.families, FAMILY, 16.0)):
+        for path, color, order in (
+            (self._paths.moves, style.MOVED, 15.0),
+            (self._paths.families, style.FAMILY, 16.0),
+        ):
             lines = rr.LineStrips2D.from_fields(colors=[color], radii=radius(LINE_PT), draw_order=order)
             rec.log(path, lines, static=True)
 
@@ -253,7 +229,6 @@ class AncestryPanel(Panel):
         rec.log(self._paths.trace(ANCESTORS), rr.Scalars(self._ancestry.distinct() / record.belief.size))
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        """Remove all lines."""
         for path in (self._paths.moves, self._paths.families):
             rec.log(path, rr.Clear(recursive=True))
 
@@ -270,7 +245,6 @@ class AncestryPanel(Panel):
         rec.log(self._paths.moves, _NO_LINES)
 
     def _draw_ancestors(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the paths by which the ancestors of some survivors came here."""
         set_phase_only(rec, update.moment, Phase.RESAMPLE)
         lines = [self._scale.screen(line) for line in self._ancestry.lines(MOST_FAMILIES) if len(line) > 1]
         rec.log(self._paths.families, rr.LineStrips2D.from_fields(strips=strips_of(lines)))

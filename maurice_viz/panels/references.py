@@ -6,7 +6,6 @@ In a saved run without its library these panels are empty.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -14,7 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from scipy.spatial import cKDTree
 
-from maurice_mcl.arrays import F32, F64, I32, U8
+from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.library import Library
 from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.references import NearestReference
@@ -43,31 +42,32 @@ class MatchCirclesPanel(Panel):
     """Draws one circle per heading at every library node, its area the likelihood (thesis fig. 34)."""
 
     def __init__(self, run: DrawnRun) -> None:
-        self._paths, self._circles = run.paths, match_circles(run.library, run.scale)
+        super().__init__(run)
+        self._circles = MatchCircles(run.library, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log places and colors."""
         self._circles.prepare(rec, self._paths)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the sizes, and where the five best are."""
         comparison = update.record.sighting.comparison
         if update.whole and len(comparison.quality):
             set_phase(rec, update.moment, Phase.MEASURE)
             self._circles.draw(rec, self._paths, comparison)
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        """Leave all circles out."""
         rec.log(self._paths.circles, rr.Points2D.from_fields(radii=[0.0]))
         rec.log(self._paths.best, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32), labels=[]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class MatchCircles:
-    """Where the circles stand, and how large the largest is; made once from the library."""
+    """One circle per entry, off its node along its heading; made once from the library."""
 
-    centers: F32  # (L, 2) drawn
-    spacing: float  # between nodes, or what it is drawn as, in display units
+    def __init__(self, library: Library, scale: Scale) -> None:
+        spacing_m = max(node_spacing(library.poses), LEAST_SPACING * max(library.arena.size_m))
+        heading = library.poses[:, 2]
+        along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        self.centers = scale.screen(library.poses[:, :2] + OFFSET * spacing_m * along)  # (L, 2) drawn
+        self.spacing = scale.length(spacing_m)  # between nodes, or what it is drawn as, in display units
 
     def prepare(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
         """Log what does not change: places and colors."""
@@ -85,15 +85,6 @@ class MatchCircles:
         best = comparison.best(BEST)
         sizes = radii[best] * np.float32(self.spacing)
         rec.log(paths.best, rr.Points2D.from_fields(positions=self.centers[best], radii=sizes))
-
-
-def match_circles(library: Library, scale: Scale) -> MatchCircles:
-    """Return one circle per entry, off its node along its heading."""
-    spacing_m = max(node_spacing(library.poses), LEAST_SPACING * max(library.arena.size_m))
-    heading = library.poses[:, 2]
-    along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    centers = scale.screen(library.poses[:, :2] + OFFSET * spacing_m * along)
-    return MatchCircles(centers, scale.length(spacing_m))
 
 
 def node_spacing(poses: F64) -> float:
@@ -117,10 +108,10 @@ class BestReferencesPanel(Panel):
     """Draws the pictures of the five best references."""
 
     def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
         self._path, self._sheet = run.paths.contact_sheet, ContactSheet(run.library, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the media type."""
         prepare_jpeg(rec, self._path)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -135,7 +126,6 @@ class BestReferencesPanel(Panel):
         draw_jpeg(rec, self._path, jpeg(sheet, SHEET_QUALITY))
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        """Log an empty sheet."""
         draw_jpeg(rec, self._path, jpeg(self._sheet.draw(()), SHEET_QUALITY))
 
 
@@ -148,12 +138,11 @@ class LikelihoodPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         assert run.finder is not None  # this panel is only made where the library has entries
-        self._paths, self._names = run.paths, map_names(tuple(run.distances))
-        self._maps = likelihood_maps(run.library, run.finder.nearest, run.scale)
+        super().__init__(run)
+        self._maps = LikelihoodMaps(run.library, run.finder.nearest, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log where the maps lie."""
-        for name in self._names:
+        for name in map_names(tuple(self._run.distances)):
             rec.log(
                 self._paths.likelihood(name),
                 rr.Transform3D(translation=[*self._maps.left_top, 0], scale=self._maps.unit_per_px),
@@ -162,7 +151,6 @@ class LikelihoodPanel(Panel):
             )
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log all maps of one update."""
         comparison = update.record.sighting.comparison
         if not update.whole or not len(comparison.quality):
             return
@@ -174,19 +162,27 @@ class LikelihoodPanel(Panel):
             rec.log(self._paths.likelihood(name), image)
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        """Empty all maps."""
         rec.log(self._paths.at("likelihood"), rr.Clear(recursive=True))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class LikelihoodMaps:
-    """Tables to draw with: pixels to places, and entries sorted by place."""
+    """Tables to draw with: pixels to places, and entries sorted by place; of a library with entries."""
 
-    place_of_pixel: I32  # (H, W), -1 outside free space; row 0 on top
-    entries: I32  # (L,) sorted by place
-    first: I32  # (P,) where each place's entries begin
-    left_top: tuple[float, float]  # of the first pixel, in drawn units
-    unit_per_px: float
+    def __init__(self, library: Library, nearest: NearestReference, scale: Scale) -> None:
+        grid = nearest.grid
+        step = max(1, -(-max(grid.shape) // MOST_PX))
+        cells = nearest.place_of_cell[:-1].reshape(grid.shape)[step // 2 :: step, step // 2 :: step]
+        self.place_of_pixel = np.ascontiguousarray(cells[::-1])  # (H, W), -1 outside; row 0 on top
+        place = np.zeros(library.size, np.int32)  # of each entry
+        for number, row in enumerate(nearest.entry_of[:-1]):
+            place[np.unique(row)] = number
+        self.entries = np.argsort(place, kind="stable").astype(np.int32)  # (L,) sorted by place
+        starts = np.searchsorted(place[self.entries], np.arange(len(nearest.places)))
+        self.first = starts.astype(np.int32)  # (P,) where each place's entries begin
+        size_m = step * grid.cell_m
+        corner_m = np.array([[grid.corner[0], grid.corner[1] + len(cells) * size_m]])
+        self.left_top: list[float] = scale.screen(corner_m)[0].tolist()  # of the first pixel, as drawn
+        self.unit_per_px = scale.length(size_m)
 
     def encoded(self, log_likelihood: F32) -> bytes:
         """Draw log-likelihoods (L,) as a PNG: bright where likely, nothing where a robot cannot be."""
@@ -199,41 +195,13 @@ class LikelihoodMaps:
         return bytes(data)
 
 
-def _bgr() -> U8:
-    return np.stack([LUT >> 8 & 255, LUT >> 16 & 255, LUT >> 24], axis=1).astype(np.uint8)
-
-
-_BGR = _bgr()
+_BGR: U8 = np.stack([LUT >> 8 & 255, LUT >> 16 & 255, LUT >> 24], axis=1).astype(np.uint8)
 _OUTSIDE: U8 = np.array([MISSING[::-1]], np.uint8)
 
 
 def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
     """Return the names of the maps: all channels together first, then each, unless there is only one."""
     return (ALL_CHANNELS, *channels) if len(channels) > 1 else (ALL_CHANNELS,)
-
-
-def likelihood_maps(library: Library, nearest: NearestReference, scale: Scale) -> LikelihoodMaps:
-    """Return the tables for a library with at least one entry."""
-    grid = nearest.grid
-    step = max(1, -(-max(grid.shape) // MOST_PX))
-    cells = nearest.place_of_cell[:-1].reshape(grid.shape)
-    cells = cells[step // 2 :: step, step // 2 :: step]
-    place = _place_of_entry(nearest, library.size)
-    by_place = np.argsort(place, kind="stable").astype(np.int32)
-    first = np.searchsorted(place[by_place], np.arange(len(nearest.places))).astype(np.int32)
-    size_m = step * grid.cell_m
-    top_left_m = np.array([[grid.corner[0], grid.corner[1] + len(cells) * size_m]])
-    left, top = scale.screen(top_left_m)[0].tolist()
-    return LikelihoodMaps(
-        np.ascontiguousarray(cells[::-1]), by_place, first, (left, top), scale.length(size_m)
-    )
-
-
-def _place_of_entry(nearest: NearestReference, entries: int) -> I32:
-    place = np.zeros(entries, np.int32)
-    for number, row in enumerate(nearest.entry_of[:-1]):
-        place[np.unique(row)] = number
-    return place
 
 
 def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:

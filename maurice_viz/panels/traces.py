@@ -49,24 +49,18 @@ LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 
 
 class TracesPanel(Panel):
-    """Logs one value per line; errors and the rank of the truth only if the truth is known.
-
-    At the end it extends the scales of plots to a round number: in a small plot that ends between 4 and 10
-    the viewer labels nothing but zero.
-    """
+    """Logs one value per line; errors and the rank of the truth only if the truth is known."""
 
     def __init__(self, run: DrawnRun) -> None:
-        self._paths, self._scale, self._finder = run.paths, run.scale, run.finder
-        self._channels = tuple(run.distances)
+        super().__init__(run)
         self._most: dict[str, float] = {}  # by quantity
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log names and colors of the lines."""
         for quantity, color in COLORS.items():
             name = f"{font_safe(self._paths.label)}: {quantity.replace('_', ' ')}"
             style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
             rec.log(self._paths.trace(quantity), style, static=True)
-        lines = evidence_lines(self._channels)
+        lines = evidence_lines(tuple(self._run.distances))
         names, colors, widths = (list(part) for part in zip(*lines, strict=True))
         style = rr.SeriesLines(names=names, colors=colors, widths=widths)
         rec.log(self._paths.trace(EVIDENCE), style, static=True)
@@ -77,7 +71,6 @@ class TracesPanel(Panel):
             rec.log(top_path(self._paths, quantity), unseen, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the values of one update."""
         record, truth, scale = update.record, update.moment.truth, self._scale
         set_phase(rec, update.moment, Phase.ESTIMATE)
         if truth is not None:
@@ -90,8 +83,8 @@ class TracesPanel(Panel):
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
         if np.isfinite(nats).all():  # -inf when no particle was in free space
             rec.log(self._paths.trace(EVIDENCE), rr.Scalars(nats))
-        if self._finder is not None:
-            self._draw_rank(rec, update, self._finder)
+        if self._run.finder is not None:
+            self._draw_rank(rec, update, self._run.finder)
 
     def finish(self, rec: rr.RecordingStream) -> None:
         """Log where scales end: only now is the largest value known."""

@@ -31,17 +31,22 @@ def map_view(
 
 
 def plane_view(
-    name: str, contents: Sequence[str] | str, extent: Extent, overrides: Overrides | None = None
+    name: str,
+    contents: Sequence[str] | str,
+    extent: Extent,
+    overrides: Overrides | None = None,
+    origin: str = "/",
 ) -> rrb.Spatial2DView:
     """Show some entities in a part of the plane, all of it visible."""
     x_range, y_range = (extent.left, extent.right), (extent.top, extent.bottom)
+    bounds = rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
     return rrb.Spatial2DView(
         name=name,
-        origin="/",
+        origin=origin,
         contents=contents,
         background=GROUND,
         overrides=overrides,
-        visual_bounds=rrb.VisualBounds2D(x_range=x_range, y_range=y_range),
+        visual_bounds=bounds,
     )
 
 
@@ -63,10 +68,7 @@ def bars_view(name: str, paths: Sequence[str]) -> rrb.BarChartView:
 def plot(
     name: str, contents: Sequence[str], top: float | None = None, overrides: Overrides | None = None
 ) -> rrb.TimeSeriesView:
-    """Plot some lines; the scale is from zero to `top` if given, else as needed.
-
-    Colors are named in titles: a legend would cover a small plot.
-    """
+    """Plot some lines; the scale is from zero to `top` if given, else as needed."""
     return rrb.TimeSeriesView(
         name=name,
         origin="/",

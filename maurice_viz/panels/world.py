@@ -11,34 +11,31 @@ from maurice_mcl.map import Arena
 
 from .. import entities
 from ..drawing import keys
-from ..drawing.canvas import Extent, draw_ground, map_extent, png
+from ..drawing.canvas import draw_ground, map_extent
 from ..style import NODE, WALL, Scale
-from .panel import DrawnRun, Panel
+from .panel import Panel, place_drawing
 
 
 class WorldPanel(Panel):
     """Draws the map and the keys above it, once for all runs."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        self._run = run
-
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log everything."""
-        library, scale, has_truth = self._run.library, self._run.scale, self._run.has_truth
-        draw_world(rec, library, scale)
+        has_truth = self._run.has_truth
+        draw_world(rec, self._library, self._scale)
         for path, strip in (
             (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
             (entities.MATCH_KEY, keys.circle_key()),
             (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
             (entities.EXPLAIN_KEY, keys.explain_key(has_truth)),
         ):
-            draw_key(rec, path, strip, library.arena, scale)
+            draw_key(rec, path, strip, self._library.arena, self._scale)
 
 
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
     """Log everything about the map, static."""
     ground = draw_ground(library.arena, scale)
-    _log_image(rec, entities.FLOORS, ground.image, ground.extent, ground.extent.width)
+    left, top, width = ground.extent.left, ground.extent.top, ground.extent.width
+    place_drawing(rec, entities.FLOORS, ground.image, (left, top), width / ground.image.shape[1], -10.0)
     inside = clipped(library.arena.walls, library.arena.bounds)
     if len(inside):
         walls = rr.LineStrips2D(
@@ -58,10 +55,7 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
 
 
 def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
-    """Cut wall segments (W, 4) at the map's bounds; those wholly outside are left out (Liang, Barsky 1984).
-
-    Maps often reach further than the part that was surveyed, and would be drawn across ruler and key.
-    """
+    """Cut wall segments (W, 4) at the map's bounds, without those wholly outside (Liang, Barsky 1984)."""
     start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
     parallel = along == 0
@@ -79,20 +73,10 @@ def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale:
     """Log one key (H, W, 3) above the map, static."""
     extent = map_extent(arena, scale)
     width = min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX)
-    _log_image(rec, path, strip, extent, width)
+    place_drawing(rec, path, strip, (extent.left, extent.top), width / strip.shape[1], -10.0)
 
 
 def distinct_places(poses: F64) -> F64:
     """Return the positions (P, 2) of library poses (L, 3), each once (to the millimeter)."""
     _, first = np.unique(np.round(poses[:, :2] * 1000), axis=0, return_index=True)
     return np.asarray(poses[np.sort(first), :2])
-
-
-def _log_image(rec: rr.RecordingStream, path: str, image: U8, extent: Extent, width: float) -> None:
-    """Log an image whose upper left corner is that of the extent, of this width in drawn units."""
-    rec.log(
-        path,
-        rr.EncodedImage(contents=png(image), media_type="image/png", draw_order=-10.0),
-        rr.Transform3D(translation=[extent.left, extent.top, 0], scale=width / image.shape[1]),
-        static=True,
-    )

@@ -44,11 +44,11 @@ def expect_matplotlib(target: Path) -> None:
         raise InputError(target, f"cannot be drawn: matplotlib is not installed; {EXTRA}") from None
 
 
-def figure(title: str, x: str, y: str, size: tuple[float, float] = (8.0, 4.6)) -> tuple[Figure, Axes]:
+def figure(title: str, x: str, y: str) -> tuple[Figure, Axes]:
     """Return a figure with one pair of axes, a title and labels with their units."""
     from matplotlib.figure import Figure as New
 
-    made = New(figsize=size, layout="constrained")
+    made = New(figsize=(8.0, 4.6), layout="constrained")
     axes = made.subplots()
     dress(axes, title, x, y)
     return made, axes
@@ -62,11 +62,6 @@ def dress(axes: Axes, title: str, x: str, y: str) -> None:
     axes.grid(True, color="#E6E8EC", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def legend(made: Figure) -> None:
-    """Put the legend below everything, where it covers nothing."""
-    made.legend(loc="outside lower center", ncols=4, frameon=False)
 
 
 def save(made: Figure, file: Path, *, force: bool) -> None:
@@ -96,8 +91,6 @@ def against_normal(axes: Axes, values: F64, spread: Spread, unit: str) -> None:
         axes.plot(x, y, color=INK, linewidth=2, label=f"normal, mean {mean:.3g} {unit}, sd {sd:.3g} {unit}")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
 
-
-# The thesis's figures 4 to 11 from calibration trials: turns in degrees, distances in display units.
 
 Whole = NDArray[np.int64]
 
@@ -132,7 +125,10 @@ def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
     for file in files:
         expect_absent(file, force=force)
     for file, draw in zip(files, FIGURES.values(), strict=True):
-        save(draw(shown), file, force=force)
+        made = draw(shown)
+        columns = 1 if draw is turn_scatter else 4
+        made.legend(loc="outside lower center", ncols=columns, frameon=False)  # where it covers nothing
+        save(made, file, force=force)
     return files
 
 
@@ -141,7 +137,6 @@ def turn_trials(shown: Shown) -> Figure:
     made, axes = figure("Measured and actual turns", "trial", "turn (degrees, counter-clockwise)")
     measured, actual = shown.turns_deg
     _side_by_side(axes, {"measured by the encoders": (measured, MEASURED), "actual": (actual, ACTUAL)})
-    legend(made)
     return made
 
 
@@ -156,7 +151,6 @@ def turn_scatter(shown: Shown) -> Figure:
     label = f"least squares through the origin: {slope.value:.4f}"
     axes.plot(ends, slope.value * ends, color=INK, linewidth=1.6, label=label)
     axes.scatter(actual, measured, s=28, color=ACTUAL, alpha=0.8, edgecolor="white", label="trials", zorder=3)
-    made.legend(loc="outside lower center", ncols=1, frameon=False)
     return made
 
 
@@ -167,25 +161,22 @@ def turns_corrected(shown: Shown) -> Figure:
     measured, actual = shown.turns_deg
     corrected = (gain * measured, CORRECTED)
     _side_by_side(axes, {"actual": (actual, ACTUAL), f"corrected, {gain:.4f} x measured": corrected})
-    legend(made)
     return made
 
 
 def turn_residuals(shown: Shown) -> Figure:
     """Figure 7: what the correction leaves of every turn."""
     made, axes = figure("Residual of every turn", "trial", "actual - corrected turn (degrees)")
-    _band(axes, _degrees(shown.fit.turns.residual), "degrees")
+    _band(axes, _scaled(shown.fit.turns.residual, float(np.degrees(1))), "degrees")
     _stems(axes, np.arange(1, shown.fit.turns.count + 1), shown.residual_deg, ACTUAL, "residual")
-    legend(made)
     return made
 
 
 def turn_histogram(shown: Shown) -> Figure:
     """Figure 8: how the residuals of turns are distributed."""
-    spread = _degrees(shown.fit.turns.residual)
+    spread = _scaled(shown.fit.turns.residual, float(np.degrees(1)))
     made, axes = figure("Residuals of turns", "actual - corrected turn (degrees)", "trials")
     against_normal(axes, shown.residual_deg, spread, "degrees")
-    legend(made)
     return made
 
 
@@ -200,7 +191,6 @@ def straight_trials(shown: Shown) -> Figure:
         label = "actual" if floor == "" else f"actual, {floor or 'several floors'}"
         axes.scatter(trial[on], s.actual_m[on] * unit.per_m, s=26, color=color, label=label, zorder=3)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    legend(made)
     return made
 
 
@@ -216,7 +206,6 @@ def heading_errors(shown: Shown) -> Figure:
         if on.any():
             label = "all straights" if floor == "" else floor or "several floors"
             _stems(axes, np.flatnonzero(on) + 1, np.degrees(s.drift_rad[on]), color, label)
-    legend(made)
     return made
 
 
@@ -227,7 +216,6 @@ def straight_histogram(shown: Shown) -> Figure:
     made, axes = figure("Errors of straights", f"actual - measured distance ({unit.name})", "trials")
     errors = (s.actual_m - s.measured_m) * np.sign(s.measured_m) * unit.per_m
     against_normal(axes, np.asarray(errors), spread, unit.name)
-    legend(made)
     return made
 
 
@@ -267,7 +255,6 @@ def _stems(axes: Axes, trial: Whole, values: F64, color: str, label: str) -> Non
 
 
 def _band(axes: Axes, spread: Spread, unit: str) -> None:
-    """Draw mean, one and three standard deviations."""
     mean, sd = spread.mean.value, spread.sd.value
     axes.axhspan(mean - sd, mean + sd, color=BAND, label=f"mean {mean:.2f} ± sd {sd:.2f} {unit}")
     axes.axhline(mean, color=INK, linewidth=1)
@@ -283,18 +270,11 @@ def _floors(shown: Shown) -> list[tuple[str | None, str]]:
     return [(name, "#9AA0AA" if name is None else colors[name]) for name in names]
 
 
-def _degrees(spread: Spread) -> Spread:
-    return _scaled(spread, float(np.degrees(1)))
-
-
 def _scaled(spread: Spread, factor: float) -> Spread:
     def times(fitted: Fitted) -> Fitted:
         return Fitted(fitted.value * factor, fitted.low * factor, fitted.high * factor)
 
     return Spread(spread.count, times(spread.mean), times(spread.sd), spread.normal_p, spread.beyond_3_sd)
-
-
-# The thesis's figures 13 and 14: a covered-lens frame, stretched, and the histogram of its noise.
 
 
 def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
@@ -305,9 +285,10 @@ def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
     left, right = made.subplots(1, 2, width_ratios=(1, 1.35))
     left.imshow(stretched(floor.example), interpolation="nearest")
     low, high = int(floor.example.min()), int(floor.example.max())
+    frames = "1 frame" if floor.frames == 1 else f"{floor.frames} frames; lines: sd between frames"
     dress(left, f"Lens covered, values {low} to {high} stretched", "column (pixels)", "row (pixels)")
     left.grid(False)
-    dress(right, f"Noise, mean of {_frames(floor.frames)}", "pixel value", "256 x share of pixels")
+    dress(right, f"Noise, mean of {frames}", "pixel value", "256 x share of pixels")
     means, sds = floor.mean.reshape(3, BINS), floor.sd.reshape(3, BINS)
     start = LOW + WIDTH * np.arange(BINS)
     for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
@@ -318,7 +299,3 @@ def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
     right.set_ylim(bottom=0)
     made.legend(loc="outside lower right", ncols=3, frameon=False)
     save(made, file, force=force)
-
-
-def _frames(count: int) -> str:
-    return "1 frame" if count == 1 else f"{count} frames; lines: sd between frames"

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 VIEWS = 24  # on a contact sheet
 SHEET_QUALITY = 80
 
-# The map of expected ambiguity: how many places fit a picture taken at each of a library's places.
-
 MOST_PAIRS = 60  # lines between aliases; more cannot be distinguished
 DOT = 0.32  # radius, of the distance from a place to the next
 DARKEST = 0.25  # of the scale of colors, so that the number on a dot stays readable
@@ -68,8 +66,6 @@ def _colors(values: F64) -> list[RGB]:
     packed = shade(DARKEST + (1 - DARKEST) * share).tolist()
     return [(one >> 24 & 255, one >> 16 & 255, one >> 8 & 255) for one in packed]
 
-
-# A sheet of views of a simulated world, each with its pose under it.
 
 COLUMNS = 4
 CAPTION_PX, GAP_PX, TEXT_PX = 16, 6, 8.0

@@ -1,7 +1,4 @@
-"""A diagnosis in words: what is wrong, the evidence for it, and how to fix it in the log itself.
-
-`maurice_mcl.diagnosis` and `maurice_loaders.doctor` return findings as codes and numbers.
-"""
+"""A diagnosis in words: what is wrong, the evidence for it, and how to fix it in the log itself."""
 
 from __future__ import annotations
 
@@ -9,33 +6,41 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from maurice_mcl.diagnosis.findings import Evidence, Finding
+from maurice_mcl.diagnosis.findings import Finding
 
 IN_LOG = "in what wrote the log: "
 Values = Mapping[str, Any]
+Said = str | Callable[[Values], str]  # a template of a sentence, or what fills it
 
 
 def describe(finding: Finding) -> str:
     """Return one sentence: what is wrong."""
-    if finding.code in TURNS:
-        return TURNS[finding.code][0]
-    return WHAT[finding.code]({**finding.numbers, **finding.details})
+    values: Values = {**finding.numbers, **finding.details}
+    what = TURNS[finding.code][0] if finding.code in TURNS else _said(WHAT[finding.code], values)
+    return f"{what}, or the camera looks {-values['offset_deg']:+d} deg off" if _or_camera(values) else what
 
 
 def evidence_for(finding: Finding) -> str:
     """Return the numbers that support a finding, as text."""
-    return "; ".join(_observed(one) for one in finding.evidence)
+    return "; ".join(_said(EVIDENCE[one.kind], one.values) for one in finding.evidence)
 
 
 def fix_for(finding: Finding) -> str:
     """Return how to fix it without reading options: in the program that wrote the log, or otherwise."""
     if finding.code in TURNS:
         return f"{IN_LOG}multiply the turn (heading) by {TURNS[finding.code][1]}"
-    return FIX[finding.code]({**finding.numbers, **finding.details})
+    values: Values = {**finding.numbers, **finding.details}
+    fix = _said(FIX[finding.code], values)
+    yaw = f"; for the camera: --reading camera_yaw_deg={-values['offset_deg']}" if _or_camera(values) else ""
+    return fix + yaw
 
 
-def _observed(one: Evidence) -> str:
-    return EVIDENCE[one.kind](one.values)
+def _said(text: Said, values: Values) -> str:
+    return text.format_map(values) if isinstance(text, str) else text(values)
+
+
+def _or_camera(values: Values) -> bool:
+    return values.get("or") == "camera"
 
 
 TURNS = {
@@ -53,18 +58,6 @@ def _swapped(values: Values) -> str:
     if values["offset_deg"] > 0:
         return "write forward = -left, left = forward"
     return "write forward = left, left = -forward"
-
-
-def _or_camera(what: str, values: Values) -> str:
-    if values.get("or") != "camera":
-        return what
-    return f"{what}, or the camera looks {-values['offset_deg']:+d} deg off"
-
-
-def _camera_too(fix: str, values: Values) -> str:
-    if values.get("or") != "camera":
-        return IN_LOG + fix
-    return f"{IN_LOG}{fix}; for the camera: --reading camera_yaw_deg={-values['offset_deg']}"
 
 
 def _whose(values: Values) -> str:
@@ -96,40 +89,28 @@ def _shift(late_s: float, whose: str) -> str:
     return f"add {-late_s:.2g} s to the t of {whose}"
 
 
-def _no_common_time(name: str) -> Callable[[Values], str]:
-    return lambda values: f"pictures and {name} have no time in common"
-
-
-WHAT: Mapping[str, Callable[[Values], str]] = {
-    "times-fall": lambda v: f"times fall {v['falls']} times",
-    "too-large": lambda v: f"{v['records']} records hold numbers of more than {v['most']:g}",
-    "broken": lambda v: f"{v['records']} records cannot be read",
-    "time-unit": lambda v: f"times are in {v['unit']}",
-    "odometry-clock": _no_common_time("odometry"),
-    "truth-clock": _no_common_time("truth"),
-    "truth-apart": lambda v: "pictures have no truth",
-    "truth-degrees": lambda v: "the truth's headings are in degrees",
-    "disagreement": lambda v: "odometry and truth do not describe the same drive",
-    "frame-absolute": lambda v: (
-        "odometry holds absolute poses where motions since the last record are expected"
-    ),
-    "frame-world": lambda v: (
-        "odometry holds steps along fixed axes where steps in the robot's own frame are expected"
-    ),
-    "frame-swapped": lambda v: _or_camera("forward and left are swapped", v),
-    "frame-backward": lambda v: _or_camera("forward points backward", v),
-    "frame-turned": lambda v: _or_camera(
-        f"odometry's forward is {v['offset_deg']:+d} deg off the robot's", v
-    ),
+WHAT: Mapping[str, Said] = {
+    "times-fall": "times fall {falls} times",
+    "too-large": "{records} records hold numbers of more than {most:g}",
+    "broken": "{records} records cannot be read",
+    "time-unit": "times are in {unit}",
+    "odometry-clock": "pictures and odometry have no time in common",
+    "truth-clock": "pictures and truth have no time in common",
+    "truth-apart": "pictures have no truth",
+    "truth-degrees": "the truth's headings are in degrees",
+    "disagreement": "odometry and truth do not describe the same drive",
+    "frame-absolute": "odometry holds absolute poses where motions since the last record are expected",
+    "frame-world": "odometry holds steps along fixed axes where steps in the robot's own frame are expected",
+    "frame-swapped": "forward and left are swapped",
+    "frame-backward": "forward points backward",
+    "frame-turned": "odometry's forward is {offset_deg:+d} deg off the robot's",
     "scale": _scale,
     "truth-scale": _scale,
-    "turn-gain": lambda v: (
-        f"turns have to be multiplied by {v['gain']:.2f}, and the motion model does so by {v['expected']:.2f}"
-    ),
+    "turn-gain": "turns have to be multiplied by {gain:.2f}, and the motion model does so by {expected:.2f}",
     "odometry-delay": lambda v: f"odometry is {abs(v['delay_s']):.2g} s too {_late(v)} for the truth",
     "picture-delay": _picture_delay,
-    "camera-yaw": lambda v: (
-        f"the camera looks {v['yaw_deg']:+d} deg off where the library's pictures look at the same heading"
+    "camera-yaw": (
+        "the camera looks {yaw_deg:+d} deg off where the library's pictures look at the same heading"
     ),
 }
 
@@ -139,35 +120,32 @@ _BY = {
     "beginnings": "the offset aligns their beginnings; whether they began together is for you to know",
 }
 
-FIX: Mapping[str, Callable[[Values], str]] = {
-    "times-fall": lambda v: "sort the records by t; if they are of several clocks, put these on one first",
-    "too-large": lambda v: "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out",
-    "broken": lambda v: "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out",
-    "time-unit": lambda v: f"{IN_LOG}divide times by {v['per_s']:.0e}",
+FIX: Mapping[str, Said] = {
+    "times-fall": "sort the records by t; if they are of several clocks, put these on one first",
+    "too-large": "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out",
+    "broken": "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out",
+    "time-unit": IN_LOG + "divide times by {per_s:.0e}",
     "odometry-clock": lambda v: _BY[v["by"]],
     "truth-clock": lambda v: _BY[v["by"]],
-    "truth-apart": lambda v: (
+    "truth-apart": (
         "--reading truth_offset_s=..., or the same in the log, if a clock is late; else more frequent truth"
     ),
-    "truth-degrees": lambda v: f"{IN_LOG}multiply the truth's heading by pi / 180",
-    "disagreement": lambda v: "check that odometry and truth belong to one drive and one clock",
-    "frame-absolute": lambda v: (
-        f"{IN_LOG}write the difference to the pose before, turned into the robot's frame"
-    ),
-    "frame-world": lambda v: (
+    "truth-degrees": IN_LOG + "multiply the truth's heading by pi / 180",
+    "disagreement": "check that odometry and truth belong to one drive and one clock",
+    "frame-absolute": IN_LOG + "write the difference to the pose before, turned into the robot's frame",
+    "frame-world": (
         f"{IN_LOG}turn each step by minus the heading at its start: forward = dx cos h + dy sin h, "
         "left = dy cos h - dx sin h"
     ),
-    "frame-swapped": lambda v: _camera_too(_swapped(v), v),
-    "frame-backward": lambda v: _camera_too("multiply forward and left by -1", v),
-    "frame-turned": lambda v: _camera_too(
-        f"turn forward and left by {v['offset_deg']:+d} deg; "
-        f"with poses, add {-v['offset_deg']:+d} deg to the heading",
-        v,
+    "frame-swapped": lambda v: IN_LOG + _swapped(v),
+    "frame-backward": IN_LOG + "multiply forward and left by -1",
+    "frame-turned": lambda v: (
+        f"{IN_LOG}turn forward and left by {v['offset_deg']:+d} deg; "
+        f"with poses, add {-v['offset_deg']:+d} deg to the heading"
     ),
     "scale": _scale_fix,
     "truth-scale": _scale_fix,
-    "turn-gain": lambda v: (
+    "turn-gain": (
         "`maurice-replay calibrate motion SESSION` measures it with truth; use it with --set motion=FILE"
     ),
     "odometry-delay": lambda v: (
@@ -175,17 +153,8 @@ FIX: Mapping[str, Callable[[Values], str]] = {
         f"--reading truth_offset_s={v['delay_s']:g} if pictures go with the odometry"
     ),
     "picture-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the pictures')}",
-    "camera-yaw": lambda v: (
-        f"survey with the same mounting, or `maurice-replay library build SURVEY --yaw {v['yaw_deg']}`"
-    ),
+    "camera-yaw": "survey with the same mounting, or `maurice-replay library build SURVEY --yaw {yaw_deg}`",
 }
-
-
-def _spans(v: Values) -> str:
-    return (
-        f"pictures go from {v['pictures_from_s']:.3f} to {v['pictures_to_s']:.3f} s, "
-        f"{v['name']} from {v['from_s']:.3f} to {v['to_s']:.3f} s"
-    )
 
 
 def _agreement(v: Values) -> str:
@@ -203,48 +172,43 @@ def _map(v: Values, text: str, digits: int) -> str:
     return text.format(f"{v['map_m']:.{digits}f}") if math.isfinite(v["map_m"]) else ""
 
 
-EVIDENCE: Mapping[str, Callable[[Values], str]] = {
-    "falling": lambda v: "every reader refuses a time that falls",
-    "limits": lambda v: (
-        f"a session log may not hold them; truth and odometry are at most {v['most']:g} in size"
+EVIDENCE: Mapping[str, Said] = {
+    "falling": "every reader refuses a time that falls",
+    "limits": "a session log may not hold them; truth and odometry are at most {most:g} in size",
+    "first-problem": "the first: {problem}",
+    "spans": (
+        "pictures go from {pictures_from_s:.3f} to {pictures_to_s:.3f} s, "
+        "{name} from {from_s:.3f} to {to_s:.3f} s"
     ),
-    "first-problem": lambda v: f"the first: {v['problem']}",
-    "spans": _spans,
-    "no-truth": lambda v: (
-        f"{v['share']:.0%} of {v['pictures']} pictures have truth at their time or within "
-        f"{v['gap_s']:g} s before and after; the truth before a picture is {v['age_s']:.2g} s old (median)"
+    "no-truth": (
+        "{share:.0%} of {pictures} pictures have truth at their time or within "
+        "{gap_s:g} s before and after; the truth before a picture is {age_s:.2g} s old (median)"
     ),
-    "foreseen": lambda v: (
-        f"a short localization predicts {v['pictures']} pictures better by {v['gained']:.2f} nats each "
-        f"({v['as_it_stands']:.2f} as it stands)"
+    "foreseen": (
+        "a short localization predicts {pictures} pictures better by {gained:.2f} nats each "
+        "({as_it_stands:.2f} as it stands)"
     ),
-    "degrees": lambda v: (
-        f"headings up to {v['largest']:.0f}; odometry leaves {v['if_degrees']:.1%} of the movement "
-        f"unexplained if they are degrees, {v['if_radians']:.0%} if radians"
+    "degrees": (
+        "headings up to {largest:.0f}; odometry leaves {if_degrees:.1%} of the movement "
+        "unexplained if they are degrees, {if_radians:.0%} if radians"
     ),
-    "moved": lambda v: (
-        f"unexplained movement {v['before']:.1%} as it is, {v['after']:.1%} moved by {v['by_s']:+.2g} s"
-    ),
+    "moved": "unexplained movement {before:.1%} as it is, {after:.1%} moved by {by_s:+.2g} s",
     "agreement": _agreement,
-    "travel": lambda v: f"true travel is {v['off_deg']:+.0f} deg off the measured one",
+    "travel": "true travel is {off_deg:+.0f} deg off the measured one",
     "span": lambda v: f"truth spans {v['span']:.4g}{_map(v, ', the map {} m', 2)}",
-    "explained": lambda v: (
-        f"so the true poses explain {v['pictures']} pictures better by {v['nats']:.2f} nats each "
-        f"({v['sigmas']:.0f} standard errors)"
+    "explained": (
+        "so the true poses explain {pictures} pictures better by {nats:.2f} nats each "
+        "({sigmas:.0f} standard errors)"
     ),
     "slow": lambda v: (
         f"the robot would go at {v['m_s']:.2g} m/s and turn at {v['rad_s']:.2g} rad/s; in {v['unit']} "
         f"it is {v['m_s'] * v['per_s']:.2g} m/s and {v['rad_s'] * v['per_s']:.2g} rad/s"
     ),
-    "sideways": lambda v: (
-        f"{v['aside']:.0%} of the distance would go sideways, and {v['then']:.0%} does if this is so"
-    ),
-    "spins": lambda v: (
-        f"the robot would turn at {v['rad_s']:.3g} rad/s; in degrees it is {v['in_degrees']:.2g}"
-    ),
-    "one-way": lambda v: (
-        f"nearly all of the distance goes {v['off_deg']:+.0f} deg off what is called forward, "
-        f"{v['aside']:.0%} of it sideways; a robot that can do so on purpose is fine"
+    "sideways": "{aside:.0%} of the distance would go sideways, and {then:.0%} does if this is so",
+    "spins": "the robot would turn at {rad_s:.3g} rad/s; in degrees it is {in_degrees:.2g}",
+    "one-way": (
+        "nearly all of the distance goes {off_deg:+.0f} deg off what is called forward, "
+        "{aside:.0%} of it sideways; a robot that can do so on purpose is fine"
     ),
     "fast": lambda v: (
         f"the robot would go at {v['m_s']:.3g} m/s{_map(v, ', on a map of {} m', 1)}; "

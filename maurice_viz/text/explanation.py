@@ -29,8 +29,6 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS
 
 from ..style import Scale
 
-# Names of the elements of a descriptor: they locate where two pictures differ.
-
 COLORS = ("red", "green", "blue")
 PARTS = color_grid.COLUMNS * color_grid.ROWS
 CELLS = hog.COLUMNS * hog.ROWS
@@ -132,8 +130,6 @@ KNOWN: Mapping[str, tuple[int, Planes]] = {
     "moments": (9, Planes(3, _moments)),
 }
 
-
-# Why the winner wins and where others lose, in sentences.
 
 LITTLE = 0.05  # nats: less is no reason
 MOST_LISTED = 3  # channels that a sentence lists
@@ -250,7 +246,6 @@ def say_behind(nats: float) -> str:
 
 
 def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
-    """Return the channel that costs most, where in it, and the others."""
     costs = entry.lost_to(winner)
     order = np.argsort(-costs, kind="stable")
     first = int(order[0])

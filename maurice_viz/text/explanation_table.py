@@ -11,7 +11,6 @@ from maurice_mcl.analysis.explanation import (
     ESTIMATE,
     TRUTH,
     WINNER,
-    ChannelExplanation,
     EntryExplanation,
     Explained,
     PoseOffset,
@@ -22,11 +21,8 @@ from maurice_mcl.analysis.explanation import (
 from ..style import Scale
 from .explanation import say_offset
 
-# An explanation as a table in Markdown: one column per reference, one row per number.
-
 TITLES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
 NONE = "outside free space"
-PARTS = "loses · D · quality · rank"  # of a channel's row
 
 
 def markdown_table(step: StepExplanation, scale: Scale, order: Sequence[int] | None = None) -> str:
@@ -87,9 +83,6 @@ def _weighed(explained: Explained) -> str:
     return "" if explained.weighed is None else f"{explained.weighed:.2f}"
 
 
-# An explanation as JSON, in meters, radians and nats.
-
-
 def to_json(label: str, step: StepExplanation) -> dict[str, Any]:
     """Return `{"runs": [{"label": ..., "step": ..., "explained": [...]}]}`."""
     explained = [_explained(one, step.winner) for one in step.shown]
@@ -122,17 +115,16 @@ def _entry(entry: EntryExplanation, winner: EntryExplanation) -> dict[str, Any]:
         "quality": entry.quality,
         "log_likelihood": entry.log_likelihood,
         "behind_winner": entry.behind,
-        "channels": {c.channel: _channel(c, behind) for c, behind in zip(entry.channels, lost, strict=True)},
-    }
-
-
-def _channel(channel: ChannelExplanation, behind: float) -> dict[str, Any]:
-    return {
-        "distance_by": channel.distance_by,
-        "distance": channel.distance,
-        "calibrated_cost": channel.calibrated,
-        "quality": channel.quality,
-        "rank": channel.rank,
-        "loses": channel.loses,
-        "behind_winner": behind,
+        "channels": {
+            c.channel: {
+                "distance_by": c.distance_by,
+                "distance": c.distance,
+                "calibrated_cost": c.calibrated,
+                "quality": c.quality,
+                "rank": c.rank,
+                "loses": c.loses,
+                "behind_winner": behind,
+            }
+            for c, behind in zip(entry.channels, lost, strict=True)
+        },
     }

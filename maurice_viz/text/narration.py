@@ -12,8 +12,6 @@ from maurice_mcl.session import Moment
 from ..entities import PHASES_PER_STEP, Phase
 from ..style import Scale
 
-# Parts of sentences about an update: how the robot moved, how the cloud looks, how wrong the estimate is.
-
 STILL_RAD = np.radians(0.5)  # a turn that would be written "0 deg" is not mentioned
 
 
@@ -32,7 +30,6 @@ def motion(motions: F64, scale: Scale) -> str:
 
 
 def _shows(length_m: float, scale: Scale) -> bool:
-    """Return whether a length is written as more than 0."""
     return round(abs(scale.length(length_m)), scale.units.digits) > 0
 
 
@@ -66,8 +63,6 @@ def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
     return f"{text}; **error {scale.say(apart)}, {np.degrees(angle):.0f} deg**."
 
 
-# What another localizer's recorded cloud shows: only what a bag holds.
-
 NOT_THERE = {
     Phase.MEASURE: "What the localizer measured, and what it compared that with, is not in the bag.",
     Phase.RESAMPLE: "Whether it was resampled, and which particle came from which, is not in the bag.",
@@ -92,7 +87,6 @@ def moved(record: StepRecord, scale: Scale) -> str:
 
 
 def _recorded_phase(record: StepRecord, slot: Phase, scale: Scale) -> str:
-    """Describe what is known about one phase of an update."""
     if slot is Phase.PREDICT:
         before = "The cloud before the sensor is not in the bag; shown is the published one."
         return f"{moved(record, scale)}{before}"
@@ -100,13 +94,6 @@ def _recorded_phase(record: StepRecord, slot: Phase, scale: Scale) -> str:
         return f"{cloud(record, scale)} It was published after resampling, as AMCL and Beluga do."
     return NOT_THERE[slot]
 
-
-def _recorded_summary(record: StepRecord, truth: F64 | None, scale: Scale) -> list[str]:
-    """Return what an update shows, as paragraphs."""
-    return [estimated(record, truth, scale), f"{moved(record, scale)}{cloud(record, scale)}"]
-
-
-# What happened, in words and in the session's units: Markdown for the text panel.
 
 NOT_COMPARED = "What the picture was compared with is not available."  # of some saved runs
 LEAST_SHARE = 0.01  # share of the particles; a smaller group is left out
@@ -215,8 +202,7 @@ def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:
         Phase.RESEED: lambda: reseeded(record),
     }
     title = f"Phase {slot + 1} of {PHASES_PER_STEP}: {slot.name.lower()}"
-    recorded = is_recorded(record)
-    text = _recorded_phase(record, slot, scale) if recorded else describe[slot]()
+    text = _recorded_phase(record, slot, scale) if is_recorded(record) else describe[slot]()
     return f"**{_when(moment)} · {title}**\n\n{text}"
 
 
@@ -224,13 +210,12 @@ def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Return what a step did, for the last phase and for timelines without phases."""
     events = [*moment.events, *(event for event in record.events if event != "resampled")]
     title = f"**{_when(moment)}**" + "".join(f" · {event}" for event in events)
-    if is_recorded(record):
-        return "\n\n".join([title, *_recorded_summary(record, moment.truth, scale)])
-    return "\n\n".join([title, estimated(record, moment.truth, scale), _done(record, scale)])
+    recorded = is_recorded(record)
+    rest = f"{moved(record, scale)}{cloud(record, scale)}" if recorded else _done(record, scale)
+    return "\n\n".join([title, estimated(record, moment.truth, scale), rest])
 
 
 def _done(record: StepRecord, scale: Scale) -> str:
-    """Describe motion, best match, effective sample size and resampling of a step."""
     seen = record.sighting.comparison
     first = int(seen.quality.argmax()) if len(seen.quality) else None
     match = (

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.analysis.metrics import LEFT, Success
+from maurice_mcl.analysis.metrics import LEFT
 from maurice_mcl.analysis.run_comparison import (
     APART_FOR,
     APART_M,
@@ -21,7 +21,7 @@ from ..playback import RunResult
 from ..style import COLOR_WORDS, Scale, Units
 from .narration import errors
 
-Cell = Callable[[RunResult, Units], str]
+Cell = Callable[[RunResult], str]
 
 
 def to_json(results: Sequence[RunResult]) -> dict[str, Any]:
@@ -61,41 +61,37 @@ def _difference_json(difference: ErrorDifference | None, unit: str) -> dict[str,
     }
 
 
+SCORES = (
+    "updates",
+    "distance_m",
+    "position_error_mean_m",
+    "position_error_median_m",
+    "position_error_final_m",
+    "heading_error_mean_rad",
+    "heading_error_median_rad",
+    "localized_at_update",
+    "localized_share",
+    "lost",
+    "lost_at_update",
+    "reached",
+    "wrong_confident_share",
+)
+SUCCESS = ("at_update", "at_m", "at_s", "failed", "failed_at_update")
+
+
 def _run_json(result: RunResult) -> dict[str, Any]:
-    score = result.score
-    return {
-        "label": result.label,
-        "updates": score.updates,
-        "distance_m": score.distance_m,
-        "position_error_mean_m": score.position_error_mean_m,
-        "position_error_median_m": score.position_error_median_m,
-        "position_error_final_m": score.position_error_final_m,
-        "heading_error_mean_rad": score.heading_error_mean_rad,
-        "heading_error_median_rad": score.heading_error_median_rad,
-        "localized_at_update": score.localized_at_update,
-        "localized_share": score.localized_share,
-        "lost": score.lost,
-        "lost_at_update": score.lost_at_update,
-        "reached": score.reached,
-        "wrong_confident_share": score.wrong_confident_share,
-        "thesis_success": {one.preset: _success_json(one) for one in score.success},
-        "steps_per_s": result.steps_per_s,
-    }
+    success = {one.preset: _values(one, SUCCESS) for one in result.score.success}
+    scores = _values(result.score, SCORES)
+    return {"label": result.label, **scores, "thesis_success": success, "steps_per_s": result.steps_per_s}
 
 
-def _success_json(success: Success) -> dict[str, Any]:
-    return {
-        "at_update": success.at_update,
-        "at_m": success.at_m,
-        "at_s": success.at_s,
-        "failed": success.failed,
-        "failed_at_update": success.failed_at_update,
-    }
+def _values(of: object, names: Sequence[str]) -> dict[str, Any]:
+    return {name: getattr(of, name) for name in names}
 
 
 def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
     """Return the rows of a table of scores in display units: a name, and one cell per run."""
-    return [(name, [cell(result, units) for result in results]) for name, cell in _rows(units)]
+    return [(name, [cell(result) for result in results]) for name, cell in _rows(units)]
 
 
 def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
@@ -117,7 +113,6 @@ def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, l
 
 
 def _against(difference: ErrorDifference | None, unit: float, digits: int) -> str:
-    """Write a mean difference and its interval."""
     return "-" if difference is None else say_difference(difference, unit, digits)
 
 
@@ -140,19 +135,19 @@ def _parts(paired: ComparisonResult) -> str:
 
 def _rows(units: Units) -> list[tuple[str, Cell]]:
     return [
-        ("updates", lambda r, u: str(r.score.updates)),
-        (f"distance ({units.name})", lambda r, u: _length(r.score.distance_m, u)),
-        (f"position error, mean ({units.name})", lambda r, u: _length(r.score.position_error_mean_m, u)),
-        (f"position error, median ({units.name})", lambda r, u: _length(r.score.position_error_median_m, u)),
-        (f"position error, final ({units.name})", lambda r, u: _length(r.score.position_error_final_m, u)),
-        ("heading error, mean (deg)", lambda r, u: _degrees(r.score.heading_error_mean_rad)),
-        ("localized share", lambda r, u: _share(r.score.localized_share)),
-        ("localized at update", lambda r, u: _or_never(r.score.localized_at_update, r.score.lost)),
-        ("lost", lambda r, u: _lost(r)),
-        ("wrong and confident", lambda r, u: _share(r.score.wrong_confident_share)),
-        ("localized (thesis, sd < 10 %)", lambda r, u: _success(r, "tenth", u)),
-        ("localized (thesis, one foot)", lambda r, u: _success(r, "circle", u)),
-        ("filter steps per second", lambda r, u: "-" if r.steps_per_s is None else f"{r.steps_per_s:.0f}"),
+        ("updates", lambda r: str(r.score.updates)),
+        (f"distance ({units.name})", lambda r: _length(r.score.distance_m, units)),
+        (f"position error, mean ({units.name})", lambda r: _length(r.score.position_error_mean_m, units)),
+        (f"position error, median ({units.name})", lambda r: _length(r.score.position_error_median_m, units)),
+        (f"position error, final ({units.name})", lambda r: _length(r.score.position_error_final_m, units)),
+        ("heading error, mean (deg)", lambda r: _degrees(r.score.heading_error_mean_rad)),
+        ("localized share", lambda r: _share(r.score.localized_share)),
+        ("localized at update", lambda r: _or_never(r.score.localized_at_update, r.score.lost)),
+        ("lost", lambda r: _lost(r)),
+        ("wrong and confident", lambda r: _share(r.score.wrong_confident_share)),
+        ("localized (thesis, sd < 10 %)", lambda r: _success(r, "tenth", units)),
+        ("localized (thesis, one foot)", lambda r: _success(r, "circle", units)),
+        ("filter steps per second", lambda r: "-" if r.steps_per_s is None else f"{r.steps_per_s:.0f}"),
     ]
 
 

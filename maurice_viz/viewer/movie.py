@@ -74,7 +74,6 @@ class Video:
     """VP9 in an MP4 file."""
 
     def __init__(self, file: Path, fps: float) -> None:
-        """Write to this file, which is opened with the first picture and takes its size."""
         self._file, self._fps = file, fps
         self._writer: cv2.VideoWriter | None = None
 
@@ -98,7 +97,6 @@ class Gif:
     """An endless animated GIF, each frame with its own palette and only the pixels that changed."""
 
     def __init__(self, file: BinaryIO, fps: float) -> None:
-        """Write to this open file."""
         self._file = file
         self._duration_ms = max(2, round(1000 / fps / CENTISECOND_MS)) * CENTISECOND_MS
         self._before: U8 | None = None

@@ -1,8 +1,7 @@
-"""The open viewers that were started here: one small file each in the user's state folder, for `jump`.
+"""The viewer as a process: starting it, remembering which are open, moving the time cursor of one.
 
-Each file is written whole, so that commands that run at once do not damage each other's. A file whose viewer
-has ended is removed when the list is read. Only `jump` depends on these files: where they cannot be written,
-it needs --port.
+Viewers that were started here are remembered for `jump`, each in one small file of the user's state folder,
+written whole. Where these cannot be written, `jump` needs --port. Servers listen on this machine alone.
 """
 
 from __future__ import annotations
@@ -147,7 +146,6 @@ def _write(viewer: OpenViewer) -> None:
 
 
 def _read(file: Path) -> OpenViewer | None:
-    """Read one file; None where it is gone or invalid."""
     with suppress(OSError, ValueError, TypeError):
         found: Mapping[str, Any] = read_json(file.read_bytes())
         viewer = OpenViewer(**found)
@@ -166,11 +164,8 @@ def _is_alive(pid: int) -> bool:
     except ProcessLookupError:
         return False
     except (PermissionError, OverflowError):
-        return True
+        pass
     return True
-
-
-ANY = ""  # the recording in front
 
 
 def move_viewer(folder: Path, session: str, port: int | None, timeline: str, value: int) -> None:
@@ -178,7 +173,7 @@ def move_viewer(folder: Path, session: str, port: int | None, timeline: str, val
 
     Raises InputError where none is open, or its recording has no such timeline.
     """
-    recording = ANY
+    recording = ""  # the one in front
     if port is None:
         port, recording = _ours(folder, session)
     elif not is_listening(port):
@@ -198,7 +193,6 @@ def move_viewer(folder: Path, session: str, port: int | None, timeline: str, val
 
 
 def _ours(folder: Path, session: str) -> tuple[int, str]:
-    """Return port and recording of the last opened viewer that shows a session of that name."""
     viewers = open_viewers()
     for viewer in viewers:
         if viewer.name == session:
@@ -214,10 +208,7 @@ def _how_to_open(folder: Path) -> str:
 
 def _recording(state: Any, recording: str) -> Any | None:
     """Find a recording by its id, else the one in front; None where nothing is open."""
-    for known in state.recordings:
-        if recording and recording in str(known.store_id):
-            return known
-    for known in state.recordings:
-        if known.store_id == state.active_recording:
-            return known
-    return state.recordings[0] if state.recordings else None
+    known = list(state.recordings)
+    found = [one for one in known if recording and recording in str(one.store_id)]
+    found += [one for one in known if one.store_id == state.active_recording]
+    return next(iter(found + known), None)

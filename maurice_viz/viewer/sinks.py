@@ -1,8 +1,7 @@
 """Where a recording goes: a file, a viewer, or a file and every viewer that connects.
 
-A file is written beside its final name as `<stem>.<process>.part.rrd` and renamed when it is whole, so that
-a file under its own name is never half a recording and an earlier one survives a failure. When the process
-is killed the part stays; the viewer opens it and shows all that had been flushed.
+A file is written beside its final name as `<stem>.<process>.part.rrd` and renamed when it is whole; after a
+failure the part stays, and the viewer opens it.
 """
 
 from __future__ import annotations
@@ -41,24 +40,15 @@ FILE_BATCH_S = 1.0  # of a file that nobody follows: fewer batches, smaller, and
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --rrd FILE.rrd, and open it where there is a screen"
-SERVED = (
-    "25MB"  # of a live recording kept for viewers that come late, the newest; takes some 100 MB of memory
-)
+SERVED = "25MB"  # of a live recording, kept for viewers that come late; takes some 100 MB of memory
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 
 Remark = Callable[[str], None]  # receives a line for people
 
 
-def _silent(text: str) -> None:
-    """Ignore a remark."""
-
-
 class FileRecording(rr.RecordingStream):
-    """A recording into a file that nobody follows: drawing waits for the disk now and then.
-
-    Else what waits to be written would grow without limit where drawing is quicker than writing.
-    """
+    """A recording into a file that nobody follows: drawing waits for the disk now and then."""
 
     def __init__(self) -> None:
         batches = rr.ChunkBatcherConfig()
@@ -89,9 +79,8 @@ def _named(rec: rr.RecordingStream, name: str) -> rr.RecordingStream:
 
 def has_display() -> bool:
     """Return whether there is a screen to open a window on."""
-    if sys.platform in ("win32", "darwin"):
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return sys.platform in ("win32", "darwin") or bool(screen)
 
 
 def part_of(path: Path) -> Path:
@@ -107,7 +96,7 @@ def to_file(
     *,
     force: bool = False,
     serve: int | None = None,
-    remark: Remark = _silent,
+    remark: Remark = lambda text: None,
 ) -> Iterator[rr.RecordingStream]:
     """Open a recording that is written to a file, whole or not at all under that name.
 
@@ -183,7 +172,6 @@ def _check_target(path: Path, force: bool) -> None:
 
 
 def _close(rec: rr.RecordingStream) -> bool:
-    """Write out and disconnect; return whether everything could be written."""
     try:
         rec.flush(timeout_sec=FLUSH_S)
         return True
@@ -202,9 +190,6 @@ def _check_written(part: Path, flushed: bool) -> None:
         raise SinkError(part, "could not be written to the end; is the disk full or gone?")
 
 
-# Where the drawing of a drive that is going on goes: a file, and whatever viewers come.
-
-
 @contextmanager
 def to_file_and_viewers(
     path: Path,
@@ -214,7 +199,7 @@ def to_file_and_viewers(
     force: bool,
     window: bool,
     viewer: str,
-    remark: Remark = _silent,
+    remark: Remark = lambda text: None,
 ) -> Iterator[rr.RecordingStream]:
     """Open a recording that goes to a file and is served to viewers; neither waits for the other.
 

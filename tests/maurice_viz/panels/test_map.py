@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers import viz_fakes as fakes
-from maurice_viz.panels.references import match_circles, node_spacing, relative_likelihood
+from maurice_viz.panels.references import MatchCircles, node_spacing, relative_likelihood
 from maurice_viz.panels.world import clipped, distinct_places
 from maurice_viz.style import scale_for
 
@@ -12,7 +12,7 @@ from maurice_viz.style import scale_for
 def test_circles_stand_off_their_node_along_their_heading() -> None:
     library = fakes.make_library()
     scale = scale_for("in", library.arena)
-    circles = match_circles(library, scale)
+    circles = MatchCircles(library, scale)
     assert circles.spacing == pytest.approx(18)
     off = (circles.centers - scale.screen(library.poses)) * (1, -1)
     np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
