@@ -58,10 +58,7 @@ class _Row:
 
 
 def read_trials(file: Path, unit: str = "m") -> Trials:
-    """Read turns (degrees) and straights (lengths in "m", "cm", "mm" or "in").
-
-    Raises InputError naming an unknown or missing column, or the row and the column at fault.
-    """
+    """Read turns (degrees) and straights (in `unit`: m, cm, mm, in). InputError names row and column."""
     if unit not in METERS:
         raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
     rows = read_csv(file, "a table of trials", "trial", lambda table: _rows(file, table, METERS[unit]))
@@ -69,10 +66,7 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
 
 
 def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
-    """Write trials as a table that `read_trials` reads, lengths in meters; completely or not at all.
-
-    Raises InputError if the file exists and `force` is not given.
-    """
+    """Write trials for `read_trials`, in meters. InputError if the file exists and `force` is not given."""
     text = io.StringIO(newline="")
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -231,10 +225,7 @@ def floor_at(arena: Arena, point: F64) -> str:
 
 
 def covered_pictures(path: Path) -> Iterator[U8]:
-    """Read the covered pictures of a log, or all of a folder without one; one is held at a time.
-
-    Raises InputError if there are none, naming what was looked for, or for a picture that cannot be read.
-    """
+    """Read the covered pictures of a log, or all of a folder, one at a time. InputError if there are none."""
     log = _log_of(path) if path.is_dir() else path
     return _of_folder(path) if log is None else _of_log(log)
 

@@ -22,10 +22,7 @@ MOTION_MODELS: Mapping[str, Callable[[Mapping[str, Any]], object]] = {
 
 
 def read_config(path: Path) -> Layer:
-    """Read a configuration file.
-
-    Raises InputError for one that is no TOML; what its keys mean is checked later.
-    """
+    """Read a configuration file. InputError for one that is no TOML; what its keys mean is checked later."""
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
@@ -47,10 +44,7 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
 def configuration_of(
     preset: str | None, file: Path | None, environment: Mapping[str, str], typed: Mapping[str, Any]
 ) -> Configuration:
-    """Put together what is in force: default, preset, file, environment, command line, the last one winning.
-
-    `typed` maps keys to values given on the command line. Raises InputError for anything that is wrong.
-    """
+    """Put together default, preset, file, environment and `typed`, the last one winning. InputError."""
     layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
     layers += [] if file is None else [read_config(file)]
     layers += environment_layers(environment)
@@ -63,10 +57,7 @@ def configuration_of(
 
 
 def check_config(file: Path) -> int:
-    """Check a configuration file, without the environment, and return how many values it sets.
-
-    Raises InputError for anything that a run would refuse.
-    """
+    """Return how many values a file sets, without the environment. InputError where a run would refuse."""
     _check_motion(file, configuration_of(None, file, {}, {}).values()["motion"])
     return len(read_config(file).values)
 
@@ -84,10 +75,7 @@ def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
 
 
 def to_toml(configuration: Configuration, *, origins: bool = False) -> str:
-    """Write everything in force as TOML that `read_config` reads back to the same values.
-
-    With `origins` a comment behind each value says where it came from.
-    """
+    """Write everything in force as TOML; with `origins` a comment says where each value came from."""
     tables: dict[str, list[str]] = {"": []}
     for setting in configuration.settings:
         if setting.value is None:
@@ -122,10 +110,7 @@ def motion_to_toml(values: Mapping[str, Any], comments: tuple[str, ...] = ()) ->
 
 
 def read_motion(file: Path) -> dict[str, Any]:
-    """Read the table robot.motion; what its fields mean is the motion model's to check.
-
-    Raises InputError if the file is no TOML, or holds no such table.
-    """
+    """Read the table robot.motion, unchecked. InputError if the file is no TOML, or holds no such table."""
     found = read_toml(file, "motion parameters")
     robot = found.get("robot")
     motion = robot.get("motion") if isinstance(robot, dict) else None

@@ -156,10 +156,7 @@ def look(
     factor: float,
     progress: Progress | None = None,
 ) -> ComparedPictures:
-    """Compare some pictures with a library, their times multiplied by `factor`.
-
-    Raises InputError for a library without any of the channels wanted.
-    """
+    """Compare some pictures with a library, their times multiplied by `factor`. InputError: no channel."""
     localizer = _localizer(path, library, info)
     spacing = float(np.median(np.diff(drive.picture_t_s))) if len(drive.picture_t_s) > 1 else 0.0
     stride = max(1, round(BETWEEN_S / spacing)) if spacing > 0 else 1
@@ -308,10 +305,7 @@ def _about_reading(found: Gathered) -> list[Finding]:
 def _about_pictures(
     looks: ComparedPictures, drive: RecordedDrive, found: Gathered, known: list[Finding]
 ) -> list[Finding]:
-    """Ask the pictures, with truth where there is any; not where the odometry is known to be wrong.
-
-    Return what is known by then: degrees alone do not show in which direction they are counted.
-    """
+    """Ask the pictures where odometry is believed; return what is known by then."""
     if drive.truth.size > 1:
         truthful = not any(one.code in WRONG_TRUTH for one in known)
         return known + (seen_with_truth(looks, drive.truth) if truthful else [])

@@ -36,10 +36,7 @@ MOST_KEPT = 100
 
 
 class ReadingNotes:
-    """Collects problems and warnings of one reading; the first 100 of each are kept, problems are counted.
-
-    Without `keep_going` the first problem is raised.
-    """
+    """Problems, counted, and warnings, the first 100 of each; without `keep_going` a problem is raised."""
 
     def __init__(self, keep_going: bool) -> None:
         self._keep_going = keep_going

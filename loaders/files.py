@@ -109,10 +109,7 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
 
 
 def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> None:
-    """Make an empty folder at once, for what grows in it and must be readable after a kill.
-
-    Raises InputError as for `new_folder`; with `force` the old folder is gone from here on.
-    """
+    """Make an empty folder to be readable after a kill; `force` empties it. InputError as `new_folder`."""
     check_target(target, force, ours)
     with writing(target):
         if target.is_dir() and any(target.iterdir()):
@@ -195,10 +192,7 @@ def read_toml(file: Path, wanted: str) -> dict[str, Any]:
 def read_number_rows(
     file: Path, regular: str, form: str, count: int, wanted: str, *, commas: bool = False
 ) -> list[list[float]]:
-    """Read lines of `count` numbers; with `commas` these separate too, and lines with # are comments.
-
-    Raises InputError naming the line at fault.
-    """
+    """Read lines of `count` numbers; `commas` allows commas and # comments. InputError names the line."""
     expect_regular(file, regular)
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()

@@ -254,9 +254,24 @@ def import_pictures(
     info = _info(rows, options, poses_csv)
     with new_folder(out, force=force, ours="session.log") as filling:
         copy = _Copier(source, poses_csv, filling)
-        _write_survey(filling / "survey.log", info, split, copy)
+        with SessionWriter(filling / "survey.log", info, "survey") as writer:
+            for row in split.library:
+                writer.image_path(float(row.number), copy(row), pose=row.pose)
         _write_session(filling / "session.log", info, rows, split, options, copy)
-    return _summary(out, len(rows), len(runs), split, info)
+    nearest = split.nearest_reference_m()
+    return ImportSummary(
+        session=out / "session.log",
+        survey=out / "survey.log",
+        rows=len(rows),
+        runs=len(runs),
+        session_runs=split.session_runs,
+        session_pictures=len(split.session),
+        library_pictures=len(split.library),
+        guarded_runs=split.guarded_runs,
+        nearest_reference_median_m=float(np.median(nearest)),
+        nearest_reference_max_m=float(nearest.max()),
+        notes=info.notes,
+    )
 
 
 def _check(options: ImportOptions) -> None:
@@ -276,6 +291,8 @@ def _existing(folder: Path | str) -> Path:
 
 
 def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> SessionInfo:
+    positions, lines = xy_of(rows), options.map_lines
+    arena = arena_from_lines(lines, options.map_unit, positions) if lines else open_arena(positions)
     split_note = (
         f"one run of equal poses in {options.session_every} is the session, at most "
         f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "
@@ -283,26 +300,13 @@ def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> S
     )
     return SessionInfo(
         name=options.name or poses_csv.resolve().parent.name or "pictures",
-        arena=_arena(rows, options),
+        arena=arena,
         notes=(
             options.noise.describe(options.seed),
             "times are synthetic: one second a row of the table",
             split_note,
         ),
     )
-
-
-def _arena(rows: Sequence[PoseRow], options: ImportOptions) -> Arena:
-    positions = xy_of(rows)
-    if options.map_lines is None:
-        return open_arena(positions)
-    return arena_from_lines(options.map_lines, options.map_unit, positions)
-
-
-def _write_survey(path: Path, info: SessionInfo, split: Split, copy: _Copier) -> None:
-    with SessionWriter(path, info, "survey") as writer:
-        for row in split.library:
-            writer.image_path(float(row.number), copy(row), pose=row.pose)
 
 
 def _write_session(
@@ -353,20 +357,3 @@ class _Copier:
         copied.parent.mkdir(exist_ok=True)
         copied.write_bytes(data)
         return relative
-
-
-def _summary(out: Path, rows: int, runs: int, split: Split, info: SessionInfo) -> ImportSummary:
-    nearest = split.nearest_reference_m()
-    return ImportSummary(
-        session=out / "session.log",
-        survey=out / "survey.log",
-        rows=rows,
-        runs=runs,
-        session_runs=split.session_runs,
-        session_pictures=len(split.session),
-        library_pictures=len(split.library),
-        guarded_runs=split.guarded_runs,
-        nearest_reference_median_m=float(np.median(nearest)),
-        nearest_reference_max_m=float(nearest.max()),
-        notes=info.notes,
-    )

@@ -87,10 +87,7 @@ def inspect_session(path: Path) -> Inspection:
 
 
 def inspect_recording(session: RecordedSession) -> Inspection:
-    """Read a recording to its end, every picture included.
-
-    Raises InputError only if nothing more can be read.
-    """
+    """Read a recording to its end, every picture included. InputError only if nothing more can be read."""
     notes = ReadingNotes(keep_going=True)
     tally = _Tally(session.path, notes)
     for record in checked(session.recording, notes):

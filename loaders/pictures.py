@@ -84,10 +84,7 @@ def picture_format(data: bytes) -> str:
 
 
 def _check_jpeg(data: bytes) -> None:
-    """Walk the segments to the first scan, so that a thumbnail's end does not deceive, then find the end.
-
-    Within scan data FF is never followed by D9, so that the first FF D9 is the end marker.
-    """
+    """Walk the segments to the first scan, past thumbnails; the first FF D9 after it is the end."""
     at = 2
     while marker := _MARKER.search(data, at):
         code, at = marker[1][0], marker.end()

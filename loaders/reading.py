@@ -222,10 +222,7 @@ def reading_to_json(options: ReadingOptions) -> dict[str, Any]:
 
 
 def reading_from_json(value: Any, elsewhere: tuple[str, ...] = ELSEWHERE) -> ReadingOptions:
-    """Return the options that `reading_to_json` wrote; missing ones have their defaults.
-
-    Raises FieldError for unknown names and bad values.
-    """
+    """Return the options that `reading_to_json` wrote. FieldError for unknown names and bad values."""
     found = mapping(value, TABLE)
     for name in found:
         if name not in FIELDS or name in elsewhere:

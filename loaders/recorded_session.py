@@ -196,10 +196,7 @@ class _Updates:
 
 
 def begin_of(session: SessionLog | RecordedSession) -> float:
-    """Return the time in seconds of the first record; 0 where there is none.
-
-    Raises InputError as reading raises it.
-    """
+    """Return the time in seconds of the first record; 0 where there is none. InputError as reading."""
     notes = ReadingNotes(keep_going=True)
     if isinstance(session, SessionLog):
         line = next(read_records(session.path, "session", notes), None)

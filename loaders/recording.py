@@ -77,11 +77,7 @@ class Recording(Protocol):
         """What is known before the first record."""
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Read from the beginning on every call, lazily, in time order.
-
-        What is broken goes to `notes.problem`, what is worth saying to `notes.warning`; InputError
-        where nothing more can be read.
-        """
+        """Read lazily from the beginning, in time order; broken parts go to `notes`. InputError."""
 
 
 def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:

@@ -300,10 +300,7 @@ class Steps:
         self._pending_way: F64 = np.zeros(3)
 
     def add(self, motions: list[F64], pose: F64 | None, first: F64 | None) -> list[F64]:
-        """Take in what came up to a picture; return all motions (3,) since the last picture used.
-
-        The motion from the `first` odometry pose to the first picture counts as well.
-        """
+        """Add what came up to a picture; return all motions (3,) since the last used, or since `first`."""
         self._pending += motions
         self.way = self._pending_way = reduce(compose_motions, motions, self._pending_way)
         self._last = first if self._last is None else self._last

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
+from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, compose_motions, motion_between, wrap, wrap_angle
 from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.session import SessionInfo
@@ -38,10 +38,7 @@ class Gate:
     min_angle_rad: float = 0.0  # turned since the last picture that was used
 
     def open_after(self, motion: F64) -> bool:
-        """Return whether a motion (3,) since the last update makes one: far enough, or turned enough.
-
-        All motions in between have been composed into one.
-        """
+        """Return whether a motion (3,) since the last update, composed of all in between, makes one."""
         asked = (self.min_distance_m > 0, self.min_angle_rad > 0)
         far = asked[0] and math.hypot(motion[0], motion[1]) >= self.min_distance_m
         return not any(asked) or bool(far or (asked[1] and abs(motion[2]) >= self.min_angle_rad))
@@ -78,7 +75,7 @@ class Placeholders(RecordingWrapper):
         for record in self.measured.records(notes):
             yield record
             if moved.enough(record):
-                yield Picture(record.t_s, _gray, PLACEHOLDER)
+                yield Picture(record.t_s, lambda: np.full((90, 120, 3), 48, np.uint8), PLACEHOLDER)
 
 
 class _Moved:
@@ -101,10 +98,6 @@ class _Moved:
             return False
         self._way = np.zeros(3)
         return True
-
-
-def _gray() -> U8:
-    return np.full((90, 120, 3), 48, np.uint8)
 
 
 NEAR_M = 1.0  # a first pose so near zero is the path since the drive began
@@ -130,10 +123,7 @@ class Corrected(RecordingWrapper):
         return replace(info, cameras=cameras, start=start)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Yield the records put right, in time order.
-
-        The recording is read once for every clock, so that no more is held than without offsets.
-        """
+        """Yield the records put right, in time order; the recording is read once for every clock."""
         clocks = [
             self._on_clock(kinds, offset_s, ReadingNotes(keep_going=True) if number else notes)
             for number, (offset_s, kinds) in enumerate(_clocks(self.correction))
@@ -183,10 +173,7 @@ def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
 
 
 def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record], ...]]]:
-    """Return the kinds of records that are moved in time alike; what comes with pictures is last.
-
-    So at the same time poses come before pictures, as in every format.
-    """
+    """Return the kinds of records moved in time alike; pictures last, so that poses come before them."""
     c = correction
     offsets: dict[type[Record], float] = {
         Motion: c.odometry_offset_s,

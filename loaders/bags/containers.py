@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -31,12 +31,13 @@ if TYPE_CHECKING:
     from mcap.records import Channel, Schema
     from mcap.records import Message as McapMessage
     from mcap.summary import Summary
-
-    Record: TypeAlias = tuple[Schema | None, Channel, McapMessage]
     from rosbags.interfaces import Connection
     from rosbags.rosbag1 import Reader
     from rosbags.rosbag2.reader import DirectoryReader
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+    Record: TypeAlias = tuple[Schema | None, Channel, McapMessage]
+    RosReader: TypeAlias = Reader | DirectoryReader | Sqlite3Reader
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
@@ -150,37 +151,9 @@ def open_ros1(path: Path) -> Iterator[BagSource]:
 
     if not starts_with(path, ROS1_MAGIC):
         raise InputError(path, "found no ROS 1 bag of version 2.0, expected one; is it another format?")
-    with bag_errors(path, _ros1_repair(path)):
-        reader = Reader(path)
-        reader.open()
-    try:
-        yield _Ros1Bag(path, reader)
-    finally:
-        reader.close()
-
-
-def _ros1_repair(path: Path) -> str:
-    return f"repair it with `rosbag reindex {path.name}`"
-
-
-class _Ros1Bag:
-    def __init__(self, path: Path, reader: Reader) -> None:
-        self._path, self._reader = path, reader
-        self.topics = sorted_topics(
-            [Topic(one.topic, short_type(one.msgtype), one.msgcount) for one in reader.connections]
-        )
-
-    def messages(self, names: Collection[str]) -> Iterator[Message]:
-        wanted = [one for one in self._reader.connections if one.topic in names]
-        if not wanted:  # which the library takes for all
-            return
-        with bag_errors(self._path, _ros1_repair(self._path)):
-            for one, log_ns, data in self._reader.messages(wanted):
-                yield Message(one.topic, short_type(one.msgtype), log_ns, partial(self._decode, one, data))
-
-    def _decode(self, connection: Connection, data: bytes) -> Any:
-        with bag_errors(self._path):
-            return decode_ros1(data, connection.msgtype, connection.msgdef.data)
+    repair = f"repair it with `rosbag reindex {path.name}`"
+    with _opened(path, lambda: Reader(path), repair, repair, ros1=True) as bag:
+        yield bag
 
 
 METADATA = "metadata.yaml"
@@ -242,22 +215,14 @@ def _refuse_journal(file: Path) -> None:
             raise InputError(file, f"{found}; was the recording killed? {merge}")
 
 
-@contextmanager
-def _open_rosbag2(path: Path) -> Iterator[BagSource]:
+def _open_rosbag2(path: Path) -> AbstractContextManager[BagSource]:
     from rosbags.rosbag2.reader import DirectoryReader
     from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-    folder = path.is_dir()
-    repair = _ros2_repair(path)
+    folder, repair = path.is_dir(), _ros2_repair(path)
     rebuild = f"rebuild {METADATA} with `ros2 bag reindex {path.name}`, or " if folder else ""
-    with bag_errors(path, rebuild + repair):
-        reader = DirectoryReader(path) if folder else Sqlite3Reader(path.absolute())
-        reader.open()
-    try:
-        yield _Ros2Bag(path, reader, repair)
-    finally:
-        with suppress(Exception):  # a damaged database may refuse to be closed
-            reader.close()
+    make = (lambda: DirectoryReader(path)) if folder else (lambda: Sqlite3Reader(path.absolute()))
+    return _opened(path, make, rebuild + repair, repair, ros1=False)
 
 
 def _ros2_repair(path: Path) -> str:
@@ -268,9 +233,23 @@ def _ros2_repair(path: Path) -> str:
     return mcap_repair(name)
 
 
-class _Ros2Bag:
-    def __init__(self, path: Path, reader: DirectoryReader | Sqlite3Reader, repair: str) -> None:
-        self._path, self._reader, self._repair = path, reader, repair
+@contextmanager
+def _opened(
+    path: Path, make: Callable[[], RosReader], advice: str, repair: str, *, ros1: bool
+) -> Iterator[BagSource]:
+    with bag_errors(path, advice):
+        reader = make()
+        reader.open()
+    try:
+        yield _RosBag(path, reader, repair, ros1=ros1)
+    finally:
+        with suppress(Exception):  # a damaged database may refuse to be closed
+            reader.close()
+
+
+class _RosBag:
+    def __init__(self, path: Path, reader: RosReader, repair: str, *, ros1: bool) -> None:
+        self._path, self._reader, self._repair, self._ros1 = path, reader, repair, ros1
         self.topics = sorted_topics(
             [Topic(one.topic, short_type(one.msgtype), one.msgcount) for one in reader.connections]
         )
@@ -286,6 +265,8 @@ class _Ros2Bag:
                 yield Message(one.topic, short_type(one.msgtype), int(log_ns), decode)
 
     def _decode(self, connection: Connection, data: bytes) -> Any:
-        definition, form = connection.msgdef.data, connection.msgdef.format.name.lower()
+        kind, definition = connection.msgtype, connection.msgdef
         with bag_errors(self._path):
-            return decode_cdr(data, connection.msgtype, definition, form)
+            if self._ros1:
+                return decode_ros1(data, kind, definition.data)
+            return decode_cdr(data, kind, definition.data, definition.format.name.lower())

@@ -25,7 +25,7 @@ from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..time_alignment import Aligner, Steps, as_rows
 from .messages import CLOUDS, POSE_WITH_COVARIANCE, cloud_of, pose_of, use_recorded
-from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_bag, time_s
+from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_bag
 from .recording import BagRecording, peek
 from .source import BagSource, Message, OpenBag, Topic
 from .topics import listed, readable
@@ -46,12 +46,9 @@ class CloudReader(OneTopic):
 
     types: ClassVar[Collection[str]] = CLOUDS
 
-    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the cloud of one message."""
-        del number
-        if self.accepts(message):
-            found = message.decode()
-            yield Cloud(time_s(found, message.log_ns, recorded=recorded), *cloud_of(found))
+        yield Cloud(t_s, *cloud_of(found))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,14 +66,11 @@ class LocalizerPoseReader(OneTopic):
 
     types: ClassVar[Collection[str]] = (POSE_WITH_COVARIANCE,)
 
-    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the pose of one message."""
-        del number
-        if self.accepts(message):
-            found = message.decode()
-            variances = np.asarray(found.pose.covariance, np.float64)[[0, 7, 35]]
-            sd = np.sqrt(np.where(variances > 0, variances, 0))
-            yield LocalizerPose(time_s(found, message.log_ns, recorded=recorded), pose_of(found), sd)
+        variances = np.asarray(found.pose.covariance, np.float64)[[0, 7, 35]]
+        sd = np.sqrt(np.where(variances > 0, variances, 0))
+        yield LocalizerPose(t_s, pose_of(found), sd)
 
 
 NEAR_S = 0.5  # most time between pose and cloud of one update
@@ -215,11 +209,7 @@ def _passed(held: deque[Timed], last: list[Picture | LocalizerPose | None]) -> I
         if pose is not None and abs(pose.t_s - record.t_s) > NEAR_S:
             pose = None
         camera = last[0] if isinstance(last[0], Picture) else None
-        yield _CloudPicture(record.t_s, _nothing, "", record, pose, camera)
-
-
-def _nothing() -> U8:
-    return np.zeros((1, 1, 3), np.uint8)
+        yield _CloudPicture(record.t_s, lambda: np.zeros((1, 1, 3), np.uint8), "", record, pose, camera)
 
 
 def _cloud_topic(path: Path, topics: tuple[Topic, ...]) -> Topic:

@@ -193,10 +193,7 @@ class FrameTree:
         return len(self._links)
 
     def news(self, links: Sequence[Link], frame: str, child: str) -> tuple[int | None, F64] | None:
-        """Add transforms, and return the time and pose of one frame in another if they change it; else None.
-
-        The time is in ns, or None where the transform has none; the pose is a matrix (4, 4).
-        """
+        """Add transforms; return time (ns or None) and pose (4, 4) of a frame that they change, or None."""
         for link in links:
             self.add(link)
         chain = self.chain(frame, child) or []

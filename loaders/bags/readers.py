@@ -26,7 +26,6 @@ from .messages import (
     TRANSFORMS,
     VIDEOS,
     FrameTree,
-    Link,
     known_type,
     links_of,
     picture_of,
@@ -55,31 +54,10 @@ class Timed(Protocol):
         """Seconds."""
 
 
-class Reader(Protocol):
-    """Converts messages to records."""
-
-    @property
-    def topics(self) -> Collection[str]:
-        """The topics that it reads."""
-
-    @property
-    def transforms(self) -> bool:
-        """Whether it reads all transforms as well."""
-
-    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
-        """Yield the records of one message, which is the `number`-th of its topic.
-
-        `recorded`: use the recording time instead of the message's own.
-        """
-
-
 def read_bag(
     path: Path, open_bag: OpenBag, readers: Collection[Reader], notes: ReadingNotes, *, recorded: bool
 ) -> Iterator[Timed]:
-    """Read a bag from its beginning and yield the records of some readers as they come.
-
-    Invalid messages go to `notes`. InputError where the bag itself is damaged.
-    """
+    """Yield the records of some readers as they come; invalid messages go to `notes`. InputError."""
     names = {name for reader in readers for name in reader.topics}
     if not names:
         return
@@ -117,16 +95,22 @@ class OneTopic:
 
     topic: str
     types: ClassVar[Collection[str]] = ()
+    transforms: ClassVar[bool] = False
 
     @property
     def topics(self) -> Collection[str]:
         """The topic."""
         return (self.topic,)
 
-    @property
-    def transforms(self) -> bool:
-        """None are read."""
-        return False
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Yield the records of one message, the `number`-th of its topic; `recorded`: by recording time."""
+        if self.accepts(message):
+            found = message.decode()
+            yield from self.read(found, time_s(found, message.log_ns, recorded=recorded), message, number)
+
+    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+        """Yield the records of a decoded message."""
+        raise NotImplementedError
 
     def accepts(self, message: Message) -> bool:
         """Return whether a message is to be read; a topic may carry other types as well."""
@@ -140,12 +124,9 @@ class PictureReader(OneTopic):
     types: ClassVar[Collection[str]] = PICTURES | VIDEOS
     _video: VideoStream = field(default_factory=VideoStream, compare=False)
 
-    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the picture of one message; video before its first key frame has none."""
-        if not self.accepts(message):
-            return
-        found, name = message.decode(), f"{self.topic} {number}"
-        t_s = time_s(found, message.log_ns, recorded=recorded)
+        name = f"{self.topic} {number}"
         if known_type(message.type) in PICTURES and codec_of(found) is None:
             yield Picture(t_s, partial(_picture, found), name)
         elif (part := self._video.add(found, t_s)) is not None:
@@ -175,21 +156,17 @@ class PoseReader:
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Yield the pose of one message."""
-        del number
         if self.route.frames is not None:
-            if known_type(message.type) in TRANSFORMS:
-                yield from self._moved(links_of(message.decode()), message.log_ns, recorded=recorded)
+            if known_type(message.type) not in TRANSFORMS:
+                return
+            news = self._tree.news(links_of(message.decode()), *self.route.frames)
+            if news is not None:
+                stamp = message.log_ns if recorded or news[0] is None else news[0]
+                yield self.make(stamp / 1e9 + self.offset_s, planar(news[1]))
         elif message.topic == self.route.topic and known_type(message.type) in POSES:
             found = message.decode()
             t_s = time_s(found, message.log_ns, recorded=recorded)
             yield self.make(t_s + self.offset_s, pose_of(found))
-
-    def _moved(self, links: list[Link], log_ns: int, *, recorded: bool) -> Iterator[Timed]:
-        news = self._tree.news(links, *(self.route.frames or ("", "")))
-        if news is not None:
-            stamp, matrix = news
-            stamp = None if recorded else stamp
-            yield self.make((log_ns if stamp is None else stamp) / 1e9 + self.offset_s, planar(matrix))
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +177,6 @@ class NoteReader(OneTopic):
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Yield the text of one message."""
-        del number, recorded
         if self.accepts(message):
             yield Note(message.log_ns / 1e9, str(message.decode().data))
 
@@ -212,14 +188,13 @@ class MotionReader(OneTopic):
     types: ClassVar[Collection[str]] = (VECTOR,)
     offset_s: float  # added to the times
 
-    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the motion of one message."""
-        del number
-        if self.accepts(message):
-            found = message.decode()
-            vector = found.vector
-            t_s = time_s(found, message.log_ns, recorded=recorded) + self.offset_s
-            yield Motion(t_s, np.array([vector.x, vector.y, vector.z], np.float64))
+        vector = found.vector
+        yield Motion(t_s + self.offset_s, np.array([vector.x, vector.y, vector.z], np.float64))
+
+
+Reader = OneTopic | PoseReader
 
 
 def has_motions(bag: BagSource) -> bool:

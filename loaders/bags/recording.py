@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, cast
@@ -62,7 +63,9 @@ class BagRecording:
         self.open_bag = open_bag
         self._options = options
         with open_bag(path) as bag:
-            self.chosen = choose(path, bag.topics, _wishes(options), _edges(bag))
+            image = options.image_topic or options.camera
+            wishes = TopicRequest(image, options.odometry_topic, options.truth_topic)
+            self.chosen = choose(path, bag.topics, wishes, _edges(bag))
             if not self.chosen.topics and not may_be_empty:
                 raise InputError(path, nothing_to_read(bag.topics))
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
@@ -79,7 +82,9 @@ class BagRecording:
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield records of the chosen topics in time order. Late and invalid messages go to `notes`."""
-        for text in () if self._ours else (self._guessed, self._clock_note()):
+        why = self.recorded_times
+        clock = f"{why}: the times of recording are used for all topics" if why else ""
+        for text in () if self._ours else (self._guessed, clock):
             if text:
                 notes.warning(text)
         late: dict[str, int] = {}
@@ -87,26 +92,19 @@ class BagRecording:
         def skip(record: Timed) -> None:
             late[type(record).__name__] = late.get(type(record).__name__, 0) + 1
 
-        streams = [in_order(self._read(roles, notes), skip) for roles in self._passes()]
+        read = partial(read_bag, self.path, self.open_bag, recorded=bool(self.recorded_times))
+        streams = [in_order(read(self.readers(roles), notes), skip) for roles in self._passes()]
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
         for kind, count in late.items():
             notes.warning(
                 f"{count} records ({kind}) were left out: their times fall by more than {WINDOW_S:g} s"
             )
 
-    def _clock_note(self) -> str:
-        why = self.recorded_times
-        return f"{why}: the times of recording are used for all topics" if why else ""
-
     def _passes(self) -> list[tuple[str, ...]]:
         """Return the roles that are read together: one at a time where offsets would break the order."""
         if self._options.odometry_offset_s or self._options.truth_offset_s:
             return [("image",), ("odometry",), ("truth",)]
         return [ROLES]
-
-    def _read(self, roles: tuple[str, ...], notes: ReadingNotes) -> Iterator[Timed]:
-        recorded = bool(self.recorded_times)
-        return read_bag(self.path, self.open_bag, self.readers(roles), notes, recorded=recorded)
 
     def readers(self, roles: Collection[str] = ROLES) -> list[Reader]:
         """Return the readers of these roles."""
@@ -131,10 +129,6 @@ def _refuse_tables(path: Path, options: ReadingOptions) -> None:
             raise InputError(
                 path, f"found --reading {name}=..., which is for tables, and this is a bag; leave it out"
             )
-
-
-def _wishes(options: ReadingOptions) -> TopicRequest:
-    return TopicRequest(options.image_topic or options.camera, options.odometry_topic, options.truth_topic)
 
 
 def _events_topic(bag: BagSource) -> str | None:
@@ -250,11 +244,8 @@ SQLITE_MAGIC = b"SQLite format 3\0"
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
 
 
-def _opening(name: str) -> Format:
-    def open_one(path: Path, options: ReadingOptions) -> Recording:
-        return BagRecording(path, BAGS[name], options)
-
-    return Format(name, WHAT[name], LOOKS[name], open_one, "ros", shifts=True)
+def _opening(open_bag: OpenBag) -> Callable[[Path, ReadingOptions], Recording]:
+    return lambda path, options: BagRecording(path, open_bag, options)
 
 
 def looks_like_rosbag1(path: Path) -> bool:
@@ -274,10 +265,11 @@ def looks_like_mcap(path: Path) -> bool:
     return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
 
 
-WHAT = {
-    "rosbag1": "ROS 1 bag: .bag, chunks plain, bz2 or lz4",
-    "rosbag2": "ROS 2 bag: a folder with metadata.yaml, or one .db3",
-    "mcap": "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it",
-}
-LOOKS = {"rosbag1": looks_like_rosbag1, "rosbag2": looks_like_rosbag2, "mcap": looks_like_mcap}
-FORMATS = tuple(_opening(name) for name in BAGS)
+ROS1 = "ROS 1 bag: .bag, chunks plain, bz2 or lz4"
+ROS2 = "ROS 2 bag: a folder with metadata.yaml, or one .db3"
+MCAP = "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it"
+FORMATS = (
+    Format("rosbag1", ROS1, looks_like_rosbag1, _opening(open_ros1), "ros", shifts=True),
+    Format("rosbag2", ROS2, looks_like_rosbag2, _opening(open_ros2), "ros", shifts=True),
+    Format("mcap", MCAP, looks_like_mcap, _opening(open_mcap), "ros", shifts=True),
+)

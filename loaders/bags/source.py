@@ -53,11 +53,7 @@ class BagSource(Protocol):
         """Yield the messages of these topics by recording time. InputError where the bag is damaged."""
 
 
-class OpenBag(Protocol):
-    """The function that opens a bag; called each time the bag is read."""
-
-    def __call__(self, path: Path) -> AbstractContextManager[BagSource]:
-        """Open the bag. InputError when it is damaged or cut."""
+OpenBag = Callable[[Path], AbstractContextManager[BagSource]]  # called each time the bag is read; InputError
 
 
 def short_type(name: str) -> str:
@@ -179,10 +175,7 @@ def _protobuf_parser(kind: str, description: bytes) -> Callable[[bytes], Protobu
 
 
 def decode_cdr(data: bytes, kind: str, definition: str = "", form: str = "msg") -> Any:
-    """Decode a ROS 2 message of type `nav_msgs/msg/Odometry`. `form` of the definition: msg or idl.
-
-    A message may be compressed, as in bags that were compressed message by message.
-    """
+    """Decode a ROS 2 message, perhaps compressed, of a type `nav_msgs/msg/Odometry`; `form`: msg or idl."""
     if data.startswith(ZSTD_MAGIC):  # else the first byte is 0 (CDR)
         data = _unpacked(data)
     return _typestore(kind, definition, form, ros1=False).deserialize_cdr(data, kind)

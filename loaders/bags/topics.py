@@ -72,10 +72,7 @@ class TopicRequest:
 def choose(
     path: Path, topics: Sequence[Topic], wishes: TopicRequest, edges: Collection[tuple[str, str]] = ()
 ) -> TopicChoice:
-    """Choose the topics to read; `edges` are the parent and child frames of the bag's transforms.
-
-    InputError for a topic that does not exist or has another type.
-    """
+    """Choose the topics; `edges` are the transforms' parents and children. InputError for a wrong topic."""
     image = _image(path, topics, wishes.image)
     truth = _route(path, topics, wishes.truth, _guess_truth(topics))
     taken = truth.topic if truth is not None and truth.frames is None else None
@@ -131,10 +128,7 @@ def _needs_extra(topic: Topic) -> str:
 
 
 def _first_camera(topic: Topic) -> tuple[bool, bool, bool, int, int, str]:
-    """Return the sort key of cameras: color before depth, pictures before video, then by count.
-
-    Of a camera published raw and compressed the raw topic comes first, for its shorter name.
-    """
+    """Sort color before depth, pictures before video, then by count; raw, the shorter name, comes first."""
     return (
         bool(LAST.search(topic.name)),
         known_type(topic.type) in VIDEOS,

@@ -1,9 +1,6 @@
 """Video in bags and from bridges: key frames, and decoding up to the requested picture.
 
-H.264 and H.265 are read in Annex B form (units after 0 0 1), VP9 and AV1 as their specifications have them.
-
-A message is one picture's part of an H.264, H.265, VP9 or AV1 stream, as `foxglove.CompressedVideo`,
-`ffmpeg_image_transport_msgs/FFMPEGPacket` or a `sensor_msgs/CompressedImage` of that format carry it.
+H.264 and H.265 in Annex B form (units after 0 0 1), VP9 and AV1; a message is one picture's part.
 """
 
 from __future__ import annotations
@@ -141,10 +138,7 @@ class VideoStream:
         self._group: _Group | None = None
 
     def add(self, message: Any, t_s: float) -> VideoPart | None:
-        """Add the next message and return its part; None before the first key frame.
-
-        PictureError for data that is no video.
-        """
+        """Add the next message; return its part, None before the first key frame. PictureError."""
         codec = codec_of(message)
         if codec is None:
             raise PictureError(f"found video of no known kind, expected one of {', '.join(CODECS)}")

@@ -29,7 +29,7 @@ from ..runs.writer import weighted_of
 from .tables import ExportStep
 
 if TYPE_CHECKING:
-    from .ros_messages import SceneMessages
+    from .ros_messages import Messages
 
 MAP, ODOM, ROBOT, CAMERA = "map", "odom", "base_link", "camera"  # frames
 IMAGE, CAMERA_INFO = "/camera/image/compressed", "/camera/camera_info"
@@ -71,14 +71,11 @@ class McapWriter:
         self._store = message_types()
         self._connections: dict[str, Any] = {}
 
-    def at(self, time_s: float) -> SceneMessages:
-        """Return the factory of messages of one time.
+    def at(self, time_s: float) -> Messages:
+        """Return the factory of messages of one time. InputError if no ROS message can hold that time."""
+        from .ros_messages import Messages
 
-        Raises InputError if no ROS message can hold that time.
-        """
-        from .ros_messages import SceneMessages
-
-        return SceneMessages(self._store, self._nanoseconds(time_s))
+        return Messages(self._store, self._nanoseconds(time_s))
 
     def write(self, topic: str, time_s: float, message: bytes) -> None:
         """Write a message of one of `TYPES`."""
@@ -101,10 +98,7 @@ class McapWriter:
 
 @contextmanager
 def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
-    """Open an MCAP file that appears when all went well.
-
-    Raises InputError if it exists and `force` is not given, when it cannot be written, or without rosbags.
-    """
+    """Open an MCAP file that appears when all went well. InputError if it exists, or without rosbags."""
     if find_spec("rosbags") is None:
         raise InputError(file, f"writing MCAP needs an extra; {INSTALL}")
     if file.suffix != ".mcap":
@@ -207,7 +201,7 @@ class RunSink:
         if self._begin_s is not None:
             write_paths(self._mcap, self._begin_s, self._paths)
 
-    def _add_poses(self, step: ExportStep, make: SceneMessages) -> None:
+    def _add_poses(self, step: ExportStep, make: Messages) -> None:
         if step.truth is not None:
             self._put(step, TRUTH, make.pose(MAP, step.truth))
             self._paths[TRUE_PATH].add(step.truth)
@@ -216,7 +210,7 @@ class RunSink:
         self._put(step, WITH_COVARIANCE, covered)
         self._paths[ESTIMATED_PATH].add(step.estimate)
 
-    def _add_clouds(self, step: ExportStep, make: SceneMessages) -> None:
+    def _add_clouds(self, step: ExportStep, make: Messages) -> None:
         """Write the weighted cloud, and the resampled one that the next update starts from."""
         weighted = weighted_of(step.rows, self._origin)
         poses, renewed = weighted.world_poses, step.rows.renewed
@@ -231,10 +225,7 @@ class RunSink:
 
 
 def covariance_of(step: ExportStep) -> F64:
-    """Return the covariance (3, 3) of the estimate's x, y and heading: the spread of its particles.
-
-    Only the variances are known. An unknown heading has a deviation of pi.
-    """
+    """Return the covariance (3, 3) of x, y, heading: its variances; an unknown heading has sd pi."""
     spread = [step.rows.step[f"estimate_{name}"] for name in ("sd_x_m", "sd_y_m", "heading_sd_rad")]
     spread[2] = min(spread[2], math.pi)
     return np.diag(np.square(np.array(spread, np.float64)))
@@ -242,10 +233,7 @@ def covariance_of(step: ExportStep) -> F64:
 
 @contextmanager
 def mcap_sink(file: Path, origin: F64, scene: McapScene, *, force: bool = False) -> Iterator[RunSink]:
-    """Open an MCAP file for a run whose clouds are relative to `origin` (2,).
-
-    Raises InputError as for `mcap_file`.
-    """
+    """Open an MCAP file for a run whose clouds are relative to `origin` (2,). InputError as `mcap_file`."""
     with mcap_file(file, force=force) as mcap:
         sink = RunSink(mcap, origin, scene)
         yield sink

@@ -20,18 +20,28 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from maurice_mcl.arrays import F64, U8
+from maurice_mcl.arrays import F64
 from maurice_mcl.map import Arena
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..pictures import encode_jpeg
 from ..session_log.header import header_to_json
 
 PARTICLE = "geometry_msgs/Pose pose\nfloat64 weight\n"
 PARTICLE_CLOUD = "std_msgs/Header header\nnav2_msgs/Particle[] particles\n"
+NO_TIME = QosTime(0, 0)
+LATCHED = Qos(  # late subscribers receive the last message
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    NO_TIME,
+    NO_TIME,
+    QosLiveliness.SYSTEM_DEFAULT,
+    NO_TIME,
+    avoid_ros_namespace_conventions=False,
+)
+PLUMB_BOB = "plumb_bob"  # ROS's name of a pinhole camera, distorted or not
 ENCAPSULATION = 4  # bytes in front of a CDR body; alignment is counted behind them
-LATEST_S = 2**31 - 1  # seconds of a stamp are an int32
-Stamp = tuple[int, int]  # seconds, nanoseconds
 
 
 @cache
@@ -77,10 +87,6 @@ class Messages:
             made.append(self._make("geometry_msgs/msg/TransformStamped", header, child, transform))
         return self._bytes("tf2_msgs/msg/TFMessage", made)
 
-    def picture(self, frame: str, image: U8) -> bytes:
-        """Return a sensor_msgs/CompressedImage of an RGB picture (H, W, 3): JPEG, quality 95, 4:4:4."""
-        return self.encoded_picture(frame, "jpeg", encode_jpeg(image))
-
     def encoded_picture(self, frame: str, kind: str, data: bytes) -> bytes:
         """Return a sensor_msgs/CompressedImage of an encoded picture, `jpeg` or `png`."""
         held = np.frombuffer(data, np.uint8)
@@ -99,6 +105,59 @@ class Messages:
         """Return a nav2_msgs/ParticleCloud of poses (N, 3) and weights (N,)."""
         empty = self._bytes("nav2_msgs/msg/ParticleCloud", self._header(frame), [])
         return with_items(empty, np.column_stack([pose_rows(poses), weights]))
+
+    def header(self, info: SessionInfo, folder: Path) -> bytes:
+        """Return a std_msgs/String with the first line of the session's log, as a log in `folder` has it."""
+        return self.text(json.dumps(header_to_json(info, "session", folder), ensure_ascii=False))
+
+    def motion(self, frame: str, motion: F64) -> bytes:
+        """Return a geometry_msgs/Vector3Stamped: forward, left and turn of a motion (3,), exactly."""
+        vector = self._make("geometry_msgs/msg/Vector3", *(float(v) for v in motion))
+        return self._bytes("geometry_msgs/msg/Vector3Stamped", self._header(frame), vector)
+
+    def path(self, frame: str, poses: F64) -> bytes:
+        """Return a nav_msgs/Path of poses (N, 3), all stamped alike."""
+        kind, header = "geometry_msgs/msg/PoseStamped", self._header(frame)
+        stamped = [self._make(kind, header, self._pose(pose)) for pose in poses]
+        return self._bytes("nav_msgs/msg/Path", header, stamped)
+
+    def occupancy_grid(self, frame: str, arena: Arena) -> bytes:
+        """Return a nav_msgs/OccupancyGrid: walls and obstacles are occupied, all else is free."""
+        cell_m, cells = occupancy(arena)
+        origin = self._pose(np.array([*arena.bounds[:2], 0.0]))
+        header, (rows, columns) = self._header(frame), cells.shape
+        about = self._make("nav_msgs/msg/MapMetaData", header.stamp, cell_m, columns, rows, origin)
+        return self._bytes("nav_msgs/msg/OccupancyGrid", header, about, cells.ravel())
+
+    def camera_mount(self, robot: str, frame: str, camera: Camera | None) -> bytes:
+        """Return a TFMessage of the camera's pose (REP 103); an unknown one looks forward."""
+        half = 0.0 if camera is None else camera.yaw_rad / 2
+        cos, sin = math.cos(half) / 2, math.sin(half) / 2
+        turn = (-cos - sin, cos - sin, sin - cos, cos + sin)
+        height_m = 0.0 if camera is None or camera.height_m is None else camera.height_m
+        transform = self._make(
+            "geometry_msgs/msg/Transform",
+            self._make("geometry_msgs/msg/Vector3", 0.0, 0.0, height_m),
+            self._make("geometry_msgs/msg/Quaternion", *turn),
+        )
+        kind = "geometry_msgs/msg/TransformStamped"
+        return self._bytes(
+            "tf2_msgs/msg/TFMessage", [self._make(kind, self._header(robot), frame, transform)]
+        )
+
+    def camera_info(self, frame: str, shape: tuple[int, ...], fov_rad: float) -> bytes:
+        """Return a sensor_msgs/CameraInfo of pictures (H, W, 3): square pixels, no distortion."""
+        height, width = shape[:2]
+        focal, none = width / 2 / math.tan(fov_rad / 2), np.zeros((3, 1))
+        matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
+        region = self._make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+        return self._bytes(
+            "sensor_msgs/msg/CameraInfo",
+            self._header(frame),
+            *(height, width, PLUMB_BOB, np.zeros(5)),
+            *(matrix.ravel(), np.eye(3).ravel(), np.hstack([matrix, none]).ravel()),
+            *(0, 0, region),
+        )
 
     def _header(self, frame: str) -> Any:
         seconds, nanoseconds = divmod(self._ns, 10**9)
@@ -138,10 +197,7 @@ def pose_rows(poses: F64) -> F64:
 
 
 def with_items(message: bytes, items: F64) -> bytes:
-    """Fill the empty sequence at the end of a serialized message; items (N, K) are K float64 each.
-
-    Serializing thousands of particles as objects would take longer than the filter.
-    """
+    """Fill the empty sequence at a message's end with items (N, K), float64; objects would be slow."""
     head = message[:-4] + struct.pack("<I", len(items))
     pad = -(len(head) - ENCAPSULATION) % 8 if len(items) else 0
     return head + bytes(pad) + np.ascontiguousarray(items, "<f8").tobytes()
@@ -156,10 +212,7 @@ SHIFT = 8  # fractional bits of the coordinates for OpenCV
 
 
 def occupancy(arena: Arena) -> tuple[float, NDArray[np.int8]]:
-    """Return the side of a cell in meters, and the cells (rows, columns): 0 or 100.
-
-    The first row is at the smallest y, as in a nav_msgs/OccupancyGrid.
-    """
+    """Return a cell's side in meters, and the cells (rows, columns), 0 or 100, smallest y first."""
     width_m, depth_m = arena.size_m
     cell_m = max(CELL_M, math.sqrt(width_m * depth_m / MOST_CELLS))
     rows, columns = (max(1, math.ceil(side_m / cell_m - 1e-6)) for side_m in (depth_m, width_m))
@@ -177,80 +230,3 @@ def _pixels(points: NDArray[np.float64], arena: Arena, cell_m: float) -> NDArray
     """Return points (K, 2) in OpenCV's pixels, whose origin is the first cell's center."""
     counted = (points - arena.bounds[:2]) / cell_m - 0.5
     return np.asarray(np.round(counted * 2**SHIFT), np.int32)
-
-
-# Constant messages: map, camera, paths, and the session's header.
-
-NO_TIME = QosTime(0, 0)
-LATCHED = Qos(  # late subscribers receive the last message
-    QosHistory.KEEP_LAST,
-    1,
-    QosReliability.RELIABLE,
-    QosDurability.TRANSIENT_LOCAL,
-    NO_TIME,
-    NO_TIME,
-    QosLiveliness.SYSTEM_DEFAULT,
-    NO_TIME,
-    avoid_ros_namespace_conventions=False,
-)
-PLUMB_BOB = "plumb_bob"  # ROS's name of a pinhole camera, distorted or not
-
-
-class SceneMessages(Messages):
-    """Makes those of `Messages`, and those of the scene."""
-
-    def header(self, info: SessionInfo, folder: Path) -> bytes:
-        """Return a std_msgs/String with the first line of the session's log, as a log in `folder` has it."""
-        return self.text(json.dumps(header_to_json(info, "session", folder), ensure_ascii=False))
-
-    def motion(self, frame: str, motion: F64) -> bytes:
-        """Return a geometry_msgs/Vector3Stamped: forward, left and turn of a motion (3,), exactly."""
-        vector = self._make("geometry_msgs/msg/Vector3", *(float(v) for v in motion))
-        return self._bytes("geometry_msgs/msg/Vector3Stamped", self._header(frame), vector)
-
-    def path(self, frame: str, poses: F64) -> bytes:
-        """Return a nav_msgs/Path of poses (N, 3), all stamped alike."""
-        kind, header = "geometry_msgs/msg/PoseStamped", self._header(frame)
-        stamped = [self._make(kind, header, self._pose(pose)) for pose in poses]
-        return self._bytes("nav_msgs/msg/Path", header, stamped)
-
-    def occupancy_grid(self, frame: str, arena: Arena) -> bytes:
-        """Return a nav_msgs/OccupancyGrid: walls and obstacles are occupied, all else is free."""
-        cell_m, cells = occupancy(arena)
-        origin = self._pose(np.array([*arena.bounds[:2], 0.0]))
-        header, (rows, columns) = self._header(frame), cells.shape
-        about = self._make("nav_msgs/msg/MapMetaData", header.stamp, cell_m, columns, rows, origin)
-        return self._bytes("nav_msgs/msg/OccupancyGrid", header, about, cells.ravel())
-
-    def camera_mount(self, robot: str, frame: str, camera: Camera | None) -> bytes:
-        """Return a tf2_msgs/TFMessage of the camera's pose: z along the view, y down (REP 103).
-
-        An unknown camera looks forward, at the height of the floor.
-        """
-        half = 0.0 if camera is None else camera.yaw_rad / 2
-        cos, sin = math.cos(half) / 2, math.sin(half) / 2
-        turn = (-cos - sin, cos - sin, sin - cos, cos + sin)
-        height_m = 0.0 if camera is None or camera.height_m is None else camera.height_m
-        transform = self._make(
-            "geometry_msgs/msg/Transform",
-            self._make("geometry_msgs/msg/Vector3", 0.0, 0.0, height_m),
-            self._make("geometry_msgs/msg/Quaternion", *turn),
-        )
-        kind = "geometry_msgs/msg/TransformStamped"
-        return self._bytes(
-            "tf2_msgs/msg/TFMessage", [self._make(kind, self._header(robot), frame, transform)]
-        )
-
-    def camera_info(self, frame: str, shape: tuple[int, ...], fov_rad: float) -> bytes:
-        """Return a sensor_msgs/CameraInfo of pictures (H, W, 3): square pixels, no distortion."""
-        height, width = shape[:2]
-        focal, none = width / 2 / math.tan(fov_rad / 2), np.zeros((3, 1))
-        matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
-        region = self._make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
-        return self._bytes(
-            "sensor_msgs/msg/CameraInfo",
-            self._header(frame),
-            *(height, width, PLUMB_BOB, np.zeros(5)),
-            *(matrix.ravel(), np.eye(3).ravel(), np.hstack([matrix, none]).ravel()),
-            *(0, 0, region),
-        )

@@ -1,8 +1,4 @@
-"""A recording of any format as a native session log.
-
-What is written is what a replay sees: pictures that were used, the motions between them, truth and events at
-their times. So the log written from a session replays as the session does, to the last bit.
-"""
+"""A recording of any format as a native session log, which replays to the last bit, or as MCAP."""
 
 from __future__ import annotations
 
@@ -47,6 +43,7 @@ from .mcap import (
 )
 from .tables import filling
 
+NOTHING = "found nothing to write, expected pictures, odometry or truth"
 OURS = re.compile(r"\d{5,}\.(png|jpg)")  # names of pictures that were written here
 
 
@@ -76,7 +73,8 @@ def convert_to_log(
     session's reading and `SessionWriter` raise it.
     """
     pictures = file.with_name(f"{file.stem}-pictures")
-    _check_targets(file, pictures, force)
+    expect_absent(file, force=force)
+    _check_pictures(pictures, force)
     with _filling(file) as folder:
         (folder / pictures.name).mkdir()
         info, done = beside(session.info, file), Converted()
@@ -87,7 +85,9 @@ def convert_to_log(
                 _write_moment(log, moment, name, t_offset_s, first=not done.pictures)
                 done.count(moment)
                 yield done
-        _expect_pictures(done, file)
+        if not done.pictures:
+            wanted = "expected some; is it the right camera or topic?"
+            raise InputError(file, f"found no picture to write, {wanted}")
         if pictures.is_dir():
             discard(pictures)
         (folder / pictures.name).replace(pictures)
@@ -109,20 +109,14 @@ def _write_moment(log: SessionWriter, moment: Moment, picture: str, offset_s: fl
     log.image_path(t_s, picture)
 
 
-def _expect_pictures(done: Converted, file: Path) -> None:
-    if not done.pictures:
-        raise InputError(file, "found no picture to write, expected some; is it the right camera or topic?")
-
-
 def beside(info: SessionInfo, file: Path) -> SessionInfo:
     """Return a header's facts with the survey's path as seen from the log that will be at `file`."""
     survey = header_to_json(info, "session", file.parent).get("survey")
     return info if survey is None else replace(info, survey=Path(survey))
 
 
-def _check_targets(file: Path, pictures: Path, force: bool) -> None:
+def _check_pictures(pictures: Path, force: bool) -> None:
     """Refuse what exists; with `force` only pictures that were written here are replaced."""
-    expect_absent(file, force=force)
     if not pictures.exists():
         return
     if not force:
@@ -133,10 +127,7 @@ def _check_targets(file: Path, pictures: Path, force: bool) -> None:
 
 @contextmanager
 def _filling(file: Path) -> Iterator[Path]:
-    """Return a new folder beside the file, gone afterwards. Raises InputError if there is no room for it.
-
-    Where nothing came of it the file's own folder is gone as well, if it was made here.
-    """
+    """Return a new folder beside the file, gone afterwards, like a folder made for nothing."""
     made = not file.parent.exists()
     folder = file.with_name(f".{file.name}-{uuid.uuid4().hex}.part")
     try:
@@ -157,11 +148,7 @@ def _filling(file: Path) -> Iterator[Path]:
 def records_to_log(
     recording: Recording, file: Path, notes: ReadingNotes, *, t_offset_s: float = 0.0, force: bool = False
 ) -> Iterator[Converted]:
-    """Write odometry, truth and events of a recording as a native log; return the counts after every record.
-
-    Odometry poses become the motions between them. Pictures are left out. Raises InputError as for `filling`,
-    and when there was nothing to write.
-    """
+    """Write odometry (as motions), truth and events as a log; yield counts. InputError as for `filling`."""
     done = Converted()
     last: F64 | None = None
     with writing(file):
@@ -171,7 +158,8 @@ def records_to_log(
             for record in checked(recording, notes):
                 last = _write_line(log, record, record.t_s + t_offset_s, last, done)
                 yield done
-        _expect_records(done, recording.path)
+        if not (done.motions or done.truths or done.events):
+            raise InputError(recording.path, NOTHING)
 
 
 def _write_line(
@@ -194,11 +182,6 @@ def _write_line(
     return last
 
 
-def _expect_records(done: Converted, path: Path) -> None:
-    if not (done.motions or done.truths or done.events):
-        raise InputError(path, "found nothing to write, expected pictures, odometry or truth")
-
-
 # A recording of any format as an MCAP file of ROS 2 messages, record by record at their own times.
 
 
@@ -211,11 +194,7 @@ def convert_to_mcap(
     t_offset_s: float = 0.0,
     force: bool = False,
 ) -> Iterator[Converted]:
-    """Write the pictures that make an update, and all odometry, truth and events; yield growing counts.
-
-    Raises InputError as for `mcap_file`, as the session's reading raises it, and when there was nothing to
-    write.
-    """
+    """Write used pictures, all odometry, truth and events; yield counts. InputError as for `mcap_file`."""
     begin_s: float | None = None
     with mcap_file(file, force=force) as mcap:
         drive = DriveWriter(mcap, scene_of(session.info, camera), kind, odometry=session.odometry is not None)
@@ -227,15 +206,12 @@ def convert_to_mcap(
             drive.add(record, t_s, moment)
             yield drive.done
         if begin_s is None:
-            raise InputError(session.path, "found nothing to write, expected pictures, odometry or truth")
+            raise InputError(session.path, NOTHING)
         drive.end(begin_s)
 
 
 def _side_by_side(session: RecordedSession) -> Iterator[tuple[Record, Moment | None]]:
-    """Yield all records except unused pictures; used pictures with their moments.
-
-    The recording is read twice in parallel: a session looks ahead for truth, and keeps nothing it passed.
-    """
+    """Yield all records but unused pictures, used ones with their moments; the recording is read twice."""
     records = checked(session.recording, ReadingNotes(keep_going=True))  # the session itself reports problems
     begin_s: float | None = None
     for moment in session.moments():
@@ -276,7 +252,8 @@ class DriveWriter:
             self._write_transforms()
         make = self._mcap.at(t_s)
         if isinstance(record, Motion):
-            self._begin_path(t_s)
+            if not self._moved:  # readers take motions from pose to pose
+                self._write_odometry(t_s)
             self._in_motions = True
             self._mcap.write(MOTIONS, t_s, make.motion(ROBOT, record.motion))
             self._move(t_s, compose(self._odometry, record.motion))
@@ -295,7 +272,8 @@ class DriveWriter:
             self._mcap.write(EVENTS, t_s, make.text(record.text))
             self.done.events += 1
         elif moment is not None:
-            self._stand(t_s)
+            if self._in_motions and t_s > self._odometry_s:  # other readers pair by time
+                self._write_odometry(t_s)
             self._scene.write_picture(self._mcap, t_s, moment.frame.image, self._kind)
             self.done.pictures += 1
 
@@ -305,20 +283,10 @@ class DriveWriter:
             self._write_transforms()
         write_paths(self._mcap, begin_s, {TRUE_PATH: self._path})
 
-    def _begin_path(self, t_s: float) -> None:
-        """Write the first pose of a path of motions; readers take motions from pose to pose."""
-        if not self._moved:
-            self._write_odometry(t_s)
-
     def _move(self, t_s: float, odometry: F64) -> None:
         self._odometry, self._moved, self._due_s = odometry, True, t_s
         self._write_odometry(t_s)
         self.done.motions += 1
-
-    def _stand(self, t_s: float) -> None:
-        """Repeat the odometry at a picture after the last motion; other readers pair by time."""
-        if self._in_motions and t_s > self._odometry_s:
-            self._write_odometry(t_s)
 
     def _write_odometry(self, t_s: float) -> None:
         self._mcap.write(ODOMETRY, t_s, self._mcap.at(t_s).odometry(ODOM, ROBOT, self._odometry))

@@ -64,10 +64,7 @@ class Sink(Protocol):
 
 
 def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportStep]:
-    """Go through a saved run from its first update, holding one at a time.
-
-    Raises InputError if it is damaged.
-    """
+    """Go through a saved run from its first update, holding one at a time. InputError if it is damaged."""
     odometry = np.zeros(3)
     for rows in run.steps():
         for motion in rows.step["motions"]:
@@ -202,10 +199,7 @@ def _joined(*values: float) -> str:
 
 
 def path_files(file: Path, paths: Sequence[str]) -> dict[str, Path]:
-    """Name a file for each path: the estimate has the name that was asked for, `-truth` is the truth's.
-
-    A single path always has the name that was asked for.
-    """
+    """Name each path's file: the estimate, or a single path, as asked; `-truth` is the truth's."""
     if len(paths) == 1:
         return {paths[0]: file}
     beside = {name: file.with_name(f"{file.stem}-{name}{file.suffix}") for name in paths}
@@ -326,10 +320,7 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: Mapping[str, F64]) -> None:
 
 @contextmanager
 def evo_sink(file: Path, label: str, *, force: bool = False) -> Iterator[EvoSink]:
-    """Open evo's result file.
-
-    Raises InputError as for `filling`, and when no truth was known at any update.
-    """
+    """Open evo's result file. InputError as for `filling`, and when no truth was known at any update."""
     with filling(file, force=force) as part:
         sink = EvoSink(label)
         yield sink

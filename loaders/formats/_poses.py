@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -81,14 +82,50 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseFile:
-    """A file of poses; nothing is read before it is asked for."""
+class _TimedFile:
+    """A text file with a time in every row; nothing is read before it is asked for."""
 
     file: Path
+    comments: ClassVar[tuple[str, ...]] = ("#",)
+
+    def _records(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose | Picture]:
+        raise NotImplementedError
+
+    def _words(self, row: Row) -> list[str]:
+        raise NotImplementedError
+
+    @cached_property
+    def span(self) -> TimeSpan:
+        """First and last time of the rows that can be read; reads the file once to its end."""
+        span = TimeSpan()
+        for record in self._records(ReadingNotes(keep_going=True)):
+            span.add(record.t_s)
+        return span
+
+    def _detected(self) -> str:
+        words = [word for row in islice(self._rows(), LOOKED_AT) for word in self._words(row)[:1]]
+        return detect_unit([word for word in words if is_number(word)] or ["0"])
+
+    def _rows(self) -> Iterator[Row]:
+        for number, row in enumerate(rows(self.file)):
+            if not row.text.startswith(self.comments) and (number or not names_columns(row.text)):
+                yield row
+
+    def _expect_rising(self, t_s: float, last_t_s: float, row: Row) -> None:
+        if t_s < last_t_s:
+            found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
+            raise InputError(self.file, found, row.number)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFile(_TimedFile):
+    """A file of poses."""
+
     kind: type[OdometryPose] | type[TruthPose]
     layout: Layout = Layout()
     unit: str | None = None  # of the times; None: detected
     offset_s: float = 0.0  # added to the times
+    comments: ClassVar[tuple[str, ...]] = COMMENTS
 
     def poses(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose]:
         """Yield the poses in the plane, in the file's order; broken rows and times that fall are problems."""
@@ -97,9 +134,7 @@ class PoseFile:
             try:
                 t_s = self._time(row)
                 position, turned = self._pose(row)
-                if t_s < last_t_s:
-                    found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-                    raise InputError(self.file, found, row.number)
+                self._expect_rising(t_s, last_t_s, row)
             except InputError as problem:
                 notes.problem(problem)
                 continue
@@ -109,13 +144,7 @@ class PoseFile:
             tilt = f"{np.degrees(steepest):.0f} degrees out of the plane"
             notes.warning(f"{self.file}: poses point up to {tilt}; only x, y and the heading are used")
 
-    @cached_property
-    def span(self) -> TimeSpan:
-        """First and last time of the rows that can be read; reads the file once to its end."""
-        span = TimeSpan()
-        for pose in self.poses(ReadingNotes(keep_going=True)):
-            span.add(pose.t_s)
-        return span
+    _records = poses
 
     def track(self) -> tuple[F64, F64]:
         """Return the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
@@ -131,8 +160,7 @@ class PoseFile:
 
     @cached_property
     def _unit(self) -> str:
-        words = [self._words(row)[0] for row in islice(self._rows(), LOOKED_AT)]
-        return self.unit or detect_unit([word for word in words if is_number(word)] or ["0"])
+        return self.unit or self._detected()
 
     @property
     def body(self) -> tuple[F64, F64]:
@@ -154,11 +182,6 @@ class PoseFile:
             except InputError:
                 continue
         return turned
-
-    def _rows(self) -> Iterator[Row]:
-        for number, row in enumerate(rows(self.file)):
-            if not row.text.startswith(COMMENTS) and (number or not names_columns(row.text)):
-                yield row
 
     def _words(self, row: Row) -> list[str]:
         return words_of(row.text)
@@ -283,10 +306,9 @@ class TimedFolder:
 
 
 @dataclass(frozen=True, eq=False)
-class PictureList:
-    """A table of times and file names; nothing is read before it is asked for."""
+class PictureList(_TimedFile):
+    """A table of times and file names."""
 
-    file: Path
     root: Path  # the folder that names start from
     column: int | None = None  # of the file names; None: all that follows the first column
     unit: str | None = None  # of the times, which stand in the column before; None: detected
@@ -297,32 +319,18 @@ class PictureList:
         for row in self._rows():
             try:
                 picture = self._picture(row)
-                if picture.t_s < last_t_s:
-                    found = f"found t {picture.t_s:.15g} after t {last_t_s:.15g}"
-                    raise InputError(self.file, f"{found}, expected time not to fall", row.number)
+                self._expect_rising(picture.t_s, last_t_s, row)
             except InputError as problem:
                 notes.problem(problem)
                 continue
             last_t_s = picture.t_s
             yield picture
 
-    @cached_property
-    def span(self) -> TimeSpan:
-        """First and last time of the rows that can be read."""
-        span = TimeSpan()
-        for picture in self.pictures(ReadingNotes(keep_going=True)):
-            span.add(picture.t_s)
-        return span
+    _records = pictures
 
     @cached_property
     def _unit(self) -> str:
-        words = [word for row in islice(self._rows(), LOOKED_AT) for word in self._words(row)[:1]]
-        return self.unit or detect_unit([word for word in words if is_number(word)] or ["0"])
-
-    def _rows(self) -> Iterator[Row]:
-        for number, row in enumerate(rows(self.file)):
-            if not row.text.startswith("#") and (number or not names_columns(row.text)):
-                yield row
+        return self.unit or self._detected()
 
     def _words(self, row: Row) -> list[str]:
         if self.column is None:

@@ -154,10 +154,7 @@ def head_of(rows: Iterable[Row]) -> Head | None:
 
 
 def split(text: str, separator: str) -> list[str]:
-    """Split one line of a table, quoted values included; nothing where it is no such line.
-
-    That is one with a carriage return in its middle, or with a value of more than 128 KiB.
-    """
+    """Split one line of a table, quoted values included; nothing where csv refuses it."""
     try:
         return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     except csv.Error:
@@ -272,10 +269,7 @@ def _split(name: str) -> tuple[str, str | None]:
 
 
 def _whole(found: dict[str, Column], group: tuple[str, ...]) -> None:
-    """Take out a pose of which something is missing, a frame number that is called x, say.
-
-    A quaternion is as good as a heading, and is taken where both are there.
-    """
+    """Take out incomplete poses; a quaternion goes before a heading."""
     turned = QUATERNIONS[group]
     unneeded = group[2:] if all(role in found for role in turned) else turned
     for role in unneeded:

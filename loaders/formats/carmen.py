@@ -138,10 +138,7 @@ class _Continuous:
 
 
 def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
-    """Read a line that has a pose; None for every other.
-
-    Raises InputError for one that is cut or no number.
-    """
+    """Read a line that has a pose; None for every other. InputError for one that is cut or no number."""
     if words[0] == "ODOM":  # x y theta tv rv accel, then times
         return _Pose(row, "ODOM", _time(file, row, words), _vector(file, row, words, 1))
     if words[0] == "TRUEPOS":  # true x y theta, odometry's x y theta, then times

@@ -41,10 +41,7 @@ class Found:
 
 
 def frames(data: bytes, at: int = 0, *, last: bool = True) -> Iterator[Found]:
-    """Find the frames from a position on; what lies between them (ACK, prompts) is passed over.
-
-    Unless `last`, a frame that goes on beyond the data is not given, since more may come.
-    """
+    """Find the frames, passing over what is between; unless `last`, one cut at the end is not given."""
     while (begin := data.find(BEGIN, at)) >= 0:
         if not last and begin + MOST_BYTES > len(data):
             return

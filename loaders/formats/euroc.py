@@ -48,10 +48,7 @@ def camera_of(file: Path, name: str, poses: PoseFile | None) -> Camera:
 
 
 def yaw_on_body(camera_to_body: F64, poses: PoseFile) -> float:
-    """Return where a camera looks, counter-clockwise from the forward axis that the poses' headings have.
-
-    The poses show which axis of the body is up: on a flying robot (EuRoC) it is x, on a driving one z.
-    """
+    """Return where a camera looks, counter-clockwise from the forward axis of the poses."""
     forward, up = poses.body
     looks = camera_to_body[:3, 2]
     return math.atan2(float(looks @ np.cross(up, forward)), float(looks @ forward))
@@ -110,10 +107,7 @@ class _Sensor:
 
 
 def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
-    """Open a folder; `options.camera` chooses a camera's.
-
-    Raises InputError if there is neither camera nor pose.
-    """
+    """Open a folder; `options.camera` chooses a camera's. InputError if there is neither camera nor pose."""
     sensors = _sensors(path)
     cameras = [one for one in sensors if one.has_pictures]
     if not sensors:

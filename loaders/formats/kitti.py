@@ -153,10 +153,7 @@ def poses_beside(path: Path) -> list[Path]:
 
 
 def open_poses(path: Path, options: ReadingOptions) -> KittiRecording:
-    """Open poses alone; the times of `times.txt` beside them, where there is one.
-
-    Raises InputError for a bad row.
-    """
+    """Open poses alone; the times of `times.txt` beside them, if any. InputError for a bad row."""
     first = next(rows(path), None)
     if first is None:
         raise InputError(path, "found no poses, expected twelve numbers a line")

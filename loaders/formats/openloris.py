@@ -32,10 +32,7 @@ SENSORS = {
 
 
 def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
-    """Open a folder; `options.camera` chooses among color, fisheye1 and so on.
-
-    Raises InputError if it is none.
-    """
+    """Open a folder; `options.camera` chooses among color, fisheye1 and so on. InputError if it is none."""
     listed = [path / name for name in PICTURES if (path / name).is_file()]
     if not listed:
         raise InputError(path, f"found no {PICTURES[0]} in it, expected an OpenLORIS folder")

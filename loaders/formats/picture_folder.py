@@ -176,10 +176,7 @@ class TableRecording:
 
 
 def open_table(path: Path, options: ReadingOptions) -> TableRecording:
-    """Open a table, or a folder or video with `options.table` or one table in it.
-
-    Raises InputError as `roles_of`.
-    """
+    """Open a table, or a folder or video with `options.table` or its one table. InputError as `roles_of`."""
     table = options.table or _table_of(path)
     if table is None or not table.is_file():
         raise InputError(table or path, "found no table (CSV); name one with --reading table=...")

@@ -62,10 +62,7 @@ def formats() -> dict[str, Format]:
 
 
 def guess(path: Path) -> Format:
-    """Return the format of a file or folder.
-
-    Raises InputError naming what was found, and the formats there are.
-    """
+    """Return the format of a file or folder. InputError naming what was found, and the formats there are."""
     one = _guess(path)
     if one is None:
         found, names = describe(path, _known, BARE), ", ".join(formats())

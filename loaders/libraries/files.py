@@ -61,10 +61,7 @@ MANIFEST = "manifest.json"
 def save_library(
     library: Library, folder: Path, *, force: bool = False, warnings: Sequence[str] = ()
 ) -> None:
-    """Write a library and copies of its pictures; the folder appears completely or not at all.
-
-    Raises InputError if the folder exists already and `force` is not given, or is not a library's.
-    """
+    """Write a library and copies of its pictures, completely or not at all. InputError if it exists."""
     with new_folder(folder, force=force) as filling:
         _write_json(filling / "map.json", arena_to_json(library.arena))
         _write_entries(library, filling)
@@ -80,10 +77,7 @@ def save_library(
 
 
 def load_library(folder: Path) -> Library:
-    """Read a library folder.
-
-    Raises InputError if it is none, damaged, of other channel parameters, or spans too much ground.
-    """
+    """Read a library folder. InputError if it is none, damaged, of other parameters, or too large."""
     try:
         manifest = read_manifest(folder)
         _check_files(folder, manifest)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import numpy as np
@@ -91,23 +92,13 @@ def choose(poses: F64, sharpnesses: F64, every: Spacing) -> NDArray[np.intp]:
     chosen: list[int] = []
     for number in np.argsort(-sharpnesses, kind="stable"):
         pose = poses[number]
-        cell = _cell(pose, every)
-        near = (other for around in _around(cell) for other in cells.get(around, ()))
+        x, y = np.floor(pose[:2] / every.distance_m).astype(int).tolist()
+        around = product((x - 1, x, x + 1), (y - 1, y, y + 1))
+        near = (other for cell in around for other in cells.get(cell, ()))
         if not any(_same(pose, poses[other], every) for other in near):
-            cells.setdefault(cell, []).append(int(number))
+            cells.setdefault((x, y), []).append(int(number))
             chosen.append(int(number))
     return np.sort(np.array(chosen, np.intp))
-
-
-def _cell(pose: F64, every: Spacing) -> tuple[int, int]:
-    x, y = np.floor(pose[:2] / every.distance_m).astype(int).tolist()
-    return x, y
-
-
-def _around(cell: tuple[int, int]) -> Iterator[tuple[int, int]]:
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
-            yield cell[0] + dx, cell[1] + dy
 
 
 def _same(a: F64, b: F64, every: Spacing) -> bool:
@@ -119,36 +110,6 @@ def _same(a: F64, b: F64, every: Spacing) -> bool:
 EVERY = Spacing(0.4, float(np.radians(45)))  # what a drive is thinned to unless asked otherwise
 
 Progress = Callable[[int, int], None]
-
-
-class Survey(Protocol):
-    """Where a library's pictures come from."""
-
-    @property
-    def path(self) -> Path:
-        """The log, file or folder."""
-
-    @property
-    def info(self) -> SessionInfo:
-        """What the header says."""
-
-    @property
-    def problem_count(self) -> int:
-        """How much was skipped."""
-
-    @property
-    def problems(self) -> tuple[InputError, ...]:
-        """The first of it."""
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is worth saying."""
-
-    def count_pictures(self) -> int:
-        """Return how many pictures there are to measure."""
-
-    def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Yield them, one at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,16 +142,16 @@ def open_survey(
     native = chosen(path, options).name == NATIVE
     if native and read_header(path)[1] == "survey":
         survey = SessionLog(path, keep_going=options.keep_going, camera=options.camera)
-        return (
-            survey if every is None else SelectedSurvey(survey, survey.survey_pictures, every, None, progress)
-        )
+        if every is None:
+            return survey
+        return SelectedSurvey(survey, survey.survey_pictures, every, None, progress)
     drive = open_session(path, options)
-    return SelectedSurvey(drive, lambda: _with_poses(drive), every or EVERY, keep, progress)
 
+    def pictures() -> Iterator[SurveyPicture]:
+        for moment in drive.moments():
+            yield SurveyPicture(_file_of(drive, moment), moment.frame.image, moment.truth, covered=False)
 
-def _with_poses(drive: SessionLog | RecordedSession) -> Iterator[SurveyPicture]:
-    for moment in drive.moments():
-        yield SurveyPicture(_file_of(drive, moment), moment.frame.image, moment.truth, covered=False)
+    return SelectedSurvey(drive, pictures, every or EVERY, keep, progress)
 
 
 def _file_of(drive: SessionLog | RecordedSession, moment: Moment) -> Path | None:
@@ -285,3 +246,6 @@ class SelectedSurvey:
         file = self._keep / f"{number:06d}.jpg"
         file.write_bytes(encode_jpeg(picture.image))
         return SurveyPicture(file, picture.image, picture.pose, picture.covered)
+
+
+Survey = SessionLog | RecordedSession | SelectedSurvey  # where a library's pictures come from

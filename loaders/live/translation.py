@@ -67,10 +67,7 @@ class PoseExtractor:
         return topic == self._route.topic
 
     def poses(self, message: Any, *, static: bool) -> Iterator[StampedPose]:
-        """Yield the pose of a message, if it has one. FieldError for an invalid message.
-
-        Transforms of a `static` topic are no motion, so they yield no pose.
-        """
+        """Yield the pose of a message, if any; `static` transforms are no motion. FieldError."""
         try:
             if self._route.frames is None:
                 yield StampedPose(time_of(message), pose_of(message))

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ..bags.messages import TRANSFORMS, known_type, links_of
 from ..bags.source import ENCODINGS, INSTALL, Message, Topic, decode, json_object, short_type, sorted_topics
@@ -185,21 +185,7 @@ Edges = frozenset[tuple[str, str]]  # parents and children of transforms
 ASSUMED: Edges = frozenset((("odom", "base_link"),))  # frames that transforms may turn out to have
 
 
-class Bridge(Protocol):
-    """A client of one of the protocols."""
-
-    def greet(self) -> Iterator[str]:
-        """Yield the first messages to send."""
-
-    def hear(self, message: str | bytes) -> Message | None:
-        """Process a message and return it if it is of a subscribed topic. FieldError when it is invalid."""
-
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """The topics that were announced so far."""
-
-    def subscribe(self, names: tuple[str, ...]) -> Iterator[str]:
-        """Yield what to send to subscribe to those of the topics that are not subscribed yet."""
+Bridge = Foxglove | Rosbridge
 
 
 def connect_websocket(name: str, options: ReadingOptions) -> WebsocketStream:

@@ -202,10 +202,7 @@ class Source:
 
 
 def source_of(path: Path, folder: Path, others: Sequence[Path] = ()) -> Source:
-    """Describe a recording, a table or a library folder as seen from a run's folder.
-
-    `others` are files outside that belong to it.
-    """
+    """Describe a recording, table or library as seen from a run's folder; `others` belong to it."""
     whole = path.resolve()
     beside = Path(os.path.relpath(whole, folder.resolve())).as_posix()
     return Source(str(whole), beside, source_hash(whole, others))

@@ -43,10 +43,7 @@ class SavedRun:
             raise InputError(file, f"is no map ({problem}); is the run damaged?") from None
 
     def steps(self) -> Iterator[StepRows]:
-        """Read update after update from the first, a part at a time.
-
-        Raises InputError if a part is missing or damaged.
-        """
+        """Read update after update from the first. InputError if a part is missing or damaged."""
         number = 0
         for file in sorted((self.folder / "steps").glob("*.parquet")):
             for rows in _part(self.folder, file.name, self.manifest):
@@ -168,10 +165,7 @@ class RunDifference:
 
 
 def first_difference(stored: StepRows, now: StepRows) -> RunDifference | None:
-    """Return the first field that differs, clouds first, since the rest follows from them; None if equal.
-
-    What a step took is no part of what must repeat.
-    """
+    """Return the first field that differs, clouds first; None if equal. What a step took does not count."""
     step = stored.step["step"]
     clouds = {"particles": (stored.particles, now.particles), "renewed": (stored.renewed, now.renewed)}
     if stored.step["picture_sha256"] != now.step["picture_sha256"]:
@@ -237,10 +231,7 @@ def bookmarks_file(folder: Path) -> Path:
 
 
 def read_bookmarks(folder: Path) -> Bookmarks:
-    """Read a run's bookmarks; none where there is no file.
-
-    Raises InputError if the file cannot be read at all.
-    """
+    """Read a run's bookmarks; none where there is no file. InputError if the file cannot be read at all."""
     kept, broken = list[Bookmark](), list[InputError]()
     for number, line in enumerate(_lines(folder), start=1):
         try:

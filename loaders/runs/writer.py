@@ -1,8 +1,6 @@
-"""Writing a saved run while it goes: parts of so many steps, each of them complete.
+"""Writing a saved run while it goes: parts of so many steps, each complete, clouds before their steps.
 
-A Parquet file can be read only once its footer is there, so a single growing file would be lost with a
-killed process. Each table is a folder of parts instead; a part appears under its name when it is complete,
-the clouds before the steps they belong to, so that every step that can be read has its particles.
+A single growing Parquet file could not be read after a kill, as its footer comes last.
 """
 
 from __future__ import annotations
@@ -46,10 +44,7 @@ PART_PARTICLES = 200_000  # a part is also full with so many rows of a cloud
 
 
 class RunWriter:
-    """Writes one run into a new folder; memory holds at most one part.
-
-    Raises InputError if the folder exists, unless `force` is given and a saved run is in it.
-    """
+    """Writes a run into a new folder, part by part. InputError if it exists, unless `force` and a run."""
 
     def __init__(
         self, folder: Path, manifest: RunManifest, configuration: str, arena: Arena, *, force: bool = False

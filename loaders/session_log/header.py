@@ -67,10 +67,7 @@ UNITS = ("m", "in")
 
 
 def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any]:
-    """Return the header object of a log in `folder`; what is unknown is left out.
-
-    An absolute `info.survey` is written relative to the folder; a relative one is taken to be so already.
-    """
+    """Return the header of a log in `folder`: what is known; an absolute survey relative to it."""
     header: dict[str, Any] = {"format": FORMAT, "version": VERSION, "kind": kind, "name": info.name}
     header["robot"] = {"name": info.robot} | ({} if info.motion is None else {"motion": info.motion})
     header["cameras"] = {camera.name: _camera_to_json(camera) for camera in info.cameras}

@@ -36,10 +36,7 @@ class LogLine:
 
 
 def read_lines(path: Path) -> Iterator[LogLine]:
-    """Read a file line by line, never holding more than one.
-
-    Raises InputError if it cannot be opened or is no regular file, which might never end.
-    """
+    """Read a file line by line. InputError if it cannot be opened or is no regular file."""
     if path.is_dir():
         raise InputError(path, _folder_advice(path))
     expect_regular(path, "a log")
@@ -171,10 +168,7 @@ def read_header(path: Path) -> tuple[SessionInfo, Kind]:
 
 
 def read_records(path: Path, kind: Kind, notes: ReadingNotes, per_s: int = 1) -> Iterator[Record]:
-    """Read the checked records of a log in order, times never falling; broken lines go to `notes`.
-
-    `per_s` is how many units of the log's times make a second.
-    """
+    """Read the checked records in order; broken lines go to `notes`. `per_s`: units of time a second."""
     last_t_s = -np.inf
     for line in read_lines(path):
         if line.number == 1 or not line.data.strip():
