@@ -24,7 +24,6 @@ from maurice_loaders.session_log.records import read_header
 from maurice_mcl.calibration.motion import Calibration, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
 from maurice_mcl.calibration.noise import NoiseFloor, noise_floor
-from maurice_mcl.calibration.statistics import Spread
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
@@ -61,7 +60,11 @@ class MotionCalibration:
             said.append(f"{fit.left_out} movements were left out: {why}")
         errors = {"turn residuals": fit.turns.residual, "straight errors": fit.straights.error}
         errors |= {f"drifts on {drift.floor}".removesuffix(" on "): drift.rate for drift in fit.drifts}
-        said += [_far_out(what, spread) for what, spread in errors.items() if _has_far_out(spread)]
+        for what, spread in errors.items():
+            if spread.beyond_3_sd > 1 + 0.0027 * spread.count:  # more than chance puts there; one is no news
+                number = f"{spread.beyond_3_sd} of {spread.count} {what}"
+                kept = "they are not left out, and make the sd larger"
+                said.append(f"{number} lie beyond 3 sd: slips, perhaps; {kept}")
         if fit.turns.one_sided:
             said.append("most turns go one way, so gain and bias of turns cannot be separated well")
         left, right = fit.turns.left_gain, fit.turns.right_gain
@@ -189,7 +192,10 @@ def figures(
 def _trials(source: Path, unit: str) -> tuple[Trials, Units]:
     """Read trials of any kind, with the units in which people read their lengths."""
     if source.is_dir():
-        return trials_from_folder(_odometry_folder(source)), units_named("m")
+        logs = sorted(source.glob("*.log"))
+        if logs and not is_odometry_folder(source):
+            raise InputError(source, f"found a folder without odometry tables; did you mean {logs[0]}?")
+        return trials_from_folder(source), units_named("m")
     if source.suffix.lower() == ".csv":
         return read_trials(source, unit), units_named("in" if unit == "in" else "m")
     trials = trials_from_session(source)
@@ -202,24 +208,6 @@ def _mishaps(source: Path) -> list[str]:
         return []
     found = [f"{count} of {word}" for word, count in mishaps(source).items() if count]
     return [f"the log has events: {', '.join(found)}; these movements are not left out"] if found else []
-
-
-def _odometry_folder(folder: Path) -> Path:
-    """Return the folder, or raise InputError that names the log in it that was perhaps meant."""
-    logs = sorted(folder.glob("*.log"))
-    if logs and not is_odometry_folder(folder):
-        raise InputError(folder, f"found a folder without odometry tables; did you mean {logs[0]}?")
-    return folder
-
-
-def _has_far_out(spread: Spread) -> bool:
-    """Tell whether more values lie beyond 3 sd than chance puts there, 27 in 10,000 (one is no news)."""
-    return spread.beyond_3_sd > 1 + 0.0027 * spread.count
-
-
-def _far_out(what: str, spread: Spread) -> str:
-    number = f"{spread.beyond_3_sd} of {spread.count} {what}"
-    return f"{number} lie beyond 3 sd: slips, perhaps; they are not left out, and make the sd larger"
 
 
 def _no_nan(value: Any) -> Any:

@@ -34,7 +34,7 @@ from .open import (
 )
 from .output import DriveScene, OutputOptions
 from .replay import output_of, replay_session
-from .run import Playback, Report, RunScores, no_report, play, remark_zeros
+from .run import Playback, Report, RunScores, play, remark_zeros
 from .saved import Opened, open_saved, playback_of, remark_saved, view_of
 
 COLOR_AND_BLENDED = ("color", "blended")
@@ -87,13 +87,10 @@ def compare(
         "config": [Path(one) for one in _several(configs)],
         "settings": _several(settings),
     }
-    sources: list[AnySource] = [session] if _is_one(session) else list(session)  # type: ignore[list-item,arg-type]  # told apart by _is_one
+    is_one = not isinstance(session, Sequence) or isinstance(session, str)
+    sources: list[AnySource] = [session] if is_one else list(session)  # type: ignore[list-item,arg-type]  # told apart by is_one
     output = output_of(sources[0] if len(sources) == 1 else SEVERAL, to, run, layout, detail, force)
     return compare_any(sources, library, given, output, reading=reading, listener=listener or SILENT)
-
-
-def _is_one(session: object) -> bool:
-    return not isinstance(session, Sequence) or isinstance(session, str)
 
 
 def _several(values: Any) -> Sequence[Any]:
@@ -108,7 +105,7 @@ def compare_any(
     *,
     reading: ReadingOptions | None = None,
     listener: Listener = SILENT,
-    report: Report = no_report,
+    report: Report = lambda scores: None,
 ) -> RunScores:
     """Compare whatever is named; the command and the function `compare` both call this."""
     how = reading or ReadingOptions()
@@ -187,7 +184,6 @@ def _names(kind: str, values: Sequence[Any]) -> list[str]:
 
 
 def _setting_names(values: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Name settings by the values in which they differ."""
     keys = list(dict.fromkeys(key for one in values for key in one))
     differing = [key for key in keys if len({str(one.get(key)) for one in values}) > 1]
     return [" ".join(str(one.get(key, "default")) for key in differing) or "set" for one in values]
@@ -226,12 +222,19 @@ def _saved_playback(folders: Sequence[Path], listener: Listener) -> Playback:
         for folder, label in zip(folders, unique_labels(names_of(folders)), strict=True)
     ]
     own = [_drive(one) != _drive(opened[0]) for one in opened]
+
+    def remarks(collector: ResultCollector) -> None:
+        runs = [one.runs[0] for one in opened]
+        remark_saved(collector, runs, listener)
+        counts = [run.manifest.pictures if run.manifest.steps is None else run.manifest.steps for run in runs]
+        _remark_lengths(collector, [run.folder for run in runs], counts, listener)
+
     return Playback(
         aligned([shared(one.updates()) for one in opened]),
         min(one.runs[0].manifest.pictures for one in opened),
         [replace(view_of(one.restored[0]), own_drive=other) for one, other in zip(opened, own, strict=True)],
         _scene(opened),
-        lambda collector: _remark_saved(collector, opened, listener),
+        remarks,
     )
 
 
@@ -246,15 +249,24 @@ def _sessions_playback(
     sessions = [open_session(one, reading, listener) for one in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)
-    named = [replace(spec, name=label) for label in _labels(paths)]
+    names = names_of([path.with_suffix("") for path in paths])
+    free = [f"{name}.log" if name in RESERVED else name for name in names]  # as `session` is
+    named = [replace(spec, name=label) for label in unique_labels(free)]
     runs = [
         make_runs(session, references, [one], listener)[0]
         for session, one in zip(sessions, named, strict=True)
     ]
     overviews = [session.overview() for session in sessions]
-    drives = [_content(path) for path in paths]
+    drives = [str(path.resolve()) if path.is_dir() else hash_file(path) for path in paths]
     info = replace(sessions[0].info, name=" | ".join(dict.fromkeys(s.info.name for s in sessions)))
     shortest = min(pictures for pictures, _ in overviews)
+
+    def remarks(collector: ResultCollector) -> None:
+        for session in sessions:
+            remark_skipped(session, listener)
+        remark_zeros(collector, listener)
+        _remark_lengths(collector, paths, [pictures for pictures, _ in overviews], listener)
+
     return Playback(
         aligned([shared(run_together([run], s.moments())) for run, s in zip(runs, sessions, strict=True)]),
         shortest,
@@ -263,20 +275,8 @@ def _sessions_playback(
             for run, drive in zip(runs, drives, strict=True)
         ],
         DriveScene(info, references, any(truth for _, truth in overviews), shortest),
-        lambda collector: _remark_sessions(collector, sessions, [n for n, _ in overviews], listener),
+        remarks,
     )
-
-
-def _content(path: Path) -> str:
-    """Tell drives apart: by content, or a folder by its place."""
-    return str(path.resolve()) if path.is_dir() else hash_file(path)
-
-
-def _labels(paths: Sequence[Path]) -> list[str]:
-    """Name sessions after their files, which may well be called `session`, a word that is taken."""
-    names = names_of([path.with_suffix("") for path in paths])
-    free = [f"{name}.log" if name in RESERVED else name for name in names]
-    return unique_labels(free)
 
 
 def _single(folder: Path) -> SavedRun:
@@ -289,7 +289,6 @@ def _single(folder: Path) -> SavedRun:
 
 
 def _labelled(folder: Path, label: str, listener: Listener) -> Opened:
-    """Open one saved run under another label."""
     opened = open_saved(folder, listener)
     (run,), (restored,) = opened.runs, opened.restored
     run = replace(run, manifest=replace(run.manifest, label=label))
@@ -351,24 +350,8 @@ def _one_library(
     return next(iter(found.values()))
 
 
-def _remark_sessions(
-    collector: ResultCollector, sessions: Sequence[AnySession], counts: Sequence[int], listener: Listener
-) -> None:
-    for session in sessions:
-        remark_skipped(session, listener)
-    remark_zeros(collector, listener)
-    _remark_lengths(collector, [str(session.path) for session in sessions], counts, listener)
-
-
-def _remark_saved(collector: ResultCollector, opened: Sequence[Opened], listener: Listener) -> None:
-    runs = [one.runs[0] for one in opened]
-    remark_saved(collector, runs, listener)
-    counts = [run.manifest.pictures if run.manifest.steps is None else run.manifest.steps for run in runs]
-    _remark_lengths(collector, [str(run.folder) for run in runs], counts, listener)
-
-
 def _remark_lengths(
-    collector: ResultCollector, names: Sequence[str], counts: Sequence[int], listener: Listener
+    collector: ResultCollector, names: Sequence[Path], counts: Sequence[int], listener: Listener
 ) -> None:
     shortest = min(counts)
     if max(counts) > shortest == collector.updates:

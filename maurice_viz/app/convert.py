@@ -173,14 +173,7 @@ def export(
     """
     given = {"tum": tum, "kitti": kitti, "csv": csv, "parquet": parquet, "mcap": mcap, "evo": evo}
     files = {name: Path(file) for name, file in given.items() if file is not None}
-    if not files:
-        raise OptionError("name a file: --tum, --kitti, --csv, --parquet, --mcap or --evo")
-    if len({file.absolute() for file in files.values()}) < len(files):
-        raise OptionError("two formats cannot go to one file")
-    if only is not None and only not in PATHS:
-        raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
-    if not np.isfinite(t_offset_s):
-        raise OptionError(f"--t-offset is a number of seconds, found {t_offset_s}")
+    _check(files, only, t_offset_s)
     runs = {one.manifest.label: one for one in open_runs(Path(run))}
     saved = runs[chosen_label(Path(run), list(runs), run_label)]
     if only == "truth" and not saved.manifest.has_truth:
@@ -201,10 +194,25 @@ def export(
         if not steps:
             raise InputError(saved.folder, "holds no such update, so there is nothing to export; replay more")
     _report_left_out(saved, sinks, files, listener)
-    several = [file for name in BY_PATH if name in files for file in path_files(files[name], paths).values()]
-    may_be = [*several, *(file for name, file in files.items() if name not in BY_PATH)]
-    written = tuple(file for file in may_be if file.exists())  # of a path that is not known there is no file
+    written = tuple(file for file in _named(files, paths) if file.exists())  # there may be no truth to write
     return Exported(saved.manifest.label, steps, written, errors.statistics() or None)
+
+
+def _check(files: Files, only: str | None, t_offset_s: float) -> None:
+    """Refuse arguments that contradict each other. OptionError."""
+    if not files:
+        raise OptionError("name a file: --tum, --kitti, --csv, --parquet, --mcap or --evo")
+    if len({file.absolute() for file in files.values()}) < len(files):
+        raise OptionError("two formats cannot go to one file")
+    if only is not None and only not in PATHS:
+        raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
+    if not np.isfinite(t_offset_s):
+        raise OptionError(f"--t-offset is a number of seconds, found {t_offset_s}")
+
+
+def _named(files: Files, paths: Sequence[str]) -> Iterator[Path]:
+    for name, file in files.items():
+        yield from path_files(file, paths).values() if name in BY_PATH else [file]
 
 
 def chosen_label(folder: Path, labels: Sequence[str], label: str | None) -> str:
@@ -224,7 +232,6 @@ def _open(
     session: AnySession | None,
     force: bool,
 ) -> list[Sink]:
-    """Open all files that were asked for; they appear together at the end."""
     channels, label, origin = run.manifest.channels, run.manifest.label, np.array(run.manifest.origin_m)
     together = run.manifest.has_truth and len(paths) > 1
     opening: Mapping[str, Callable[[Path], Any]] = {

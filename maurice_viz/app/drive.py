@@ -68,12 +68,18 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     drawn = _drawn_of(session, ways.moments, listener)
     total = ways.moments if drawn is session else MOST_DRAWN
     written: list[Path] = []
+
+    def counted() -> Iterator[Moment]:
+        for number, moment in enumerate(drawn.moments()):
+            listener.progress(number, total, "draw")
+            yield moment
+
     stopped: KeyboardInterrupt | None = None
     with opened(
         output, session.info.name, drive_blueprint(drive), listener, keys=f"{NEXT_KEYS}.", written=written
     ) as rec:
         try:
-            draw_drive(rec, drive, _counted(drawn, total, listener))
+            draw_drive(rec, drive, counted())
         except KeyboardInterrupt as stop:
             stopped = stop
     remark_skipped(drawn, listener)
@@ -109,12 +115,6 @@ def _drawn_of(session: RecordedSession, moments: int, listener: Listener) -> Rec
         f"drawing one of every {stride} of {moments} moments; --reading min_distance_m=... chooses others"
     )
     return RecordedSession(FewerPictures(session.recording, stride), options)
-
-
-def _counted(session: RecordedSession, count: int, listener: Listener) -> Iterator[Moment]:
-    for number, moment in enumerate(session.moments()):
-        listener.progress(number, count, "draw")
-        yield moment
 
 
 def moments_of(log: SessionLog) -> Iterator[Moment]:
@@ -160,7 +160,7 @@ class AsRecorded:
     _begin_s: float | None = field(init=False, default=None)
 
     def updates(self) -> Iterator[Mapping[str, tuple[Moment, StepRecord]]]:
-        """Give one moment and record a cloud, in order."""
+        """Yield one moment and record a cloud, in order."""
         origin = map_of(self.localizer, self.overview).origin
         for number, update in enumerate(self.localizer.updates(self.findings), start=1):
             self._begin_s = update.t_s if self._begin_s is None else self._begin_s
@@ -191,7 +191,13 @@ class AsRecorded:
 
 
 def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecord:
-    """Make the record of one cloud; what only the filter itself could know is left empty or NaN."""
+    """Make the record of one cloud; what only the filter itself could know is left empty or NaN.
+
+    Whom the next cloud's particles come from is not in the bag. Lines from particle to particle are drawn
+    where a cloud is as large as the one before it was left, so that one of no weight is added.
+    """
+    poses = np.append(belief.poses, belief.poses[:1], axis=0)
+    without_heirs = Belief(poses, np.append(belief.log_weights, -np.inf), belief.origin)
     return StepRecord(
         frame=frame,
         predicted=belief,  # as it was before the sensor is not in the bag
@@ -205,24 +211,14 @@ def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecor
         channel_evidence=np.zeros(0),
         parents=None,
         injected=None,
-        belief=_without_heirs(belief),
+        belief=without_heirs,
         events=(),
         took_s={},
     )
 
 
-def _without_heirs(belief: Belief) -> Belief:
-    """Give the same cloud with one particle of no weight more.
-
-    Whom the next cloud's particles come from is not in the bag. Lines from particle to particle are drawn
-    where a cloud is as large as the one before it was left, and would mean nothing here.
-    """
-    poses = np.append(belief.poses, belief.poses[:1], axis=0)
-    return Belief(poses, np.append(belief.log_weights, -np.inf), belief.origin)
-
-
 def estimate_of(update: RecordedUpdate, belief: Belief) -> Estimate:
-    """Give the localizer's own pose with its own spread, or the heaviest cluster where it said none."""
+    """Return the localizer's own pose with its own spread, or the heaviest cluster where it said none."""
     if update.pose is None:
         return heaviest_cluster(belief)
     own = update.pose
@@ -234,7 +230,7 @@ def estimate_of(update: RecordedUpdate, belief: Belief) -> Estimate:
 
 
 def _log_weights(weights: F64 | None) -> F64 | None:
-    """Give normalized log-weights (N,), or None where the weights make no sense."""
+    """Return normalized log-weights (N,), or None where the weights make no sense."""
     if weights is None or not (np.isfinite(weights).all() and (weights >= 0).all() and weights.sum() > 0):
         return None
     with np.errstate(divide="ignore"):

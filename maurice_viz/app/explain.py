@@ -132,7 +132,8 @@ def explain(
         _check_target(Path(to), force=force)
     folder = Path(run)
     opened = open_saved(folder, listener)
-    chosen = _chosen(opened, folder, run_label)
+    labels = [one.saved.manifest.label for one in opened.restored]
+    chosen = opened.restored[labels.index(chosen_label(folder, labels, run_label))]
     library = opened.scene.library
     scale = scale_for(opened.scene.info.display_units, library.arena)
     moment, record = _update(opened, chosen, folder, step)
@@ -191,11 +192,6 @@ def _check_target(path: Path, *, force: bool) -> None:
         expect_absent(path, force=force)
     else:
         check_picture(path, force=force)
-
-
-def _chosen(opened: Opened, folder: Path, label: str | None) -> Restored:
-    labels = [one.saved.manifest.label for one in opened.restored]
-    return opened.restored[labels.index(chosen_label(folder, labels, label))]
 
 
 def _update(opened: Opened, chosen: Restored, folder: Path, number: int | None) -> tuple[Moment, StepRecord]:

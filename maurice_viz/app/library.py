@@ -286,7 +286,12 @@ def tune(
     fit, test = [Path(path) for path in sessions], [Path(path) for path in score]
     if to is not None:
         expect_absent(Path(to), force=force)
-    _refuse_fitted(fit, test)
+    fitted = {hash_file(path): path for path in fit}
+    for path in test:
+        same = fitted.get(hash_file(path))
+        if same is not None:
+            which = "is fitted on" if path == same else f"is the same drive as {same}, which is fitted on"
+            raise InputError(path, f"{which}, and would flatter the result; score another drive")
     path = Path(library)
     opened = library_at(path, listener)
     tuning = _Tuning(path, opened, _wanted(path, opened, channels), keep_going, listener)
@@ -324,15 +329,6 @@ class _Tuning:
     def measuring(self) -> Measuring:
         """How pictures are compared."""
         return Measuring(self.library, {name: BEFORE.distance_of(name) for name in self.rows})
-
-
-def _refuse_fitted(fit: Sequence[Path], test: Sequence[Path]) -> None:
-    fitted = {hash_file(path): path for path in fit}
-    for path in test:
-        same = fitted.get(hash_file(path))
-        if same is not None:
-            which = "is fitted on" if path == same else f"is the same drive as {same}, which is fitted on"
-            raise InputError(path, f"{which}, and would flatter the result; score another drive")
 
 
 def _wanted(path: Path, library: Library, channels: Sequence[str] | None) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import rerun as rr
@@ -131,10 +132,7 @@ def _sink(
 ) -> Iterator[rr.RecordingStream]:
     info, layout = scene.info, layout_of(runs, scene, output.layout)
     if not scene.live:
-
-        def beforehand(path: Path) -> None:
-            _remark_size(runs, scene, output, path, listener)
-
+        beforehand = partial(_remark_size, runs, scene, output, listener)
         with opened(output, info.name, layout, listener, beforehand, written=written) as rec:
             yield rec
         return
@@ -197,7 +195,7 @@ def _remark_written(path: Path, keys: str, listener: Listener) -> None:
 
 
 def _remark_size(
-    runs: Sequence[RunView], scene: DriveScene, output: OutputOptions, path: Path, listener: Listener
+    runs: Sequence[RunView], scene: DriveScene, output: OutputOptions, listener: Listener, path: Path
 ) -> None:
     """Report how large the file will be, approximately, where that is known and it is large."""
     detail = Detail(output.detail)

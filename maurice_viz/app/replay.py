@@ -34,7 +34,7 @@ from .open import (
     open_session,
 )
 from .output import DriveScene, OutputOptions
-from .run import Playback, Report, RunScores, no_report, play, remark, remark_zeros
+from .run import Playback, Report, RunScores, play, remark, remark_zeros
 from .saved import Inputs, open_saved, playback_of, saving
 
 
@@ -105,7 +105,7 @@ def replay_any(
     as_recorded: bool = False,
     alone: bool = True,
     listener: Listener = SILENT,
-    report: Report = no_report,
+    report: Report = lambda scores: None,
 ) -> RunScores:
     """Replay whatever `session` names, with one run; the command and the function `replay` both call this.
 
@@ -150,7 +150,7 @@ def replay_session(
     output: OutputOptions,
     reading: ReadingOptions,
     listener: Listener,
-    report: Report = no_report,
+    report: Report = lambda scores: None,
     alone: bool = False,
 ) -> RunScores:
     """Replay a recorded session once for each spec, side by side. InputError, OptionError."""
@@ -233,7 +233,10 @@ def follow_source(
             return _localize(session, spec, replace(output, stem=STEM), listener, report)
         finally:
             if recorder is not None:
-                _remark_captured(session, listener)
+                session.close()  # so that the file is whole when this is remarked
+                counts = session.counts
+                found = f"{counts.records} records, {counts.pictures} of them pictures"
+                listener.remark(f"{session.path}: {found}")
 
 
 def _localize(
@@ -303,10 +306,3 @@ def _remark_left_out(session: LiveSession, listener: Listener) -> None:
     if session.problem_count:
         found = f"{session.problem_count} lines or pictures made no sense and were left out"
         listener.remark(f"{session.source.name}: {found}, the first: {session.problems[0]}")
-
-
-def _remark_captured(session: LiveSession, listener: Listener) -> None:
-    session.close()  # so that the file is whole when this is remarked
-    listener.remark(
-        f"{session.path}: {session.counts.records} records, {session.counts.pictures} of them pictures"
-    )

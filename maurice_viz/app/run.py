@@ -80,16 +80,12 @@ class RunScores:
 Report = Callable[[RunScores], None]
 
 
-def no_report(scores: RunScores) -> None:
-    """Do nothing with the scores before they are returned."""
-
-
 def play(
     playback: Playback,
     output: OutputOptions,
     listener: Listener,
     savers: AbstractContextManager[Mapping[str, RunWriter]] | None = None,
-    report: Report = no_report,
+    report: Report = lambda scores: None,
 ) -> RunScores:
     """Go through all updates, draw, save, and return the scores, which `report` gets as well.
 
@@ -130,9 +126,8 @@ def _scores(
 
 def collector_of(playback: Playback) -> ResultCollector:
     """Return what scores the runs, and compares those after the first with it."""
-    scene = playback.scene
-    arena = scene.library.arena
-    say = scale_for(scene.info.display_units, arena).say
+    arena = playback.scene.library.arena
+    say = scale_for(playback.scene.info.display_units, arena).say
     return ResultCollector(playback.labels, arena.size_m, say, playback.other_drives)
 
 

@@ -207,7 +207,11 @@ def saving(
     except OSError as problem:
         raise _full(output.save_run, problem) from None
     finally:
-        _close(writers, state, output.save_run)
+        try:
+            for writer in writers.values():
+                writer.close(state)
+        except OSError as problem:
+            raise _full(output.save_run, problem) from None
 
 
 def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
@@ -252,14 +256,6 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
         reading=replace(opening, format=form.name),
         table=None if opening.table is None else source_of(opening.table, folder),
     )
-
-
-def _close(writers: Mapping[str, RunWriter], state: str, target: Path) -> None:
-    for writer in writers.values():
-        try:
-            writer.close(state)
-        except OSError as problem:
-            raise _full(target, problem) from None
 
 
 def _full(target: Path, problem: OSError) -> SinkError:

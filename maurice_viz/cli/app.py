@@ -149,15 +149,12 @@ class ReplayByDefault(CommandList):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `replay` in front of what is neither a command nor an option of the app's own."""
         if args and args[0] not in OWN_OPTIONS and args[0] not in self.list_commands(ctx):
-            _expect_session(args[0], self.list_commands(ctx))
+            word = args[0]  # neither an option, an address nor a file: a mistyped command, probably
+            if not word.startswith("-") and "://" not in word and not Path(word).exists():
+                nearest = _nearest(word, self.list_commands(ctx))
+                fail(f"{word}: there is no session or command of that name; {nearest}")
             args = ["replay", *args]
         return super().parse_args(ctx, args)
-
-
-def _expect_session(word: str, commands: list[str]) -> None:
-    """Refuse a first word that is neither an option, an address nor a file: a mistyped command, probably."""
-    if not word.startswith("-") and "://" not in word and not Path(word).exists():
-        fail(f"{word}: there is no session or command of that name; {_nearest(word, commands)}")
 
 
 def _nearest(word: str, commands: list[str]) -> str:

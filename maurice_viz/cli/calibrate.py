@@ -102,7 +102,6 @@ def drive(
 
 
 def _motion_table(fit: Calibration, units: Units, name: str) -> Table:
-    """List every constant with its interval, angles in degrees and lengths in display units."""
     table = Table(title=f"motion of {name}", title_justify="left")
     for heading in ("constant", "value", "95 % interval", "from"):
         table.add_column(heading, justify="left" if heading in ("constant", "from") else "right")
@@ -140,7 +139,6 @@ def _judged(spread: Spread) -> str:
 
 
 def _noise_table(floor: NoiseFloor, name: str) -> Table:
-    """List the peak of each color."""
     table = Table(title=f"noise of {name}, {floor.frames} covered frames", title_justify="left")
     columns = ("color", "peak", "sd between frames", "largest sd of a bin", "at pixel values", "mean value")
     for column in columns:

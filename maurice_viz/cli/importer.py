@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def _arguments(words: list[str]) -> tuple[Path, str | None]:
-    """Give the file and the recording that Rerun wants it in; its other options do not matter here."""
+    """Return the file and the recording that Rerun wants it in; its other options do not matter here."""
     parser = argparse.ArgumentParser("rerun-importer-maurice", description=main.__doc__, allow_abbrev=False)
     parser.add_argument("file", type=Path)
     parser.add_argument("--recording-id")
@@ -59,7 +59,7 @@ def _arguments(words: list[str]) -> tuple[Path, str | None]:
 
 
 def is_ours(path: Path) -> bool:
-    """Tell whether a path is a native log or a saved run, by its first line or its manifest; never raises."""
+    """Return whether a path is a native log or a saved run, by first line or manifest; never raises."""
     try:
         if not path.is_file():
             return False
@@ -114,7 +114,6 @@ def _draw(path: Path, recording_id: str | None) -> None:
 
 
 def _usual_run(log: SessionLog) -> Playback:
-    """Prepare the run that `maurice-replay SESSION` makes."""
     from ..app.open import RunSpec, make_runs, open_library_for
     from ..app.replay import playback_of_session
     from .console import TO_CONSOLE
@@ -141,7 +140,6 @@ def _play(playback: Playback, recording_id: str | None) -> None:
 
 
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
-    """Draw a log that no library goes with."""
     from ..app.drive import glances_of, moments_of
     from ..panels.drive import DriveView, draw_drive, drive_blueprint, drive_paths
     from ..viewer.sinks import recording
@@ -170,7 +168,7 @@ def _finish(rec: rr.RecordingStream) -> None:
 
 
 def _end_with_reader() -> None:
-    """End this process when the viewer has gone away: the SDK would wait for a closed pipe without end."""
+    """End this process when the viewer has gone away: the SDK would wait for a closed pipe forever."""
     while not _nobody_reads():
         time.sleep(LOOK_S)
     sys.stderr.write(f"maurice-replay: {GONE}\n")
@@ -183,7 +181,7 @@ def _is_left() -> bool:
 
 
 def _nobody_reads() -> bool:
-    """Tell whether standard output is a pipe whose other end was closed."""
+    """Return whether standard output is a pipe whose other end was closed."""
     asked = select.poll()
     asked.register(sys.stdout.fileno(), 0)
     return any(event & (select.POLLERR | select.POLLHUP) for _, event in asked.poll(0))

@@ -254,7 +254,6 @@ def tune(
 
 
 def _tuning_table(report: TuningResult) -> Table:
-    """Return a table with one row per channel, then the blends."""
     table = Table(title=f"library {report.library}", title_justify="left", caption=report.gain)
     for name in ("", "distance", "scale", "weight", "log score, fitted"):
         table.add_column(name, justify="left" if name in ("", "distance") else "right")

@@ -1,9 +1,8 @@
 """Reports: one self-contained HTML page about a saved run.
 
-- `make`: `report`, from a saved run to the page
+- `make`: `report`, from a saved run to the page; facts about session, library and configuration
 - `choosing`: which events are listed, and which steps get a picture
 - `charts`, `map`: where lines and marks lie in the drawings
 - `shots`: pictures of a step
-- `facts`: session, library, versions, configuration
 - `templates/`: the page, its drawings and its style
 """
