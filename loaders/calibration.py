@@ -20,14 +20,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
 from .errors import InputError, PictureError, ReadingNotes
-from .files import (
-    PICTURES,
-    number_in,
-    read_csv,
-    read_number_rows,
-    show,
-    write_whole,
-)
+from .files import PICTURES, number_in, read_csv, read_number_rows, show, write_whole
 from .pictures import decode_picture
 from .session_log.reader import picture_bytes
 from .session_log.records import (
@@ -357,7 +350,6 @@ def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
 
 
 def _believed(moved: F64, went: F64, turning: bool, cutting: Cutting) -> bool:
-    """Return whether a movement, by odometry and by truth (3,), is large enough, and the truth no jump."""
     if turning:
         return bool(cutting.least_rad <= abs(moved[2]) and abs(went[2]) < cutting.jump * abs(moved[2]))
     way, really = (float(np.hypot(*step[:2])) for step in (moved, went))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -130,7 +130,6 @@ def opened(path: Path, options: ReadingOptions) -> Recording:
 
 
 def _gain(path: Path, info: SessionInfo) -> float:
-    """Return the gain of turns that the header's motion model corrects for."""
     if not info.motion or info.motion.get("model", "maurice") != "maurice":
         return 1.0
     try:
@@ -181,7 +180,6 @@ def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
 
 
 def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:
-    """Yield time and pixels of every first, second, ... picture; those that cannot be read are left out."""
     records = opened(path, options).records(ReadingNotes(keep_going=True))
     pictures = (record for record in records if isinstance(record, Picture))
     for picture in islice(pictures, 0, None, stride):
@@ -233,57 +231,33 @@ def diagnose(
         drive = replace(drive, size_m=max(library.arena.size_m))
     movement_s = movement_apart(drive)
     apart = clocks_apart(drive, movement_s) or truth_apart(drive)
-    asked = _Asked(["times", "odometry by itself"], [])
-    known = [*_about_reading(found), *units, *apart, *_about_odometry(drive, movement_s, asked)]
+    checks, without = ["times", "odometry by itself"], list[str]()
+    known = [*_about_reading(found), *units, *apart, *_about_odometry(drive, movement_s, checks, without)]
     if library is None:
-        asked.without.append("pictures: no library was given")
+        without.append("pictures: no library was given")
     elif not len(drive.picture_t_s):
-        asked.without.append("pictures: there are none")
+        without.append("pictures: there are none")
     else:
         looks = look(path, options, library, found.info, drive, factor, progress)
-        asked.checks.append(f"{len(looks.t_s)} pictures against the library")
+        checks.append(f"{len(looks.t_s)} pictures against the library")
         known = _about_pictures(looks, drive, found, known)
-    return _diagnosis(path, options, found, drive, asked, known)
-
-
-@dataclass(frozen=True, slots=True)
-class _Asked:
-    checks: list[str]
-    without: list[str]  # what could not, and why
-
-
-def _diagnosis(
-    path: Path,
-    options: ReadingOptions,
-    found: Gathered,
-    drive: RecordedDrive,
-    asked: _Asked,
-    known: Sequence[Finding],
-) -> Diagnosis:
-    """Put together what is reported; a delay of the pictures is why truth seems to be elsewhere in time."""
-    delayed = any(one.code == "picture-delay" for one in known)
+    delayed = any(one.code == "picture-delay" for one in known)  # why truth seems to be elsewhere in time
     format_name = chosen(path, options).name
-    findings = [fixable(one, format_name) for one in known if not (delayed and one.code == "truth-apart")]
-    return Diagnosis(
-        path,
-        found.info.name,
-        drive.odometry.size,
-        drive.truth.size,
-        len(drive.picture_t_s),
-        found.cut,
-        found.warnings,
-        tuple(asked.checks),
-        tuple(asked.without),
-        tuple(findings),
-        fixed_options(options, findings),
-    )
+    told = [one for one in known if not (delayed and one.code == "truth-apart")]
+    findings = [fixable(one, format_name) for one in told]
+    counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
+    asked = (tuple(checks), tuple(without), tuple(findings))
+    fixed = fixed_options(options, findings)
+    return Diagnosis(path, found.info.name, *counts, found.cut, found.warnings, *asked, fixed)
 
 
-def _about_odometry(drive: RecordedDrive, movement_s: float | None, asked: _Asked) -> list[Finding]:
+def _about_odometry(
+    drive: RecordedDrive, movement_s: float | None, checks: list[str], without: list[str]
+) -> list[Finding]:
     if drive.truth.size > 1 and drive.odometry.size > 1:
-        asked.checks.append("odometry against truth")
+        checks.append("odometry against truth")
         return compared_with_truth(drive, movement_s)
-    asked.without.append(f"{'truth' if drive.truth.size <= 1 else 'odometry'}: there is none")
+    without.append(f"{'truth' if drive.truth.size <= 1 else 'odometry'}: there is none")
     return odometry_doubts(drive)
 
 

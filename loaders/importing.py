@@ -69,9 +69,8 @@ def heading_unit(file: Path, columns: Columns) -> str:
     unit = columns.heading_unit or columns.heading.rsplit("_", 1)[-1]
     if unit not in UNITS:
         advice = "say whether it is in deg or rad"
-        raise InputError(
-            file, f"found heading column {columns.heading!r} without a unit in its name; {advice}"
-        )
+        text = f"found heading column {columns.heading!r} without a unit in its name; {advice}"
+        raise InputError(file, text)
     return unit
 
 
@@ -82,17 +81,15 @@ def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[
     if missing:
         _expect_commas(file, found)
         names = ", ".join(found) or "none"
-        raise InputError(
-            file, f"found columns {names}, expected also {', '.join(missing)}; choose the columns", 1
-        )
+        text = f"found columns {names}, expected also {', '.join(missing)}; choose the columns"
+        raise InputError(file, text, 1)
     to_rad = math.pi / 180 if heading_unit(file, columns) == "deg" else 1.0
     for number, row in enumerate(table):
         line = table.line_num
         image = row[columns.image]
         if not image:
-            raise InputError(
-                file, f"found no file name in column {columns.image!r}, expected a picture", line
-            )
+            text = f"found no file name in column {columns.image!r}, expected a picture"
+            raise InputError(file, text, line)
         x, y, heading = (number_in(file, line, name, row[name]) for name in wanted[1:])
         yield PoseRow(number, line, image, np.array([x, y, heading * to_rad]))
 
@@ -125,7 +122,6 @@ def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -
 
 
 def _near(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
-    """Keep the walls (W, 4) whose own box meets the bounds."""
     x_min, y_min, x_max, y_max = bounds
     x, y = walls[:, [0, 2]], walls[:, [1, 3]]
     meets_x = (x.max(axis=1) >= x_min) & (x.min(axis=1) <= x_max)
@@ -334,15 +330,12 @@ def _write_session(
 
 
 class _Copier:
-    """Copies the picture of a row into the new folder, once it is known to be undamaged."""
-
     def __init__(self, folder: Path, poses_csv: Path, out: Path) -> None:
         self._places = (folder, poses_csv.parent)
         self._table = poses_csv
         self._out = out
 
     def __call__(self, row: PoseRow) -> str:
-        """Return the copy's path relative to the logs; its name is the row's number and tells no pose."""
         source = next((p / row.image for p in self._places if (p / row.image).is_file()), None)
         if source is None:
             tried = self._places[0] / row.image

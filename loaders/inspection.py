@@ -120,8 +120,6 @@ def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -
 
 
 class _Tally:
-    """Counts while the records pass by; holds sums and never the records."""
-
     def __init__(self, path: Path, notes: ReadingNotes) -> None:
         self._path, self._notes = path, notes
         self._before: dict[str, F64] = {}  # the last pose of a kind

@@ -15,17 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 from .errors import FieldError, InputError
-from .files import (
-    flag,
-    mapping,
-    number,
-    read_toml,
-    show,
-    text,
-    toml_value,
-    whole,
-    write_whole,
-)
+from .files import flag, mapping, number, read_toml, show, text, toml_value, whole, write_whole
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")
@@ -44,6 +34,9 @@ class Meaning(NamedTuple):
     least: float | None = None  # for numbers; a number whose default is 1 is a factor, never 0
 
 
+Text = str | None
+
+
 @dataclass(frozen=True, slots=True)
 class ReadingOptions:
     """How a recording is read; the defaults detect what they can and change nothing.
@@ -55,20 +48,18 @@ class ReadingOptions:
         ('--reading turn_scale=-1', '--reading camera_yaw_deg=89.9999985')
     """
 
-    format: Annotated[
-        str | None, Meaning("Format of the recording, if the detected one is wrong.", "source")
-    ] = None
-    camera: Annotated[
-        str | None, Meaning("Camera whose pictures are read. [default: the first]", "source")
-    ] = None
+    format: Annotated[Text, Meaning("Format of the recording, if the detected one is wrong.", "source")] = (
+        None
+    )
+    camera: Annotated[Text, Meaning("Camera whose pictures are read. [default: the first]", "source")] = None
     image_topic: Annotated[
-        str | None, Meaning("Topic of a bag's pictures. [default: detected, printed]", "source")
+        Text, Meaning("Topic of a bag's pictures. [default: detected, printed]", "source")
     ] = None
     odometry_topic: Annotated[
-        str | None, Meaning("Topic of a bag's odometry. [default: detected, printed]", "source")
+        Text, Meaning("Topic of a bag's odometry. [default: detected, printed]", "source")
     ] = None
     truth_topic: Annotated[
-        str | None, Meaning("Topic of a bag's true poses. [default: detected, printed]", "source")
+        Text, Meaning("Topic of a bag's true poses. [default: detected, printed]", "source")
     ] = None
     table: Annotated[
         Path | None, Meaning("CSV table of poses or odometry, for pictures in a folder or video.", "table")
@@ -76,9 +67,7 @@ class ReadingOptions:
     columns: Annotated[Mapping[str, str], Meaning("Columns of a table by role.", "table")] = field(
         default_factory=dict
     )
-    time_unit: Annotated[
-        str | None, Meaning("Unit of the times. [default: detected]", "table", TIME_UNITS)
-    ] = None
+    time_unit: Annotated[Text, Meaning("Unit of the times. [default: detected]", "table", TIME_UNITS)] = None
     odometry_offset_s: Annotated[
         float, Meaning("Seconds added to the times of the odometry.", "correction")
     ] = 0.0
@@ -99,7 +88,7 @@ class ReadingOptions:
         float, Meaning("Direction of the robot's forward in the odometry's frame.", "correction")
     ] = 0.0
     odometry_are: Annotated[
-        str | None,
+        Text,
         Meaning(
             "What the odometry's motions hold: poses, or steps along fixed axes.", "correction", MOTIONS_ARE
         ),

@@ -120,8 +120,6 @@ class RecordedSession(HasReadingNotes):
 
 
 class _Updates:
-    """One reading of a recording: which pictures are used, and what belongs to each."""
-
     def __init__(self, session: RecordedSession, notes: ReadingNotes) -> None:
         self.truths = 0  # seen so far
         self._session = session
@@ -167,28 +165,23 @@ class _Updates:
                 self._spans["odometry"].add(record.t_s)
             yield record
 
-    @property
-    def _advice(self) -> str:
-        if self.truths:
-            return "--reading odometry_from_truth=true makes some from the truth, for trying things out"
-        return "name a table of poses with --reading table=..., or a bag's topic with odometry_topic=..."
-
     def _tell(self) -> None:
-        """Report at the end how the alignment went. Raises InputError if no picture found its odometry."""
         pictures, odometry = self._spans["pictures"], self._spans["odometry"]
         if pictures.count and self._session.odometry is None:
-            self._notes.warning(
-                f"found no odometry: the filter only has the pictures to go by; {self._advice}"
+            advice = (
+                "name a table of poses with --reading table=..., or a bag's topic with odometry_topic=..."
             )
+            if self.truths:
+                advice = "--reading odometry_from_truth=true makes some from the truth, for trying things out"
+            self._notes.warning(f"found no odometry: the filter only has the pictures to go by; {advice}")
         if not self._unpaired:
             return
         within = f"within {self._session.options.max_dt_s:g} s"
         if self._unpaired == pictures.count:
             where = apart("pictures", pictures, "odometry", odometry)
             found = f"found no picture with odometry {within}: {where}"
-            raise InputError(
-                self._session.path, f"{found}; see --reading odometry_offset_s=... and max_dt_s=..."
-            )
+            text = f"{found}; see --reading odometry_offset_s=... and max_dt_s=..."
+            raise InputError(self._session.path, text)
         share = f"{self._unpaired} of {pictures.count} pictures"
         self._notes.warning(
             f"{share} have no odometry {within} and were left out; see --reading max_dt_s=..."

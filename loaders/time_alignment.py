@@ -240,7 +240,6 @@ class Aligner:
         yield from self._waiting
 
     def _outdated(self, now_s: float) -> Iterator[Aligned]:
-        """Yield the pictures that nothing from this time on can tell more about."""
         while self._waiting and self._ready(self._waiting[0], now_s):
             yield self._waiting.popleft()
 

@@ -166,9 +166,8 @@ def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
         return recording
     if correction.odometry_are not in (None, *MOTIONS_ARE):
         expected = f"expected one of {', '.join(MOTIONS_ARE)}"
-        raise InputError(
-            recording.path, f"found --reading odometry_are={correction.odometry_are}, {expected}"
-        )
+        text = f"found --reading odometry_are={correction.odometry_are}, {expected}"
+        raise InputError(recording.path, text)
     return Corrected(recording, correction)
 
 
@@ -257,11 +256,12 @@ class OdometryNoise:
 
     def describe(self, seed: int) -> str:
         """Return the noise in a sentence, for the header's notes."""
-        return (
-            f"odometry is synthetic: made from the steps between labelled poses, with noise of "
-            f"{self.way_share:g} of a way, {self.turn_share:g} of a turn and "
-            f"{self.drift_rad_per_m:g} rad a metre of way (standard deviations), seed {seed}"
-        )
+        made = "odometry is synthetic: made from the steps between labelled poses"
+        return f"{made}, {self} (standard deviations), seed {seed}"
+
+    def __str__(self) -> str:
+        way, turn = f"{self.way_share:g} of a way", f"{self.turn_share:g} of a turn"
+        return f"with noise of {way}, {turn} and {self.drift_rad_per_m:g} rad a metre of way"
 
 
 def synthetic_motions(before: F64, after: F64, noise: OdometryNoise, seed: int, step: int) -> list[F64]:
@@ -303,10 +303,8 @@ class MadeOdometry(RecordingWrapper):
     @property
     def said(self) -> str:
         """What everybody has to know who sees a result."""
-        noise = self.noise
         return (
-            f"ODOMETRY IS NOT MEASURED but made from the truth, with noise of {noise.way_share:g} of a way, "
-            f"{noise.turn_share:g} of a turn and {noise.drift_rad_per_m:g} rad a metre of way "
+            f"ODOMETRY IS NOT MEASURED but made from the truth, {self.noise} "
             f"(standard deviations, drawn once a movement of {MOVEMENT_M:g} m or "
             f"{math.degrees(MOVEMENT_RAD):g} degrees), seed {self.seed}"
         )
@@ -339,8 +337,6 @@ def odometry_from_truth(recording: Recording, seed: int) -> MadeOdometry:
 
 
 class _NoisyWheels:
-    """A robot that follows the truth and measures its movements with errors."""
-
     def __init__(self, noise: OdometryNoise, seed: int) -> None:
         self._noise, self._seed = noise, seed
         self._at: F64 | None = None  # the true pose

@@ -166,9 +166,8 @@ class RecordedLocalizer:
             xy = np.concatenate(some)[:, :2]
             low, high = np.minimum(low, xy.min(axis=0)), np.maximum(high, xy.max(axis=0))
         if not count:
-            raise InputError(
-                self.path, f"found no particles at {self.cloud.name}, expected a localizer's cloud"
-            )
+            text = f"found no particles at {self.cloud.name}, expected a localizer's cloud"
+            raise InputError(self.path, text)
         return Overview(count, truth, most, self._map or open_arena(np.stack([low, high])))
 
     def _stream(self, notes: ReadingNotes) -> Iterator[Timed]:

@@ -309,7 +309,6 @@ def raw_picture(data: bytes, message: Any) -> U8:
 
 
 def _rows(data: bytes, message: Any, pixel: int) -> U8:
-    """Return the rows (H, W * pixel) of a picture without their padding."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     if min(height, width) < 1 or height * width > LARGEST:
         raise PictureError(f"found a picture of {width} x {height} pixels, expected 1 to {LARGEST}")

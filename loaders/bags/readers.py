@@ -221,7 +221,6 @@ def time_s(message: Any, log_ns: int, *, recorded: bool) -> float:
 
 
 def _picture(message: Any) -> U8:
-    """Decode a picture; PictureError also for a message that lacks a field."""
     try:
         return picture_of(message)
     except PictureError:

@@ -126,13 +126,11 @@ class BagRecording:
 def _refuse_tables(path: Path, options: ReadingOptions) -> None:
     for name in ("time_unit", "table", "columns"):
         if getattr(options, name):
-            raise InputError(
-                path, f"found --reading {name}=..., which is for tables, and this is a bag; leave it out"
-            )
+            text = f"found --reading {name}=..., which is for tables, and this is a bag; leave it out"
+            raise InputError(path, text)
 
 
 def _events_topic(bag: BagSource) -> str | None:
-    """Return the topic of texts named `events`, as our own `export --mcap` writes it."""
     found = [t.name for t in readable(bag.topics, {TEXT})]
     return next((name for name in found if name.rpartition("/")[2] == "events"), None)
 
@@ -212,7 +210,6 @@ def _frame_of(bag: BagSource, image: str) -> str:
 
 
 def _yaw(bag: BagSource, base: str, frame: str) -> float | None:
-    """Return the viewing direction of a frame in the base that static transforms connect it to."""
     tree = FrameTree()
     for topic in readable(bag.topics, TRANSFORMS):
         if "static" in topic.name:

@@ -154,9 +154,8 @@ class VideoStream:
         if self._group is None:
             self._waited += 1
             if self._waited > MOST_WAITED:
-                raise PictureError(
-                    f"found no key frame in {MOST_WAITED} parts of video ({codec}), expected one"
-                )
+                text = f"found no key frame in {MOST_WAITED} parts of video ({codec}), expected one"
+                raise PictureError(text)
             return None
         return VideoPart(partial(self._group.picture, self._group.add(data)), self._note(t_s, key=key))
 

@@ -293,7 +293,6 @@ class DriveWriter:
         self._odometry_s = t_s
 
     def _place(self, pose: F64) -> None:
-        """Place the robot in the map: that gives the pose of the odometry frame."""
         self._correction = compose(pose, motion_between(self._odometry, np.zeros(3)))
 
     def _write_transforms(self) -> None:

@@ -250,15 +250,9 @@ TITLE = "APE w.r.t. translation part (m)\n(not aligned)"
 def error_statistics(errors_m: F64) -> dict[str, float]:
     """Return evo's seven statistics of some errors (N,), N > 0, by its names."""
     squared = np.square(errors_m)
-    return {
-        "rmse": float(np.sqrt(squared.mean())),
-        "mean": float(errors_m.mean()),
-        "median": float(np.median(errors_m)),
-        "std": float(errors_m.std()),
-        "min": float(errors_m.min()),
-        "max": float(errors_m.max()),
-        "sse": float(squared.sum()),
-    }
+    found = {"rmse": np.sqrt(squared.mean()), "mean": errors_m.mean(), "median": np.median(errors_m)}
+    found |= {"std": errors_m.std(), "min": errors_m.min(), "max": errors_m.max(), "sse": squared.sum()}
+    return {name: float(value) for name, value in found.items()}
 
 
 class EvoSink:
@@ -296,7 +290,10 @@ class EvoSink:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("info.json", json.dumps(names))
             archive.writestr("stats.json", json.dumps(self.statistics()))
-            _write_arrays(archive, arrays)
+            for name, values in arrays.items():
+                held = io.BytesIO()
+                np.save(held, values)
+                archive.writestr(f"{name}.npy", held.getvalue())
             for name, columns in (("truth", slice(1, 4)), (self._label, slice(4, 7))):
                 archive.writestr(f"{name}.tum", "".join(tum_line(row[0], row[columns]) for row in rows))
 
@@ -311,13 +308,6 @@ def _way(poses: F64) -> F64:
     return np.concatenate([[0.0], np.hypot(steps[:, 0], steps[:, 1]).cumsum()])
 
 
-def _write_arrays(archive: zipfile.ZipFile, arrays: Mapping[str, F64]) -> None:
-    for name, values in arrays.items():
-        held = io.BytesIO()
-        np.save(held, values)
-        archive.writestr(f"{name}.npy", held.getvalue())
-
-
 @contextmanager
 def evo_sink(file: Path, label: str, *, force: bool = False) -> Iterator[EvoSink]:
     """Open evo's result file. InputError as for `filling`, and when no truth was known at any update."""
@@ -325,7 +315,6 @@ def evo_sink(file: Path, label: str, *, force: bool = False) -> Iterator[EvoSink
         sink = EvoSink(label)
         yield sink
         if not len(sink.rows):
-            raise InputError(
-                file, "the run knows no truth, and an error needs one; export --tum or --csv instead"
-            )
+            text = "the run knows no truth, and an error needs one; export --tum or --csv instead"
+            raise InputError(file, text)
         sink.save(part)

@@ -293,7 +293,6 @@ class TimedFolder:
         return False
 
     def _offset(self, truth: PoseFile, main: TimeSpan) -> str:
-        """Return what would bring the truth's clock to the other: by the movement, else by the beginnings."""
         odometry = self.odometry
         if odometry is not None and (odometry.span.overlaps(main, SLACK_S)):
             found = offset_between(*odometry.track(), *truth.track())
@@ -340,9 +339,8 @@ class PictureList(_TimedFile):
     def _picture(self, row: Row) -> Picture:
         words = self._words(row)
         if len(words) < 2 or not words[1]:
-            raise InputError(
-                self.file, f"found {show(row.text)}, expected a time and a file name", row.number
-            )
+            text = f"found {show(row.text)}, expected a time and a file name"
+            raise InputError(self.file, text, row.number)
         number_of(self.file, row, words[0], "time", MOST_T_S * PER_SECOND[self._unit])
         name = words[1]
         return Picture(seconds(words[0], self._unit), partial(read_picture, self.root / name, name), name)

@@ -57,7 +57,8 @@ class CarmenRecording:
         set anew (an ODOM with a scan's pose and no time, as corrections leave it) goes on from where it was.
         """
         odometry, last_t_s, fallen, before = _Continuous(), 0.0, 0, None
-        source, truth = self._odometry_word, self._truth_word
+        source = next((word for word in ("ODOM", "FLASER", "ROBOTLASER1") if word in self._words), None)
+        truth = self._truth_word
         for found in self._poses(notes):
             set_anew = _set_anew(before, found, last_t_s)
             before = found
@@ -77,10 +78,6 @@ class CarmenRecording:
     @cached_property
     def _words(self) -> frozenset[str]:
         return frozenset(found.word for found in self._poses(ReadingNotes(keep_going=True)))
-
-    @property
-    def _odometry_word(self) -> str | None:
-        return next((word for word in ("ODOM", "FLASER", "ROBOTLASER1") if word in self._words), None)
 
     @cached_property
     def _truth_word(self) -> str | None:
@@ -139,21 +136,19 @@ class _Continuous:
 
 def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
     """Read a line that has a pose; None for every other. InputError for one that is cut or no number."""
-    if words[0] == "ODOM":  # x y theta tv rv accel, then times
-        return _Pose(row, "ODOM", _time(file, row, words), _vector(file, row, words, 1))
-    if words[0] == "TRUEPOS":  # true x y theta, odometry's x y theta, then times
-        return _Pose(row, "TRUEPOS", _time(file, row, words), _vector(file, row, words, 1))
-    if words[0] == "FLASER":  # n, n ranges, laser's x y theta, odometry's x y theta, then times
-        at = 2 + _count(file, row, words, 1)
+    word = words[
+        0
+    ]  # ODOM: x y theta tv rv accel, then times; TRUEPOS: true x y theta, odometry's, then times
+    if word in ("ODOM", "TRUEPOS"):
+        return _Pose(row, word, _time(file, row, words), _vector(file, row, words, 1))
+    # FLASER: n, n ranges, laser's x y theta, odometry's x y theta, then times
+    # ROBOTLASER1: type and 6 numbers, n, ranges, m, remissions, laser's and robot's pose ...
+    if word in ("FLASER", "ROBOTLASER1"):
+        first = 1 if word == "FLASER" else 8
+        at = first + 1 + _count(file, row, words, first)
+        at += 1 + _count(file, row, words, at) if word == "ROBOTLASER1" else 0
         laser, pose = (_vector(file, row, words, at + skip) for skip in (0, 3))
-        return _Pose(row, "FLASER", _time(file, row, words), pose, laser)
-    if (
-        words[0] == "ROBOTLASER1"
-    ):  # type and 6 numbers, n, ranges, m, remissions, laser's and robot's pose ...
-        at = 9 + _count(file, row, words, 8)
-        at += 1 + _count(file, row, words, at)
-        laser, pose = (_vector(file, row, words, at + skip) for skip in (0, 3))
-        return _Pose(row, "ROBOTLASER1", _time(file, row, words), pose, laser)
+        return _Pose(row, word, _time(file, row, words), pose, laser)
     return None
 
 
@@ -165,9 +160,8 @@ def _time(file: Path, row: Row, words: list[str]) -> float:
 
 def _vector(file: Path, row: Row, words: list[str], at: int) -> F64:
     if len(words) < at + 6:  # three more at least follow every pose
-        raise InputError(
-            file, f"found {len(words)} values, expected at least {at + 6}; was it cut?", row.number
-        )
+        text = f"found {len(words)} values, expected at least {at + 6}; was it cut?"
+        raise InputError(file, text, row.number)
     return np.array([number_of(file, row, word, "value") for word in words[at : at + 3]])
 
 

@@ -150,7 +150,6 @@ def _sensors(path: Path) -> list[_Sensor]:
 
 
 def _columns(file: Path) -> list[str]:
-    """Return the names of a table's columns, the usual ones where it has no header; none for other tables."""
     first = next(iter(begin_lines(file)), "")
     words = words_of(first) if first else [""]
     if "time" in words[0].lower():
@@ -191,7 +190,6 @@ def _pose_file(
 
 
 def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
-    """Return which axis is forward on a body whose z is not up, and of a camera that looks elsewhere."""
     said = []
     if poses is not None and poses.body[0][2]:
         said.append(f"{poses.file}: on this body x or y is up, so that headings are those of its z axis")

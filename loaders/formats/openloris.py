@@ -83,14 +83,13 @@ def _yaw(file: Path, sensor: str) -> float:
     pairs = None if storage is None else storage.getNode("trans_matrix")
     for at in range(0 if pairs is None else pairs.size()):
         pair = pairs.at(at) if pairs is not None else None
-        if pair is not None and _frames(pair) == ("base_link", sensor):
+        if pair is None:
+            continue
+        frames = tuple(pair.getNode(f"{which}_frame").string() for which in ("parent", "child"))
+        if frames == ("base_link", sensor):
             matrix = pair.getNode("matrix").mat()
             return math.atan2(float(matrix[1, 2]), float(matrix[0, 2]))
     return 0.0
-
-
-def _frames(pair: cv2.FileNode) -> tuple[str, str]:
-    return pair.getNode("parent_frame").string(), pair.getNode("child_frame").string()
 
 
 FORMATS = (

@@ -209,7 +209,6 @@ def looks_like_table(path: Path) -> bool:
 
 
 def _table_of(path: Path) -> Path | None:
-    """Return the table itself, or the only one of a folder; None where there is none or there are several."""
     try:
         if path.is_dir():
             found = [one for one in path.iterdir() if one.suffix.lower() in TABLES]

@@ -74,7 +74,6 @@ def _listed(path: Path) -> Path | None:
 
 
 def _color_column(listed: Path) -> int | None:
-    """Return which column names the pictures in a list of pairs: that of the color folder, else the first."""
     if listed.name == PICTURES:
         return None
     lines = [line for line in begin_lines(listed) if not line.startswith("#")]

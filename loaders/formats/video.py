@@ -111,9 +111,8 @@ def _opened(path: Path) -> cv2.VideoCapture:
     finally:
         cv2.utils.logging.setLogLevel(level)
     if not video.isOpened():
-        raise InputError(
-            path, "cannot be opened as a video, expected MP4, AVI, Matroska or MPEG; was it cut?"
-        )
+        text = "cannot be opened as a video, expected MP4, AVI, Matroska or MPEG; was it cut?"
+        raise InputError(path, text)
     return video
 
 

@@ -56,6 +56,7 @@ def _corners(arena: Arena) -> F64:
 FORMAT = "maurice-library"
 VERSION = 1
 MANIFEST = "manifest.json"
+DAMAGE = (FieldError, OSError, ValueError, KeyError, zipfile.BadZipFile, pl.exceptions.PolarsError)
 
 
 def save_library(
@@ -67,12 +68,8 @@ def save_library(
         _write_entries(library, filling)
         files = {name: f"{name}-{parameter_hash(name)}.npz" for name in library.index}
         for name, index in library.index.items():
-            np.savez(
-                filling / files[name],
-                references=index.references,
-                noise_floor=index.noise_floor,
-                relevance=index.relevance,
-            )
+            arrays = {key: getattr(index, key) for key in ("references", "noise_floor", "relevance")}
+            np.savez(filling / files[name], **arrays)
         _write_json(filling / MANIFEST, _manifest(library, filling, files, warnings))
 
 
@@ -90,17 +87,9 @@ def load_library(folder: Path) -> Library:
             arena=arena_from_json(read_json((folder / "map.json").read_bytes())),
             display_units=text(manifest.get("display_units"), "display_units"),
         )
-    except (
-        FieldError,
-        OSError,
-        ValueError,
-        KeyError,
-        zipfile.BadZipFile,
-        pl.exceptions.PolarsError,
-    ) as problem:
-        raise InputError(
-            folder, f"is a damaged library ({problem}); build it again from its survey"
-        ) from None
+    except DAMAGE as problem:
+        reason = f"is a damaged library ({problem}); build it again from its survey"
+        raise InputError(folder, reason) from None
     check_span(folder, library.poses, library.arena)
     return library
 
@@ -109,16 +98,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """Read a library's manifest. Raises InputError if the folder is no library of a known version."""
     file = folder / MANIFEST
     if not file.is_file():
-        raise InputError(
-            folder, f"found no {MANIFEST} in it, expected a library folder; build one from a survey"
-        )
+        text = f"found no {MANIFEST} in it, expected a library folder; build one from a survey"
+        raise InputError(folder, text)
     manifest = mapping(read_json(file.read_bytes()), MANIFEST)
     if manifest.get("format") != FORMAT:
         raise InputError(file, f"found format {show(manifest.get('format'))}, expected {FORMAT!r}")
     if manifest.get("version") != VERSION:
-        raise InputError(
-            file, f"found version {show(manifest.get('version'))}, expected {VERSION}; build it again"
-        )
+        text = f"found version {show(manifest.get('version'))}, expected {VERSION}; build it again"
+        raise InputError(file, text)
     return manifest
 
 
@@ -210,9 +197,8 @@ def _read_channels(folder: Path, manifest: Mapping[str, Any], entries: int) -> d
             if name not in OUR_NAMES:
                 continue  # somebody else's changed: only a run that asks for it needs another library
             advice = "build it again from its survey"
-            raise InputError(
-                folder, f"was measured with other parameters of channel {name!r} than today's; {advice}"
-            )
+            reason = f"was measured with other parameters of channel {name!r} than today's; {advice}"
+            raise InputError(folder, reason)
         index[name] = _read_channel(folder / text(described.get("file"), f"channels.{name}.file"), entries)
     return index
 

@@ -185,7 +185,6 @@ def open_library(
 
 
 def _survey_in(path: Path) -> Path:
-    """Return the survey log of a folder that holds one and is no library; any other path as it is."""
     log = path / "survey.log"
     return log if log.is_file() and not (path / MANIFEST).exists() else path
 

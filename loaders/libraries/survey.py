@@ -229,9 +229,8 @@ class SelectedSurvey:
             if taken.all():
                 raise InputError(self.path, "found no picture to take, expected pictures with poses")
             found = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
-            raise InputError(
-                self.path, f"{found}; see --reading truth_topic=..., table=... and truth_offset_s=..."
-            )
+            text = f"{found}; see --reading truth_topic=..., table=... and truth_offset_s=..."
+            raise InputError(self.path, text)
         unsharp = blurred(values[known])
         left = known[~unsharp]
         entries = left[choose(rows[left], values[left].min(axis=1), every)]
@@ -240,7 +239,6 @@ class SelectedSurvey:
         return taken, SurveySelection(pictures, pictures - len(known), int(unsharp.sum()), len(entries))
 
     def _kept(self, picture: SurveyPicture, number: int) -> SurveyPicture:
-        """Write a picture that is no file of its own, so that the library can keep it."""
         if picture.path is not None or self._keep is None or picture.covered:
             return picture
         file = self._keep / f"{number:06d}.jpg"

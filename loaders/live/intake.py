@@ -180,7 +180,6 @@ class Intake:
             yield Received(EventRecord(0, t_s, text), _line({"t": t_s, "event": text}))
 
     def _as_recorded(self, record: Record, line: LogLine, t_s: float) -> Received:
-        """Return a self-contained record: with the session's time and its picture inline. FieldError."""
         by_path = isinstance(record, PictureRecord) and record.path is not None
         if not by_path and not self._clock.shift_s:
             return Received(record, line.data + b"\n")
@@ -204,7 +203,6 @@ class Intake:
         return self._source.folder or Path.cwd()
 
     def _broken(self, line: LogLine, problem: FieldError) -> None:
-        """Count an invalid line; end the connection where nothing better can be expected."""
         if not line.ended and not line.too_long:
             self._notes.warning(f"{self._source.name}: the last line was cut off and was left out")
             return

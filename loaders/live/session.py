@@ -6,7 +6,7 @@ import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Condition, Event, Thread
@@ -15,7 +15,7 @@ from typing import BinaryIO, Self
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
+from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, compose_motions
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
@@ -121,28 +121,22 @@ class LiveRecorder:
         if folder.exists() and not folder.is_dir():
             raise InputError(folder, "found a file, expected a folder to record to; choose another name")
         expect_absent(self.path, force=force)
-        try:
+        with self._recording():
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise self._cannot(problem) from None
 
     def begin(self, info: SessionInfo) -> None:
         """Write the header. InputError where that does not work."""
         header = json.dumps(header_to_json(info, "session", self.path.parent), ensure_ascii=False)
-        try:
+        with self._recording():
             self._file = self.path.open("wb", buffering=0)
-        except OSError as problem:
-            raise self._cannot(problem) from None
         self.add(header.encode() + b"\n")
 
     def add(self, line: bytes) -> None:
         """Write a line with its end. InputError when the disk is full or gone."""
-        try:
+        with self._recording():
             rest = memoryview(line)
             while self._file is not None and rest:
                 rest = rest[self._file.write(rest) :]
-        except OSError as problem:
-            raise self._cannot(problem) from None
 
     def close(self) -> None:
         """Close the file and remove a folder made for it that is empty. Closing twice does no harm."""
@@ -152,8 +146,12 @@ class LiveRecorder:
             with suppress(OSError):
                 self.path.parent.rmdir()
 
-    def _cannot(self, problem: OSError) -> InputError:
-        return InputError(self.path, f"cannot be recorded to: {problem.strerror or problem}")
+    @contextmanager
+    def _recording(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as problem:
+            raise InputError(self.path, f"cannot be recorded to: {problem.strerror or problem}") from None
 
 
 QUIET = 4  # polls without a line (a second) after which truth is not awaited
@@ -267,7 +265,7 @@ class LiveSession(HasReadingNotes):
             if earlier is not None:
                 one.follow(earlier)
             try:
-                image = self._image(one.picture)
+                image = decode_picture(picture_bytes(replace(one.picture, path=None), self.path))
             except PictureError as problem:
                 self._notes.problem(SourceError(self.source.name, f"{self._name(one.picture)}: {problem}"))
                 earlier = one
@@ -318,15 +316,12 @@ class LiveSession(HasReadingNotes):
                     motions, way, events = [], np.zeros(3), []
 
     def _makes_an_update(self, way: F64) -> bool:
-        if self._listen.only_record:
+        if self._listen.only_record or not (self._first or self._listen.gate.open_after(way)):
             return False
-        if self._first or self._listen.gate.open_after(way):
-            self._first = False
-            return True
-        return False
+        self._first = False
+        return True
 
     def _records(self) -> Iterator[Record]:
-        """Record and yield what comes; yield NOTHING_COMES when nothing does."""
         quiet = 0
         for heard in self._intake:
             if self._info is None and self._intake.info is not None:
@@ -347,9 +342,6 @@ class LiveSession(HasReadingNotes):
             self._recorder.begin(info)
         self._info = info
         self._greeted.set()
-
-    def _image(self, picture: PictureRecord) -> U8:
-        return decode_picture(picture_bytes(replace(picture, path=None), self.path))
 
     def _name(self, picture: PictureRecord) -> str:
         return picture.path or f"line {picture.line} of {self.source.name}"

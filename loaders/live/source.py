@@ -294,7 +294,6 @@ class Listening:
             self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
 
     def _connection(self, channel: ByteStream) -> Iterator[Arrival]:
-        """Yield the lines of one connection and, unless we end it, the reason of its end."""
         cutter, why = LineCutter(), "has hung up"
         self._begun_s, self._sense, self._hung_up = time.monotonic(), False, ""
         try:
@@ -324,7 +323,6 @@ class Listening:
             yield Disconnected(self._hung_up or why, bool(self._hung_up))
 
     def _judge(self, cutter: LineCutter) -> None:
-        """Disconnect a peer that sends an endless line, or nothing valid."""
         if not self._source.peer:
             return
         if cutter.overflowing:

@@ -225,7 +225,6 @@ class Translator:
                 yield _Item(role, stamped.stamp_ns, message.log_ns, stamped.pose)
 
     def _picture(self, message: Any, t_s: float) -> _Unencoded | None:
-        """Return the picture of a message; None for video before its first key frame."""
         if codec_of(message) is None:
             return _Unencoded(_encoded(message))
         try:
@@ -304,9 +303,8 @@ def decoded(message: Message) -> Any:
     try:
         return message.decode()
     except Exception as problem:  # decoders raise anything on what a broken peer sends
-        raise FieldError(
-            f"found a message of {message.topic} that cannot be decoded ({short(problem)})"
-        ) from None
+        text = f"found a message of {message.topic} that cannot be decoded ({short(problem)})"
+        raise FieldError(text) from None
 
 
 def _stamp(message: Any) -> int | None:
@@ -317,7 +315,6 @@ def _stamp(message: Any) -> int | None:
 
 
 def _encoded(message: Any) -> Callable[[], str]:
-    """Return a function that encodes a picture as base64: unchanged if it is compressed, else as JPEG."""
     form = str(getattr(message, "format", ""))
     if hasattr(message, "encoding") or not COMPRESSED.search(form) or "Depth" in form:
         return partial(_as_jpeg, partial(picture_of, message))

@@ -272,7 +272,6 @@ class WebsocketStream:
         return learned + b"".join(map(_as_line, self._translator.take(heard, self._topics)))
 
     def _learn(self, message: Message) -> bytes:
-        """Learn from transforms which frames exist, as long as there is no odometry."""
         try:
             edges = {(link.parent, link.child) for link in links_of(decoded(message))}
         except MESSAGE_ERRORS as problem:

@@ -123,9 +123,8 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
     """Read a manifest of one of some formats and of this version. Raises InputError for any other."""
     file = folder / MANIFEST
     if not file.is_file():
-        raise InputError(
-            folder, f"found no {MANIFEST} in it, expected a saved run's folder; make one with --save-run"
-        )
+        text = f"found no {MANIFEST} in it, expected a saved run's folder; make one with --save-run"
+        raise InputError(folder, text)
     try:
         found = mapping(read_json(file.read_bytes()), "manifest")
     except ValueError as problem:

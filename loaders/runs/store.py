@@ -283,9 +283,8 @@ def _parsed(line: bytes) -> Bookmark | None:
     try:
         found: Any = read_json(line)
     except ValueError:
-        raise ValueError(
-            f"found {show(line.decode(errors='replace').strip())}, expected a bookmark"
-        ) from None
+        text = f"found {show(line.decode(errors='replace').strip())}, expected a bookmark"
+        raise ValueError(text) from None
     step, note = (found.get("step"), found.get("note")) if isinstance(found, dict) else (None, None)
     if not isinstance(step, int) or isinstance(step, bool) or step < 1:
         raise ValueError(f"found step {show(step)}, expected a number from 1")

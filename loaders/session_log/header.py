@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,15 +15,14 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..errors import FieldError
 from ..files import items, mapping, number, numbers, show, text
 
+REGIONS = ("obstacles", "floors", "rooms")
+
 
 def arena_to_json(arena: Arena) -> dict[str, Any]:
     """Return the header's `map` object: `bounds_m`, `walls_m`, `obstacles`, `floors`, `rooms`."""
-    return {
-        "bounds_m": [float(v) for v in arena.bounds],
-        "walls_m": arena.walls.tolist(),
-        "obstacles": _regions_to_json(arena.obstacles),
-        "floors": _regions_to_json(arena.floors),
-        "rooms": _regions_to_json(arena.rooms),
+    return {"bounds_m": [float(v) for v in arena.bounds], "walls_m": arena.walls.tolist()} | {
+        name: [{"name": r.name, "polygon_m": r.polygon.tolist()} for r in getattr(arena, name)]
+        for name in REGIONS
     }
 
 
@@ -34,29 +33,20 @@ def arena_from_json(value: Any) -> Arena:
     if x_min >= x_max or y_min >= y_max:
         raise FieldError(f"found map.bounds_m {found['bounds_m']}, expected x_min < x_max and y_min < y_max")
     walls = [numbers(w, 4, "map.walls_m") for w in items(found.get("walls_m", []), "map.walls_m")]
-    return Arena(
-        (x_min, y_min, x_max, y_max),
-        np.array(walls, np.float64).reshape(-1, 4),
-        _regions_from_json(found, "obstacles"),
-        _regions_from_json(found, "floors"),
-        _regions_from_json(found, "rooms"),
-    )
+    regions = (tuple(_regions(found, key)) for key in REGIONS)
+    return Arena((x_min, y_min, x_max, y_max), np.array(walls, np.float64).reshape(-1, 4), *regions)
 
 
-def _regions_to_json(regions: Sequence[Region]) -> list[dict[str, Any]]:
-    return [{"name": r.name, "polygon_m": r.polygon.tolist()} for r in regions]
-
-
-def _regions_from_json(found: dict[str, Any], key: str) -> tuple[Region, ...]:
-    return tuple(_region(value, f"map.{key}") for value in items(found.get(key, []), f"map.{key}"))
-
-
-def _region(value: Any, what: str) -> Region:
-    found = mapping(value, what)
-    corners = [numbers(c, 2, f"{what}.polygon_m") for c in items(found.get("polygon_m"), f"{what}.polygon_m")]
-    if len(corners) < 3:
-        raise FieldError(f"found {len(corners)} corners in {what}.polygon_m, expected at least 3")
-    return Region(text(found.get("name"), f"{what}.name"), np.array(corners, np.float64))
+def _regions(found: dict[str, Any], key: str) -> Iterator[Region]:
+    what = f"map.{key}"
+    for value in items(found.get(key, []), what):
+        one = mapping(value, what)
+        corners = [
+            numbers(c, 2, f"{what}.polygon_m") for c in items(one.get("polygon_m"), f"{what}.polygon_m")
+        ]
+        if len(corners) < 3:
+            raise FieldError(f"found {len(corners)} corners in {what}.polygon_m, expected at least 3")
+        yield Region(text(one.get("name"), f"{what}.name"), np.array(corners, np.float64))
 
 
 FORMAT = "maurice-session-log"
@@ -85,14 +75,12 @@ def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
     """Read the header object of the log at `path`. Unknown keys are ignored; raises FieldError."""
     found = mapping(value, "a header")
     if found.get("format") != FORMAT:
-        raise FieldError(
-            f"found format {show(found.get('format'))}, expected {FORMAT!r}; is this a session log?"
-        )
+        text = f"found format {show(found.get('format'))}, expected {FORMAT!r}; is this a session log?"
+        raise FieldError(text)
     if found.get("version") != VERSION or isinstance(found["version"], bool):
         version = show(found.get("version"))
-        raise FieldError(
-            f"found format version {version}, expected {VERSION}; a newer maurice-replay may read it"
-        )
+        text = f"found format version {version}, expected {VERSION}; a newer maurice-replay may read it"
+        raise FieldError(text)
     kind = next((k for k in KINDS if k == found.get("kind")), None)
     if kind is None:
         raise FieldError(f"found kind {show(found.get('kind'))}, expected 'session' or 'survey'")
@@ -101,12 +89,7 @@ def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
 
 def _info(found: dict[str, Any], path: Path) -> SessionInfo:
     robot = mapping(found.get("robot") or {}, "robot")
-    motion, start, arena, survey = (
-        robot.get("motion"),
-        found.get("start"),
-        found.get("map"),
-        found.get("survey"),
-    )
+    motion, (start, arena, survey) = robot.get("motion"), map(found.get, ("start", "map", "survey"))
     return SessionInfo(
         name=text(found.get("name", path.stem), "name"),
         display_units=_units(found.get("display_units", "m")),

@@ -134,9 +134,8 @@ class SessionLog(HasReadingNotes):
     def _choose(self, camera: str | None) -> str | None:
         known = [c.name for c in self._info.cameras]
         if camera is not None and known and camera not in known:
-            raise InputError(
-                self.path, f"found cameras {', '.join(known)}, expected {camera!r} among them", 1
-            )
+            text = f"found cameras {', '.join(known)}, expected {camera!r} among them"
+            raise InputError(self.path, text, 1)
         return camera or (known[0] if known else None)
 
     def _expect(self, kind: Kind, advice: str) -> None:

@@ -59,15 +59,13 @@ def parse_object(line: LogLine) -> dict[str, Any]:
     try:
         value = json.loads(_text(line), parse_constant=_refuse_constant, parse_float=_finite)
     except json.JSONDecodeError as problem:
-        raise FieldError(
-            f"found broken JSON ({problem.msg} at column {problem.colno}), expected an object"
-        ) from None
+        text = f"found broken JSON ({problem.msg} at column {problem.colno}), expected an object"
+        raise FieldError(text) from None
     except (RecursionError, ValueError) as problem:
         if isinstance(problem, FieldError):
             raise
-        raise FieldError(
-            "found JSON nested too deeply or with an endless number, expected an object"
-        ) from None
+        text = "found JSON nested too deeply or with an endless number, expected an object"
+        raise FieldError(text) from None
     return mapping(value, "a line")
 
 
@@ -76,9 +74,8 @@ def _text(line: LogLine) -> str:
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as problem:
-        raise FieldError(
-            f"found bytes that are not UTF-8 at column {problem.start + 1}, expected text"
-        ) from None
+        reason = f"found bytes that are not UTF-8 at column {problem.start + 1}, expected text"
+        raise FieldError(reason) from None
     if "\0" in text:
         raise FieldError("found binary data, expected a JSON object")
     return text
@@ -176,9 +173,8 @@ def read_records(path: Path, kind: Kind, notes: ReadingNotes, per_s: int = 1) ->
         try:
             record = record_of(line, kind, per_s)
             if record.t_s < last_t_s:
-                raise FieldError(
-                    f"found t {record.t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-                )
+                text = f"found t {record.t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
+                raise FieldError(text)
         except FieldError as problem:
             if not line.ended and not _parses(line):
                 notes.warning(
@@ -205,9 +201,8 @@ def record_of(line: LogLine, kind: Kind, per_s: int = 1) -> Record:
     t_s = number(found.get("t"), "t", MOST_T_S * per_s) / per_s
     keys = [key for key in RECORD_KEYS if key in found]
     if len(keys) != 1:
-        raise FieldError(
-            f"found {' and '.join(keys) or 'none'}, expected exactly one of {', '.join(RECORD_KEYS)}"
-        )
+        reason = f"found {' and '.join(keys) or 'none'}, expected exactly one of {', '.join(RECORD_KEYS)}"
+        raise FieldError(reason)
     value = found[keys[0]]
     if keys[0] == "odometry":
         return OdometryRecord(line.number, t_s, _vector(value, 3, "odometry"), _encoders(found))
