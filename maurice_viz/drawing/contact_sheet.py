@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -47,22 +47,18 @@ def best_matches(comparison: Comparison) -> tuple[Match, ...]:
     )
 
 
-@dataclass(slots=True)
 class ContactSheet:
     """Draws sheets, and remembers the cells (all but rank and quality) of the last `KEPT` references."""
 
-    library: Library
-    scale: Scale
-    _cells: dict[int, U8] = field(default_factory=dict)
-    _height: int = field(init=False)  # of a picture, in pixels
-
-    def __post_init__(self) -> None:
-        self._height = cell_height(self.library.pictures)
+    def __init__(self, library: Library, scale: Scale) -> None:
+        self.library, self.scale = library, scale
+        self._cells: dict[int, U8] = {}
+        self._height = cell_height(library.pictures)  # of a picture, in pixels
 
     def draw(self, matches: Sequence[Match]) -> U8:
         """Draw one row, always five wide so that the sheet keeps its size: (H, W, 3) RGB."""
         cells = [self._cell(match.entry) for match in matches]
-        cells += [_empty(self._height) for _ in range(len(matches), BEST)]
+        cells += [_blank(self._height)] * (BEST - len(matches))
         sheet = np.concatenate(cells, axis=1)
         for column, match in enumerate(matches):
             left, bases = column * (CELL_PX + GAP_PX), [self._height + line for line in LINES_PX]
@@ -82,10 +78,11 @@ class ContactSheet:
         path = self.library.pictures[entry]
         thumbnail = None if path is None else thumbnail_of(path, height)
         cell = _blank(height)
-        cell[:height, :CELL_PX] = MISSING if thumbnail is None else thumbnail
         if thumbnail is None:
             width, _ = text_size(NOT_KEPT, TEXT_PX)
             put_text(cell, NOT_KEPT, (CELL_PX - width) / 2, height / 2, TEXT_PX, PALE)
+        else:
+            cell[:height, :CELL_PX] = thumbnail
         place, _, heading = self.scale.say_pose(self.library.poses[entry]).rpartition(", ")
         entry_px, place_px, heading_px = (height + line for line in LINES_PX)
         put_text(cell, f"entry {entry}", ENTRY_AT_PX, entry_px, TEXT_PX, PALE)
@@ -129,11 +126,6 @@ def read_picture(path: Path) -> U8 | None:
 def _blank(height: int) -> U8:
     cell = np.empty((height + CAPTION_PX, CELL_PX + GAP_PX, 3), np.uint8)
     cv2.rectangle(cell, (0, 0), cell.shape[1::-1], GROUND, cv2.FILLED)  # ten times quicker than np.full
-    return cell
-
-
-def _empty(height: int) -> U8:
-    cell = _blank(height)
     cell[:height, :CELL_PX] = MISSING
     return cell
 

@@ -11,21 +11,8 @@ import numpy as np
 from maurice_mcl.arrays import U8
 from maurice_mcl.map import Arena
 
-from ..style import (
-    CIRCLE,
-    COLOR_WORDS,
-    DEEPEST,
-    ESTIMATE,
-    GROUND,
-    LUT,
-    PALE,
-    RANK,
-    RGB,
-    RUN_COLORS,
-    TRUTH,
-    U32,
-    Scale,
-)
+from .. import style
+from ..style import RGB, U32, Scale
 from .canvas import MARGIN, Extent, ascii_of, long_side, map_extent, put_text, text_size
 
 HEIGHT_PX = 64
@@ -47,13 +34,13 @@ SMALLER_MAP = 1.12  # the shared map is drawn smaller than the others, its key s
 
 
 def _strip(width: int) -> U8:
-    return np.full((HEIGHT_PX, width, 3), GROUND, np.uint8)
+    return np.full((HEIGHT_PX, width, 3), style.GROUND, np.uint8)
 
 
 def _text(text: str) -> U8:
     width, height = text_size(text, TEXT_PX)
     strip = _strip(width + GAP_PX)
-    put_text(strip, text, 0, (HEIGHT_PX + height) / 2, TEXT_PX, PALE)
+    put_text(strip, text, 0, (HEIGHT_PX + height) / 2, TEXT_PX, style.PALE)
     return strip
 
 
@@ -64,7 +51,7 @@ def _disk(color: RGB, radius: int) -> U8:
 
 
 def _ramp() -> U8:
-    ramp = _rgb(LUT)
+    ramp = _rgb(style.LUT)
     strip = _strip(len(ramp) + GAP_PX)
     strip[18:-18, : len(ramp)] = ramp
     return strip
@@ -81,39 +68,43 @@ def _joined(*parts: U8) -> U8:
 
 
 def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
-    return [_disk(TRUTH, 13), _text(text)] if has_truth else []
+    return [_disk(style.TRUTH, 13), _text(text)] if has_truth else []
 
 
 def weight_key(has_truth: bool) -> U8:
     """Draw the arena's key: truth (if it is known), estimate, and the color scale of the weights."""
     scale = [_text("weight: 1/8"), _ramp(), _text("8 times the average")]
-    return _joined(*_truth_disk(has_truth), _disk(ESTIMATE, 13), _text("estimate  "), *scale)
+    return _joined(*_truth_disk(has_truth), _disk(style.ESTIMATE, 13), _text("estimate  "), *scale)
 
 
 def likelihood_key(has_truth: bool) -> U8:
     """Draw the likelihood maps' key: the color scale, the cloud, estimate and truth."""
-    scale = [_text(f"{DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
-    marks = [_disk(TRUTH, 6), _text("particles  "), _disk(ESTIMATE, 13), _text("estimate")]
+    scale = [_text(f"{style.DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
+    marks = [_disk(style.TRUTH, 6), _text("particles  "), _disk(style.ESTIMATE, 13), _text("estimate")]
     return _joined(*scale, *marks, *_truth_disk(has_truth, "truth"))
 
 
 def explain_key(has_truth: bool) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
-    circles = [_disk(CIRCLE, 20), _text("area: likelihood  "), _text("nearest reference to:")]
-    truth = [_arrow(TRUTH), _text("truth")] if has_truth else []
-    return _joined(*circles, *truth, _arrow(ESTIMATE), _text("estimate  "), _arrow(RANK), _text("winner"))
+    circles = [_disk(style.CIRCLE, 20), _text("area: likelihood  "), _text("nearest reference to:")]
+    truth = [_arrow(style.TRUTH), _text("truth")] if has_truth else []
+    return _joined(
+        *circles, *truth, _arrow(style.ESTIMATE), _text("estimate  "), _arrow(style.RANK), _text("winner")
+    )
 
 
 def circle_key() -> U8:
     """Draw the match map's key: circles, ranks and the cloud."""
-    circles = [_disk(CIRCLE, 20), _text("area: likelihood of a reference  ")]
-    return _joined(*circles, _disk(RANK, 13), _text("best five  "), _disk(TRUTH, 6), _text("particles"))
+    circles = [_disk(style.CIRCLE, 20), _text("area: likelihood of a reference  ")]
+    return _joined(
+        *circles, _disk(style.RANK, 13), _text("best five  "), _disk(style.TRUTH, 6), _text("particles")
+    )
 
 
 def paths_key(moves: bool, has_truth: bool) -> U8:
     """Draw the key of a drive by itself: the true path, and the one by odometry alone."""
     return _joined(
-        *_truth_disk(has_truth), *([_disk(ESTIMATE, 13), _text("odometry alone")] if moves else [])
+        *_truth_disk(has_truth), *([_disk(style.ESTIMATE, 13), _text("odometry alone")] if moves else [])
     )
 
 
@@ -132,11 +123,11 @@ def line_key(lines: Sequence[tuple[str, RGB, float]]) -> U8:
             at, row = 24, row + 1
         places.append((at, row))
         at += needed + 30
-    image = np.full(((row + 1) * LINE_ROW_PX, LINES_PX, 3), GROUND, np.uint8)
+    image = np.full(((row + 1) * LINE_ROW_PX, LINES_PX, 3), style.GROUND, np.uint8)
     for (name, color, width), (left, row) in zip(lines, places, strict=True):
         middle = round((row + 0.5) * LINE_ROW_PX)
         cv2.line(image, (left, middle), (left + LINE_PX, middle), color, round(4 * width), cv2.LINE_AA)
-        put_text(image, name, left + LINE_PX + 10, middle + LINE_TEXT_PX / 2, LINE_TEXT_PX, PALE)
+        put_text(image, name, left + LINE_PX + 10, middle + LINE_TEXT_PX / 2, LINE_TEXT_PX, style.PALE)
     return image
 
 
@@ -157,30 +148,34 @@ def runs_key(labels: Sequence[str], has_truth: bool) -> U8:
     """Draw the key of the map that all runs share: a color a run, and the truth."""
     items = [
         Item(_drawable(label, k), color)
-        for k, (label, color) in enumerate(zip(labels, RUN_COLORS, strict=False))
+        for k, (label, color) in enumerate(zip(labels, style.RUN_COLORS, strict=False))
     ]
     return _wrapped(items + _truth(has_truth), SMALLER_MAP * _text_px(len(labels)))
 
 
 def _drawable(label: str, number: int) -> str:
     """Return the label, or the run's color if its script cannot be drawn; text panels have both."""
-    return COLOR_WORDS[number] if ascii_of(label).count("?") > label.count("?") else label
+    return style.COLOR_WORDS[number] if ascii_of(label).count("?") > label.count("?") else label
 
 
 def belief_key(runs: int, has_truth: bool) -> U8:
     """Draw the key of one run's map: truth, estimate, and the color scale of the weights."""
     weight = Item("weight, 1/8 to 8 x average")
-    return _wrapped([*_truth(has_truth), Item("estimate", ESTIMATE), weight], _text_px(runs))
+    return _wrapped([*_truth(has_truth), Item("estimate", style.ESTIMATE), weight], _text_px(runs))
 
 
 def narrow_circle_key(runs: int) -> U8:
     """Draw the key of one run's match circles, where columns are too narrow for the usual one."""
-    items = [Item("likelihood (area)", CIRCLE), Item("best five", RANK), Item("particles", TRUTH)]
+    items = [
+        Item("likelihood (area)", style.CIRCLE),
+        Item("best five", style.RANK),
+        Item("particles", style.TRUTH),
+    ]
     return _wrapped(items, _text_px(runs))
 
 
 def _truth(has_truth: bool) -> list[Item]:
-    return [Item("truth", TRUTH)] if has_truth else []
+    return [Item("truth", style.TRUTH)] if has_truth else []
 
 
 def key_extent(key: U8, arena: Arena, scale: Scale) -> Extent:
@@ -207,7 +202,7 @@ def _wrapped(items: Sequence[Item], text: float) -> U8:
             at, row = LEFT_PX, row + 1
         places.append((item, at, row))
         at += width
-    key = np.full((round((row + 1) * ROW_HEIGHT * text), WIDTH_PX, 3), GROUND, np.uint8)
+    key = np.full((round((row + 1) * ROW_HEIGHT * text), WIDTH_PX, 3), style.GROUND, np.uint8)
     for item, left, in_row in places:
         _put(key, item, left, (in_row + 0.5) * ROW_HEIGHT * text, text)
     return key
@@ -221,9 +216,9 @@ def _width(item: Item, text: float) -> int:
 def _put(key: U8, item: Item, left: int, middle: float, text: float) -> None:
     if item.color is None:
         width = round(RAMP_PX * text)
-        colors = LUT[np.linspace(0, len(LUT) - 1, width).astype(int)]
+        colors = style.LUT[np.linspace(0, len(style.LUT) - 1, width).astype(int)]
         key[round(middle - text / 2) : round(middle + text / 2), left : left + width] = _rgb(colors)
     else:
         width = round(2 * DISK_PX * text)
         cv2.circle(key, (left + width // 2, round(middle)), width // 2, item.color, -1, cv2.LINE_AA)
-    put_text(key, item.text, left + width + 0.6 * text, middle + text / 2, text, PALE)
+    put_text(key, item.text, left + width + 0.6 * text, middle + text / 2, text, style.PALE)

@@ -12,29 +12,11 @@ import rerun.blueprint as rrb
 
 from ..drawing.keys import NARROW_FROM, extent_with, narrow_circle_key
 from ..entities import RunPaths
-from ..panels.comparison import (
-    all_runs_view,
-    camera_views,
-    comparison_words,
-    difference_plots,
-    distance_plots,
-    run_belief_view,
-)
+from ..panels import comparison as shared
+from ..panels import traces as lines
 from ..panels.events import events_view, words_view
 from ..panels.histograms import SHORT_LEGEND, histogram_views
 from ..panels.references import best_references_view, circles_view, narrow_circles_view
-from ..panels.traces import (
-    CONFIDENCE,
-    SPREAD,
-    cloud_plots,
-    error_plots,
-    evidence_key,
-    evidence_plot,
-    key_share,
-    survival_plots,
-    truth_plots,
-    who_is_who,
-)
 from ..panels.views import plot_of_runs
 from ..scene import RunView, SceneInfo
 
@@ -51,7 +33,7 @@ def compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
 def _wide(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertical:
     paths = RunPaths(run.label)
     return rrb.Vertical(
-        rrb.Tabs(run_belief_view(run, number, count, scene), circles_view(paths, scene)),
+        rrb.Tabs(shared.run_belief_view(run, number, count, scene), circles_view(paths, scene)),
         best_references_view(paths),
         rrb.Tabs(*histogram_views(paths, run.channels, SHORT_LEGEND), active_tab=0),
         words_view(paths, f"{run.label}: What this step did"),
@@ -65,7 +47,7 @@ def _narrow(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vert
         paths, scene, extent_with(narrow_circle_key(count), scene.arena, scene.scale)
     )
     return rrb.Vertical(
-        run_belief_view(run, number, count, scene),
+        shared.run_belief_view(run, number, count, scene),
         rrb.Tabs(circles, best_references_view(paths, "Five best"), active_tab=0),
         words_view(paths, "This step"),
         row_shares=[1.15, 1.05, 0.8],
@@ -73,29 +55,33 @@ def _narrow(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vert
 
 
 def _wide_shared(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
-    cameras = rrb.Horizontal(*camera_views(runs))
+    cameras = rrb.Horizontal(*shared.camera_views(runs))
     plots = _wide_plots(runs, scene)
-    everything = all_runs_view(runs, scene)
-    return rrb.Vertical(everything, cameras, *plots, comparison_words(), row_shares=[2.5, 1.3, 1.2, 1.2, 1.4])
+    everything = shared.all_runs_view(runs, scene)
+    return rrb.Vertical(
+        everything, cameras, *plots, shared.comparison_words(), row_shares=[2.5, 1.3, 1.2, 1.2, 1.4]
+    )
 
 
 def _narrow_shared(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
-    pictures = rrb.Tabs(*camera_views(runs), active_tab=0)
+    pictures = rrb.Tabs(*shared.camera_views(runs), active_tab=0)
     plots = _narrow_plots(runs, scene)
     shares = [2.2, 1.1] + [1.0] * len(plots) + [2.1]
-    return rrb.Vertical(all_runs_view(runs, scene), pictures, *plots, comparison_words(), row_shares=shares)
+    return rrb.Vertical(
+        shared.all_runs_view(runs, scene), pictures, *plots, shared.comparison_words(), row_shares=shares
+    )
 
 
 def _wide_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.Tabs]:
     """Plot the runs themselves, then how they differ from the first."""
-    labels, distances = [run.label for run in runs], distance_plots(runs, scene)
+    labels, distances = [run.label for run in runs], shared.distance_plots(runs, scene)
     if not scene.has_truth:
-        shares = plot_of_runs(CONFIDENCE, "Confidence (share)", labels, 1.1)
+        shares = plot_of_runs(lines.CONFIDENCE, "Confidence (share)", labels, 1.1)
         return [rrb.Tabs(one) for one in (_spread(labels, scene), *(distances or [shares]))]
-    position, heading = difference_plots(runs, scene)
+    position, heading = shared.difference_plots(runs, scene)
     differences = [position, *distances, heading]
     return [
-        rrb.Tabs(*error_plots(labels, scene), _spread(labels, scene), active_tab=0),
+        rrb.Tabs(*lines.error_plots(labels, scene), _spread(labels, scene), active_tab=0),
         rrb.Tabs(*differences, active_tab=0),
     ]
 
@@ -103,46 +89,46 @@ def _wide_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.Tabs]:
 def _narrow_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
     labels = [run.label for run in runs]
     if not scene.has_truth:
-        return [_spread(labels, scene), *distance_plots(runs, scene)]
-    error, _ = error_plots(labels, scene)
-    return [error, difference_plots(runs, scene)[0], *distance_plots(runs, scene)]
+        return [_spread(labels, scene), *shared.distance_plots(runs, scene)]
+    error, _ = lines.error_plots(labels, scene)
+    return [error, shared.difference_plots(runs, scene)[0], *shared.distance_plots(runs, scene)]
 
 
 def _spread(labels: Sequence[str], scene: SceneInfo) -> rrb.TimeSeriesView:
-    return plot_of_runs(SPREAD, f"Spread ({scene.scale.units.name})", labels)
+    return plot_of_runs(lines.SPREAD, f"Spread ({scene.scale.units.name})", labels)
 
 
 def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
     """Plot one quantity per panel, one line per run."""
     labels = [run.label for run in runs]
-    who = who_is_who(labels)  # stands in the first title
+    who = lines.who_is_who(labels)  # stands in the first title
     columns = []
     if scene.has_truth:
-        columns.append(rrb.Vertical(*error_plots(labels, scene, who), *truth_plots(labels)))
-    cloud = cloud_plots(labels, scene, "" if scene.has_truth else who)
-    columns.append(rrb.Vertical(*cloud, *survival_plots(labels)))
+        columns.append(rrb.Vertical(*lines.error_plots(labels, scene, who), *lines.truth_plots(labels)))
+    cloud = lines.cloud_plots(labels, scene, "" if scene.has_truth else who)
+    columns.append(rrb.Vertical(*cloud, *lines.survival_plots(labels)))
     return rrb.Horizontal(*columns, _last(runs))
 
 
 def _last(runs: Sequence[RunView]) -> rrb.Vertical:
     """Plot evidence, one panel per run, over the key of its lines and the events."""
     titles = {run.label: f"{run.label}: " if len(runs) > 1 else "" for run in runs}
-    evidence = [evidence_plot(RunPaths(run.label), titles[run.label]) for run in runs]
+    evidence = [lines.evidence_plot(RunPaths(run.label), titles[run.label]) for run in runs]
     by_channels = {run.channels: run for run in reversed(runs)}  # the same channels have the same key
     first_ones = [run for run in runs if by_channels[run.channels] is run]
     if len(first_ones) > 1:
-        keys = [evidence_key(RunPaths(run.label), titles[run.label]) for run in first_ones]
+        keys = [lines.evidence_key(RunPaths(run.label), titles[run.label]) for run in first_ones]
         key: rrb.Tabs | rrb.Spatial2DView = rrb.Tabs(*keys, active_tab=0)
     else:
-        key = evidence_key(RunPaths(runs[0].label))
-    shares = [2.4 / len(runs)] * len(runs) + [key_share(runs[0]), 0.45 + 0.42 * len(runs)]
+        key = lines.evidence_key(RunPaths(runs[0].label))
+    shares = [2.4 / len(runs)] * len(runs) + [lines.key_share(runs[0]), 0.45 + 0.42 * len(runs)]
     return rrb.Vertical(*evidence, key, events_view(list(titles)), row_shares=shares)
 
 
 def recorded_traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
     """Plot one quantity per panel of another localizer's clouds, whose evidence is not known."""
     labels = [run.label for run in runs]
-    columns = [error_plots(labels, scene)] if scene.has_truth else []
-    columns.append(cloud_plots(labels, scene))
+    columns = [lines.error_plots(labels, scene)] if scene.has_truth else []
+    columns.append(lines.cloud_plots(labels, scene))
     side_by_side = rrb.Horizontal(*(rrb.Vertical(*column) for column in columns))
     return rrb.Vertical(side_by_side, events_view(labels), row_shares=[4, 1])

@@ -19,17 +19,7 @@ from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import weight_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
-from ..style import (
-    DEAD,
-    ESTIMATE,
-    RGB,
-    TRUTH,
-    Scale,
-    copy_colors,
-    heading_vector,
-    packed,
-    weight_colors,
-)
+from ..style import DEAD, ESTIMATE, RGB, TRUTH, Scale, copy_colors, heading_vector, packed, weight_colors
 from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 from .views import MAP, map_view, plane_view
 

@@ -14,26 +14,10 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
+from .. import entities
 from ..drawing.canvas import jpeg
 from ..drawing.keys import belief_key, extent_with, key_extent, narrow_circle_key, runs_key
-from ..entities import (
-    APART,
-    BELIEF_KEY,
-    CIRCLE_KEY,
-    HEADING_DIFFERENCE,
-    NODES,
-    POSITION_DIFFERENCE,
-    RESULT,
-    RUNS_KEY,
-    TEXT,
-    Phase,
-    RunPaths,
-    camera_of,
-    cloud_of,
-    estimate_of,
-    parted_of,
-    truth_of,
-)
+from ..entities import Phase, RunPaths
 from ..playback import RunResult
 from ..scene import RunView, SceneInfo
 from ..style import COLOR_WORDS, RUN_COLORS, Scale, font_safe
@@ -60,19 +44,19 @@ class ComparisonDrawing:
     ) -> None:
         self._rec, self._labels, self._scale = rec, tuple(labels), scale
         self._other_drives = [label for label in labels if label in other_drives]
-        self._clouds = {label: cloud_of(label) for label in labels}
+        self._clouds = {label: entities.cloud_of(label) for label in labels}
         self._truths: dict[str, PoseMarker] = {}  # of other drives
         self._words: StepWords | None = None
 
     def begin(self, arena: Arena, has_truth: bool) -> None:
         self._truths = {
-            label: truth_marker(truth_of(label), arena, self._scale) for label in self._other_drives
+            label: truth_marker(entities.truth_of(label), arena, self._scale) for label in self._other_drives
         }
         self._words = StepWords(self._labels, self._scale, has_truth)
         self._draw_keys(arena, has_truth)
-        for path in (TEXT, RESULT):
+        for path in (entities.TEXT, entities.RESULT):
             self._rec.log(path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        self._rec.log(RESULT, rr.TextDocument(NOT_YET, media_type=MARKDOWN), static=True)
+        self._rec.log(entities.RESULT, rr.TextDocument(NOT_YET, media_type=MARKDOWN), static=True)
         for label, color in zip(self._labels, RUN_COLORS, strict=False):
             self._prepare_run(label, color)
         self._prepare_lines()
@@ -91,20 +75,22 @@ class ComparisonDrawing:
         self._draw_lines(pairs)
         for label, pair in pairs.items():
             if pair.event is not None and pair.apart_m is not None:
-                self._rec.log(parted_of(label), rr.Scalars(self._scale.length(pair.apart_m)))
-        self._rec.log(TEXT, rr.TextDocument.from_fields(text=font_safe(self._words.at(steps, pairs))))
+                self._rec.log(entities.parted_of(label), rr.Scalars(self._scale.length(pair.apart_m)))
+        self._rec.log(
+            entities.TEXT, rr.TextDocument.from_fields(text=font_safe(self._words.at(steps, pairs)))
+        )
 
     def end(self, results: Sequence[RunResult]) -> None:
         """Log how the runs compare over the drive so far."""
         text = result(results, self._scale.units)
-        self._rec.log(RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
+        self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
     def _draw_keys(self, arena: Arena, has_truth: bool) -> None:
         runs = len(self._labels)
         keys = {
-            RUNS_KEY: runs_key(self._labels, has_truth),
-            BELIEF_KEY: belief_key(runs, has_truth),
-            CIRCLE_KEY: narrow_circle_key(runs),
+            entities.RUNS_KEY: runs_key(self._labels, has_truth),
+            entities.BELIEF_KEY: belief_key(runs, has_truth),
+            entities.CIRCLE_KEY: narrow_circle_key(runs),
         }
         for path, key in keys.items():
             extent = key_extent(key, arena, self._scale)
@@ -117,23 +103,23 @@ class ComparisonDrawing:
         mark = rr.SeriesPoints(
             colors=[color], names=[f"{font_safe(label)} parts"], markers="diamond", marker_sizes=[5.0]
         )
-        self._rec.log(parted_of(label), mark, static=True)
+        self._rec.log(entities.parted_of(label), mark, static=True)
         if label in self._truths:
             self._truths[label].prepare(self._rec)
-            prepare_jpeg(self._rec, camera_of(label))
+            prepare_jpeg(self._rec, entities.camera_of(label))
 
     def _prepare_lines(self) -> None:
-        others = self._labels[1:]
+        first, *others = self._labels
         colors = list(RUN_COLORS[1 : len(self._labels)])
-        for path, what in (
-            (POSITION_DIFFERENCE, "position error"),
-            (HEADING_DIFFERENCE, "heading error"),
-            (APART, "distance"),
-        ):
-            names = [f"{label}: {what} against {self._labels[0]}" for label in others]
-            self._rec.log(
-                path, rr.SeriesLines(names=names, colors=colors, widths=[LINE] * len(others)), static=True
-            )
+        what = {
+            entities.POSITION_DIFFERENCE: "position error",
+            entities.HEADING_DIFFERENCE: "heading error",
+            entities.APART: "distance",
+        }
+        for path, quantity in what.items():
+            names = [f"{label}: {quantity} against {first}" for label in others]
+            style = rr.SeriesLines(names=names, colors=colors, widths=[LINE] * len(others))
+            self._rec.log(path, style, static=True)
 
     def _draw_lines(self, pairs: Mapping[str, StepComparison]) -> None:
         def known(values: Sequence[float | None], unit: float) -> list[float]:
@@ -141,16 +127,16 @@ class ComparisonDrawing:
 
         per_m, per_rad = self._scale.units.per_m, float(np.rad2deg(1))
         lines = {
-            POSITION_DIFFERENCE: known([pair.position_m for pair in pairs.values()], per_m),
-            HEADING_DIFFERENCE: known([pair.heading_rad for pair in pairs.values()], per_rad),
-            APART: known([pair.apart_m for pair in pairs.values()], per_m),
+            entities.POSITION_DIFFERENCE: known([pair.position_m for pair in pairs.values()], per_m),
+            entities.HEADING_DIFFERENCE: known([pair.heading_rad for pair in pairs.values()], per_rad),
+            entities.APART: known([pair.apart_m for pair in pairs.values()], per_m),
         }
         for path, values in lines.items():
             if not np.isnan(values).all():
                 self._rec.log(path, rr.Scalars(values))
 
     def _draw_drive(self, label: str, moment: Moment) -> None:
-        draw_jpeg(self._rec, camera_of(label), jpeg(moment.frame.image))
+        draw_jpeg(self._rec, entities.camera_of(label), jpeg(moment.frame.image))
         if moment.truth is not None:
             self._truths[label].draw(self._rec, moment.truth)
 
@@ -170,7 +156,7 @@ def distance_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSe
     """Plot distances to the first run's estimate; none if all runs replay other drives."""
     if all(run.own_drive for run in runs[1:]):
         return []
-    contents = [APART, *(parted_of(run.label) for run in runs[1:])]
+    contents = [entities.APART, *(entities.parted_of(run.label) for run in runs[1:])]
     return [plot(f"Distance to {first_label(runs)} ({scene.scale.units.name})", contents)]
 
 
@@ -182,8 +168,8 @@ def first_label(runs: Sequence[RunView]) -> str:
 
 def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show one run's cloud; the title names the run's color in shared panels."""
-    contents = [*MAP, NODES, BELIEF_KEY, f"{RunPaths(run.label).at('belief')}/**"]
-    contents += [f"{truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
+    contents = [*MAP, entities.NODES, entities.BELIEF_KEY, f"{RunPaths(run.label).at('belief')}/**"]
+    contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     name = f"{run.label}, {COLOR_WORDS[number]}: belief ({scene.scale.units.name})"
     key = belief_key(count, scene.has_truth)
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
@@ -192,12 +178,12 @@ def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> 
 def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DView:
     """Show all clouds on one map, each with its estimate in the run's color."""
     labels = [run.label for run in runs]
-    contents = [*MAP, NODES, RUNS_KEY]
+    contents = [*MAP, entities.NODES, entities.RUNS_KEY]
     overrides: Overrides = {}
     for run, color in zip(runs, RUN_COLORS, strict=False):
-        estimate = estimate_of(run.label)
-        contents += [cloud_of(run.label), estimate]
-        contents += [f"{truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
+        estimate = entities.estimate_of(run.label)
+        contents += [entities.cloud_of(run.label), estimate]
+        contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
         overrides[estimate] = [
             kind.from_fields(colors=[color]) for kind in (rr.Points2D, rr.Arrows2D, rr.LineStrips2D)
         ]
@@ -213,17 +199,20 @@ def camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
     own = [run.label for run in runs if run.own_drive]
     if not own:
         return [camera_view(), edges_view()]
-    views = [picture_view(f"{label}: camera (px)", camera_of(label)) for label in own]
+    views = [picture_view(f"{label}: camera (px)", entities.camera_of(label)) for label in own]
     return [camera_view(f"{runs[0].label}: camera"), *views]
 
 
 def difference_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
     """Plot how much larger errors are than the first run's: of the position, and of the heading."""
     title = f"Error minus {first_label(runs)}'s ({scene.scale.units.name})"
-    return [plot(title, [POSITION_DIFFERENCE]), plot("Heading diff. (deg)", [HEADING_DIFFERENCE])]
+    return [
+        plot(title, [entities.POSITION_DIFFERENCE]),
+        plot("Heading diff. (deg)", [entities.HEADING_DIFFERENCE]),
+    ]
 
 
 def comparison_words() -> rrb.Tabs:
     """Show how the runs compare, at this step and over the drive."""
-    this_step = rrb.TextDocumentView(name="This step", origin=TEXT)
-    return rrb.Tabs(this_step, rrb.TextDocumentView(name="Whole drive", origin=RESULT), active_tab=0)
+    this_step = rrb.TextDocumentView(name="This step", origin=entities.TEXT)
+    return rrb.Tabs(this_step, rrb.TextDocumentView(name="Whole drive", origin=entities.RESULT), active_tab=0)

@@ -56,11 +56,6 @@ def columns_of(has_truth: bool) -> tuple[str, ...]:
     return (TRUTH, ESTIMATE, WINNER) if has_truth else (ESTIMATE, WINNER)
 
 
-def columns(step: StepExplanation, has_truth: bool) -> list[Column]:
-    """Return the content of each column; always the same number of columns."""
-    return [(who, step.of(who)) for who in columns_of(has_truth)]
-
-
 FOOT_NATS = 0.3  # height of the tints in the chart of costs; higher bars make the chart grow
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
 THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
@@ -88,16 +83,14 @@ class ExplanationPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         if self._references is None:
             rec.log(
-                self._paths.explain("table"),
-                rr.TextDocument(NO_LIBRARY, media_type=MARKDOWN),
-                static=True,
+                self._paths.explain("table"), rr.TextDocument(NO_LIBRARY, media_type=MARKDOWN), static=True
             )
             return
         whose = columns_of(self._has_truth)
         rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         for who in whose:
             prepare_jpeg(rec, self._paths.explain("card", who), order=-10.0)
-        prepare_charts(rec, self._paths, self._references.bars, len(whose))
+        _prepare_charts(rec, self._paths, self._references.bars, len(whose))
         thick = rr.components.Radius.ui_points(THICKNESS[-len(whose) :])
         colors = [COLORS[who] for who in whose]
         style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
@@ -108,14 +101,14 @@ class ExplanationPanel(Panel):
         if not update.whole or references is None or not len(record.sighting.comparison.quality):
             return
         step = explain_step(record, references.sensor, update.moment.truth if self._has_truth else None)
-        shown = columns(step, self._has_truth)
+        shown = [(who, step.of(who)) for who in columns_of(self._has_truth)]
         set_phase(rec, update.moment, Phase.ESTIMATE)
         for who, explained in shown:
             card = references.card(explained)
             if self._cards.get(who) != card:  # most of the size, and it often stays
                 draw_jpeg(rec, self._paths.explain("card", who), card)
                 self._cards[who] = card
-        draw_charts(rec, self._paths, references.bars, step, shown)
+        _draw_charts(rec, self._paths, references.bars, step, shown)
         self._draw_marks(rec, shown, references.sensor)
         text = f"{headline(step)}\n\n{markdown_table(step, self._scale)}"
         rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(text=text))
@@ -184,16 +177,12 @@ def _stacked(picture: U8, edges: U8) -> U8:
     return np.concatenate([picture, between, edges])
 
 
-def prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks: int) -> None:
-    """Log what does not change: tints, colors, and where the bars stand."""
+def _prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks: int) -> None:
     for kind, height in (("tints", 1.0), ("feet", FOOT_NATS)):
         for number in range(len(bars.channels)):
-            band = rr.BarChart(
-                np.full(blocks, height, np.float32),
-                abscissa=np.array([bars.left_of(block) + number for block in range(blocks)], np.float32),
-                widths=np.ones(blocks, np.float32),
-                color=TINTS[number % len(TINTS)],
-            )
+            at = np.array([bars.left_of(block) + number for block in range(blocks)], np.float32)
+            tops, wide = np.full(blocks, height, np.float32), np.ones(blocks, np.float32)
+            band = rr.BarChart(tops, abscissa=at, widths=wide, color=TINTS[number % len(TINTS)])
             rec.log(f"{paths.at('explain', 'chart', kind)}/{number}", band, static=True)
     lefts = np.concatenate([bars.lefts + bars.left_of(block) for block in range(blocks)])
     widths = np.tile(bars.widths, blocks)
@@ -205,7 +194,7 @@ def prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks:
         place_bars(rec, paths.explain("chart", kind), color, lefts + offset * widths, width * widths)
 
 
-def draw_charts(
+def _draw_charts(
     rec: rr.RecordingStream, paths: RunPaths, bars: Bars, step: StepExplanation, blocks: Sequence[Column]
 ) -> None:
     """Log for each reference its descriptors, under those of the picture, and what each element costs."""
@@ -260,13 +249,7 @@ def headline(step: StepExplanation) -> str:
 
 def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show where the references of the columns are, over the match circles and under truth and estimate."""
-    contents = [
-        *MAP,
-        entities.EXPLAIN_KEY,
-        paths.circles,
-        paths.explain("marks"),
-        f"{paths.estimate}/**",
-    ]
+    contents = [*MAP, entities.EXPLAIN_KEY, paths.circles, paths.explain("marks"), f"{paths.estimate}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return map_view(
         f"Match circles, and the references explained ({scene.scale.units.name})", contents, scene

@@ -137,11 +137,9 @@ def _draw_pictures(rec: rr.RecordingStream, paths: RunPaths, explained: Explaine
     edges = _gray("") if picture is None else brightened(edge_image(picture))
     if picture is None:
         picture = _gray(OUTSIDE if explained.entry is None else NOT_KEPT)
-    for path, image in (
-        (paths.explain(explained.who, "picture"), picture),
-        (paths.explain(explained.who, "edges"), edges),
-    ):
-        rec.log(path, rr.EncodedImage(contents=jpeg(image), media_type="image/jpeg"))
+    for kind, image in (("picture", picture), ("edges", edges)):
+        encoded = rr.EncodedImage(contents=jpeg(image), media_type="image/jpeg")
+        rec.log(paths.explain(explained.who, kind), encoded)
 
 
 def _picture(explained: Explained, library: Library) -> U8 | None:
@@ -171,8 +169,7 @@ def _draw_charts(
     mine = None if explained.entry is None else explained.entry.channels[number]
     top = max(float(max(c.sample.max(), c.reference.max())) for c in found)
     most = max(float(c.nats.max()) for c in found)
-    heights: dict[str, float] = {"descriptor": top, "cost": most}
-    for kind, height in heights.items():
+    for kind, height in (("descriptor", top), ("cost", most)):
         path = paths.explain(explained.who, channel, kind)
         for plane, color in enumerate(bands_of(len(found[0].sample))):
             ground = [max(height, SMALLEST)]

@@ -82,15 +82,12 @@ class Observer(Protocol):
 
     def begin(self, info: SessionInfo, library: Library) -> None:
         """Take what is known before the first picture. Called once."""
-        ...
 
     def see(self, moment: Moment, record: StepRecord) -> None:
         """Take one update. Updates come in order, none left out."""
-        ...
 
     def end(self) -> None:
         """Finish. Called once, also after a failure."""
-        ...
 
 
 @dataclass(slots=True)

@@ -71,9 +71,8 @@ def rim(has_truth: bool) -> U8:
         width, height = text_size(text, ROSE_TEXT_PX)
         x, y = middle + heading_vector(np.radians(deg), 1.2 * RIM_PX)[0]
         put_text(image, text, x - width / 2, y + height / 2, ROSE_TEXT_PX, style.PALE)
-    items = [("cloud", style.HEADINGS), ("estimate", style.ESTIMATE)] + (
-        [("truth", style.TRUTH)] if has_truth else []
-    )
+    items = [("cloud", style.HEADINGS), ("estimate", style.ESTIMATE), ("truth", style.TRUTH)]
+    items = items if has_truth else items[:2]
     for row, (text, color) in enumerate(items):
         base = 1.7 * ROSE_TEXT_PX * (row + 1)
         cv2.circle(image, (12, round(base - ROSE_TEXT_PX / 2)), 7, color, -1, cv2.LINE_AA)
@@ -101,9 +100,8 @@ def outline(belief: Belief) -> F32:
 
 def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
     """Show the headings of the cloud."""
-    return plane_view(
-        "Headings (deg)", f"{paths.headings}/**", Extent(-ROSE_REACH, ROSE_REACH, -ROSE_REACH, ROSE_REACH)
-    )
+    extent = Extent(-ROSE_REACH, ROSE_REACH, -ROSE_REACH, ROSE_REACH)
+    return plane_view("Headings (deg)", f"{paths.headings}/**", extent)
 
 
 # Modes over time: each keeps its color. They are stacked by age, the oldest at the bottom, so that a band

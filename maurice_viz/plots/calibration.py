@@ -50,12 +50,11 @@ def figure(title: str, x: str, y: str) -> tuple[Figure, Axes]:
 
     made = New(figsize=(8.0, 4.6), layout="constrained")
     axes = made.subplots()
-    dress(axes, title, x, y)
+    _dress(axes, title, x, y)
     return made, axes
 
 
-def dress(axes: Axes, title: str, x: str, y: str) -> None:
-    """Set the axes' title, labels and a light grid."""
+def _dress(axes: Axes, title: str, x: str, y: str) -> None:
     axes.set_title(title, loc="left", fontsize=12, color=INK)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
@@ -126,22 +125,20 @@ def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
         expect_absent(file, force=force)
     for file, draw in zip(files, FIGURES.values(), strict=True):
         made = draw(shown)
-        columns = 1 if draw is turn_scatter else 4
+        columns = 1 if draw is _turn_scatter else 4
         made.legend(loc="outside lower center", ncols=columns, frameon=False)  # where it covers nothing
         save(made, file, force=force)
     return files
 
 
-def turn_trials(shown: Shown) -> Figure:
-    """Figure 4: measured and actual turn of every trial."""
+def _turn_trials(shown: Shown) -> Figure:
     made, axes = figure("Measured and actual turns", "trial", "turn (degrees, counter-clockwise)")
     measured, actual = shown.turns_deg
     _side_by_side(axes, {"measured by the encoders": (measured, MEASURED), "actual": (actual, ACTUAL)})
     return made
 
 
-def turn_scatter(shown: Shown) -> Figure:
-    """Figure 5: measured against actual turns, and the slope."""
+def _turn_scatter(shown: Shown) -> Figure:
     made, axes = figure("Measured against actual turns", "actual turn (degrees)", "measured turn (degrees)")
     made.set_size_inches(6.4, 6.0)
     measured, actual = shown.turns_deg
@@ -154,8 +151,7 @@ def turn_scatter(shown: Shown) -> Figure:
     return made
 
 
-def turns_corrected(shown: Shown) -> Figure:
-    """Figure 6: actual turns and those that the gain makes of the measured ones."""
+def _turns_corrected(shown: Shown) -> Figure:
     gain = shown.fit.turns.gain.value
     made, axes = figure("Actual and corrected turns", "trial", "turn (degrees, counter-clockwise)")
     measured, actual = shown.turns_deg
@@ -164,24 +160,21 @@ def turns_corrected(shown: Shown) -> Figure:
     return made
 
 
-def turn_residuals(shown: Shown) -> Figure:
-    """Figure 7: what the correction leaves of every turn."""
+def _turn_residuals(shown: Shown) -> Figure:
     made, axes = figure("Residual of every turn", "trial", "actual - corrected turn (degrees)")
     _band(axes, _scaled(shown.fit.turns.residual, float(np.degrees(1))), "degrees")
     _stems(axes, np.arange(1, shown.fit.turns.count + 1), shown.residual_deg, ACTUAL, "residual")
     return made
 
 
-def turn_histogram(shown: Shown) -> Figure:
-    """Figure 8: how the residuals of turns are distributed."""
+def _turn_histogram(shown: Shown) -> Figure:
     spread = _scaled(shown.fit.turns.residual, float(np.degrees(1)))
     made, axes = figure("Residuals of turns", "actual - corrected turn (degrees)", "trials")
     against_normal(axes, shown.residual_deg, spread, "degrees")
     return made
 
 
-def straight_trials(shown: Shown) -> Figure:
-    """Figure 9: measured and actual length of every straight, by floor."""
+def _straight_trials(shown: Shown) -> Figure:
     unit, s = shown.units, shown.trials.straights
     made, axes = figure("Measured and actual straights", "trial", f"distance ({unit.name})")
     trial = np.arange(1, len(s.measured_m) + 1)
@@ -194,8 +187,7 @@ def straight_trials(shown: Shown) -> Figure:
     return made
 
 
-def heading_errors(shown: Shown) -> Figure:
-    """Figure 10: how far each straight turned the robot, by floor."""
+def _heading_errors(shown: Shown) -> Figure:
     made, axes = figure(
         "Heading error of every straight", "trial", "heading change (degrees, counter-clockwise)"
     )
@@ -209,8 +201,7 @@ def heading_errors(shown: Shown) -> Figure:
     return made
 
 
-def straight_histogram(shown: Shown) -> Figure:
-    """Figure 11: how the errors of straights are distributed."""
+def _straight_histogram(shown: Shown) -> Figure:
     unit, s = shown.units, shown.trials.straights
     spread = _scaled(shown.fit.straights.error, unit.per_m)
     made, axes = figure("Errors of straights", f"actual - measured distance ({unit.name})", "trials")
@@ -220,14 +211,14 @@ def straight_histogram(shown: Shown) -> Figure:
 
 
 FIGURES: dict[str, Callable[[Shown], Figure]] = {
-    "figure-04-turns": turn_trials,
-    "figure-05-turn-gain": turn_scatter,
-    "figure-06-turns-corrected": turns_corrected,
-    "figure-07-turn-residuals": turn_residuals,
-    "figure-08-turn-residual-histogram": turn_histogram,
-    "figure-09-straights": straight_trials,
-    "figure-10-heading-errors": heading_errors,
-    "figure-11-straight-error-histogram": straight_histogram,
+    "figure-04-turns": _turn_trials,
+    "figure-05-turn-gain": _turn_scatter,
+    "figure-06-turns-corrected": _turns_corrected,
+    "figure-07-turn-residuals": _turn_residuals,
+    "figure-08-turn-residual-histogram": _turn_histogram,
+    "figure-09-straights": _straight_trials,
+    "figure-10-heading-errors": _heading_errors,
+    "figure-11-straight-error-histogram": _straight_histogram,
 }
 
 
@@ -286,9 +277,9 @@ def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
     left.imshow(stretched(floor.example), interpolation="nearest")
     low, high = int(floor.example.min()), int(floor.example.max())
     frames = "1 frame" if floor.frames == 1 else f"{floor.frames} frames; lines: sd between frames"
-    dress(left, f"Lens covered, values {low} to {high} stretched", "column (pixels)", "row (pixels)")
+    _dress(left, f"Lens covered, values {low} to {high} stretched", "column (pixels)", "row (pixels)")
     left.grid(False)
-    dress(right, f"Noise, mean of {frames}", "pixel value", "256 x share of pixels")
+    _dress(right, f"Noise, mean of {frames}", "pixel value", "256 x share of pixels")
     means, sds = floor.mean.reshape(3, BINS), floor.sd.reshape(3, BINS)
     start = LOW + WIDTH * np.arange(BINS)
     for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):

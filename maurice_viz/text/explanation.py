@@ -61,11 +61,8 @@ def _levels(what: str = "") -> Name:
 def _chromaticity(red: int, first: int, last: int) -> str:
     low, high = chromaticity.RANGE
     step = (high - low) / chromaticity.BINS
-
-    def span(a: int, b: int) -> str:
-        return f"{low + a * step:.2f} to {low + (b + 1) * step:.2f}"
-
-    return f"red share {span(red, red)} with green share {span(first, last)}"
+    a, b, c, d = (low + k * step for k in (red, red + 1, first, last + 1))
+    return f"red share {a:.2f} to {b:.2f} with green share {c:.2f} to {d:.2f}"
 
 
 def _raster(rows: int, columns: int, numbers: int) -> Name:
@@ -181,12 +178,10 @@ def say_step(step: StepExplanation, scale: Scale) -> list[str]:
 
 
 def where_lost(mine: ChannelExplanation, best: ChannelExplanation) -> Where | None:
-    """Find the run of elements in which a reference loses most against another, by one channel.
+    """Find the run of elements in which a reference loses most against another, by one channel; else None.
 
-    Within a run the picture has either more than the reference throughout, or less: the loss where a color is
-    missing and the loss where another one takes its place are two runs. The run returned is the one, within
-    one plane, with the largest sum above the mean of all elements, so that it ends where little is lost.
-    Returns None where this channel loses nothing.
+    Within a run, which lies in one plane, the picture has either more than the reference throughout, or less.
+    Its sum above the mean of all elements is the largest, so that it ends where little is lost.
     """
     more = np.asarray(mine.nats - best.nats, np.float64)
     planes = planes_of(mine.channel, len(more))
@@ -257,7 +252,8 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
         text += f", {where.nats:.1f} of them at {where.name}"
         less, picture, reference = where.picture < where.reference, where.picture, where.reference
         text += f", where the picture has {'less' if less else 'more'}"
-        text += f" ({_number(picture)} against {_number(reference)}, {unit})"
+        values = " against ".join(f"{v:.1f}" if v >= 10 else f"{v:.2g}" for v in (picture, reference))
+        text += f" ({values}, {unit})"
     more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LITTLE]
     return f"{text}; {', '.join(more[:MOST_LISTED])}." if more else f"{text}."
 
@@ -290,10 +286,6 @@ def ordinal(number: int) -> str:
     """Write a rank: 1st, 2nd, 3rd, 11th."""
     ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
     return f"{number}{ending}"
-
-
-def _number(value: float) -> str:
-    return f"{value:.1f}" if value >= 10 else f"{value:.2g}"
 
 
 def _capital(text: str) -> str:

@@ -45,7 +45,8 @@ def _of_all(step: StepExplanation, scale: Scale) -> list[tuple[str, ...]]:
         _row(step, "behind the winner (nats)", lambda e: f"{e.entry.behind:.2f}" if e.entry else ""),
     ]
     if any(e.weighed is not None for e in step.shown):
-        rows.append(_row(step, "particle on that pose (nats)", _weighed))
+        title = "particle on that pose (nats)"
+        rows.append(_row(step, title, lambda e: "" if e.weighed is None else f"{e.weighed:.2f}"))
     return rows
 
 
@@ -77,10 +78,6 @@ def _from_truth(explained: Explained, step: StepExplanation, scale: Scale) -> st
     if truth is None or explained.entry is None:
         return ""
     return say_offset(offset(explained.entry.pose, truth.pose), scale)
-
-
-def _weighed(explained: Explained) -> str:
-    return "" if explained.weighed is None else f"{explained.weighed:.2f}"
 
 
 def to_json(label: str, step: StepExplanation) -> dict[str, Any]:

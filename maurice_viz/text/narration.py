@@ -70,8 +70,7 @@ NOT_THERE = {
 }
 
 
-def is_recorded(record: StepRecord) -> bool:
-    """Return whether a cloud is another localizer's, whose evidence is not known."""
+def _is_recorded(record: StepRecord) -> bool:
     return bool(np.isnan(record.log_evidence))
 
 
@@ -202,7 +201,7 @@ def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:
         Phase.RESEED: lambda: reseeded(record),
     }
     title = f"Phase {slot + 1} of {PHASES_PER_STEP}: {slot.name.lower()}"
-    text = _recorded_phase(record, slot, scale) if is_recorded(record) else describe[slot]()
+    text = _recorded_phase(record, slot, scale) if _is_recorded(record) else describe[slot]()
     return f"**{_when(moment)} · {title}**\n\n{text}"
 
 
@@ -210,7 +209,7 @@ def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Return what a step did, for the last phase and for timelines without phases."""
     events = [*moment.events, *(event for event in record.events if event != "resampled")]
     title = f"**{_when(moment)}**" + "".join(f" · {event}" for event in events)
-    recorded = is_recorded(record)
+    recorded = _is_recorded(record)
     rest = f"{moved(record, scale)}{cloud(record, scale)}" if recorded else _done(record, scale)
     return "\n\n".join([title, estimated(record, moment.truth, scale), rest])
 

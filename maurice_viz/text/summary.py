@@ -134,33 +134,34 @@ def _parts(paired: ComparisonResult) -> str:
 
 
 def _rows(units: Units) -> list[tuple[str, Cell]]:
+    unit = units.name
     return [
         ("updates", lambda r: str(r.score.updates)),
-        (f"distance ({units.name})", lambda r: _length(r.score.distance_m, units)),
-        (f"position error, mean ({units.name})", lambda r: _length(r.score.position_error_mean_m, units)),
-        (f"position error, median ({units.name})", lambda r: _length(r.score.position_error_median_m, units)),
-        (f"position error, final ({units.name})", lambda r: _length(r.score.position_error_final_m, units)),
+        (f"distance ({unit})", lambda r: _length(r.score.distance_m, units)),
+        (f"position error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
+        (f"position error, median ({unit})", lambda r: _length(r.score.position_error_median_m, units)),
+        (f"position error, final ({unit})", lambda r: _length(r.score.position_error_final_m, units)),
         ("heading error, mean (deg)", lambda r: _degrees(r.score.heading_error_mean_rad)),
-        ("localized share", lambda r: _share(r.score.localized_share)),
+        ("localized share", lambda r: _written(r.score.localized_share, ".0%")),
         ("localized at update", lambda r: _or_never(r.score.localized_at_update, r.score.lost)),
-        ("lost", lambda r: _lost(r)),
-        ("wrong and confident", lambda r: _share(r.score.wrong_confident_share)),
+        ("lost", _lost),
+        ("wrong and confident", lambda r: _written(r.score.wrong_confident_share, ".0%")),
         ("localized (thesis, sd < 10 %)", lambda r: _success(r, "tenth", units)),
         ("localized (thesis, one foot)", lambda r: _success(r, "circle", units)),
-        ("filter steps per second", lambda r: "-" if r.steps_per_s is None else f"{r.steps_per_s:.0f}"),
+        ("filter steps per second", lambda r: _written(r.steps_per_s, ".0f")),
     ]
 
 
-def _length(value_m: float | None, units: Units) -> str:
-    return "-" if value_m is None else f"{value_m * units.per_m:.{units.digits}f}"
+def _written(value: float | None, how: str, per_unit: float = 1.0) -> str:
+    return "-" if value is None else f"{value * per_unit:{how}}"
 
 
 def _degrees(value_rad: float | None) -> str:
     return "-" if value_rad is None else f"{np.rad2deg(value_rad):.1f}"
 
 
-def _share(value: float | None) -> str:
-    return "-" if value is None else f"{value:.0%}"
+def _length(value_m: float | None, units: Units) -> str:
+    return _written(value_m, f".{units.digits}f", units.per_m)
 
 
 def _or_never(update: int | None, lost: bool | None) -> str:

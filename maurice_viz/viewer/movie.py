@@ -1,7 +1,6 @@
 """Movies from pictures: VP9 in MP4, which browsers play, or an animated GIF. Written whole or not at all.
 
-OpenCV's wheel has no H.264 encoder, and its MPEG-4 (`mp4v`) plays in no browser; its VP9 does. GIF frames
-go to the file one by one, so that memory does not grow with the movie.
+OpenCV's wheel has no H.264 encoder, and no browser plays its MPEG-4. GIF frames go to the file one by one.
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ class Film(Protocol):
 
     def add(self, picture: U8) -> None:
         """Add a picture (H, W, 3) RGB, of the size of the first."""
-        ...
 
 
 @contextmanager

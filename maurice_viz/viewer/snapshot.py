@@ -10,7 +10,7 @@ import json
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -118,10 +118,7 @@ class Viewer:
 
     def show_layout(self, name: str) -> None:
         """Bring the tab of a layout to the front. Raises InputError with the known names for any other."""
-        try:
-            self._arrange(with_layout(self._client.get_blueprint().blueprint, name))
-        except LayoutError as problem:
-            raise InputError(self._file, str(problem)) from None
+        self._arrange(with_layout, name)
 
     def show_only(self, name: str) -> None:
         """Let one view fill the window, by its title or its beginning.
@@ -129,12 +126,13 @@ class Viewer:
         Raises InputError with the known titles where none or several match.
         """
         views = {str(view.name): str(view.view_id) for view in self._client.get_state().views}
+        self._arrange(maximized, views, name)
+
+    def _arrange(self, change: Callable[..., Blueprint], *how: Any) -> None:
         try:
-            self._arrange(maximized(self._client.get_blueprint().blueprint, views, name))
+            blueprint = change(self._client.get_blueprint().blueprint, *how)
         except LayoutError as problem:
             raise InputError(self._file, str(problem)) from None
-
-    def _arrange(self, blueprint: dict[str, Any]) -> None:
         self._client.set_blueprint(blueprint, store_id=self._recording.store_id)
 
 
