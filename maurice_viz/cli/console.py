@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from rich.console import Console
 from rich.progress import (
@@ -15,6 +15,8 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
+
+from .errors import one_line_errors
 
 TABLE_WIDTH = 100  # of a table that goes to a file or a pipe, where there is no terminal to ask
 
@@ -76,9 +78,13 @@ TO_CONSOLE = ConsoleListener()
 
 
 @contextmanager
-def listening() -> Iterator[ConsoleListener]:
-    """Yield a listener that writes to standard error; its progress bar goes when the block ends."""
-    try:
-        yield TO_CONSOLE
-    finally:
-        TO_CONSOLE.end()
+def listening(*, usage: bool = True) -> Iterator[ConsoleListener]:
+    """Yield a listener that writes to standard error; its progress bar goes when the block ends.
+
+    With `usage` a bad argument that is found inside is reported below the command's usage.
+    """
+    with one_line_errors() if usage else nullcontext():
+        try:
+            yield TO_CONSOLE
+        finally:
+            TO_CONSOLE.end()

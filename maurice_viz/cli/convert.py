@@ -73,7 +73,7 @@ def record(
     recorder = LiveRecorder(output, force=force)
     session = LiveSession(live_source(source, topics), listen, recorder, note)
     try:
-        with session, listening() as listener:
+        with session, listening(usage=False) as listener:
             session.listen(lambda counts: listener.progress(counts.records, 0, "record"))
     except KeyboardInterrupt as stop:
         stopped = stop

@@ -19,10 +19,20 @@ STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}  # what a shell gives a comma
 
 @contextmanager
 def errors_end_the_command() -> Iterator[None]:
-    """Turn bad input and a request to stop into one line and a status, a bad argument into a usage error.
+    """Turn bad input and a request to stop into one line and a status; defects keep their traceback."""
+    import typer
 
-    Defects keep their traceback.
-    """
+    try:
+        with one_line_errors():
+            yield
+    except KeyboardInterrupt as stop:
+        typer.echo("; ".join(["maurice-replay: stopped", *map(str, stop.args)]), err=True)
+        raise typer.Exit(status_of(stop)) from None
+
+
+@contextmanager
+def one_line_errors() -> Iterator[None]:
+    """Turn bad input and bad files into one line and status 1, a bad argument into a usage error."""
     import typer
 
     try:
@@ -37,9 +47,6 @@ def errors_end_the_command() -> Iterator[None]:
         if _is(problem, "maurice_loaders.errors", "InputError"):
             fail(str(problem))
         raise
-    except KeyboardInterrupt as stop:
-        typer.echo("; ".join(["maurice-replay: stopped", *map(str, stop.args)]), err=True)
-        raise typer.Exit(status_of(stop)) from None
 
 
 def status_of(stop: KeyboardInterrupt) -> int:

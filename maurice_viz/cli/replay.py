@@ -63,7 +63,7 @@ def replay(
     motion = None if motion is None else Path(motion)
     spec = RunSpec(preset, feature, particles, seed, start, config, given, motion)
     output = output_of(session.absolute().stem, rrd, save_run, layout, detail, force=force)
-    with listening() as listener:
+    with listening(usage=False) as listener:
         replay_any(
             session,
             library,
@@ -115,7 +115,7 @@ def compare(
     stem = paths[0].absolute().stem if len(paths) == 1 else SEVERAL
     output = output_of(stem, rrd, save_run, layout, detail, force=force)
     how = reading_of(reading, keep_going=keep_going)
-    with listening() as listener:
+    with listening(usage=False) as listener:
         report = printed(json_output)
         compare_any(paths, library, given, output, reading=how, listener=listener, report=report)
 
@@ -149,7 +149,7 @@ def demo(
 
     from ..app.compare import COLOR_AND_BLENDED, compare_any
 
-    with listening() as listener:
+    with listening(usage=False) as listener:
         if session_only is None:
             session = demo_paths(DEMO_SEED, progress=listener.progress).session
             given = {"feature": COLOR_AND_BLENDED, "seed": [DEMO_SEED]}
