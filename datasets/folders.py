@@ -1,7 +1,5 @@
 """Finished folders, marked by a checksum, and a cache of such folders."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil
@@ -42,11 +40,7 @@ def note_of(folder: Path, key: str) -> str:
 
 
 def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:
-    """Return a finished folder from the user's cache (MAURICE_CACHE names another place).
-
-    It is made when absent or damaged; `make` puts it in place atomically, sealed with the key.
-    Two processes may make it at the same time.
-    """
+    """Return a finished folder from the user's cache; `make` makes it when absent or damaged."""
     folder = cache_root() / kind / key
     if folder.exists() and not is_whole(folder, key):
         discard(folder)

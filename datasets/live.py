@@ -1,7 +1,5 @@
 """The live robot: drives, takes pictures, and sends a session log line by line to its readers."""
 
-from __future__ import annotations
-
 import base64
 import errno
 import json
@@ -109,10 +107,7 @@ class ConnectedReader:
 
 
 class Broadcast:
-    """Listens at an address and sends every reader the header, then each line sent from then on.
-
-    OSError, naming the address, where one cannot listen there.
-    """
+    """Listens at an address and sends every reader the header, then each line; OSError where it cannot."""
 
     def __init__(self, address: Address, header: bytes) -> None:
         self._header = header
@@ -260,9 +255,9 @@ def serve(
 ) -> None:
     """Drive a complete session and send its lines at an address.
 
-    `ready` is called with the address as soon as it listens, and `over` with the line counts, also when the
-    robot is stopped halfway. InputError for worlds and recordings that cannot be used,
-    OSError if the address cannot be used. Readers get the header first, then what is sent from then on.
+    `ready` is called with the address as soon as it listens, and `over` with the line counts, also when
+    stopped halfway. InputError for worlds and recordings that cannot be used, OSError if the address cannot
+    be.
     """
     with one_thread():
         set_up = stage(plan)

@@ -1,7 +1,5 @@
 """Simulated sessions: with their survey as files in a folder, or rendered as they are asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,12 +102,11 @@ def session_info(set_up: Stage) -> SessionInfo:
         start=set_up.course.start if plan.task.start_known else None,
         survey=SURVEY,
         arena=set_up.surveyed.arena,
-        notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *notes_of(set_up)),
+        notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *_notes_of(set_up)),
     )
 
 
-def notes_of(set_up: Stage) -> tuple[str, ...]:
-    """Return the remarks of the header: what a reader of the session should know."""
+def _notes_of(set_up: Stage) -> tuple[str, ...]:
     moved = set_up.plan.moved
     things = (f"pieces of furniture moved after the survey: {moved}",) if moved else ()
     return (f"tier {set_up.plan.tier}", *set_up.camera.notes, *things, *set_up.course.notes)
@@ -131,10 +128,10 @@ def write_simulation(
     force: bool = False,
     progress: Progress | None = None,
 ) -> SimulationPaths:
-    """Write a session and the survey it belongs to into a new folder, all of it or nothing.
+    """Write a session and its survey (cached without a surveyor) into a new folder, all of it or nothing.
 
     InputError when the folder holds something (`force` replaces an earlier simulation), and for worlds and
-    recordings that cannot be used. Without a surveyor the survey comes from the cache.
+    recordings that cannot be used.
     """
     report = progress or (lambda done, total, what: None)
     with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
@@ -149,8 +146,8 @@ def write_simulation(
             write_survey(filling / SURVEY, set_up.surveyed, camera, surveyor, report)
         with SessionWriter(filling / "session.log", session_info(set_up)) as log:
             play(set_up, log, report)
-        seal(filling, key_of(plan))
-    return paths_in(folder)
+        seal(filling, _key_of(plan))
+    return _paths_in(folder)
 
 
 def write_demo(
@@ -163,29 +160,26 @@ def write_demo(
     progress: Progress | None = None,
 ) -> SimulationPaths:
     """Write survey and session of one seed into a new folder: position tracking where nothing changes."""
-    plan = demo_plan(seed, updates)
+    plan = _demo_plan(seed, updates)
     return write_simulation(folder, plan, surveyor=surveyor or Surveyor(), force=force, progress=progress)
 
 
-def demo_plan(seed: int, updates: int) -> SimulationPlan:
-    """Return the demo's plan: no slips, so that a first impression does not depend on bad luck."""
+def _demo_plan(seed: int, updates: int) -> SimulationPlan:
     return SimulationPlan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
 
 
-def key_of(plan: SimulationPlan) -> str:
-    """Return the cache key of a plan; another generator or plan has another key."""
+def _key_of(plan: SimulationPlan) -> str:
     return f"{plan.task.name}-{GENERATOR}-seed{plan.arena_seed}-{plan.seed}-{plan.updates}"
 
 
-def paths_in(folder: Path) -> SimulationPaths:
-    """Return the two logs of a folder."""
+def _paths_in(folder: Path) -> SimulationPaths:
     return SimulationPaths(folder / "session.log", folder / SURVEY)
 
 
 def demo_paths(seed: int = 0, progress: Progress | None = None) -> SimulationPaths:
     """Return the demo from the user's cache (MAURICE_CACHE names another place), made when absent."""
-    key = key_of(demo_plan(seed, UPDATES))
-    return paths_in(cached("demos", key, lambda folder: write_demo(folder, seed, progress=progress)))
+    key = _key_of(_demo_plan(seed, UPDATES))
+    return _paths_in(cached("demos", key, lambda folder: write_demo(folder, seed, progress=progress)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

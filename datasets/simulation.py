@@ -1,7 +1,5 @@
 """A simulated session, planned and set up: which world, which task, what changes, and what the robot does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,10 +1,7 @@
 """The survey: reference pictures at every free node in eight headings, and some with the lens covered.
 
-References are placed by hand, so a little off; they are labeled with where they should have been. A survey is
-written beside its session, into the cache, or into a separate folder.
+References are placed by hand, so a little off; they are labeled with where they should have been.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -85,8 +82,7 @@ def camera_of(lens: Lens) -> Camera:
     return Camera("front", lens.width_px, lens.height_px, lens.horizontal_fov_rad, 0.0, lens.height_m)
 
 
-def survey_info(world: World, camera: CameraSession) -> SessionInfo:
-    """Return the header of a world's survey."""
+def _survey_info(world: World, camera: CameraSession) -> SessionInfo:
     return SessionInfo(
         name=f"survey of {world.name}",
         display_units="in",
@@ -98,8 +94,7 @@ def survey_info(world: World, camera: CameraSession) -> SessionInfo:
     )
 
 
-def surveyor_of(world: World) -> Surveyor:
-    """Return the surveyor that takes as many headings as the world says."""
+def _surveyor_of(world: World) -> Surveyor:
     return Surveyor(headings=world.headings)
 
 
@@ -108,7 +103,7 @@ def write_survey(
 ) -> None:
     """Write the covered pictures, then every reference with its nominal pose."""
     total = len(world.nodes) * surveyor.headings
-    with SessionWriter(path, survey_info(world, camera), kind="survey") as log:
+    with SessionWriter(path, _survey_info(world, camera), kind="survey") as log:
         for number in range(surveyor.covered):
             log.image(number * FRAME_S, camera.take_covered(number), covered=True, camera="front")
         t_s = surveyor.covered * FRAME_S
@@ -124,7 +119,7 @@ def cached_survey(world: World, seed: int, report: Progress, *, half_resolution:
     def make(folder: Path) -> None:
         with new_folder(folder) as filling:
             camera = survey_camera(world, seed, half_resolution=half_resolution)
-            write_survey(filling / SURVEY.name, world, camera, surveyor_of(world), report)
+            write_survey(filling / SURVEY.name, world, camera, _surveyor_of(world), report)
             seal(filling, key)
 
     return cached("surveys", key, make)
@@ -143,7 +138,7 @@ def write_survey_folder(
     report = progress or (lambda done, total, what: None)
     with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
         camera = survey_camera(world, seed, half_resolution=half_resolution)
-        write_survey(filling / SURVEY.name, world, camera, surveyor_of(world), report)
+        write_survey(filling / SURVEY.name, world, camera, _surveyor_of(world), report)
         seal(filling, f"survey-{GENERATOR}-{seed}")
     return folder / SURVEY.name
 

@@ -4,8 +4,6 @@ A tier sets what the world looks like and what happens during the session. Its n
 docs/arena.md has what they do to the filter.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -49,10 +47,7 @@ class Task:
     kidnapped: bool  # once the robot is carried elsewhere, and its odometry does not see it
 
     def kidnap_at(self, updates: int, asked: int | None) -> int | None:
-        """Return the update after which the robot is carried away: halfway unless asked otherwise.
-
-        ValueError where the task has no kidnapping, or where no update would come after it.
-        """
+        """Return the update after which the robot is carried away, or None; ValueError for a wrong one."""
         if not self.kidnapped:
             if asked is not None:
                 raise ValueError(

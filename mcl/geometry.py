@@ -3,8 +3,6 @@
 Headings are radians, counter-clockwise from +x (REP-103); poses are (..., 3): x_m, y_m, heading_rad.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, TypeVar
 
@@ -19,11 +17,7 @@ INCH_M = 0.0254
 
 
 def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
-    """Bring angles of any size into [-pi, pi); shape and precision are kept.
-
-    Full turns are removed by `floor`, six times faster than `%`; angles inside the range stay exactly as they
-    are. In float32 the range is that of pi rounded to float32.
-    """
+    """Bring angles of any size into [-pi, pi), shape and precision kept; six times faster than `%`."""
     # Python floats keep the precision of a numpy array (NEP 50)
     turned = np.asarray(angle_rad + math.pi, angle_rad.dtype)
     turned *= 0.5 / math.pi
@@ -50,11 +44,7 @@ def angle_between(a_rad: float, b_rad: float) -> float:
 
 
 def compose(pose: F64, motion: F64) -> F64:
-    """Move one pose (3,) by a motion (forward_m, left_m, turn_rad) given in its own frame.
-
-    The translation is in the frame at the start, and the turn comes at its end, as in a session log and in
-    the motion models.
-    """
+    """Move one pose (3,) by a motion (forward_m, left_m, turn_rad) in its own frame; the turn comes last."""
     x, y, heading = (float(v) for v in pose)
     forward, left, turn = (float(v) for v in motion)
     cos, sin = np.cos(heading), np.sin(heading)
@@ -70,10 +60,7 @@ def compose_motions(first: F64, second: F64) -> F64:
 
 
 def motion_between(before: F64, after: F64) -> F64:
-    """Return the motion (3,) from one pose (3,) to another, in the frame of the first; its turn is wrapped.
-
-    The inverse of `compose`.
-    """
+    """Return the motion (3,) from one pose (3,) to another: the inverse of `compose`, its turn wrapped."""
     dx, dy, turn = (float(v) for v in after - before)
     cos, sin = math.cos(before[2]), math.sin(before[2])
     return np.array([dx * cos + dy * sin, dy * cos - dx * sin, wrap_angle(turn)])
@@ -82,8 +69,8 @@ def motion_between(before: F64, after: F64) -> F64:
 def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float, float]:
     """Return the weighted mean direction and the circular standard deviation, both in radians.
 
-    The deviation is sqrt(-2 ln R) of the mean resultant length R (Mardia and Jupp, Directional
-    Statistics, 2.3.4); it is infinite where the directions cancel. Weights (N,) need not sum to one.
+    The deviation is sqrt(-2 ln R) of the mean resultant length R (Mardia and Jupp 2.3.4); weights need no sum
+    of 1.
     """
     held = np.asarray(weight, np.float64)
     total = float(held.sum())

@@ -1,7 +1,5 @@
 """The library: reference poses with what each channel measured there. It is the filter's map."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,12 +1,9 @@
 """How good a library is, before any run: how much of the map it covers, and how well it separates its places.
 
-Self-similarity takes each reference as a picture and compares it with the others, by the sensor model's costs
-in nats. A reference is retrieved correctly when the most similar one elsewhere is at a neighboring place with
-nearly the same heading; it is aliased when a far one is more similar than its neighbors. Nothing here grows
-with the square of the library.
+Self-similarity compares each reference with the others by the sensor model's costs in nats. It is retrieved
+correctly when the most similar one elsewhere is a neighbor with nearly its heading, and aliased when a far
+one is more similar than its neighbors.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -65,14 +62,9 @@ def coverage_of(library: Library, reach_m: float) -> Coverage:
         return Coverage(reach_m, mapped, 0.0, 0.0, 0.0, ())
     distance = np.asarray(place_tree(library.poses[:, :2]).query(points)[0], np.float64)
     near = distance <= reach_m
-    return Coverage(
-        reach_m,
-        mapped,
-        float(len(points) * cell_m2),
-        float(near.mean()),
-        _directions(library.poses, points[near], reach_m),
-        _gaps(points, distance, free, reach_m, cell_m2),
-    )
+    directions = _directions(library.poses, points[near], reach_m)
+    gaps = _gaps(points, distance, free, reach_m, cell_m2)
+    return Coverage(reach_m, mapped, float(len(points) * cell_m2), float(near.mean()), directions, gaps)
 
 
 def _between(places: F64, grid: Grid) -> Bool:
@@ -141,9 +133,7 @@ class SelfSimilarity:
     alias: I32  # (L,) the most similar far entry; -1 for none
     margin: F64  # (L,) nats by which that is less similar than the best neighbor; below 0: aliased; nan
     ambiguity: F64  # (L,) effective number of places that fit as well: exp of the entropy, 1 or more
-    similarity: (
-        F64  # (6,) median cost in nats at another place nearer than 1, 2, 3, 5, 8 spacings, and beyond
-    )
+    similarity: F64  # (6,) median cost in nats at places nearer than 1, 2, 3, 5, 8 spacings, and beyond
 
     @property
     def aliased(self) -> I32:
@@ -181,9 +171,8 @@ def self_similarity_of(
         curve.append(_curve(library, between, entry, others, cost))
         if progress:
             progress(entry + 1, library.size)
-    retrieved, error_m, error_rad, alias, margin, ambiguity = (
-        np.array(column) for column in zip(*found, strict=True)
-    )
+    columns = [np.array(column) for column in zip(*found, strict=True)]
+    retrieved, error_m, error_rad, alias, margin, ambiguity = columns
     return SelfSimilarity(
         spacing_m=between,
         places=places,
@@ -199,10 +188,7 @@ def self_similarity_of(
 
 
 def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
-    """Cluster positions (L, 2) around the first of those near each other: centers (P, 2), place of each (L,).
-
-    A survey's nodes, about evenly spaced by the size, stay separate.
-    """
+    """Cluster positions (L, 2) about the first of near ones: centers (P, 2), place of each (L,)."""
     firsts, place_of = np.empty((0, 2)), np.empty(len(xy), np.int32)
     for number, at in enumerate(xy):
         apart = np.hypot(*(firsts - at).T)
@@ -246,14 +232,8 @@ def _one(
     if far.any():
         alias = int(others[far][cost[others][far].argmin()])
         margin = float(cost[alias] - cost[others][near].min()) if near.any() else np.nan
-    return (
-        int(others[best]),
-        float(apart_m[best]),
-        float(turned[best]),
-        alias,
-        margin,
-        _ambiguity(place_of[others], cost[others]),
-    )
+    ambiguity = _ambiguity(place_of[others], cost[others])
+    return int(others[best]), float(apart_m[best]), float(turned[best]), alias, margin, ambiguity
 
 
 def _apart(library: Library, entry: int, others: Index) -> tuple[F64, F64]:

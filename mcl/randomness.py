@@ -1,7 +1,5 @@
 """Randomness by address: every draw can be repeated on its own from the seed, the step and the purpose."""
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
 
@@ -35,9 +33,7 @@ class Purpose(IntEnum):
 def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random.Generator:
     """Return the generator at one address; the same address always yields the same numbers.
 
-    Draw per-particle noise row by row, as `random((N, k))` and `normals` do: a larger N then keeps the draws
-    of a smaller one.
-
+    Draw per-particle noise row by row: a larger N then keeps the draws of a smaller one.
     Raises ValueError where a part of the address is not in 0 to 2**32 - 1.
     """
     words = [int(domain), int(seed), int(step), int(purpose)]
@@ -47,10 +43,9 @@ def stream(domain: int, seed: int, step: int = 0, purpose: int = 0) -> np.random
 
 
 def normals(rng: np.random.Generator, n: int) -> F32:
-    """Draw n rows of three standard normals (n, 3), float32; each column is contiguous.
+    """Draw n rows of three standard normals (n, 3), float32, columns contiguous (Box and Muller 1958).
 
-    By Box and Muller (1958), from four 24-bit uniforms per row: twice as fast as the generator's own method.
-    The largest possible value is 5.8, as the uniforms go down to 2**-24.
+    From four 24-bit uniforms per row: twice as fast as the generator's own method, and at most 5.8.
     """
     bits = rng.integers(0, 2**64, (n, 2), np.uint64).view(np.uint32)
     uniform = (bits.T >> np.uint32(8)).astype(np.float32, order="C")

@@ -1,7 +1,5 @@
 """The values of the filter: belief, recovery state, filter state, and the record of one update."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -54,10 +52,7 @@ def uniform_log_weights(n: int) -> F64:
 
 
 def normalize(log_weights: F64) -> tuple[F64, float]:
-    """Return normalized log-weights and the log of their sum (log-sum-exp in float64).
-
-    When all are -inf, return them unchanged and -inf, which the caller must handle.
-    """
+    """Return normalized log-weights and the log of their sum; unchanged and -inf when all are -inf."""
     top = float(log_weights.max())
     if not np.isfinite(top):
         return log_weights, -np.inf
@@ -89,17 +84,9 @@ NO_HISTORY = RecoveryState()
 # The record of one update, and the state that the next update needs.
 
 
-def _none() -> F32:
-    return np.zeros(0, np.float32)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """One picture compared with every reference.
-
-    `distances` and costs are absolute and can be compared between pictures; `channel_quality` and `quality`
-    are relative to the worst entry for this very picture (unless the quality is an absolute one).
-    """
+    """One picture compared with every reference; qualities alone are relative to this very picture."""
 
     channels: tuple[str, ...]  # the C channel names, in the order of the rows below
     descriptors: Mapping[str, F32]  # channel -> (D,) what was measured in the picture
@@ -109,7 +96,7 @@ class Comparison:
     channel_cost: F32  # (C, L) distances over their calibrated scales: nats
     cost: F32  # (L,) weighted sum of them, >= 0: what recovery and people compare between pictures
     log_likelihood: F32  # (L,) of every entry; finite
-    virtual: F32 = field(default_factory=_none)  # (V,) the same of the virtual references, if any
+    virtual: F32 = field(default_factory=lambda: np.zeros(0, np.float32))  # (V,) of virtual ones
 
     def best(self, count: int) -> I32:
         """Return the numbers of the best entries (count,), best first; all L when there are fewer."""

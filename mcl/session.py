@@ -1,7 +1,5 @@
 """What a robot saw and did: frames for the filter, and moments, which also hold the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,15 +11,12 @@ from .map import Arena
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """All that the filter may see of one update.
+    """All that the filter may see of one update; `motions` are the robot's own, in order (thesis 3.2).
 
-    `motions` are the robot's own measurements, uncorrected, in the order in which they were made; several
-    movements between two pictures are kept separate, because noise is added once per movement (thesis 3.2).
-
-        >>> import numpy as np, maurice_mcl as mcl
-        >>> frame = mcl.Frame(1, 0.5, np.array([[0.1, 0.0, 0.2]]), np.zeros((24, 32, 3), np.uint8), "")
-        >>> frame.motions.shape
-        (1, 3)
+    >>> import numpy as np, maurice_mcl as mcl
+    >>> frame = mcl.Frame(1, 0.5, np.array([[0.1, 0.0, 0.2]]), np.zeros((24, 32, 3), np.uint8), "")
+    >>> frame.motions.shape
+    (1, 3)
     """
 
     step: int  # 1 for the first picture
@@ -65,9 +60,7 @@ class SessionInfo:
     name: str
     display_units: str = "m"  # "m" or "in", for display; everything stored is in meters
     robot: str = "robot"
-    motion: dict[str, Any] | None = (
-        None  # motion parameters, see maurice_mcl.filter.motion; None: generic odometry
-    )
+    motion: dict[str, Any] | None = None  # parameters, see maurice_mcl.filter.motion; None: generic odometry
     cameras: tuple[Camera, ...] = ()
     start: F64 | None = None  # (3,) where the drive began, if known
     survey: Path | None = None  # the survey log or library that it belongs to, resolved

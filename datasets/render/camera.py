@@ -5,8 +5,6 @@ texture coordinates of a face are three planes over the picture; a depth buffer 
 the faces that can be seen are warped in with OpenCV.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,8 +19,7 @@ from maurice_mcl.geometry import INCH_M
 class LitFace:
     """A face at full size and halved again and again.
 
-    Either `levels` are the light it gives off, or, where light may change, what it reflects; `grid` then
-    tells where in the scene's light the coarse grid is found that they are multiplied by.
+    `levels` are the light it gives off, or, where `grid` locates its light in the scene, what it reflects.
     """
 
     corner: F64  # (3,) as in Face
@@ -63,7 +60,7 @@ def joined(scene: LitScene, more: LitScene) -> LitScene:
         raise ValueError("expected two scenes with light of their own, found one with fixed light")
     before = len(scene.light)
     return LitScene(
-        (*scene.faces, *(moved_on(face, before) for face in more.faces)),
+        (*scene.faces, *(_moved_on(face, before) for face in more.faces)),
         np.concatenate([scene.corner, more.corner]),
         np.concatenate([scene.across, more.across]),
         np.concatenate([scene.down, more.down]),
@@ -71,8 +68,7 @@ def joined(scene: LitScene, more: LitScene) -> LitScene:
     )
 
 
-def moved_on(face: LitFace, before: int) -> LitFace:
-    """Shift a face's index of light points by `count` of another scene."""
+def _moved_on(face: LitFace, before: int) -> LitFace:
     if face.grid is None:
         return face
     first, rows, columns = face.grid
@@ -168,10 +164,7 @@ def project(scene: LitScene, position: F64, turn: F64, lens: Lens) -> list[Seen]
 
 
 def windows_of(outlines: F64, lens: Lens) -> I32:
-    """Return the part of the picture (F, 4) that outlines (F, 4, 3) in camera coordinates can touch.
-
-    Where there is none, u1 >= u2 or v1 >= v2.
-    """
+    """Return the part of the picture (F, 4) that outlines (F, 4, 3) can touch; empty for none."""
     ahead = outlines[:, :, 2].min(axis=1) >= lens.near_m
     cut = np.flatnonzero(~ahead & (outlines[:, :, 2].max(axis=1) > lens.near_m))
     bounds = np.zeros((len(outlines), 4))
@@ -200,10 +193,7 @@ def over(row: F64, window: Window) -> F32:
 
 
 def visibility(seen: list[Seen], lens: Lens) -> tuple[I32, F32]:
-    """Return the number of the nearest face (-1: none) and one over its depth, for every sample.
-
-    Faces come nearest first: complete rooms behind a wall are then skipped at the cost of one test.
-    """
+    """Return the number of the nearest face (-1: none) and one over its depth, for every sample."""
     shape = lens.height_px * lens.oversample, lens.width_px * lens.oversample
     number = np.full(shape, -1, dtype=np.int32)
     nearness = np.zeros(shape, dtype=np.float32)
@@ -220,10 +210,7 @@ def visibility(seen: list[Seen], lens: Lens) -> tuple[I32, F32]:
 
 
 def level_of(face: Seen, nearness: F32) -> I32:
-    """Choose the texture level for samples from one over their depth: about one texel a sample.
-
-    The Jacobian of the mapping to (s, t) is det(planes) * depth^3; a level halves a texture twice.
-    """
+    """Choose the texture level of samples: by the mapping's Jacobian, det(planes) * depth^3."""
     rows, columns = face.face.levels[0].shape[:2]
     texels = abs(float(np.linalg.det(face.planes))) * rows * columns / nearness**3
     level = np.rint(0.5 * np.log2(texels))
@@ -248,10 +235,7 @@ def warp(texture: F32, planes: F64, window: Window) -> F32:
 
 
 def draw(picture: F32, face: Seen, grid: F32 | None, mine: Bool, nearness: F32) -> None:
-    """Fill in the samples `mine` of `picture` (H, W, 3) that see this face, in place.
-
-    `mine` covers the face's window, `grid` is its light where that is not in its levels.
-    """
+    """Fill in the samples `mine` (of its window) of a picture (H, W, 3) in place, under a light `grid`."""
     left, top, width, height = cv2.boundingRect(mine.view(np.uint8))
     u, v = face.window[0] + left, face.window[1] + top
     window, part = (u, v, u + width, v + height), (slice(v, v + height), slice(u, u + width))

@@ -1,10 +1,7 @@
 """One camera on one day: the survey's or a session's pictures of a world, under what changes meanwhile.
 
-`survey_camera` and `session_camera` take a `World` and bake it; the light of the two worlds baked last is
-kept, so a survey and a session of one world bake once. Pictures are pure functions of number and pose.
+Pictures are pure functions of number and pose. The light of the two worlds baked last is kept.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -108,12 +105,7 @@ def survey_camera(
     """Make the survey's camera: its own light and white balance, and nothing that changes."""
     conditions = Conditions(gain=gain, half_resolution=half_resolution)
     return _camera_session(
-        world,
-        seed,
-        conditions,
-        (SimPurpose.SURVEY_LIGHT, SimPurpose.SURVEY_NOISE),
-        lens,
-        sensor,
+        world, seed, conditions, (SimPurpose.SURVEY_LIGHT, SimPurpose.SURVEY_NOISE), lens, sensor
     )
 
 
@@ -125,10 +117,7 @@ def session_camera(
     lens: Lens | None = None,
     sensor: Sensor | None = None,
 ) -> CameraSession:
-    """Make the session's camera: the same camera on another day, under conditions.
-
-    ValueError with one line for a light that the world does not have.
-    """
+    """Make the session's camera, on another day; ValueError for a light that the world does not have."""
     purposes = SimPurpose.SESSION_LIGHT, SimPurpose.SESSION_NOISE
     return _camera_session(world, seed, conditions or Conditions(), purposes, lens, sensor)
 

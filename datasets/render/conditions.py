@@ -3,8 +3,6 @@
 `parse_lights` reads the notation of `--lights`, described in docs/conditions.md.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -57,11 +55,7 @@ class Conditions:
 
 
 def conditions_for(
-    tier: Tier,
-    lights: tuple[LightChange, ...] = (),
-    *,
-    gain: str = "fixed",
-    half_resolution: bool = False,
+    tier: Tier, lights: tuple[LightChange, ...] = (), *, gain: str = "fixed", half_resolution: bool = False
 ) -> Conditions:
     """Combine the conditions of a tier with those the user adds; the stronger drift counts."""
     asked = max((change.amount or 0.0 for change in lights if change.kind == "drift"), default=0.0)
@@ -76,83 +70,71 @@ def conditions_for(
 
 
 def parse_lights(text: str) -> tuple[LightChange, ...]:
-    """Read changes like "dim@40,off@60,daylight@20-100,on@80", sorted by update; "" is none.
-
-    ValueError with one line for what cannot be read.
-    """
+    """Read changes like "dim@40,off@60,daylight@20-100,on@80", sorted; ValueError in one line."""
     if not text.strip():
         return ()
-    changes = [parse_change(part.strip()) for part in text.split(",")]
+    changes = [_parse_change(part.strip()) for part in text.split(",")]
     return tuple(sorted(changes, key=lambda change: change.update))
 
 
-def parse_change(text: str) -> LightChange:
-    """Read one change: kind[:what][@when]."""
+def _parse_change(text: str) -> LightChange:
     before, at, when = text.partition("@")
     kind, _, what = (part.strip() for part in before.partition(":"))
     if kind not in READERS:
-        raise complaint(text, f"one of {', '.join(READERS)}")
+        raise _complaint(text, f"one of {', '.join(READERS)}")
     if bool(at) != (kind != "drift"):
-        raise complaint(text, "drift without @" if at else f"{kind}@ and the update at which it happens")
+        raise _complaint(text, "drift without @" if at else f"{kind}@ and the update at which it happens")
     return READERS[kind](text, what, when.strip())
 
 
-def complaint(text: str, wanted: str) -> ValueError:
-    """Return the error for a light change: what was found and what was expected."""
+def _complaint(text: str, wanted: str) -> ValueError:
     return ValueError(f"found light change {text!r}, expected {wanted}; for example {EXAMPLE}")
 
 
-def read_dim(text: str, what: str, when: str) -> LightChange:
-    """dim@40 or dim:0.4@40."""
-    return LightChange("dim", read_update(text, when), amount=read_share(text, what, DIM_SHARE))
+def _read_dim(text: str, what: str, when: str) -> LightChange:
+    return LightChange("dim", _read_update(text, when), amount=_read_share(text, what, DIM_SHARE))
 
 
-def read_off(text: str, what: str, when: str) -> LightChange:
-    """off@60 or off:west room lamp@60."""
-    return LightChange("off", read_update(text, when), source=what)
+def _read_off(text: str, what: str, when: str) -> LightChange:
+    return LightChange("off", _read_update(text, when), source=what)
 
 
-def read_on(text: str, what: str, when: str) -> LightChange:
-    """on@80 or on:west room lamp@80."""
-    return LightChange("on", read_update(text, when), source=what)
+def _read_on(text: str, what: str, when: str) -> LightChange:
+    return LightChange("on", _read_update(text, when), source=what)
 
 
-def read_daylight(text: str, what: str, when: str) -> LightChange:
-    """daylight@20-100."""
+def _read_daylight(text: str, what: str, when: str) -> LightChange:
     first, dash, last = when.partition("-")
     if what or not dash:
-        raise complaint(text, "daylight@FIRST-LAST")
-    change = LightChange("daylight", read_update(text, first), until=read_update(text, last))
+        raise _complaint(text, "daylight@FIRST-LAST")
+    change = LightChange("daylight", _read_update(text, first), until=_read_update(text, last))
     if change.until is None or change.until <= change.update:
-        raise complaint(text, "a span whose last update comes after its first")
+        raise _complaint(text, "a span whose last update comes after its first")
     return change
 
 
-def read_drift(text: str, what: str, when: str) -> LightChange:
-    """drift or drift:0.1."""
-    return LightChange("drift", amount=read_share(text, what, DRIFT_SHARE))
+def _read_drift(text: str, what: str, when: str) -> LightChange:
+    return LightChange("drift", amount=_read_share(text, what, DRIFT_SHARE))
 
 
 READERS: dict[str, Callable[[str, str, str], LightChange]] = {
-    "dim": read_dim,
-    "off": read_off,
-    "on": read_on,
-    "bright": read_on,
-    "daylight": read_daylight,
-    "drift": read_drift,
+    "dim": _read_dim,
+    "off": _read_off,
+    "on": _read_on,
+    "bright": _read_on,
+    "daylight": _read_daylight,
+    "drift": _read_drift,
 }
 
 
-def read_update(text: str, number: str) -> int:
-    """Read the number of an update, from 1."""
+def _read_update(text: str, number: str) -> int:
     digits = number.strip()
     if not (digits.isascii() and digits.isdigit() and 0 < int(digits[:10]) < 10**9):
-        raise complaint(text, "an update as an integer from 1")
+        raise _complaint(text, "an update as an integer from 1")
     return int(digits)
 
 
-def read_share(text: str, what: str, default: float) -> float:
-    """Read a share from 0 to 1; the default where there is none."""
+def _read_share(text: str, what: str, default: float) -> float:
     if not what:
         return default
     try:
@@ -160,7 +142,7 @@ def read_share(text: str, what: str, default: float) -> float:
     except ValueError:
         share = math.nan
     if not 0 <= share <= 1:
-        raise complaint(text, "a share from 0 to 1 after the colon")
+        raise _complaint(text, "a share from 0 to 1 after the colon")
     return share
 
 
@@ -171,10 +153,7 @@ TURN = 0.85  # so much of each window's far side is then missing, and so much mo
 
 
 def named_lights(world: World, lights: tuple[LightChange, ...]) -> tuple[LightChange, ...]:
-    """Return changes that name their lamp, in order; the first lamp is the default of `off`.
-
-    ValueError with one line for a source that the world does not have.
-    """
+    """Return changes that name their lamp, in order; ValueError for a source that the world does not have."""
     lamps = [source for source in world.sources if source not in windows_of(world)]
     named = []
     for change in sorted(lights, key=lambda change: change.update):
@@ -194,14 +173,13 @@ def brightness_at(lights: tuple[LightChange, ...], number: int) -> float:
     share = 1.0
     for change in lights:
         if change.update <= number and change.kind == "dim":
-            share = left_by(change)
+            share = _left_by(change)
         if change.update <= number and change.kind == "on" and not change.source:
             share = 1.0
     return share
 
 
-def left_by(change: LightChange) -> float:
-    """Return the share of light that a dimming leaves."""
+def _left_by(change: LightChange) -> float:
     return DIM_SHARE if change.amount is None else change.amount
 
 
@@ -247,14 +225,13 @@ def reshades(conditions: Conditions) -> bool:
 
 def events_at(lights: tuple[LightChange, ...], number: int) -> tuple[str, ...]:
     """Return what happens to the light at an update, as the text of a log's events."""
-    begun = [told(change) for change in lights if change.update == number and change.kind != "drift"]
+    begun = [_told(change) for change in lights if change.update == number and change.kind != "drift"]
     return (*begun, *("lights daylight rests" for change in lights if change.until == number))
 
 
-def told(change: LightChange) -> str:
-    """Return one change as text."""
+def _told(change: LightChange) -> str:
     if change.kind == "dim":
-        return f"lights dim to {left_by(change):.0%}"
+        return f"lights dim to {_left_by(change):.0%}"
     if change.kind == "daylight":
         return "lights daylight moves"
     return f"lights {change.kind} {change.source}".rstrip()

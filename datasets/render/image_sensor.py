@@ -1,7 +1,5 @@
 """The image sensor: lens faults, exposure, tone curve, noise, and slow drift of gain and white balance."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
@@ -18,10 +16,7 @@ from .conditions import Conditions
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A camera like the CMUcam2's. Black level and noise are set by the thesis's covered-lens histogram.
-
-    Figure 14 peaks at about 80 of 256: with 8 levels a bin, that is noise of 10 levels around 28.
-    """
+    """A camera like the CMUcam2's; black level and noise are set by the thesis's covered lens (figure 14)."""
 
     black: tuple[float, float, float] = (27.8, 27.2, 28.6)  # level of each channel in the dark
     read_noise: float = 9.6  # sd in levels of each pixel and channel
@@ -79,10 +74,7 @@ def signal_of(light: F32, sensor: Sensor, gain: tuple[float, float, float]) -> F
 def photograph(
     light: F32, sensor: Sensor, exposure: Exposure, rng: np.random.Generator, *, half: bool = False
 ) -> U8:
-    """Turn linear light (H, W, 3) into the picture (H, W, 3) RGB that the camera delivers.
-
-    With `half`, every other column is read and handed over twice, noise and all.
-    """
+    """Turn linear light (H, W, 3) into RGB; with `half`, every other column is read and doubled."""
     behind = through_lens(light, sensor)
     gain = metered(behind, sensor, exposure) if exposure.automatic else exposure.gain
     if not half:
@@ -92,11 +84,7 @@ def photograph(
 
 
 def metered(behind: F32, sensor: Sensor, exposure: Exposure) -> tuple[float, float, float]:
-    """Choose the gain that brings the mean signal of this one picture to the target, within its limits.
-
-    Every fourth pixel in each direction is measured. The signal grows as gain to the power gamma where
-    it is not clipped, so a few steps are enough; white balance stays as it is.
-    """
+    """Choose the gain that brings the mean signal of this one picture to the target, within its limits."""
     measured, factor = behind[::4, ::4], 1.0
     for _ in range(6):
         red, green, blue = (factor * gain for gain in exposure.gain)

@@ -4,8 +4,6 @@ A coarse grid of points on every face asks which lamps it sees past the boxes. L
 so a lamp that goes out takes its light and its shadows with it, at the cost of one sum.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -74,7 +72,7 @@ class Baking:
 
 
 def hit_distance(start: F32, toward: F32, boxes: tuple[Box, ...]) -> F32:
-    """Return how far each ray (R, 3), (R, 3) goes before it meets a box: (R,), inf where it meets none.
+    """Return how far each ray (R, 3), (R, 3) goes before it meets a box (R,), else inf.
 
     The slab method (Kay and Kajiya 1986) in each box's own frame; a ray that starts inside a box has gone 0.
     """
@@ -131,8 +129,7 @@ def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) 
 def carried(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...], probe: int = 1) -> F64:
     """Return how much of each of a lamp's points (P) arrives at points (K, 3) with normals (K, 3): (P, K).
 
-    Squared distance, both angles and what stands between are in it. With `probe` above 1 only every so many
-    points ask first for the lamp's first and last point: most lamps of a large world are behind walls.
+    With `probe` above 1 only every so many points ask first for the lamp's first and last point.
     """
     total = np.zeros((len(lamp.points), len(points)))
     ends = lamp.points[[0, -1]]
@@ -160,10 +157,7 @@ def arriving(points: F64, normals: F64, lamp: Lamp, source: F64, boxes: tuple[Bo
 
 
 def reached(start: F64, toward: F64, distance: F64, boxes: tuple[Box, ...]) -> I32:
-    """Number the rays (R, 3), (R, 3) that go `distance` (R,) without meeting a box.
-
-    As `hit_distance`, but rays that have met one are dropped immediately: put the largest boxes first.
-    """
+    """Number the rays (R, 3), (R, 3) that go `distance` (R,) without meeting a box; largest boxes first."""
     alive = np.arange(len(start), dtype=np.int32)
     origin, way = start.T.astype(np.float32), toward.T.astype(np.float32)
     far = distance.astype(np.float32)
@@ -302,7 +296,7 @@ class Lighting:
 
 @lru_cache(maxsize=2)
 def lighting_of(world: World, baking: Baking | None = None) -> Lighting:
-    """Bake a world. Kept for the two last worlds, as survey and session look at the same one."""
+    """Bake a world; kept for the two last ones."""
     baking = baking or Baking()
     parts = parts_of(world)
     grids = [face_points(face, baking) for face in world.faces]
@@ -313,12 +307,11 @@ def lighting_of(world: World, baking: Baking | None = None) -> Lighting:
     shapes = tuple(shape for _, shape in grids)
     smooth = smoothed(np.concatenate(light, axis=1).astype(np.float32), shapes)
     glowing = with_glow(world, parts, shapes, smooth)
-    by_part = tuple(only_where_lit(light) for light in glowing)
+    by_part = tuple(_only_where_lit(light) for light in glowing)
     return Lighting(world.faces, parts, by_part, shapes, glowing.sum(axis=0))
 
 
-def only_where_lit(light: F32) -> PartLight:
-    """Keep of light (K, 3) what is not dark."""
+def _only_where_lit(light: F32) -> PartLight:
     where = np.flatnonzero(light.any(axis=1)).astype(np.int32)
     return PartLight(where, light[where])
 
@@ -359,7 +352,7 @@ def nearest_source(world: World, face: Face) -> str:
 
 
 def bake(world: World, baking: Baking | None = None) -> LitScene:
-    """Light every face of a world as the survey has it; each picture then costs only the warping of faces."""
+    """Light every face of a world as the survey has it."""
     lighting = lighting_of(world, baking)
     return scene_of(tuple(lit(face, grid) for face, grid in zip(world.faces, lighting.grids(), strict=True)))
 

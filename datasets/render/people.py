@@ -1,10 +1,7 @@
 """People who stand in the robot's view for one frame: figures of prisms, how often, where, and how lit.
 
-A figure stands at the origin and looks along +x; all is in meters. A frame has people or not whatever the
-pose; the pose only decides where there is room for them.
+A figure stands at the origin and looks along +x; all is in meters. A pose only decides where there is room.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -72,8 +69,7 @@ def skins(prism: Prism, texture: F32) -> list[Skin]:
     return made
 
 
-def size_of(prism: Prism) -> Size:
-    """Return rows and columns of the texture that goes around a prism."""
+def _size_of(prism: Prism) -> Size:
     tall = float(np.linalg.norm(np.subtract(prism.top, prism.bottom)))
     around = 1.6 * (prism.thick + prism.wide)
     return max(8, round(tall * PER_M)), max(8 * prism.sides, round(around * PER_M))
@@ -105,8 +101,7 @@ def head(rng: np.random.Generator, size: Size, skin: Rgb, hair: Rgb) -> F32:
     return cv2.GaussianBlur(picture, (3, 3), 0.8).astype(np.float32)
 
 
-def shoe(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
-    """Leather with a sole."""
+def _shoe(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
     picture = tint(color, 1 + 0.12 * noise(rng, size, (3, 6)))
     sole = max(2, size[0] // 4)
     picture[-sole:] = np.float32(0.02 if color[0] > 0.3 else 0.06)
@@ -125,8 +120,8 @@ def legs(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
         x, y = ankle[0] + 0.055, ankle[1]
         foot = Prism((x, y, 0.0), (x - 0.02, y, 0.055), 0.30, 0.105)
         instep = Prism((x - 0.02, y, 0.05), (x - 0.055, y, 0.10), 0.22, 0.09)
-        made += [(leg, trouser(rng, size_of(leg), color)), (foot, shoe(rng, size_of(foot), leather))]
-        made.append((instep, tint(leather, 1 + 0.1 * noise(rng, size_of(instep), (3, 3)))))
+        made += [(leg, trouser(rng, _size_of(leg), color)), (foot, _shoe(rng, _size_of(foot), leather))]
+        made.append((instep, tint(leather, 1 + 0.1 * noise(rng, _size_of(instep), (3, 3)))))
     return made
 
 
@@ -138,15 +133,15 @@ def upper_body(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
     shoulders = Prism((0.0, 0.0, 1.39), (0.0, 0.0, 1.46), 0.18, 0.30)
     neck = Prism((0.0, 0.0, 1.43), (0.015, 0.0, 1.56), 0.11, 0.11)
     skull = Prism((0.02, 0.0, 1.53), (0.02, 0.0, 1.77), 0.20, 0.155)
-    made = [(part, cloth(rng, size_of(part), color)) for part in (chest, shoulders)]
-    made.append((neck, tint(tone, 0.8 + 0.05 * noise(rng, size_of(neck), (4, 4)))))
-    made.append((skull, head(rng, size_of(skull), tone, hair)))
+    made = [(part, cloth(rng, _size_of(part), color)) for part in (chest, shoulders)]
+    made.append((neck, tint(tone, 0.8 + 0.05 * noise(rng, _size_of(neck), (4, 4)))))
+    made.append((skull, head(rng, _size_of(skull), tone, hair)))
     for side in (1, -1):
         swing = float(rng.uniform(-0.12, 0.16))
         arm = Prism((swing, side * 0.25, 0.84), (0.0, side * 0.215, 1.42), 0.105, 0.095)
         hand = Prism((swing + 0.015, side * 0.25, 0.70), (swing, side * 0.25, 0.85), 0.08, 0.045)
-        made.append((arm, cloth(rng, size_of(arm), color)))
-        made.append((hand, tint(tone, 1 + 0.1 * noise(rng, size_of(hand), (4, 4)))))
+        made.append((arm, cloth(rng, _size_of(arm), color)))
+        made.append((hand, tint(tone, 1 + 0.1 * noise(rng, _size_of(hand), (4, 4)))))
     return made
 
 
@@ -154,11 +149,10 @@ def figure(rng: np.random.Generator) -> tuple[Skin, ...]:
     """Draw one person: clothes, step and height."""
     tall = float(rng.uniform(0.9, 1.06))
     parts = (*legs(rng), *upper_body(rng))
-    return tuple(sized(skin, tall) for prism, texture in parts for skin in skins(prism, texture))
+    return tuple(_sized(skin, tall) for prism, texture in parts for skin in skins(prism, texture))
 
 
-def sized(skin: Skin, times: float) -> Skin:
-    """Make a person larger or smaller."""
+def _sized(skin: Skin, times: float) -> Skin:
     face = skin.face
     return Skin(
         LitFace(face.corner * times, face.across * times, face.down * times, face.levels), skin.turned
@@ -249,7 +243,7 @@ def people(
     lights: list[F32] = []
     for stand in stands:
         skins = wardrobe(seed)[stand.who]
-        turn = turning(stand.heading_rad)
+        turn = _turning(stand.heading_rad)
         at = np.array([stand.x_m, stand.y_m, 0.0])
         faces = [skin.face for skin in skins]
         corner = np.stack([face.corner for face in faces]) @ turn.T + at
@@ -265,8 +259,7 @@ def people(
     return scene_of(tuple(lit), np.concatenate(lights))
 
 
-def turning(angle_rad: float) -> F64:
-    """Return the rotation (3, 3) about z."""
+def _turning(angle_rad: float) -> F64:
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
 
@@ -279,9 +272,8 @@ def person_light(
     faces: tuple[F64, F64, F64],
     normals: F64,
 ) -> F32:
-    """Return the light (F, ROWS, 2, 3) on the faces of a person who stands at `at` (3,).
+    """Return the light (F, ROWS, 2, 3) on a person's faces (F, 3) with normals (F, 2, 3).
 
-    `faces` are corner, across and down, each (F, 3); `normals` (F, 2, 3) are those of left and right edges.
     Which lamps reach them is asked at knee and chest only; their own parts throw no shadows on each other.
     """
     corner, across, down = (part[:, None, None] for part in faces)

@@ -1,10 +1,7 @@
 """The robot's behaviors, the proximity ring that they sense with, and the arbiter that chooses one.
 
-This is the thesis's hybrid control (3.5, appendix B): small behaviors that know nothing of each other, and an
-arbiter that chooses among their proposals by priority.
+This is the thesis's hybrid control (3.5, appendix B): small behaviors that know nothing of each other.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -171,11 +168,7 @@ class Teleoperate:
 
 @dataclass(frozen=True, slots=True)
 class GoToPoint:
-    """Head for the next point on the path to the goal, loosely.
-
-    Bearings on a raster prefer its eight directions, which are those of the library. Steering off by up to
-    half of 45 degrees either way, evenly, leaves headings that prefer nothing.
-    """
+    """Head for the next point on the path, up to 22.5 degrees off: no heading is preferred."""
 
     loose_rad: float = float(np.radians(22.5))  # steers off by up to this
     stride: Stride = Stride()

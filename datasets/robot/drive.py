@@ -1,11 +1,8 @@
 """A drive: the robot senses, its behaviors propose, the arbiter chooses, the robot moves, and then it looks.
 
-The robot gets the bearing of the next point on the path to its goal, as from a person who walks beside it and
-sees the whole arena; everything else it decides from its proximity sensors. Library nodes play no part.
-Every update is a turn of any size, a straight, and a picture.
+The robot gets the bearing of the next point on the path to its goal; everything else it decides from its
+proximity sensors. Every update is a turn of any size, a straight, and a picture.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -102,10 +99,7 @@ class Robot:
 
 
 class Guide:
-    """Walks beside the robot: chooses goals anywhere in free space, and the next point to go to.
-
-    Remembers the goal of the moment; the goals themselves are the seed's.
-    """
+    """Walks beside the robot: chooses goals anywhere in free space, and the next point to go to."""
 
     def __init__(self, map_: Raster, seed: int) -> None:
         self._map = map_
@@ -125,9 +119,8 @@ class Guide:
 def drive(
     robot: Robot, map_: Raster, updates: int, kidnap_at: int | None = None, start: F64 | None = None
 ) -> tuple[F64, Iterator[DriveUpdate]]:
-    """Return the start pose (3,) and so many updates, driven as they are asked for, from goal to goal.
+    """Return the start pose (3,), drawn evenly unless given, and so many updates from goal to goal.
 
-    Without a start one is drawn evenly from all free poses.
     After update `kidnap_at` the robot is carried to a place drawn evenly from all that are far enough away.
     """
     begin = free_pose(map_, robot.chance(0, SimPurpose.START)) if start is None else start
@@ -153,11 +146,7 @@ def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[Dri
 
 
 def go(robot: Robot, pose: F64, wish: Wish, carry: Carry = lambda step, pose: None) -> Iterator[DriveUpdate]:
-    """Run the behaviors from a pose (3,) until there are no more requests.
-
-    A motion that no picture has followed stops everything else, as localization outranks all behaviors: one
-    completed motion is one update.
-    """
+    """Run the behaviors from a pose (3,) until no more is asked: one completed motion is one update."""
     step, last, unseen = 1, None, False
     while (wanted := wish(step, pose)) is not None:
         chosen = robot.decide(step, pose, wanted, last, unseen) or STAY

@@ -1,12 +1,8 @@
-"""The simulated Maurice: how it really moves on a command to turn or to drive, and what its encoders report.
+"""The simulated Maurice: how it really moves, what its encoders report, and trials to calibrate it by.
 
-The laws of error are the thesis's (3.2, 3.3): turning is over-read by a gain and scatters once per turn,
-straights fall short once per movement, and the heading drifts with distance, by floor. Where a floor ends the
-robot now and then slips and is turned by more than the model of a turn allows for (3.6). It stops where it
-touches something.
+Turning is over-read by a gain and scatters once per turn, straights fall short once per movement, the heading
+drifts with distance, by floor (thesis 3.2, 3.3). Where a floor ends the robot may slip (3.6).
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -112,10 +108,7 @@ class Movement:
 
 
 def turn_by(pose: F64, commanded_rad: float, luck: Luck, chassis: Chassis) -> Movement:
-    """Turn on the spot: the robot stops when its encoders show the commanded turn, over-reading included.
-
-    actual = measured / 1.3695 + N(0.2681, 4.916) degrees.
-    """
+    """Turn on the spot: actual = measured / 1.3695 + N(0.2681, 4.916) degrees."""
     actual = commanded_rad + chassis.turn_bias_rad + chassis.turn_sd_rad * luck.turn
     measured = np.array([0.0, 0.0, chassis.turn_over_read * commanded_rad])
     end = np.array([pose[0], pose[1], pose[2] + actual])
@@ -126,8 +119,7 @@ def turn_by(pose: F64, commanded_rad: float, luck: Luck, chassis: Chassis) -> Mo
 def drive_by(pose: F64, commanded_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> Movement:
     """Drive straight on: falls short once, drifts by the floor beneath as it goes, stops where it touches.
 
-    A length of 0 is no movement. A robot that is stopped halfway has measured half of what was commanded, and
-    a little more that the wheels turned on the spot.
+    A length of 0 is no movement; a robot that is stopped has measured what it drove, and a little more.
     """
     error = chassis.straight_bias_m + chassis.straight_sd_m * luck.straight
     length = max(commanded_m + error, 0.0) if commanded_m > 0 else 0.0
@@ -136,7 +128,7 @@ def drive_by(pose: F64, commanded_m: float, luck: Luck, arena: Arena, chassis: C
     path = path[: touches(path, arena, chassis.radius_m)]
     if bumped := len(path) < whole:
         commanded_m = min(commanded_m, commanded_m * (len(path) - 1) / (whole - 1) + chassis.stall_m)
-        slipped = slipped if floors_change(path, arena) else 0.0
+        slipped = slipped if _floors_change(path, arena) else 0.0
     measured = np.array([commanded_m, 0.0, 0.0])
     return Movement(measured, encoders(measured, luck, chassis), path, slipped, bumped)
 
@@ -164,10 +156,7 @@ def follow(pose: F64, length_m: float, luck: Luck, arena: Arena, chassis: Chassi
 
 
 def touches(path: F64, arena: Arena, radius_m: float) -> int:
-    """Count the poses of a path (K, 3) up to where a disc touches something, the last free one included.
-
-    A disc that stands too near to begin with may move away, never nearer: nothing is passed through.
-    """
+    """Count the poses of a path (K, 3) up to where a disc touches something or comes nearer to it."""
     if not len(arena.walls) and not arena.obstacles:
         return len(path)
     room = clearance(arena, path[:, :2])
@@ -175,16 +164,12 @@ def touches(path: F64, arena: Arena, radius_m: float) -> int:
     return int(np.argmax(stuck)) + 1 if stuck.any() else len(path)
 
 
-def floors_change(path: F64, arena: Arena) -> bool:
-    """Return whether a path (K, 3) lies on more than one floor, its last pose aside."""
+def _floors_change(path: F64, arena: Arena) -> bool:
     return len({floor_at(arena, float(x), float(y)) for x, y, _ in path[:-1]}) > 1
 
 
 def encoders(measured: F64, luck: Luck, chassis: Chassis) -> F64:
-    """Return four wheel advances (4,) whose mean and difference are exactly the measured movement.
-
-    Front and rear wheel of one side differ by chance; their mean does not.
-    """
+    """Return four wheel advances (4,) whose mean and difference are exactly the measured movement."""
     forward, _, turn = (float(v) for v in measured)
     half = turn * chassis.track_m / 2
     left = chassis.encoder_sd_m * luck.wheels[0]

@@ -1,7 +1,5 @@
 """Path planning: free space on a raster, and the next point on the path to a goal."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,10 +101,7 @@ def raster(arena: Arena) -> Raster | None:
 
 
 def free_pose(map_: Raster, rng: np.random.Generator, away_from: F64 | None = None, away_m: float = 0) -> F64:
-    """Draw a pose (3,) evenly from all free places and headings, `away_m` from a point (2,) at least.
-
-    ValueError when there is no such place.
-    """
+    """Draw a free pose (3,) evenly, `away_m` from a point (2,) at least; ValueError when there is none."""
     x_min, y_min, x_max, y_max = map_.arena.bounds
     for _ in range(TRIES):
         point = rng.uniform((x_min, y_min), (x_max, y_max))

@@ -1,7 +1,5 @@
 """A path that a real robot drove, with its real odometry: read, and moved into an arena's free space."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -58,10 +56,7 @@ class RecordedPath:
 
 
 def read_recording(path: Path, updates: int) -> RecordedPath:
-    """Read at most so many updates from a folder of odometry or a session log with truth.
-
-    InputError when it is neither, or holds less than one update.
-    """
+    """Read at most so many updates from a folder of odometry or a log with truth; InputError for none."""
     found = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
     if not found.segments:
         raise InputError(path, "found no movement with truth before and after it; choose a longer recording")
@@ -71,8 +66,7 @@ def read_recording(path: Path, updates: int) -> RecordedPath:
 def read_tables(folder: Path, updates: int) -> RecordedPath:
     """Read aligned odometry and truth; the robot looks after every stride of its odometry.
 
-    Where truth goes further than the wheels could (the robot was carried, or motion capture lost it), the
-    simulated robot is carried: its odometry does not see it.
+    Where truth goes further than the wheels could, the simulated robot is carried.
     """
     drive = read_aligned(folder)
     jumped = jumps(drive, Cutting())

@@ -1,7 +1,5 @@
 """What happens between two pictures, with its times: what a session log is made of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -87,7 +85,7 @@ def write_segments(
     log: Log, start: F64, segments: Iterable[Segment], eye: Eye, arena: Arena, total: int, report: Progress
 ) -> None:
     """Write a session as it goes: movements, events, a picture and the truth for each segment."""
-    log.event(0.0, floor_event(arena, start))
+    log.event(0.0, _floor_event(arena, start))
     log.truth(0.0, start)
     for number, segment in enumerate(segments, start=1):
         for entry in segment.entries:
@@ -101,13 +99,12 @@ def write_segments(
         log.truth(segment.t_s, segment.pose)
         if segment.kidnapped_to is not None:
             log.event(segment.t_s + CARRY_S, KIDNAPPED)
-            log.event(segment.t_s + CARRY_S, floor_event(arena, segment.kidnapped_to))
+            log.event(segment.t_s + CARRY_S, _floor_event(arena, segment.kidnapped_to))
             log.truth(segment.t_s + CARRY_S, segment.kidnapped_to)
         report(number, total, "session")
 
 
-def floor_event(arena: Arena, pose: F64) -> str:
-    """Return the floor that a pose (3,) is on, as a log writes it."""
+def _floor_event(arena: Arena, pose: F64) -> str:
     return f"floor {floor_at(arena, float(pose[0]), float(pose[1]))}".strip()
 
 

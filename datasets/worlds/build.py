@@ -1,7 +1,5 @@
 """From a plan and a seed to a world: everything that a file leaves to the seed is drawn here."""
 
-from __future__ import annotations
-
 import math
 from importlib.resources import files
 from pathlib import Path
@@ -39,8 +37,7 @@ GAP_IN = 0.5  # between furniture and the wall it stands against
 PER_INCH = 6.0
 
 
-def pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan, ...]:
-    """Return the pieces that are always there and those of one layout."""
+def _pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan, ...]:
     layout = plan.layouts[int(rng.integers(len(plan.layouts)))] if plan.layouts else ()
     return (*plan.furniture, *layout)
 
@@ -112,7 +109,7 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
     bare = Bareness(tier.bare, stream(Domain.SIMULATOR, seed, 0, SimPurpose.BARE))
     looks = draw_looks(rng, plan, tier.light, bare)
     windows = {room.name: draw_windows(rng, plan, room, looks[room.name], openings) for room in plan.rooms}
-    layout = pieces_of(rng, plan)
+    layout = _pieces_of(rng, plan)
     pieces = place_all(rng, layout, plan)
     floors, regions = lay_floors(rng, plan)
     frames = [door_faces(rng, opening) for opening in openings]
@@ -197,10 +194,7 @@ def lamps_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[Lamp]:
 
 
 def ambient_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[RoomLight]:
-    """Share the light of a room after many bounces out among its lamps and windows, by brightness.
-
-    Bounced light is half as colored as its source.
-    """
+    """Share a room's bounced light out among its lamps and windows; it is half as colored as they are."""
     sources = [
         (f"{room.name} lamp", look.lamp * len(room.lamps), look.lamp_color),
         (f"{room.name} window", look.daylight * len(windows), look.daylight_color),
@@ -223,17 +217,16 @@ def lay_floors(rng: np.random.Generator, plan: WorldPlan) -> tuple[list[Face], t
     """Lay the floors, later ones a little above earlier ones."""
     faces, regions = [], []
     for k, floor in enumerate(plan.floors):
-        corners = rectangle(*floor_rect(rng, plan, floor))
+        corners = rectangle(*_floor_rect(rng, plan, floor))
         paint = paint_of(rng, floor.paint, Palette(), FLOOR_PER_INCH)
         faces.append(flat(rng, corners, 0.15 * k, paint, per_inch=FLOOR_PER_INCH))
         regions.append(Region(floor.name, corners * INCH_M))
     return faces, tuple(regions)
 
 
-def floor_rect(
+def _floor_rect(
     rng: np.random.Generator, plan: WorldPlan, floor: FloorPlan
 ) -> tuple[float, float, float, float]:
-    """Draw the rectangle of a floor."""
     if floor.rect is None:
         return bounds_of(plan)
     x1, y1, x2, y2 = (number(rng, value) for value in floor.rect)

@@ -1,11 +1,7 @@
 """Furniture: each piece is a few boxes in its own frame, painted from the generator.
 
 A piece stands with its back to local +y and its front to local -y; sizes are inches.
-
-A piece stands with its back to local +y and its front to local -y; sizes are inches.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -74,23 +70,19 @@ def front_panel(
     return upright(rng, ends[0], ends[1], heights_in[0], heights_in[1], paint, per_inch=6.0)
 
 
-def cloth_of(color: Rgb) -> Paint:
-    """Return a painter of cloth in one color."""
+def _cloth_of(color: Rgb) -> Paint:
     return partial(textures.cloth, color=color)
 
 
-def timber_of(color: Rgb) -> Paint:
-    """Return a painter of wood in one color."""
+def _timber_of(color: Rgb) -> Paint:
     return partial(textures.timber, color=color)
 
 
-def wood_color(rng: np.random.Generator) -> Rgb:
-    """Draw a furniture wood, now and then painted white."""
+def _wood_color(rng: np.random.Generator) -> Rgb:
     return (0.66, 0.64, 0.58) if rng.random() < 0.2 else wood(rng)
 
 
-def clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_in: float) -> list[Part]:
-    """Build two to four things that lie on a top `room_in` deep: books, a mug, a box."""
+def _clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_in: float) -> list[Part]:
     things: list[Part] = []
     count = int(rng.integers(2, 5))
     for k in range(count):
@@ -100,7 +92,7 @@ def clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_i
         wide, deep, high = ((7.0, 5.0, 1.5), (3.2, 3.2, 4.0), (6.0, 4.0, 6.0))[kind]
         high *= float(rng.uniform(0.7, 1.5))
         deep = min(deep, 0.6 * room_in)
-        things.append((Solid(x, y, height_in, wide, deep, high, yaw), cloth_of(dye(rng))))
+        things.append((Solid(x, y, height_in, wide, deep, high, yaw), _cloth_of(dye(rng))))
     return things
 
 
@@ -112,17 +104,17 @@ Maker = Callable[[np.random.Generator, Footprint], Piece]
 def sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build a sofa: seat, back, two arms and two or three cushions, one of them striped."""
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
-    cover = cloth_of(color)
+    cover = _cloth_of(color)
     parts: list[Part] = [
         (Solid(0, -1, 2.5, w - 8, d - 2, 10), cover),
         (Solid(0, d / 2 - 2.5, 2.5, w, 5, 24), cover),
         (Solid(-w / 2 + 2.5, -0.5, 2.5, 5, d - 1, 15), cover),
         (Solid(w / 2 - 2.5, -0.5, 2.5, 5, d - 1, 15), cover),
-        (Solid(0, 0, 0, w - 6, d - 4, 2.5), timber_of((0.06, 0.05, 0.04))),
+        (Solid(0, 0, 0, w - 6, d - 4, 2.5), _timber_of((0.06, 0.05, 0.04))),
     ]
     for k in range(int(rng.integers(2, 4))):
         striped = partial(textures.stripes, color=ink(rng), other=(0.75, 0.72, 0.65), count=5)
-        paint = striped if k == 0 else cloth_of(ink(rng))
+        paint = striped if k == 0 else _cloth_of(ink(rng))
         side = (k - 1) * (w / 3.6) + float(rng.uniform(-2, 2))
         parts.append((Solid(side, d / 2 - 7, 12.5, 9, 4, 9.5, float(rng.uniform(-0.2, 0.2))), paint))
     return assemble(rng, "sofa", stand, parts)
@@ -131,7 +123,7 @@ def sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
 def armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build a small sofa for one, on legs."""
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
-    cover, leg = cloth_of(color), timber_of((0.10, 0.07, 0.05))
+    cover, leg = _cloth_of(color), _timber_of((0.10, 0.07, 0.05))
     corners = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
     legs: list[Part] = [
         (Solid(sx * (w / 2 - 1.5), sy * (d / 2 - 1.5), 0, 1.6, 1.6, 5), leg) for sx, sy in corners
@@ -147,16 +139,16 @@ def armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 def table(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build a low table one can look under, with a crate or a bag beneath."""
-    w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
+    w, d, color = stand.width_in, stand.depth_in, _wood_color(rng)
     height = float(rng.uniform(16, 21))
-    paint = timber_of(color)
+    paint = _timber_of(color)
     corners = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
     parts: list[Part] = [
         (Solid(sx * (w / 2 - 1.5), sy * (d / 2 - 1.5), 0, 2.2, 2.2, height), paint) for sx, sy in corners
     ]
     parts.append((Solid(0, 0, height, w, d, 1.5), paint))
-    parts += clutter(rng, stand, height + 1.5, d)
-    bag = cloth_of(ink(rng))
+    parts += _clutter(rng, stand, height + 1.5, d)
+    bag = _cloth_of(ink(rng))
     parts.append(
         (Solid(float(rng.uniform(-0.2, 0.2)) * w, 0, 0, 9, 6, 8, float(rng.uniform(-0.5, 0.5))), bag)
     )
@@ -165,7 +157,7 @@ def table(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 def bookcase(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build a tall case with rows of books at its front."""
-    w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
+    w, d, color = stand.width_in, stand.depth_in, _wood_color(rng)
     height, shelf = float(rng.uniform(46, 62)), 11.5
     rows = int((height - 4) // shelf)
     shelves = tuple(
@@ -179,12 +171,12 @@ def bookcase(rng: np.random.Generator, stand: Footprint) -> Piece:
         )
         for k in range(rows)
     )
-    return assemble(rng, "bookcase", stand, [(Solid(0, 0, 0, w, d, height), timber_of(color))], shelves)
+    return assemble(rng, "bookcase", stand, [(Solid(0, 0, 0, w, d, height), _timber_of(color))], shelves)
 
 
 def dresser(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build a chest of drawers with dark joints and something colorful on the side of it."""
-    w, d, color = stand.width_in, stand.depth_in, wood_color(rng)
+    w, d, color = stand.width_in, stand.depth_in, _wood_color(rng)
     height, rows = float(rng.uniform(26, 34)), 3
     dark = (color[0] * 0.75, color[1] * 0.75, color[2] * 0.75)
     drawers = tuple(
@@ -194,17 +186,16 @@ def dresser(rng: np.random.Generator, stand: Footprint) -> Piece:
             (-w / 2 + 1.5 + c * w / 2, -0.75 + c * w / 2),
             (2.5 + r * (height - 3) / rows, 1.0 + (r + 1) * (height - 3) / rows),
             -d / 2 - 0.05,
-            partial(drawer, color=dark),
+            partial(_drawer, color=dark),
         )
         for r in range(rows)
         for c in range(2)
     )
-    body: list[Part] = [(Solid(0, 0, 0, w, d, height), timber_of(color))]
-    return assemble(rng, "dresser", stand, body + clutter(rng, stand, height, d), drawers)
+    body: list[Part] = [(Solid(0, 0, 0, w, d, height), _timber_of(color))]
+    return assemble(rng, "dresser", stand, body + _clutter(rng, stand, height, d), drawers)
 
 
-def drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
-    """Build the front of one drawer: a lit upper edge, a dark gap around, a knob."""
+def _drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
     front = textures.timber(rng, size, color)
     rows, columns = size
     edge = max(1, rows // 16)
@@ -223,7 +214,7 @@ def carton(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, height = stand.width_in, stand.depth_in, float(rng.uniform(11, 16))
     parts: list[Part] = [(Solid(0, 0, 0, w, d, height), textures.cardboard)]
     if rng.random() < 0.7:
-        small = cloth_of(ink(rng))
+        small = _cloth_of(ink(rng))
         yaw = float(rng.uniform(-0.6, 0.6))
         parts.append((Solid(0, 0, height, w * 0.6, d * 0.6, float(rng.uniform(6, 10)), yaw), small))
     return assemble(rng, "box", stand, parts)
@@ -231,11 +222,11 @@ def carton(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 def plant(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build a pot with a bush: two crossed blocks of leaves."""
-    pot = cloth_of(dye(rng))
+    pot = _cloth_of(dye(rng))
     w, height = 0.85 * min(stand.width_in, stand.depth_in), float(rng.uniform(9, 12))
     parts: list[Part] = [
         (Solid(0, 0, 0, 0.72 * w, 0.72 * w, height), pot),
-        (Solid(0, 0, height - 0.1, 0.12 * w, 0.12 * w, 6), timber_of((0.12, 0.08, 0.05))),
+        (Solid(0, 0, height - 0.1, 0.12 * w, 0.12 * w, 6), _timber_of((0.12, 0.08, 0.05))),
         (Solid(0, 0, height + 4, w, w, 13), textures.leaves),
         (Solid(0, 0, height + 6, 1.1 * w, 0.8 * w, 12, 0.8), textures.leaves),
         (Solid(0, 0, height + 15, 0.7 * w, 0.7 * w, 9, 0.4), textures.leaves),
@@ -246,8 +237,11 @@ def plant(rng: np.random.Generator, stand: Footprint) -> Piece:
 def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build a desk with a screen, a keyboard and papers on it, and a cable that hangs down behind."""
     w, d = stand.width_in, stand.depth_in
-    top, steel = timber_of((0.5, 0.42, 0.33) if rng.random() < 0.6 else wood(rng)), cloth_of((0.2, 0.2, 0.21))
-    black, side = cloth_of((0.03, 0.03, 0.032)), float(rng.uniform(-0.2, 0.2)) * w
+    top, steel = (
+        _timber_of((0.5, 0.42, 0.33) if rng.random() < 0.6 else wood(rng)),
+        _cloth_of((0.2, 0.2, 0.21)),
+    )
+    black, side = _cloth_of((0.03, 0.03, 0.032)), float(rng.uniform(-0.2, 0.2)) * w
     parts: list[Part] = [
         (Solid(sx * (w / 2 - 1.5), sy * (d / 2 - 1.5), 0, 1.8, 1.8, 28), steel)
         for sx in (-1, 1)
@@ -257,8 +251,8 @@ def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
         (Solid(0, 0, 28, w, d, 1.2), top),
         (Solid(side, d / 4, 32, 20, 1.6, 12, float(rng.uniform(-0.2, 0.2))), black),
         (Solid(side, d / 4, 29.2, 6, 4, 3), black),
-        (Solid(w / 4, -d / 5, 29.2, 9, 11, float(rng.uniform(0.4, 3))), cloth_of((0.7, 0.69, 0.66))),
-        (Solid(-0.33 * w, 0.1 * d, 0, 8, 8, 12), cloth_of(dye(rng))),  # a bin
+        (Solid(w / 4, -d / 5, 29.2, 9, 11, float(rng.uniform(0.4, 3))), _cloth_of((0.7, 0.69, 0.66))),
+        (Solid(-0.33 * w, 0.1 * d, 0, 8, 8, 12), _cloth_of(dye(rng))),  # a bin
         (Solid(side + 3, d / 2 - 1, 0, 0.5, 0.5, 28), black),
     ]
     return assemble(rng, "desk", stand, parts)
@@ -266,8 +260,8 @@ def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
 
 def chair(rng: np.random.Generator, stand: Footprint) -> Piece:
     """Build an office chair: a cross on the floor, a column, seat and back."""
-    w, d, cover = stand.width_in, stand.depth_in, cloth_of(dye(rng))
-    steel = cloth_of((0.05, 0.05, 0.055))
+    w, d, cover = stand.width_in, stand.depth_in, _cloth_of(dye(rng))
+    steel = _cloth_of((0.05, 0.05, 0.055))
     parts: list[Part] = [
         (Solid(0, 0, 1.2, w, 2, 1.5), steel),
         (Solid(0, 0, 1.2, 2, d, 1.5), steel),
@@ -285,19 +279,18 @@ def cabinet(rng: np.random.Generator, stand: Footprint) -> Piece:
     height, gray = float(rng.uniform(38, 56)), float(rng.uniform(0.28, 0.5))
     color = (gray, gray, 1.02 * gray)
     doors = tuple(
-        front_panel(rng, stand, span, (2.0, height - 1.2), -d / 2 - 0.05, partial(steel_door, color=color))
+        front_panel(rng, stand, span, (2.0, height - 1.2), -d / 2 - 0.05, partial(_steel_door, color=color))
         for span in ((-w / 2 + 0.8, -0.15), (0.15, w / 2 - 0.8))
     )
     on_top = (
         Solid(float(rng.uniform(-0.2, 0.2)) * w, 0, height, 0.35 * w, 0.7 * d, 8, 0.1),
         textures.cardboard,
     )
-    body: Part = (Solid(0, 0, 0, w, d, height), cloth_of(color))
+    body: Part = (Solid(0, 0, 0, w, d, height), _cloth_of(color))
     return assemble(rng, "cabinet", stand, [body, on_top], doors)
 
 
-def steel_door(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
-    """Build a painted steel door: dark gaps around, a handle, a label."""
+def _steel_door(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
     rows, columns = size
     leaf = textures.tint(color, 1 + 0.05 * textures.clouds(rng, size, rows / 2))
     leaf[:2] *= np.float32(0.35)

@@ -1,7 +1,5 @@
 """What hangs on walls: prints, boards, doors, radiators, sockets, windows with their curtains."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -73,8 +71,7 @@ def board(rng: np.random.Generator, wall: Wall, middle_in: float, painter: Paint
     )
 
 
-def closed_door(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
-    """Build a door that stays shut."""
+def _closed_door(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
     color = (0.6, 0.58, 0.53) if rng.random() < 0.5 else wood(rng, 0.2, 0.5)
     return hang(rng, wall, middle_in, 30, (0, 78), partial(pictures.door, color=color))
 
@@ -102,7 +99,7 @@ HANGINGS: dict[str, Hanging] = {
     "chart": _print(pictures.chart),
     "notices": _board(pictures.notices),
     "whiteboard": _board(pictures.whiteboard),
-    "door": closed_door,
+    "door": _closed_door,
     "radiator": radiator,
 }
 
@@ -127,12 +124,11 @@ def decorate(
         left_out = bare.leaves_out()
         if not left_out and not any(low - 18 < at < high + 18 for low, high in skip):
             faces.append(face)
-    socket = hang(rng, wall, float(rng.uniform(8, wall.length_in - 8)), 3.0, (10, 14.6), outlet)
+    socket = hang(rng, wall, float(rng.uniform(8, wall.length_in - 8)), 3.0, (10, 14.6), _outlet)
     return [*faces, socket]
 
 
-def outlet(rng: np.random.Generator, size: textures.Size) -> F32:
-    """Build a socket in the wall: a white plate with two dark holes."""
+def _outlet(rng: np.random.Generator, size: textures.Size) -> F32:
     plate = textures.tint((0.7, 0.69, 0.66), 1 + 0.02 * textures.noise(rng, size, (2, 2)))
     rows, columns = size
     for row in (rows // 4, 3 * rows // 4):
@@ -154,12 +150,11 @@ def window_in(
         for a, b in ((-half - 6, -half + 3), (half - 3, half + 6))
     ]
     sill_ends = wall.at(middle_in - half, 1.2), wall.at(middle_in + half, 1.2)
-    sill = upright(rng, sill_ends[0], sill_ends[1], span_in[0] - 1.6, span_in[0], white, per_inch=3)
+    sill = upright(rng, sill_ends[0], sill_ends[1], span_in[0] - 1.6, span_in[0], _white, per_inch=3)
     return [pane, sill, *sides]
 
 
-def white(rng: np.random.Generator, size: textures.Size) -> F32:
-    """Return white paint."""
+def _white(rng: np.random.Generator, size: textures.Size) -> F32:
     return textures.plaster(rng, size, (0.62, 0.6, 0.56), 0.05)
 
 

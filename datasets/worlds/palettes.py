@@ -1,7 +1,5 @@
 """Colors that rooms are made of: paints, dyes, woods. Linear reflectance, red, green, blue."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -122,10 +120,7 @@ def from_hex(text: str) -> Rgb | None:
 
 
 def color_of(rng: np.random.Generator, word: str) -> Rgb:
-    """Draw the color that a word stands for: of a group, about a named one, or exactly "#rrggbb".
-
-    KeyError where it is none of these.
-    """
+    """Draw the color of a word: of a group, about a named one, or exactly "#rrggbb"; else KeyError."""
     exact = from_hex(word)
     if exact is not None:
         return exact

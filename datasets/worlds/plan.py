@@ -1,10 +1,4 @@
-"""The content of a world file, before anything is drawn: one frozen dataclass per table.
-
-Lengths are inches here, whatever units the file is in: furniture and walls are made in inches. A number or a
-word may be left to the seed: a `NumberRange` or a `Choice` in its place. docs/worlds.md documents the file.
-"""
-
-from __future__ import annotations
+"""The content of a world file (docs/worlds.md) before anything is drawn, in inches: a dataclass per table."""
 
 from dataclasses import dataclass
 from pathlib import Path

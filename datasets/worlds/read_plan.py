@@ -1,7 +1,5 @@
 """From a TOML file to a `WorldPlan`: every key checked, nothing drawn."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -62,8 +60,7 @@ def word(
     return value
 
 
-def paint(table: Table, key: str, default: PaintPlan, more: tuple[str, ...] = ()) -> PaintPlan:
-    """Read a paint; `more` are names of colors that the room knows."""
+def _paint(table: Table, key: str, default: PaintPlan, more: tuple[str, ...] = ()) -> PaintPlan:
     return paint_value(table, key, table.take(key), more) if table.has(key) else default
 
 
@@ -92,30 +89,28 @@ def paint_value(table: Table, key: str, value: object, more: tuple[str, ...] = (
     return result
 
 
-def light(table: Table, key: str, brightness: float, color: str) -> LightPlan:
-    """Read a light: `{ brightness = 1.2, color = "warm" }`."""
+def _light(table: Table, key: str, brightness: float, color: str) -> LightPlan:
     inner = table.table(key)
     plan = LightPlan(inner.number("brightness", brightness, 0, 100), word(inner, "color", LIGHT, color))
     inner.done()
     return plan
 
 
-def read_style(table: Table) -> StylePlan:
-    """Read one [style.NAME]."""
+def _read_style(table: Table) -> StylePlan:
     colors_table = table.table("colors")
     colors = tuple((name, word(colors_table, name, COLOR)) for name, _ in colors_table.items())
     names = tuple(name for name, _ in colors)
     style = StylePlan(
         name=table.key.removeprefix("style."),
         colors=colors,
-        walls=read_walls(table, names),
+        walls=_read_walls(table, names),
         shuffle_walls=table.flag("shuffle_walls"),
         skirting=word(table, "skirting", COLOR, "white", names),
-        ceiling=paint(table, "ceiling", PaintPlan("plaster", "white"), names),
-        lamp=light(table, "lamp", 1.0, "neutral"),
-        daylight=light(table, "daylight", 1.2, "daylight"),
+        ceiling=_paint(table, "ceiling", PaintPlan("plaster", "white"), names),
+        lamp=_light(table, "lamp", 1.0, "neutral"),
+        daylight=_light(table, "daylight", 1.2, "daylight"),
         ambient=table.number("ambient", 0.2, 0, 100),
-        hang=read_hang(table),
+        hang=_read_hang(table),
         hang_every_in=table.length("hang_every", 0.0),
     )
     if 0 < style.hang_every_in < 20:
@@ -124,15 +119,13 @@ def read_style(table: Table) -> StylePlan:
     return style
 
 
-def read_walls(table: Table, names: tuple[str, ...]) -> tuple[PaintPlan, ...]:
-    """Read the paints of the walls: one for all, or four."""
+def _read_walls(table: Table, names: tuple[str, ...]) -> tuple[PaintPlan, ...]:
     if not table.has("walls"):
         return (PLASTER,)
     return tuple(paint_value(table, "walls", value, names) for value in table.items_of("walls", (1, 4)))
 
 
-def read_hang(table: Table) -> tuple[str, ...]:
-    """Read the list of what hangs on the walls."""
+def _read_hang(table: Table) -> tuple[str, ...]:
     if not table.has("hang"):
         return tuple(HANGINGS)
     kinds = table.items_of("hang", tuple(range(1, 65)))
@@ -159,9 +152,9 @@ def read_plan(file: Path) -> WorldPlan:
         top.fail("format", f"expected {FORMAT}; this program reads no other")
     top.inches = INCHES[top.one_of("units", tuple(INCHES))]
     height_in = top.length("height", 96.0, low=20.0)
-    styles = tuple(read_style(t) for t in named_tables(top, "style"))
+    styles = tuple(_read_style(t) for t in named_tables(top, "style"))
     names = tuple(style.name for style in styles)
-    rooms = tuple(read_room(t, height_in, names) for t in top.tables("room"))
+    rooms = tuple(_read_room(t, height_in, names) for t in top.tables("room"))
     if not rooms:
         top.fail("room", "found none, expected at least one; add a [[room]]")
     known = tuple(room.name for room in rooms)
@@ -174,12 +167,12 @@ def read_plan(file: Path) -> WorldPlan:
         styles=styles,
         shuffle_styles=top.flag("shuffle_styles"),
         doors=tuple(read_door(t) for t in top.tables("door")),
-        floors=tuple(read_floor(t, k == 0) for k, t in enumerate(top.tables("floor"))),
-        posters=tuple(read_poster(t, known) for t in top.tables("poster")),
-        furniture=tuple(read_furniture(t, known) for t in top.tables("furniture")),
-        layouts=tuple(read_layout(t, known) for t in top.tables("layout")),
-        library=read_library(top.table("library")),
-        start=read_start(top),
+        floors=tuple(_read_floor(t, k == 0) for k, t in enumerate(top.tables("floor"))),
+        posters=tuple(_read_poster(t, known) for t in top.tables("poster")),
+        furniture=tuple(_read_furniture(t, known) for t in top.tables("furniture")),
+        layouts=tuple(_read_layout(t, known) for t in top.tables("layout")),
+        library=_read_library(top.table("library")),
+        start=_read_start(top),
     )
     if not plan.floors:
         top.fail("floor", "found none, expected at least one; add a [[floor]] without rect")
@@ -196,8 +189,7 @@ def named_tables(top: Table, key: str) -> list[Table]:
     return tables
 
 
-def read_room(table: Table, height_in: float, styles: tuple[str, ...]) -> RoomPlan:
-    """Read one [[room]]."""
+def _read_room(table: Table, height_in: float, styles: tuple[str, ...]) -> RoomPlan:
     rect = table.rect("rect")
     lamps = table.items_of("lamps", tuple(range(33))) if table.has("lamps") else None
     middle = ((rect[0] + rect[2]) / 2, (rect[1] + rect[3]) / 2)
@@ -207,8 +199,8 @@ def read_room(table: Table, height_in: float, styles: tuple[str, ...]) -> RoomPl
         rect=rect,
         height_in=table.length("height", height_in, low=20.0),
         style=table.one_of("style", styles),
-        lamps=(middle,) if lamps is None else tuple(place(table, "lamps", value) for value in lamps),
-        windows=tuple(read_window(t) for t in table.tables("windows")),
+        lamps=(middle,) if lamps is None else tuple(_place(table, "lamps", value) for value in lamps),
+        windows=tuple(_read_window(t) for t in table.tables("windows")),
     )
     for x, y in room.lamps:
         if not (rect[0] < x < rect[2] and rect[1] < y < rect[3]):
@@ -217,23 +209,20 @@ def read_room(table: Table, height_in: float, styles: tuple[str, ...]) -> RoomPl
     return room
 
 
-def place(table: Table, key: str, value: object) -> tuple[float, float]:
-    """Check a place [x, y]."""
+def _place(table: Table, key: str, value: object) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
         table.fail(key, f"found {value!r}, expected [x, y]")
     return table.real(key, value[0], table.inches), table.real(key, value[1], table.inches)
 
 
-def one_length(table: Table, key: str, low: float = -1e5) -> Number:
-    """Read one length that a seed may draw."""
+def _one_length(table: Table, key: str, low: float = -1e5) -> Number:
     return table.drawn(key, table.take(key), table.inches, low)
 
 
-def read_window(table: Table) -> WindowPlan:
-    """Read one window of a room."""
+def _read_window(table: Table) -> WindowPlan:
     window = WindowPlan(
         wall=table.one_of("wall", WALLS),
-        at_in=one_length(table, "at"),
+        at_in=_one_length(table, "at"),
         width_in=table.length("width", 42.0, low=4.0),
         sill_in=table.length("sill", 20.0),
         top_in=table.length("top", 68.0),
@@ -254,8 +243,7 @@ def read_door(table: Table) -> DoorPlan:
     return door
 
 
-def read_floor(table: Table, first: bool) -> FloorPlan:
-    """Read one [[floor]]; only the first may cover everything."""
+def _read_floor(table: Table, first: bool) -> FloorPlan:
     rect = table.lengths("rect", (4,)) if table.has("rect") else None
     if first != (rect is None):
         table.fail("rect", "the first [[floor]] has no rect and covers everything; all others have one")
@@ -264,49 +252,46 @@ def read_floor(table: Table, first: bool) -> FloorPlan:
         key=table.key,
         name=name,
         rect=None if rect is None else (rect[0], rect[1], rect[2], rect[3]),
-        paint=paint(table, "paint", PLASTER),
+        paint=_paint(table, "paint", PLASTER),
     )
-    if rect is not None and not (highest(rect[0]) < lowest(rect[2]) and highest(rect[1]) < lowest(rect[3])):
+    if rect is not None and not (
+        _highest(rect[0]) < _lowest(rect[2]) and _highest(rect[1]) < _lowest(rect[3])
+    ):
         table.fail("rect", "has no area; write [x1, y1, x2, y2] with x1 < x2 and y1 < y2")
     table.done()
     return floor
 
 
-def lowest(value: Number) -> float:
-    """Return the least that can be drawn."""
+def _lowest(value: Number) -> float:
     return value.low if isinstance(value, NumberRange) else value
 
 
-def highest(value: Number) -> float:
-    """Return the most that can be drawn."""
+def _highest(value: Number) -> float:
     return value.high if isinstance(value, NumberRange) else value
 
 
-def read_poster(table: Table, rooms: tuple[str, ...]) -> PosterPlan:
-    """Read one [[poster]]."""
+def _read_poster(table: Table, rooms: tuple[str, ...]) -> PosterPlan:
     room, wall = table.one_of("room", rooms), table.one_of("wall", WALLS)
-    at, bottom = one_length(table, "at"), table.length("bottom", 14.0)
+    at, bottom = _one_length(table, "at"), table.length("bottom", 14.0)
     width, height = (table.real("size", v, table.inches, 0.5, 1000) for v in table.items_of("size", (2,)))
-    poster = PosterPlan(table.key, room, wall, at, bottom, (width, height), paint(table, "paint", PLASTER))
+    poster = PosterPlan(table.key, room, wall, at, bottom, (width, height), _paint(table, "paint", PLASTER))
     table.done()
     return poster
 
 
-def read_layout(table: Table, rooms: tuple[str, ...]) -> tuple[FurniturePlan, ...]:
-    """Read one [[layout]]: a list of furniture."""
-    pieces = tuple(read_furniture(t, rooms) for t in table.tables("furniture"))
+def _read_layout(table: Table, rooms: tuple[str, ...]) -> tuple[FurniturePlan, ...]:
+    pieces = tuple(_read_furniture(t, rooms) for t in table.tables("furniture"))
     table.done()
     return pieces
 
 
-def read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
-    """Read one piece of furniture."""
+def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
     kind = table.one_of("kind", KINDS)
     against = table.one_of("against", WALLS) if table.has("against") else None
     if against is None:
         room, at, front = None, table.lengths("at", (2,)), read_front(table)
     else:
-        room, at = table.one_of("room", rooms), (one_length(table, "at"),)
+        room, at = table.one_of("room", rooms), (_one_length(table, "at"),)
         front = FRONTS[WALLS[(WALLS.index(against) + 2) % 4]]
     size = table.lengths("size", (2,), low=0.5)
     block = kind == BLOCK
@@ -318,9 +303,9 @@ def read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
         front=front,
         room=room,
         against=against,
-        height_in=one_length(table, "height", 0.5) if block else None,
-        paint=paint(table, "paint", PLASTER) if block else None,
-        top=paint(table, "top", PLASTER) if block and table.has("top") else None,
+        height_in=_one_length(table, "height", 0.5) if block else None,
+        paint=_paint(table, "paint", PLASTER) if block else None,
+        top=_paint(table, "top", PLASTER) if block and table.has("top") else None,
     )
     table.done()
     return piece
@@ -336,9 +321,8 @@ def read_front(table: Table) -> Number:
     return table.drawn("front", value, math.pi / 180)
 
 
-def read_library(table: Table) -> LibraryPlan:
-    """Read [library]."""
-    anchor = place(table, "anchor", table.take("anchor"))
+def _read_library(table: Table) -> LibraryPlan:
+    anchor = _place(table, "anchor", table.take("anchor"))
     headings = table.number("headings", 8, 1, 360)
     if not isinstance(headings, float | int) or headings != int(headings):
         table.fail("headings", "expected an integer")
@@ -349,8 +333,7 @@ def read_library(table: Table) -> LibraryPlan:
     return library
 
 
-def read_start(top: Table) -> tuple[float, float, float] | None:
-    """Read [start] where there is one."""
+def _read_start(top: Table) -> tuple[float, float, float] | None:
     if not top.has("start"):
         return None
     table = top.table("start")

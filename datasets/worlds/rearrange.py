@@ -1,7 +1,5 @@
 """Moving furniture for real after the survey: the map's obstacles follow, the references do not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,8 +22,7 @@ TRIES = 4000  # places tried for one piece before it is given up
 def move_things(world: World, count: int, seed: int) -> World:
     """Move `count` pieces of furniture to other free places, each at least 24 in away, any way round.
 
-    Pieces keep their shape and stand in rooms, clear of doors and of each other. InputError where there are
-    fewer pieces, or where no free place is found.
+    They stand in rooms, clear of doors and each other. InputError for too few pieces or no free place.
     """
     if count > len(world.furniture):
         found = f"found {len(world.furniture)} pieces of furniture"
@@ -47,7 +44,7 @@ def moved(world: World, piece: Piece, others: list[F64], rng: np.random.Generato
     for _ in range(TRIES):
         place = rng.uniform((x1, y1), (x2, y2))
         turn = float(rng.uniform(-np.pi, np.pi))
-        plan = turned(piece.plan, middle, place, turn)
+        plan = _turned(piece.plan, middle, place, turn)
         far = float(np.linalg.norm(place - middle)) >= LEAST_M
         if far and stands_free(world.arena, plan, others, gaps):
             return carried(piece, middle, place, turn)
@@ -62,10 +59,7 @@ def stands_free(arena: Arena, plan: F64, others: list[F64], gaps: list[F64]) -> 
 
 
 def door_middles(arena: Arena) -> list[F64]:
-    """Return the ground (4, 2) around each door gap: between a pair of jambs, and a little to either side.
-
-    Jambs are the walls of the map that lie in no room's outline: each door has two, one after the other.
-    """
+    """Return the ground (4, 2) around each door gap: jambs, in no room's outline, come in pairs."""
     jambs = [wall for wall in arena.walls if not _on_outline(arena, wall)]
     grounds = []
     for first, second in zip(jambs[::2], jambs[1::2], strict=True):
@@ -94,8 +88,7 @@ def spun(points: F64, turn: float) -> F64:
     return result
 
 
-def turned(plan: F64, middle: F64, place: F64, turn: float) -> F64:
-    """Bring an outline (K, 2) from around one middle to another place, turned."""
+def _turned(plan: F64, middle: F64, place: F64, turn: float) -> F64:
     return np.asarray(spun(plan - middle, turn) + place)
 
 
@@ -114,4 +107,4 @@ def carried(piece: Piece, middle: F64, place: F64, turn: float) -> Piece:
     for box in piece.boxes:
         x, y, z = (float(v) for v in point(np.array(box.center)))
         boxes.append(Box((x, y, z), box.half, box.yaw_rad + turn))
-    return Piece(piece.name, faces, tuple(boxes), turned(piece.plan, middle, place, turn))
+    return Piece(piece.name, faces, tuple(boxes), _turned(piece.plan, middle, place, turn))

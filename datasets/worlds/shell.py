@@ -1,7 +1,5 @@
 """The shell of a building: walls with their skirting, door frames, ceilings, floors, and what is solid."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 
@@ -71,15 +69,14 @@ def room_faces(
     bare: Bareness,
 ) -> list[Face]:
     """Everything one sees of a room without its furniture and floor."""
-    faces = [ceiling(rng, room, look), *lamp_shades(rng, room, look)]
+    faces = [_ceiling(rng, room, look), *lamp_shades(rng, room, look)]
     for name, paint in zip(SIDES, look.paints, strict=True):
         faces += wall_faces(rng, room, name, paint, look, openings)
         faces += on_wall(rng, plan, room, name, look, windows, openings, bare)
     return faces
 
 
-def ceiling(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> Face:
-    """Build the ceiling of a room."""
+def _ceiling(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> Face:
     paint = paint_of(rng, look.style.ceiling, look.palette, 1.0)
     return flat(rng, rectangle(*room.rect), room.height_in, paint, facing_up=False, per_inch=1)
 
@@ -159,7 +156,7 @@ def on_wall(
             at = number(rng, poster.at_in)
             check_poster(plan, room, poster, at, openings)
             middle = along(wall, at)
-            faces.append(poster_face(rng, wall, middle, poster, look))
+            faces.append(_poster_face(rng, wall, middle, poster, look))
             taken.append((middle - poster.size_in[0] / 2, middle + poster.size_in[0] / 2))
     style = look.style
     for part in rest_of(
@@ -170,10 +167,9 @@ def on_wall(
     return faces
 
 
-def poster_face(
+def _poster_face(
     rng: np.random.Generator, wall: Wall, middle_in: float, poster: PosterPlan, look: DrawnStyle
 ) -> Face:
-    """One thing that hangs at a place of its own, so far from the left end of its wall."""
     paint = paint_of(rng, poster.paint, look.palette, 5.0)
     span = (poster.bottom_in, poster.bottom_in + poster.size_in[1])
     return hang(rng, wall, middle_in, poster.size_in[0], span, shaded(paint))

@@ -1,9 +1,4 @@
-"""From boxes to faces: the geometry that furniture and walls are made of.
-
-Sizes here are inches, as furniture is measured; `Face` and `Box` come out in meters.
-"""
-
-from __future__ import annotations
+"""From boxes to faces, in inches: the geometry that furniture and walls are made of."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""One table of a TOML file, read key by key; errors name the full key.
-
-Every method that reads removes its key; `done` then refuses the keys that were not read.
-"""
+"""One table of a TOML file, read key by key; `done` refuses the keys that were not read."""
 
 from __future__ import annotations
 
@@ -121,11 +118,7 @@ class Table:
         return NumberRange(ends[0], ends[1])
 
     def number(
-        self,
-        key: str,
-        default: float | None = None,
-        low: float = -FARTHEST,
-        high: float = FARTHEST,
+        self, key: str, default: float | None = None, low: float = -FARTHEST, high: float = FARTHEST
     ) -> Number:
         """Read a plain number or a span of them."""
         if default is not None and not self.has(key):

@@ -1,9 +1,4 @@
-"""Distinctive things on walls: posters, boards, rows of books, door panels, windows. Drawn, never loaded.
-
-Every painter takes a generator and a size in pixels and gives linear reflectance (H, W, 3).
-"""
-
-from __future__ import annotations
+"""Distinctive things on walls: posters, boards, rows of books, door panels, windows. Drawn, never loaded."""
 
 import cv2
 import numpy as np

@@ -4,8 +4,6 @@ Renderer, surveyor and robot take a `World` as an argument and know nothing of h
 is in meters; z points up and the floor is z = 0. Colors are linear (not gamma-coded) RGB.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,10 +142,7 @@ def clearance(arena: Arena, points: F64) -> F64:
 
 
 def touching(a: F64, b: F64) -> bool:
-    """Return whether two rectangles (4, 2) share any ground.
-
-    They do not where some side of either has all of the other beyond it.
-    """
+    """Return whether two rectangles (4, 2) share any ground: no side separates them."""
     for outline_, other in ((a, b), (b, a)):
         for k in range(len(outline_)):
             side = outline_[(k + 1) % len(outline_)] - outline_[k]

@@ -1,10 +1,7 @@
 """Localization status and events: the few updates of a run that a person wants to look at.
 
-Each kind has one precise definition (docs/events.md), on those of `metrics`. What only later updates show is
-reported when it is known. Nothing here feeds back into the filter.
+Each kind has one precise definition (docs/events.md); what only later updates show is reported when known.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -165,10 +162,7 @@ class BeyondSigma:
 
 
 def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
-    """Return the Mahalanobis distance of the truth's x, y from the estimate, by the cluster's covariance.
-
-    The cluster is the particles within 24 in of the estimate; `least_sd_m` squared is added to each variance.
-    """
+    """Return the Mahalanobis distance of the truth from the estimate, by its cluster and a least sd."""
     middle = record.estimate.pose[:2] - record.weighted.origin
     x, y = (record.weighted.poses[:, axis] - np.float32(middle[axis]) for axis in (0, 1))
     held = record.weighted.weights * (x * x + y * y <= CLUSTER_M**2)
@@ -252,11 +246,7 @@ class RunEvent:
 
 @dataclass(slots=True)
 class EventDetector:
-    """Detects the events of one run, in order; keeps a few numbers and one per particle.
-
-    Start with the first update. Kinds that need truth never happen without it. `say` formats lengths;
-    `maurice_viz.style.Scale.say` does so in the session's units.
-    """
+    """Detects the events of one run, from its first update on; `say` formats lengths."""
 
     say: Say = in_meters
     thresholds: EventThresholds = field(default_factory=EventThresholds)
@@ -274,9 +264,8 @@ class EventDetector:
         """Process the next update; return its events in the order of KINDS."""
         step, time_s = moment.frame.step, moment.frame.time_s
         self.modes = self._tracker.see(record)
-        noted = [(BOOKMARK, note) for note in self.bookmarks.get(step, ())]
         happened = [
-            *noted,
+            *((BOOKMARK, note) for note in self.bookmarks.get(step, ())),
             *_logged(moment.events),
             *self._of_filter(step, record),
             *self._judged(moment, record),
@@ -286,7 +275,6 @@ class EventDetector:
         return tuple(RunEvent(step, time_s, kind, text) for kind, text in happened)
 
     def _of_filter(self, step: int, record: StepRecord) -> Iterator[tuple[str, str]]:
-        """Yield what the filter noticed, and what its weights and modes show."""
         limits, size = self.thresholds, record.weighted.size
         if self._begins(ALL_ZERO, step, record):
             yield ALL_WEIGHTS_ZERO, "no particle was in free space, so that the old weights stay"
@@ -302,7 +290,6 @@ class EventDetector:
             yield MODE_SWITCH, text
 
     def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
-        """Yield what requires the truth."""
         score = score_step(record.estimate, moment.truth)
         carried_off = any(kind == KIDNAPPED for kind, _ in _logged(moment.events))
         yield from self._status.see(moment.frame.step, score, carried_off, self.say)

@@ -1,8 +1,7 @@
 """Explaining an update: why one reference is believed, and where another one loses.
 
-Everything comes from the sensor model's `Comparison`; nothing is measured again. The log-likelihood of a
-reference is divided among channels, and each channel's part among the elements of its descriptor, so that
-all parts add up to what the filter used, in nats.
+The log-likelihood of a reference is divided among channels, and each channel's part among the elements of its
+descriptor, so that all parts add up to what the filter used, in nats.
 """
 
 from __future__ import annotations
@@ -153,8 +152,7 @@ def explain_step(
 ) -> StepExplanation:
     """Explain the references of an update that matter, and one more that was asked for.
 
-    With `weigh`, each pose is also weighted like a particle there, which interpolation and virtual references
-    affect; this costs as much as weighting all particles.
+    With `weigh`, each pose is also weighted like a particle there, at the cost of weighting all particles.
     """
     comparison = record.sighting.comparison
     poses = _poses(record, sensor, truth, asked)
@@ -163,7 +161,10 @@ def explain_step(
     if asked is not None and asked.entry is not None:
         nearest[ASKED] = asked.entry  # the nearest reference may be another of the same pose
     nearest[WINNER] = int(comparison.quality.argmax())
-    weighed = _weighed(comparison, sensor, np.stack(list(poses.values()))) if weigh else [None] * len(poses)
+    weighed: list[float | None] = [None] * len(poses)
+    if weigh:
+        at = _relative(sensor, np.stack(list(poses.values())))
+        weighed = list(sensor.at(comparison, at).log_likelihood.astype(float).tolist())
     different = sorted({entry for entry in nearest.values() if entry >= 0})
     found = dict(zip(different, explain_all(comparison, sensor, different), strict=True))
     shown = tuple(
@@ -205,10 +206,6 @@ def _poses(record: StepRecord, sensor: SensorModel, truth: F64 | None, asked: As
     return poses
 
 
-def _weighed(comparison: Comparison, sensor: SensorModel, poses: F64) -> list[float | None]:
-    return list(sensor.at(comparison, _relative(sensor, poses)).log_likelihood.astype(float).tolist())
-
-
 def _relative(sensor: SensorModel, poses: F64) -> F32:
     return np.asarray(poses - np.append(sensor.library.origin, 0.0), np.float32)
 
@@ -216,7 +213,7 @@ def _relative(sensor: SensorModel, poses: F64) -> F32:
 def _channels(
     comparison: Comparison, sensor: SensorModel, entries: list[int]
 ) -> list[list[ChannelExplanation]]:
-    """Explain each channel (C) for some entries (K): one list per channel."""
+    """Explain each channel (C) for some entries (K)."""
     loses = _losses(comparison, sensor)[:, entries]
     found = []
     for k, name in enumerate(comparison.channels):
@@ -246,9 +243,8 @@ def _channels(
 def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
     """Divide minus the log-likelihood of every entry among the channels: (C, L), >= 0.
 
-    Every blend is linear in its weights, so a channel's part of the blended distance is the blend with the
-    other channels at weight 0. The likelihood is divided in proportion to these parts, which is exact for the
-    exponential one.
+    Blends are linear in their weights: a channel's part is the blend with the others at weight 0. The
+    likelihood is divided in proportion, which is exact for the exponential one.
     """
     p, names = sensor.parameters, comparison.channels
     weights = np.array([p.weights[name] for name in names])

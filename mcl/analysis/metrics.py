@@ -1,7 +1,6 @@
-"""How well a run went: the definitions by which every table of this project is scored.
+"""How well a run went: the definitions by which every table is scored (docs/evaluation.md).
 
-docs/evaluation.md gives them in words. Everything is measured against the truth and against the scored
-estimate (the heaviest cluster, after weighting and before resampling), never against the origin.
+Everything is measured against the truth and the scored estimate: the heaviest cluster, before resampling.
 """
 
 from __future__ import annotations
@@ -88,10 +87,7 @@ class RunScore:
 
 @dataclass(slots=True)
 class Scorer:
-    """Scores one run; keeps a few numbers per update, never the clouds.
-
-    An update without truth counts neither as lost nor as localized, and in no error or share.
-    """
+    """Scores one run; keeps a few numbers per update. One without truth is in no error or share."""
 
     _steps: list[StepScore] = field(default_factory=list)
     _driven_m: list[float] = field(default_factory=list)  # true distance up to each update
@@ -117,6 +113,7 @@ class Scorer:
         off_m = [s.position_error_m for s in scored if s.position_error_m is not None]
         off_rad = [s.heading_error_rad for s in scored if s.heading_error_rad is not None]
         lost_at = first_run_of([s.lost is True for s in self._steps], LOST_FOR)
+        good = len(self._steps) if lost_at is None else lost_at - LOST_FOR  # updates before it was lost
         return RunScore(
             updates=len(self._steps),
             distance_m=self._driven_m[-1] if known else self._odometry_m,
@@ -129,15 +126,10 @@ class Scorer:
             localized_share=_share([s.localized for s in known]),
             lost=lost_at is not None if known else None,
             lost_at_update=lost_at,
-            reached=self._reached(lost_at) if known else None,
+            reached=good > 0 and self._driven_m[good - 1] >= GOAL_M if known else None,
             wrong_confident_share=_share([s.wrong_and_confident for s in known]),
             right_at_end=mostly_at_end([s.correct for s in known]),
         )
-
-    def _reached(self, lost_at: int | None) -> bool:
-        """Return whether the goal distance was reached before the run was lost."""
-        good = len(self._steps) if lost_at is None else lost_at - LOST_FOR
-        return good > 0 and self._driven_m[good - 1] >= GOAL_M
 
 
 def first_run_of(flags: list[bool], length: int) -> int | None:
@@ -151,10 +143,7 @@ def first_run_of(flags: list[bool], length: int) -> int | None:
 
 
 def first_mostly(localized: Bool) -> int | None:
-    """Return the first localized update, from 1, that begins five of which at least four are localized.
-
-    The last four updates cannot qualify: too few follow.
-    """
+    """Return the first localized update, from 1, that begins five of which at least four are localized."""
     needed, window = LOCALIZED_OF
     for first in range(len(localized) - window + 1):
         if localized[first] and localized[first : first + window].sum() >= needed:
@@ -236,7 +225,11 @@ class SuccessJudge:
     def add(self, record: StepRecord, truth: F64 | None) -> None:
         """Process the next update, with the true pose (3,) where it is known."""
         self._updates += 1
-        self._driven_m = self._driven_m + self._driven(record.frame.motions, truth)
+        true_m, motions = 0.0, record.frame.motions
+        if truth is not None and self._truth is not None:
+            true_m = float(np.hypot(*(truth[:2] - self._truth[:2])))
+        moved_m = float(np.hypot(motions[:, 0], motions[:, 1]).sum())
+        self._driven_m = self._driven_m + np.array([true_m, moved_m])
         self._truth = self._truth if truth is None else truth
         fresh = self._injected
         if fresh is not None and len(fresh) != record.weighted.size:
@@ -251,12 +244,6 @@ class SuccessJudge:
     def result(self) -> tuple[Success, Success]:
         """Return both readings of the run so far."""
         return self._found
-
-    def _driven(self, motions: F64, truth: F64 | None) -> F64:
-        true_m = 0.0
-        if truth is not None and self._truth is not None:
-            true_m = float(np.hypot(*(truth[:2] - self._truth[:2])))
-        return np.array([true_m, float(np.hypot(motions[:, 0], motions[:, 1]).sum())])
 
     def _judged(self, so_far: Success, met: bool, record: StepRecord, truth: F64 | None) -> Success:
         if so_far.failed is not None:

@@ -1,12 +1,9 @@
 """Modes followed from step to step, and where particles come from.
 
-Every particle carries the identity of the mode it was last in, and its copies inherit that. A mode continues
-the one from which most of its weight descends. So it may move, shrink and grow; of two that join the heavier
-one continues; of one that splits the heavier half does, and the other is new. Of equal weights the older
-identity continues, in the half that `modes` lists first.
+Particles carry the identity of the mode they were last in, and copies inherit it. A mode continues the one
+from which most of its weight descends; of equal weights the older identity, in the half that `modes` lists
+first.
 """
-
-from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -32,10 +29,7 @@ class TrackedMode:
 
 @dataclass(slots=True)
 class ModeTracker:
-    """Follows the modes of one run; keeps one number per particle of the last step, and no cloud.
-
-    Modes are those of `maurice_mcl.filter.estimate.modes`: at most five, each of at least 1 % of the weight.
-    """
+    """Follows the modes (`filter.estimate.modes`) of one run; keeps one number per particle."""
 
     _identities: I32 | None = None  # (N,) of the next particles: the mode that each was last in
     _injected: Bool | None = None  # (N,) which of them were freshly injected
@@ -47,11 +41,14 @@ class ModeTracker:
         held = self._identities
         carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
         fresh = self._injected if self._injected is not None and len(self._injected) == size else None
-        found = _modes(record, fresh)
+        alone = record.estimate.mass > ALONE * (1 + TIE)
+        found = (record.estimate,) if alone else modes(record.weighted, fresh)
         places = _places(record, found)
         named = self._named(places, carried, record.weighted.weights, len(found))
         now = np.where(places >= 0, np.append(named, NO_MODE).astype(np.int32)[places], carried)
-        self._identities, self._injected = _handed_on(now, record.parents), record.injected
+        if (parents := record.parents) is not None:
+            now = np.where(parents >= 0, now[parents], NO_MODE).astype(np.int32)
+        self._identities, self._injected = now, record.injected
         return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
 
     def _named(self, places: I32, carried: I32, weights: F64, count: int) -> list[int]:
@@ -74,12 +71,6 @@ class ModeTracker:
         return named
 
 
-def _modes(record: StepRecord, injected: Bool | None) -> Modes:
-    """Return the modes; an estimate that holds nearly all weight is the only one."""
-    alone = record.estimate.mass > ALONE * (1 + TIE)
-    return (record.estimate,) if alone else modes(record.weighted, injected)
-
-
 def _places(record: StepRecord, found: Modes) -> I32:
     """Return the number of the mode that each particle (N,) is in, the heaviest of several; -1: none."""
     poses = record.weighted.poses
@@ -89,13 +80,6 @@ def _places(record: StepRecord, found: Modes) -> I32:
         near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= CLUSTER_M**2
         place[near] = number
     return place
-
-
-def _handed_on(identities: I32, parents: I32 | None) -> I32:
-    """Return the identity that each particle of the next step (N',) inherits; fresh ones have none."""
-    if parents is None:
-        return identities
-    return np.where(parents >= 0, identities[parents], NO_MODE).astype(np.int32)
 
 
 DEPTH = 10  # updates looked back
@@ -114,9 +98,8 @@ class _Generation:
 class Ancestry:
     """Remembers the last `depth` updates of one run, to find the ancestors of particles.
 
-    Resampling copies some particles and drops others, so that after a few updates an entire cloud may descend
-    from a handful of ancestors and no longer holds independent guesses, however many particles there are (the
-    path degeneracy of Doucet and Johansen 2009).
+    After a few updates an entire cloud may descend from a handful (path degeneracy, Doucet and Johansen
+    2009).
     """
 
     depth: int = DEPTH
@@ -129,10 +112,7 @@ class Ancestry:
             self._past.popleft()
 
     def distinct(self) -> int:
-        """Count the particles `depth` updates back (or at the start) from which all current ones descend.
-
-        A fresh particle drawn since then counts as an ancestor.
-        """
+        """Count the particles, `depth` updates back or fresh since, from which all descend."""
         if not self._past:
             return 0
         alive = np.ones(self._size(), bool)  # which particles of a generation have descendants now
@@ -147,18 +127,16 @@ class Ancestry:
         return fresh + int(alive.sum())
 
     def lines(self, count: int) -> list[F64]:
-        """Return the paths (K, 2) in the map's frame of some particles' ancestors, latest first.
-
-        The particles are spread evenly over the last cloud; a path ends where its particle was drawn, so some
-        have a single point.
-        """
+        """Return paths (K, 2), latest first, of some particles' ancestors back to where each was drawn."""
         if not self._past:
             return []
         size = self._size()
         current = np.linspace(0, size - 1, min(count, size)).round().astype(np.int32)
         points, lengths = [], np.zeros(len(current), np.int64)
         for generation in reversed(self._past):
-            current = _parents_of(current, generation)
+            if (parents := generation.parents) is not None:
+                older = parents[np.maximum(current, 0)]
+                current = np.where(current < 0, np.int32(-1), older).astype(np.int32)
             points.append(generation.poses[np.maximum(current, 0), :2] + generation.origin)
             lengths += current >= 0
         along = np.stack(points, axis=1)
@@ -167,10 +145,3 @@ class Ancestry:
     def _size(self) -> int:
         last = self._past[-1]
         return len(last.poses) if last.parents is None else len(last.parents)
-
-
-def _parents_of(current: I32, generation: _Generation) -> I32:
-    """Return the parents of these particles of the next cloud; -1 for fresh ones, then and before."""
-    if generation.parents is None:
-        return current
-    return np.where(current < 0, np.int32(-1), generation.parents[np.maximum(current, 0)]).astype(np.int32)

@@ -1,14 +1,8 @@
 """Run comparison: how much better one run is than another, and where they diverge.
 
-Errors within a drive are not independent: where a filter is off at one update it is off at the next. Blocks
-of neighboring values are drawn instead of single ones (Kuensch 1989), and the mean of every drawn series is
-divided by its own standard error (Goetze and Kuensch 1996), which compensates for few blocks.
-
-Compared runs draw the same noise for the same particle (maurice_mcl.randomness), so differences come from
-what was changed. The interval is for the mean difference on this drive, not on the next (docs/compare.md).
+Errors within a drive are not independent, so blocks of neighbors are drawn (Kuensch 1989), and each mean is
+divided by its own standard error (Goetze and Kuensch 1996). The interval is for this drive (docs/compare.md).
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -21,7 +15,7 @@ from ..randomness import Domain, stream
 from ..records import StepRecord
 from ..session import Moment
 from .events import PARTED, RunEvent, Say
-from .metrics import FIRST_SCORED, StepScore, score_step
+from .metrics import FIRST_SCORED, score_step
 
 # An interval for the mean of an autocorrelated series: the studentized moving-block bootstrap.
 
@@ -43,11 +37,7 @@ def autocorrelation(values: F64) -> float:
 
 
 def block_length(values: F64) -> int:
-    """Return the length of a block: 1.1447 (a n)^(1/3), a = 4 r^2 / (1 - r^2)^2, rounded up.
-
-    Optimal for a first-order autoregressive series (Andrews 1991, section 6). At least 1, at most a sixth of
-    the series.
-    """
+    """Return 1.1447 (a n)^(1/3), a = 4 r^2 / (1 - r^2)^2, rounded up (Andrews 1991): 1 to a sixth of n."""
     alike = min(max(autocorrelation(values), 0.0), MOST_ALIKE)
     memory = 4 * alike**2 / (1 - alike**2) ** 2
     length = int(np.ceil(1.1447 * (memory * len(values)) ** (1 / 3)))
@@ -55,10 +45,7 @@ def block_length(values: F64) -> int:
 
 
 def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
-    """Return the ends of a 95 % interval about the mean of a series (n,); None for fewer than 24 values.
-
-    It is symmetric, repeatable, and of zero width for a constant series.
-    """
+    """Return a repeatable 95 % interval about the mean of a series (n,); None for fewer than 24 values."""
     if len(values) < LEAST:
         return None
     length = block_length(values)
@@ -103,9 +90,7 @@ class ErrorDifference:
     """A run's error minus the first run's over the scored updates of a drive, in meters or radians."""
 
     mean: float
-    interval: (
-        tuple[float, float] | None
-    )  # 95 %, see maurice_mcl.analysis.run_comparison; None: too few updates
+    interval: tuple[float, float] | None  # 95 %; None: too few updates
     block: int  # updates in a block of it
     updates: int  # that both runs have, with truth, from the fourth on
     better: int  # updates at which the run was closer to the truth than the first
@@ -141,8 +126,9 @@ class RunComparison:
     def see(self, first: Step, other: Step) -> StepComparison:
         """Process the next update of both runs."""
         self._seen += 1
-        scores = [score_step(record.estimate, moment.truth) for moment, record in (first, other)]
-        position, heading = _differences(*scores)
+        a, b = (score_step(record.estimate, moment.truth) for moment, record in (first, other))
+        position = _difference(a.position_error_m, b.position_error_m)
+        heading = _difference(a.heading_error_rad, b.heading_error_rad)
         if position is not None and heading is not None and self._seen >= FIRST_SCORED:
             self._position.append(position)
             self._heading.append(heading)
@@ -172,25 +158,12 @@ class RunComparison:
         )
 
 
-def _differences(first: StepScore, other: StepScore) -> tuple[float | None, float | None]:
-    if first.position_error_m is None or other.position_error_m is None:
-        return None, None
-    if first.heading_error_rad is None or other.heading_error_rad is None:
-        return None, None
-    return (
-        other.position_error_m - first.position_error_m,
-        other.heading_error_rad - first.heading_error_rad,
-    )
+def _difference(first: float | None, other: float | None) -> float | None:
+    return None if first is None or other is None else other - first
 
 
 def _sum_up(values: F64) -> ErrorDifference | None:
     if not len(values):
         return None
-    return ErrorDifference(
-        float(values.mean()),
-        mean_interval(values),
-        block_length(values),
-        len(values),
-        int((values < 0).sum()),
-        int((values > 0).sum()),
-    )
+    mean, better, worse = float(values.mean()), int((values < 0).sum()), int((values > 0).sum())
+    return ErrorDifference(mean, mean_interval(values), block_length(values), len(values), better, worse)

@@ -1,25 +1,19 @@
 """Motion constants from trials: what was measured, and what the robot really did (thesis 3.2, 3.3).
 
-A robot turns until its encoders show the commanded angle, so the measured turn is exact and the scatter is
-in the actual one: actual = gain * measured + bias + noise. Least squares through the origin of *actual on
-measured* therefore estimates the gain without bias; it is a header's `turn_gain`. The thesis's figure 5 plots
-*measured on actual* and calls the slope C = 1.3695. There the noise is in x, which pulls the slope toward
-zero, so 1 / C is a little too large (about 0.2 % at the thesis's scatter). C is reported for comparison only.
-
-Through the origin, a constant bias and the gain can only be separated when turns go both ways.
+A robot turns until its encoders show the commanded angle, so the scatter is in the actual turn: actual = gain
+* measured + bias + noise. Least squares of *actual on measured*, through the origin, gives a header's
+`turn_gain`. The slope of the thesis's figure 5, *measured on actual*, is pulled toward zero by the noise; it
+is reported for comparison only. Bias and gain can only be separated when turns go both ways.
 
 A segment is the movement between two known poses. If it is a turn, a straight, or one of each, its pose
-change (three numbers) determines both: with even drift the chord points along the heading halfway, half the
-drift beyond that at the start. So
+change (three numbers) determines both: with even drift the chord points along the heading halfway, so
 
     turn, then straight:  drift = 2 (heading after - course),  turn = course - drift / 2 - heading before
     straight, then turn:  drift = 2 (course - heading before), turn = heading after - heading before - drift
 
-Segments of more movements cannot be separated and are left out. Errors of the truth count fully: 1 cm across
-a distance of 0.5 m is 1.1 degrees of course and 2.3 degrees of drift.
+Segments of more movements are left out. Errors of the truth count fully: 1 cm in 0.5 m is 2.3 degrees of
+drift.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
@@ -182,10 +176,7 @@ def fit_straights(straights: Straights) -> StraightFit:
 
 
 def fit_drifts(straights: Straights) -> tuple[DriftFit, ...]:
-    """Fit the drift of every floor that two straights or more were driven on.
-
-    Drift grows with distance, one draw per straight, so each straight yields one rate, whatever its length.
-    """
+    """Fit the drift of every floor with two straights or more; each straight yields one rate."""
     names = dict.fromkeys(floor for floor in straights.floors if floor is not None)
     rates = [(name, drift_rates(straights, name)) for name in names]
     return tuple(DriftFit(name, spread_of(values)) for name, values in rates if len(values) > 1)
@@ -199,10 +190,7 @@ def drift_rates(straights: Straights, floor: str) -> F64:
 
 
 def unwrapped(measured_rad: F64, turned_rad: F64) -> F64:
-    """Add full circles to wrapped turns (n,), so that they agree with what was measured.
-
-    The ratio is estimated first from turns of less than 120 degrees, which are unambiguous.
-    """
+    """Add full circles to wrapped turns (n,), by the ratio to measured turns below 120 degrees."""
     small = (np.abs(turned_rad) < 2 * np.pi / 3) & (np.abs(measured_rad) < np.pi)
     small &= np.abs(measured_rad) > 0
     ratio = float(np.median(turned_rad[small] / measured_rad[small])) if small.any() else 1.0
@@ -211,7 +199,6 @@ def unwrapped(measured_rad: F64, turned_rad: F64) -> F64:
 
 
 def _through_origin(measured: F64, actual: F64) -> Fitted:
-    """Fit actual = scale * measured, noise in actual, with Student's interval."""
     scale = slope(measured, actual)
     residual = actual - scale * measured
     error = float(np.sqrt(residual @ residual / (len(measured) - 1) / (measured @ measured)))
@@ -250,7 +237,7 @@ class _Part:
 
 
 def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
-    """Return what each movement of the segments did; holds one segment at a time."""
+    """Return what each movement of the segments did."""
     turns: list[tuple[float, float]] = []
     straights: list[tuple[float, float, float]] = []
     floors: list[str | None] = []

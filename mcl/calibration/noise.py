@@ -1,7 +1,5 @@
 """The camera's noise floor from pictures taken with the lens covered (thesis 3.3, figures 13 and 14)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -48,10 +46,7 @@ class NoiseFloor:
 
 
 def noise_floor(pictures: Iterable[U8]) -> NoiseFloor:
-    """Average the histograms of pictures (H, W, 3), one at a time. Raises ValueError where there are none.
-
-    Mean and variance are updated picture by picture (Welford 1962).
-    """
+    """Average the histograms of pictures (H, W, 3), one by one (Welford 1962). ValueError for none."""
     count, example = 0, None
     mean, squares, level = np.zeros(3 * BINS), np.zeros(3 * BINS), np.zeros(3)
     for picture in pictures:

@@ -1,7 +1,5 @@
 """Numbers with their 95 % confidence intervals: means, standard deviations, slopes through the origin."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -46,9 +44,8 @@ class Spread:
 def spread_of(values: F64, fitted: int = 1) -> Spread:
     """Describe errors (n,) of a fit with `fitted` constants: the mean alone, or a slope as well.
 
-    The mean's interval is Student's. That of the sd is chi-square's with n - `fitted` degrees of freedom,
-    or a bootstrap's where the values are not normal (p below 0.01), since chi-square's is then too narrow.
-    Raises ValueError where no degree of freedom is left.
+    The mean's interval is Student's; the sd's is chi-square's, or a bootstrap's where p of normality is below
+    0.01. Raises ValueError where no degree of freedom is left.
     """
     free = len(values) - fitted
     if free < 1:
@@ -78,10 +75,7 @@ def _sd_resampled(values: F64, sd: float, free: int) -> Fitted:
 
 
 def normality(values: F64) -> float | None:
-    """Return Shapiro and Wilk's p that values (n,) are normal; None for fewer than 3 or all alike.
-
-    Of more than 5000 values the first 5000 are tested.
-    """
+    """Return Shapiro and Wilk's p (of the first 5000 values); None for fewer than 3 or all alike."""
     if len(values) < 3 or float(np.ptp(values)) <= 1e-12 * float(np.abs(values).max()):
         return None
     from scipy import stats
@@ -98,10 +92,7 @@ def slope(x: F64, y: F64) -> float:
 
 
 def slope_resampled(x: F64, y: F64) -> Fitted:
-    """Fit a slope through the origin, with a bootstrap interval over pairs.
-
-    For an x with errors, where Student's interval would be wrong.
-    """
+    """Fit a slope through the origin, with a bootstrap interval over pairs: for an x with errors."""
     return _bootstrap(slope(x, y), np.column_stack([x, y]), _slopes)
 
 
@@ -118,10 +109,7 @@ def r_squared(y: F64, residual: F64) -> float:
 
 
 def _bootstrap(value: float, rows: F64, statistic: Callable[[F64], F64]) -> Fitted:
-    """Return a value with the percentiles of a statistic of 2000 samples (b, n, k) of rows (n, k).
-
-    The same rows give the same draws; at most a million rows are in memory.
-    """
+    """Return a value with the percentiles of a statistic of 2000 samples (b, n, k) of rows (n, k)."""
     rng = stream(Domain.CALIBRATE, 0, len(rows))
     at_once = max(1, MOST_HELD // len(rows))
     parts = [

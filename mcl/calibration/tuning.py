@@ -1,16 +1,12 @@
 """Tuning: scales and weights of channels, fitted by log score on drives with known truth.
 
 The log score of a picture is the log of the probability that it alone gives the reference nearest to the
-truth, under a uniform prior. Drives used for fitting are no test of the result.
-
-Pictures come from drives with truth, or else from the library itself, each reference left out in turn. They
-are processed in small blocks, and their number is bounded by the size of the library.
+truth, under a uniform prior. Pictures come from drives, or from the library itself, each left out in turn.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -20,7 +16,7 @@ from ..library import ChannelIndex, Library
 from ..map import place_tree
 from ..sensor.descriptors.registry import CHANNELS
 from ..sensor.distances import DISTANCES
-from ..sensor.references import SAME_PLACE_M, NearestReference, crosses
+from ..sensor.references import NearestReference, crosses, distinct_places
 from ..session import Moment
 
 LEAST_PROBABILITY = 1e-6  # a picture that says the truth is impossible costs 13.8 nats and no more
@@ -66,10 +62,7 @@ class Scores:
 
 
 def judge(tuned: Tuned, samples: Sequence[Sample], before: F64) -> Scores:
-    """Score a result on samples whose first rows are its channels.
-
-    `before` (C,) is the cost per distance of each of the samples' rows in the blend to compare with.
-    """
+    """Score a result on samples; `before` (C,) is the cost per distance of each row in the blend to beat."""
     count = len(tuned.channels)
     alone = [score(rows_of(samples, [k]), np.array([1 / scale])) for k, scale in enumerate(tuned.scales)]
     per_distance = np.zeros(len(before))
@@ -114,11 +107,8 @@ def log_scores(cost: F64, truth: I32) -> F64:
 
 def score(samples: Sequence[Sample], per_distance: F64) -> float:
     """Return the mean log score of the cost per_distance (C,) @ distances."""
-    return float(
-        np.concatenate(
-            [log_scores(np.tensordot(per_distance, s.distances, 1), s.truth) for s in samples]
-        ).mean()
-    )
+    costs = (np.tensordot(per_distance, s.distances, 1) for s in samples)
+    return float(np.concatenate([log_scores(c, s.truth) for c, s in zip(costs, samples, strict=True)]).mean())
 
 
 def fit_scale(samples: Sequence[Sample]) -> tuple[float, float]:
@@ -155,7 +145,7 @@ def fit_weights(samples: Sequence[Sample], scales: F64) -> F64:
 
 
 def _log_score(per_distance: F64, sample: Sample) -> tuple[float, F64]:
-    """Return the sum of the log scores of one drive and its gradient (C,)."""
+    """Return the sum of the log scores of one sample and its gradient (C,)."""
     cost = np.tensordot(per_distance, sample.distances, 1)
     logits = -cost + cost.min(axis=1, keepdims=True)
     probability = np.exp(logits)
@@ -173,16 +163,9 @@ def rows_of(samples: Sequence[Sample], rows: Sequence[int]) -> list[Sample]:
     return [Sample(s.distances[chosen], s.truth) for s in samples]
 
 
-def _silent(done: int, total: int) -> None:
-    pass
-
-
 def tune(channels: Sequence[str], samples: Sequence[Sample], progress: Progress | None = None) -> Tuned:
-    """Fit a scale for each channel alone, then weights for all together.
-
-    Raises ValueError where there is nothing to fit on.
-    """
-    advance = progress or _silent
+    """Fit a scale for each channel alone, then weights for all together. ValueError without pictures."""
+    advance = progress or (lambda done, total: None)
     if not sum(len(s.truth) for s in samples):
         raise ValueError("found no picture with a known pose in free space to tune on")
     each = []
@@ -220,10 +203,8 @@ class Measuring:
     def of(self, descriptors: Mapping[str, F32]) -> F32:
         """Return the distances (C, L) of one picture from every reference."""
         index = self.library.index
-        rows = [
-            DISTANCES[distance](descriptors[name], index[name]) for name, distance in self.distances.items()
-        ]
-        return np.asarray(rows, np.float32)
+        named = self.distances.items()
+        return np.asarray([DISTANCES[by](descriptors[name], index[name]) for name, by in named], np.float32)
 
     def most_pictures(self) -> int:
         """Return the maximum number of pictures, which bounds memory."""
@@ -250,9 +231,8 @@ def drive_samples(
 def library_samples(measuring: Measuring, most: int, progress: Progress | None = None) -> list[Sample]:
     """Take at most `most` references as pictures, each compared with all others.
 
-    The truth is then the entry of the most similar heading at the nearest other visible place; a reference
-    with none within 45 degrees is skipped. As it is a full spacing off, and a drive's at most half a
-    spacing, scales come out too wide.
+    The truth is then the entry of the most similar heading, within 45 degrees, at the nearest other visible
+    place. As it is a full spacing off, and a drive's at most half a spacing, scales come out too wide.
     """
     stands_for = neighbors(measuring.library)
     known = np.flatnonzero(stands_for >= 0)
@@ -263,7 +243,7 @@ def library_samples(measuring: Measuring, most: int, progress: Progress | None =
 
 def neighbors(library: Library) -> I32:
     """Return for every entry (L,) the one that replaces it when it is left out; -1 for none."""
-    places, place_of = _places(library.poses[:, :2])
+    places, place_of = distinct_places(library.poses[:, :2])
     if len(places) < 2:
         return np.full(library.size, -1, np.int32)
     beside = _beside(places, library.arena.walls)
@@ -277,12 +257,6 @@ def neighbors(library: Library) -> I32:
             if apart.min() <= SAME_WAY_RAD:
                 found[entry] = others[apart.argmin()]
     return found
-
-
-def _places(xy: F64) -> tuple[F64, I32]:
-    rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
-    _, first, place_of = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    return xy[first], place_of.astype(np.int32).ravel()
 
 
 def _beside(places: F64, walls: F64) -> I32:
@@ -326,17 +300,8 @@ def _counted(
 
 def _blocks(pictures: Iterator[tuple[F32, int]], measuring: Measuring) -> list[Sample]:
     most = max(1, MOST_IN_BLOCK // (len(measuring.distances) * measuring.library.size))
-    samples: list[Sample] = []
-    rows: list[F32] = []
-    truth: list[int] = []
-    for distances, entry in pictures:
-        rows.append(distances)
-        truth.append(entry)
-        if len(rows) == most:
-            samples.append(_sample(rows, truth))
-            rows, truth = [], []
-    return [*samples, _sample(rows, truth)] if rows else samples
-
-
-def _sample(rows: Sequence[F32], truth: Sequence[int]) -> Sample:
-    return Sample(np.stack(rows, axis=1), np.array(truth, np.int32))
+    samples = []
+    while block := list(islice(pictures, most)):
+        rows, truth = zip(*block, strict=True)
+        samples.append(Sample(np.stack(rows, axis=1), np.array(truth, np.int32)))
+    return samples

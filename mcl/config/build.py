@@ -1,7 +1,5 @@
 """From a configuration to a localizer. Every name is looked up here and nowhere else."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -82,12 +80,9 @@ def build_localizer(
     reference: NearestReference | None = None,
     seed: int = 0,
 ) -> Localizer:
-    """Build the localizer that some parameters describe.
+    """Build the localizer that some parameters describe; `reference` can be shared among localizers.
 
-    The motion model is that of the parameters, else of the session; without either, `run` takes that of the
-    session it is given. `reference`, the library's lookup tables, can be shared among localizers, since
-    building them takes time.
-
+    The motion model is that of the parameters, else of the session, else of the one that `run` is given.
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()
@@ -117,15 +112,8 @@ def build_localizer(
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
     p.sensor.check_names()
-    lookups = {"nearest": _by_nearest, "interpolated": _by_interpolation}
-    return lookups[p.references.method](library, nearest, p)
-
-
-def _by_nearest(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
-    return SensorModel(library, nearest, p.sensor)
-
-
-def _by_interpolation(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
+    if not {"nearest": False, "interpolated": True}[p.references.method]:
+        return SensorModel(library, nearest, p.sensor)
     poses, index, how = library.poses, {}, p.references.interpolation
     if how.virtual:
         virtual = virtual_references(library.poses, library.arena)

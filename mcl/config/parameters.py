@@ -4,10 +4,7 @@
 values, with the name of its origin.
 """
 
-from __future__ import annotations
-
 import difflib
-import math
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -126,9 +123,7 @@ def number(low: float, high: float) -> Rule:
 
     def rule(key: str, value: Any) -> float:
         given = _from_text(value, float)
-        if isinstance(given, bool) or not isinstance(given, (int, float)) or not math.isfinite(given):
-            raise ValueError(f"{key}: found {value!r}, expected a number from {low:g} to {high:g}")
-        if not low <= given <= high:
+        if isinstance(given, bool) or not isinstance(given, (int, float)) or not low <= given <= high:
             raise ValueError(f"{key}: found {value!r}, expected a number from {low:g} to {high:g}")
         return float(given)
 

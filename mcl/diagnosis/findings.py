@@ -49,10 +49,6 @@ class RecordedOdometry:
         """The number of records K."""
         return len(self.t_s)
 
-    def slowed(self, factor: float) -> RecordedOdometry:
-        """Return the same with all times multiplied."""
-        return RecordedOdometry(self.t_s * factor, self.values, self.poses)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedTruth:
@@ -67,10 +63,6 @@ class RecordedTruth:
         """The number of poses T."""
         return len(self.t_s)
 
-    def slowed(self, factor: float) -> RecordedTruth:
-        """Return the same with all times multiplied."""
-        return RecordedTruth(self.t_s * factor, self.poses, self.part)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedDrive:
@@ -84,13 +76,9 @@ class RecordedDrive:
 
     def slowed(self, factor: float) -> RecordedDrive:
         """Return the same with all times multiplied."""
-        return RecordedDrive(
-            self.odometry.slowed(factor),
-            self.truth.slowed(factor),
-            self.picture_t_s * factor,
-            self.size_m,
-            self.turn_gain,
-        )
+        odometry = replace(self.odometry, t_s=self.odometry.t_s * factor)
+        truth = replace(self.truth, t_s=self.truth.t_s * factor)
+        return replace(self, odometry=odometry, truth=truth, picture_t_s=self.picture_t_s * factor)
 
 
 def in_radians(drive: RecordedDrive) -> RecordedDrive:
@@ -141,10 +129,7 @@ def turn_finding(turn: str, *evidence: Evidence, **numbers: float) -> Finding:
 
 
 def frame_finding(frame: str, *evidence: Evidence, offset_rad: float = 0.0, **numbers: float) -> Finding:
-    """Report that odometry holds "absolute" poses or steps along the axes of the "world".
-
-    `offset_rad` is the true direction of travel minus that of steps whose heading began at zero.
-    """
+    """Report "absolute" poses, or steps along axes of the "world", turned by `offset_rad` from forward."""
     options: dict[str, Value] = {"odometry_are": {"absolute": "poses", "world": "steps"}[frame]}
     if abs(offset_rad) > LEAST_FORWARD:
         options["odometry_forward_rad"] = float(np.radians(round(float(np.degrees(-offset_rad)))))

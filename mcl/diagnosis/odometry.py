@@ -1,11 +1,8 @@
 """Odometry against truth: which reading of the odometry explains best what the robot really did.
 
-A reading says what the numbers might be in place of what they should be: degrees, clockwise, absolute poses,
-steps along the axes of a fixed frame. For each, the drive is cut into segments by the truth, the odometry of
-a segment is combined, and what counts is the share of the true movement that it leaves unexplained.
+The drive is cut into segments by the truth, the odometry of a segment is combined by each reading, and what
+counts is the share of the true movement that it leaves unexplained.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -121,7 +118,9 @@ def agreement(
 ) -> Agreement | None:
     """Compare odometry, by one reading and shifted in time, with the truth; None for too few segments."""
     motions = motions_read(odometry, reading)
-    begin, end = _records_in(odometry.t_s - shift_s, segments)
+    t_s = odometry.t_s - shift_s
+    ends = (np.searchsorted(t_s, at, side="right") for at in (segments.begin_s, segments.end_s))
+    begin, end = (at.astype(np.int32) for at in ends)
     used = end > begin
     if used.sum() < FEWEST_SEGMENTS:
         return None
@@ -130,15 +129,8 @@ def agreement(
     gain, turn_unexplained = _fit_turns(turned, moved[:, 2])
     ahead, aside = _ways(motions, gain, begin, end)
     scale, offset, way_unexplained = _fit_ways(ahead, aside, moved)
-    found = gain, scale, offset, turn_unexplained, way_unexplained
-    return Agreement(reading, shift_s, *found, int(used.sum()))
-
-
-def _records_in(t_s: F64, segments: TruthSegments) -> tuple[I32, I32]:
-    """Return the first record of each segment, and the one after its last."""
-    begin = np.searchsorted(t_s, segments.begin_s, side="right")
-    end = np.searchsorted(t_s, segments.end_s, side="right")
-    return np.asarray(begin, np.int32), np.asarray(end, np.int32)
+    count = int(used.sum())
+    return Agreement(reading, shift_s, gain, scale, offset, turn_unexplained, way_unexplained, count)
 
 
 def _sums(values: F64, begin: I32, end: I32) -> F64:
@@ -238,10 +230,7 @@ WORTH_S = 0.15  # a smaller delay is not reported
 
 
 def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
-    """Return what is wrong with the odometry or the truth, by comparison.
-
-    `movement_s` is the offset to the truth's times that aligns their movements, for delays of any length.
-    """
+    """Return what is wrong with the odometry or the truth; `movement_s` aligns the two, for any delay."""
     if drive.truth.size < 2 or drive.odometry.size < 2:
         return []
     findings: list[Finding] = []
@@ -339,7 +328,8 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
         findings.append(direction_finding(_offset(best, drive), travel, seen))
     if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < POOR:
         findings.append(_scale(best, drive, seen))
-    if not findings and best.turn_unexplained < POOR and _gains_apart(best, drive):
+    gains_apart = abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN
+    if not findings and best.turn_unexplained < POOR and gains_apart:
         findings.append(gain_finding(best.gain, drive.turn_gain, seen))
     return findings
 
@@ -351,24 +341,17 @@ def _offset(best: Agreement, drive: RecordedDrive) -> float:
     return own if near else best.offset_rad
 
 
-def _gains_apart(best: Agreement, drive: RecordedDrive) -> bool:
-    return bool(abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN)
-
-
 def _scale(best: Agreement, drive: RecordedDrive, seen: Evidence) -> Finding:
     """Report whose lengths are wrong: the truth's, if it spans far more than the map."""
     span = float(np.ptp(drive.truth.poses[:, :2], axis=0).max())
     if best.scale > 1 and (span > 3 * drive.size_m or _too_fast(drive)):
-        return scale_finding(
-            1 / best.scale, Evidence("span", {"span": span, "map_m": drive.size_m}), seen, truth=True
-        )
+        spans = Evidence("span", {"span": span, "map_m": drive.size_m})
+        return scale_finding(1 / best.scale, spans, seen, truth=True)
     return scale_finding(best.scale, seen)
 
 
 def _too_fast(drive: RecordedDrive) -> bool:
     """Return whether the truth is faster than any robot."""
     segments = segments_of(drive.truth)
-    speeds = np.hypot(segments.moved[:, 0], segments.moved[:, 1]) / np.maximum(
-        segments.end_s - segments.begin_s, 1e-3
-    )
-    return bool(np.median(speeds) > FASTEST_M_S)
+    took_s = np.maximum(segments.end_s - segments.begin_s, 1e-3)
+    return bool(np.median(np.hypot(segments.moved[:, 0], segments.moved[:, 1]) / took_s) > FASTEST_M_S)

@@ -1,11 +1,9 @@
-"""Pictures against a library: where the camera looks, and when, with truth and without it.
+"""Pictures against a library: where the camera looks, and when.
 
-With truth, the log-likelihood of each picture at its true pose is compared with that at the same place with
-other headings, and at earlier or later poses. Without truth, a short localization is run under each reading
-of the odometry, with the same random numbers.
+With truth, the log-likelihood of each picture at its true pose is compared with that at other headings, and
+at earlier or later poses. Without it, a short localization is run under each reading, with the same random
+numbers.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -165,15 +163,13 @@ def _sure(gained: Gained) -> bool:
 
 
 def _yaw(yaw: Gained) -> Finding:
-    """Report that the camera does not look forward."""
     degrees = round(float(np.degrees(yaw.value)) / 5) * 5
     options = {"camera_yaw_rad": float(np.radians(degrees))}
     return Finding("camera-yaw", (_explained(yaw),), {"yaw_deg": degrees}, options)
 
 
 def _explained(found: Gained) -> Evidence:
-    values = {"pictures": found.pictures, "nats": found.nats, "sigmas": found.sigmas}
-    return Evidence("explained", values)
+    return Evidence("explained", {"pictures": found.pictures, "nats": found.nats, "sigmas": found.sigmas})
 
 
 PARTICLES = 1500
@@ -223,10 +219,9 @@ def doubted_by_pictures(looks: ComparedPictures, drive: RecordedDrive, start: F6
     best, better = max(found, key=lambda one: one[0])
     if best < foreseen + LEAST_GAIN:
         return []
-    seen = Evidence(
-        "foreseen", {"pictures": len(looks.t_s), "gained": best - foreseen, "as_it_stands": foreseen}
-    )
-    return [finding_of(better, drive, float(np.median(np.diff(looks.t_s))), seen)]
+    values = {"pictures": len(looks.t_s), "gained": best - foreseen, "as_it_stands": foreseen}
+    spacing_s = float(np.median(np.diff(looks.t_s)))
+    return [finding_of(better, drive, spacing_s, Evidence("foreseen", values))]
 
 
 def finding_of(hypothesis: Hypothesis, drive: RecordedDrive, spacing_s: float, seen: Evidence) -> Finding:
@@ -274,11 +269,8 @@ def motions_to(picture_t_s: F64, drive: RecordedDrive, hypothesis: Hypothesis) -
     """Yield the motions (M, 3) from each picture to the next, under the hypothesis."""
     motions = motions_read(drive.odometry, hypothesis.reading)
     ahead, aside = rotated(motions[:, 0], motions[:, 1], hypothesis.offset_rad)
-    motions = np.column_stack([ahead, aside, motions[:, 2]]) * [
-        hypothesis.scale,
-        hypothesis.scale,
-        hypothesis.gain,
-    ]
+    times = [hypothesis.scale, hypothesis.scale, hypothesis.gain]
+    motions = np.column_stack([ahead, aside, motions[:, 2]]) * times
     ends = np.searchsorted(drive.odometry.t_s, picture_t_s, side="right")
     for number in range(len(ends)):
         now = number - hypothesis.late
@@ -287,13 +279,12 @@ def motions_to(picture_t_s: F64, drive: RecordedDrive, hypothesis: Hypothesis) -
 
 
 def _end(ends: object, number: int) -> int:
-    """Return the record after the last one before a picture; none before the first picture."""
+    """Return the record after the last one before a picture; 0 before the first picture."""
     known = np.asarray(ends)
     return 0 if number < 0 else int(known[min(number, len(known) - 1)])
 
 
 def _few(motions: F64) -> F64:
-    """Combine many motions into one."""
     if len(motions) <= MOST_MOTIONS:
         return motions
     pose = np.zeros(3)

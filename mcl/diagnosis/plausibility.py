@@ -1,7 +1,5 @@
 """Whether times and numbers can be what they are called: without pictures, a library or a comparison."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..arrays import F64
@@ -11,6 +9,7 @@ from .findings import (
     Finding,
     RecordedDrive,
     RecordedOdometry,
+    Value,
     direction_finding,
     frame_finding,
     motions_of,
@@ -32,10 +31,7 @@ ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the distance that is sideways: too much
 
 
 def speeds(odometry: RecordedOdometry) -> tuple[float, float]:
-    """Return how fast the robot goes (m/s) and turns (rad/s): 95th percentiles of what moves; 0 for nothing.
-
-    Turns are not wrapped, so that degrees are detected.
-    """
+    """Return speed (m/s) and turning (rad/s, not wrapped) as 95th percentiles; 0 for nothing."""
     motions = motions_of(odometry)
     turns = np.diff(odometry.values[:, 2], prepend=odometry.values[0, 2]) if odometry.poses else motions[:, 2]
     passed = np.diff(odometry.t_s, prepend=np.nan)
@@ -114,7 +110,6 @@ def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
 
 
 def _too_fast(way: float, size_m: float) -> Finding:
-    """Report that lengths are not in meters."""
     scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
     seen = Evidence("fast", {"m_s": way, "map_m": size_m, "then_m_s": way * scale})
     return scale_finding(scale, seen, m_s=way)
@@ -131,10 +126,7 @@ MOST, OTHER = 0.8, 0.5  # share of times that coincide at an offset, and at most
 
 
 def same_moments(late_t_s: F64, t_s: F64) -> float | None:
-    """Return the delay at which nearly all of the fewer times coincide with the others.
-
-    None where no delay or several do, as with evenly spaced times.
-    """
+    """Return the delay at which nearly all of the fewer times coincide with the others; None for several."""
     most = (MOST_PICTURES, MOST_TIMES) if len(late_t_s) <= len(t_s) else (MOST_TIMES, MOST_PICTURES)
     late, ours = late_t_s[: most[0]], t_s[: most[1]]
     fewer = min(len(late), len(ours))
@@ -150,32 +142,21 @@ def same_moments(late_t_s: F64, t_s: F64) -> float | None:
 
 
 def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
-    """Return findings where pictures, odometry and truth have no time in common.
-
-    `movement_s` is the offset to the truth's times that aligns its movement with the odometry's.
-    """
+    """Return findings where pictures, odometry and truth share no time; `movement_s` aligns truth's."""
     findings: list[Finding] = []
-    shared = {name: _overlap(times, drive.picture_t_s) for name, times in _others(drive)}
-    for name, times in _others(drive):
-        ours = drive.picture_t_s
+    ours, others = drive.picture_t_s, {"odometry": drive.odometry.t_s, "truth": drive.truth.t_s}
+    shared = {name: _overlap(times, ours) for name, times in others.items()}
+    for name, times in others.items():
         if not len(times) or not len(ours) or shared[name]:
             continue
         other = shared["truth" if name == "odometry" else "odometry"]
         moved_s = None if movement_s is None or not other else movement_s
         late, by = _late(times, ours, moved_s if name == "odometry" or moved_s is None else -moved_s)
-        spans: dict[str, float | str] = {
-            "name": name,
-            "from_s": float(times.min()),
-            "to_s": float(times.max()),
-        }
+        spans: dict[str, Value] = {"name": name, "from_s": float(times.min()), "to_s": float(times.max())}
         spans |= {"pictures_from_s": float(ours.min()), "pictures_to_s": float(ours.max())}
         evidence, options = (Evidence("spans", spans),), {f"{name}_offset_s": -round(late, 3)}
         findings.append(Finding(f"{name}-clock", evidence, {"late_s": late}, options, {"by": by}))
     return findings
-
-
-def _others(drive: RecordedDrive) -> tuple[tuple[str, F64], ...]:
-    return ("odometry", drive.odometry.t_s), ("truth", drive.truth.t_s)
 
 
 def _overlap(times: F64, ours: F64) -> bool:

@@ -1,7 +1,5 @@
 """Estimates: one pose for a weighted cloud, how much of the cloud agrees, and its evidence."""
 
-from __future__ import annotations
-
 import math
 from functools import cmp_to_key
 from typing import Any, TypeAlias
@@ -35,8 +33,8 @@ def weighted_mean(belief: Belief, injected: Bool | None = None) -> Estimate:
 def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
     """Return the heaviest cluster, by mean shift with a flat kernel of 24 in: the scored estimate.
 
-    `injected` (N,) marks freshly injected particles, which are left out. Of equally heavy clusters the one
-    with the lowest y is taken, then the lowest x, by cells of 6 in.
+    `injected` (N,) marks fresh particles, which do not count. Of equals the lowest y wins, then x, by cells
+    of 6 in.
     """
     weights = _counted(belief, injected)
     x, y = _columns(belief)
@@ -45,10 +43,7 @@ def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
 
 
 def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
-    """Return the particle with the most weight, the first of equals; its spread is zero.
-
-    Of little use where particles were just resampled and have equal weights.
-    """
+    """Return the particle with the most weight, the first of equals; its spread is zero."""
     weights = _counted(belief, injected)
     held = np.zeros_like(weights)
     best = first_heaviest(weights)
@@ -57,11 +52,9 @@ def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
 
 
 def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least: float = 0.01) -> Modes:
-    """Return the clusters, heaviest first: the heaviest one, then the heaviest of the rest, and so on.
+    """Return at most `most` clusters with at least the share `least` of the weight, heaviest first.
 
-    Each holds the particles within 24 in of its mode that are in no earlier cluster, so masses sum to at most
-    one. There are at most `most`, each with at least the share `least` of the weight. Equally heavy ones are
-    in the order of the rule of `heaviest_cluster`.
+    Each holds the particles within 24 in of its mode that are in no earlier cluster.
     """
     least *= 1 - TIE
     weights = _counted(belief, injected)
@@ -83,10 +76,7 @@ def first_heaviest(weights: NDArray[Any]) -> int:
 
 
 def covariance(belief: Belief, injected: Bool | None = None) -> F64:
-    """Return the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means.
-
-    Headings count by their angle from the mean, in [-pi, pi), so that the seam at pi does not matter.
-    """
+    """Return the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means."""
     weights = _counted(belief, injected)
     x, y = _columns(belief)
     middle, _ = circular_mean(belief.poses[:, 2], weights)
@@ -182,10 +172,7 @@ def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
 
 
 def log_mean_likelihood(cost: F32, weights: F64, entries: I32) -> F64:
-    """Return the log of the weighted mean of exp(-cost) over particles, for costs (..., L): (...,) nats.
-
-    `entries` (N,) are the particles' nearest entries; those outside (-1) do not count. -inf when all are.
-    """
+    """Return log of the weighted mean of exp(-cost) (...,) over entries (N,) inside; -inf for none."""
     inside = entries >= 0
     held = np.bincount(entries[inside], weights[inside], cost.shape[-1])
     nats = -cost.astype(np.float64)

@@ -147,10 +147,7 @@ class Localizer:
         return Belief(poses, belief.log_weights, belief.origin)
 
     def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
-        """Copy particles in proportion to their weights, leaving room for those that recovery draws.
-
-        The belief is unchanged where neither the policy, recovery nor an adaptive size requires resampling.
-        """
+        """Copy particles by weight, with room for those that recovery draws, where anything requires it."""
         size = self.resampling.size(weighted)
         fresh = round(recovery.share * size)
         needed = fresh or recovery.expand or size != weighted.size
@@ -175,9 +172,7 @@ class Localizer:
 def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, float]:
     """Multiply likelihoods (N,) into the weights; return the new belief and log p(o_t | past).
 
-    If every weight would be zero (all particles with any weight are outside free space), the picture counts
-    as uninformative: the prior weights are kept, and the evidence is -inf, which the step reports as the
-    event "all weights zero".
+    If every weight would be zero, the prior weights are kept and the evidence is -inf: "all weights zero".
     """
     posterior, log_evidence = normalize(proposal.prior_log_weights + log_likelihood)
     if not np.isfinite(log_evidence):
@@ -188,10 +183,7 @@ def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, flo
 def calibrated_evidence(
     comparison: Comparison, proposal: ProposedParticles, entries: I32
 ) -> tuple[float, F64]:
-    """Return the log mean of exp(-cost) over the proposed particles: of all channels, and of each (C,).
-
-    Used by recovery and diagnosis: it needs no truth and is comparable between pictures and runs.
-    """
+    """Return the log mean of exp(-cost) over the proposed particles: of all channels, and of each (C,)."""
     prior = np.exp(proposal.prior_log_weights)
     total = log_mean_likelihood(comparison.cost[None], prior, entries)
     return float(total[0]), log_mean_likelihood(comparison.channel_cost, prior, entries)

@@ -1,10 +1,8 @@
 """Motion models: how particles move when the robot reports a movement, and motion outliers.
 
-Maurice's skid-steer model (thesis 3.2) for robots that state its parameters, and the odometry model of
-Probabilistic Robotics for all others.
-
-The thesis's failures began with turns more than three standard deviations off (3.6), which a Gaussian filter
-considers impossible. A mixture of two Gaussians keeps a few particles there.
+Maurice's skid-steer model (thesis 3.2) for robots that state its parameters, the odometry model of
+Probabilistic Robotics for all others. Turns beyond three standard deviations (thesis 3.6) need a mixture of
+two Gaussians.
 """
 
 from __future__ import annotations
@@ -107,9 +105,8 @@ def _number(name: str, value: Any) -> float:
 class MauriceMotion:
     """The thesis's model: noise once per movement, the drift of a straight applied when it is over.
 
-    A turn gets only the gain and the measured residual, since adding the encoders' error would count turning
-    noise twice; a straight gets the encoders' error in length and the floor's drift in heading. A movement
-    that is both is a turn followed by a straight.
+    A turn gets the gain and the measured residual, a straight the encoders' error and the floor's drift. A
+    movement that is both is a turn followed by a straight.
     """
 
     parameters: MauriceParameters
@@ -167,8 +164,7 @@ class OdometryParameters:
 class OdometryMotion:
     """Turn, translate, turn (Probabilistic Robotics, section 5.4); valid for any robot, but less sharp.
 
-    Driving backward counts as small turns, not as half turns; the direction of a very short movement adds no
-    noise.
+    Driving backward counts as small turns; the direction of a very short movement adds no noise.
     """
 
     parameters: OdometryParameters = OdometryParameters()
@@ -193,18 +189,13 @@ class OdometryMotion:
 
 
 def _poses(x: F32, y: F32, heading: F32) -> F32:
-    """Stack three columns (N,) into poses (N, 3)."""
     poses = np.empty((len(x), 3), np.float32)
     poses[:, 0], poses[:, 1], poses[:, 2] = x, y, heading
     return poses
 
 
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
-    """Return the model that a session header names: "maurice" with constants, "odometry" otherwise.
-
-    A header without motion gets the odometry model, whose gain is 1. Raises ValueError for any other model
-    and for bad constants.
-    """
+    """Return the model that a header names: "maurice", or "odometry" (the default). ValueError otherwise."""
     if not values:
         return OdometryMotion()
     if values.get("model") == "odometry":

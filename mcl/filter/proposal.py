@@ -6,8 +6,6 @@ with p the predicted density and q that of the sampled poses. Densities are per 
 nearest to it. So that sampled poses count where p would be zero, p includes a small uniform share.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,10 +23,7 @@ from .resampling import systematic
 
 
 def uniform_poses(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> F32:
-    """Draw n poses (n, 3) relative to `origin`, evenly over free space and all headings.
-
-    Drawn row by row, so that a larger n keeps a smaller one's draws. Raises ValueError where nothing is free.
-    """
+    """Draw n poses (n, 3) evenly over free space and headings. ValueError where nothing is free."""
     free = np.flatnonzero(grid.free.ravel())
     if not len(free):
         raise ValueError("no free space to start in: obstacles and walls cover the whole map")
@@ -121,11 +116,7 @@ def belief_at(pose: F64, n: int, origin: F64) -> Belief:
 
 
 def uniform_belief(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> Belief:
-    """Spread n particles evenly over free space and all headings: global localization.
-
-    Drawn row by row, so that a larger n keeps a smaller one's draws. Raises ValueError where nothing is
-    free.
-    """
+    """Spread n particles evenly over free space and all headings: global localization (see above)."""
     return Belief(uniform_poses(grid, n, origin, rng), uniform_log_weights(n), origin)
 
 
@@ -163,10 +154,7 @@ def mixture_proposal(
     parameters: MixtureParameters,
     rng: np.random.Generator,
 ) -> ProposedParticles:
-    """Return N particles, the last share of them drawn from the picture's likelihood, and their correction.
-
-    The others are resampled from `predicted`, so that all have equal prior weights.
-    """
+    """Resample N particles but a share, drawn from the picture's likelihood; return them with corrections."""
     count = round(parameters.share * predicted.size)
     kept = systematic(predicted.weights, predicted.size - count, rng)
     drawn = likely_poses(log_likelihood, nearest.grid, where, count, predicted.origin, rng)

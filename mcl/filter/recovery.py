@@ -1,11 +1,7 @@
 """Recovery: the share of particles that is replaced by fresh ones, so that a lost filter can localize again.
 
-A strategy uses the evidence of the picture, the log of the mean of exp(-cost) over the cloud, and its state.
-Costs are calibrated and comparable between pictures; a quality relative to each picture's worst reference
-would not show that the filter is lost.
+A strategy uses its state and the evidence of the picture, the log of the mean of exp(-cost) over the cloud.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -51,8 +47,8 @@ def always(share: float) -> RecoveryStrategy:
 class DynamicThreshold:
     """Draw fresh particles when a picture is explained much worse than recent ones (thesis 3.6.3).
 
-    The thesis requires a dynamic threshold on match quality without a rule; this one is the running mean of
-    the evidence minus a few of its running standard deviations.
+    The thesis gives no rule; this one is running mean minus a few running standard deviations of the
+    evidence.
     """
 
     share: float = 0.05  # of fresh particles when below the threshold
@@ -92,9 +88,9 @@ class SensorResetting:
 class Augmented:
     """Draw fresh particles when the short-term likelihood falls below the long-term one.
 
-    Thrun et al. 2005, table 8.3: share = max(0, 1 - fast / slow). The book's rates are for thousands of
-    updates; these are for ninety. Averages restart after a large share, since one kidnapping would otherwise
-    inject particles for as long as the slow average remembers.
+    Thrun et al. 2005, table 8.3: share = max(0, 1 - fast / slow), with rates for ninety updates. Averages
+    restart after a large share, or one kidnapping would inject particles for as long as the slow one
+    remembers.
     """
 
     slow: float = 0.1  # rate of the long-term average

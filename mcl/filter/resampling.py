@@ -1,13 +1,7 @@
 """Resampling: schemes, when to resample, roughening, and the number of particles.
 
 Every scheme is unbiased: the expected number of copies of particle i is n * w_i.
-
-KLD sampling: with k occupied bins, n samples keep the Kullback-Leibler distance between the belief over bins
-and the sampled one below epsilon with probability 1 - delta (Wilson and Hilferty's approximation of
-chi-square). It bounds only the error of sampling bins.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
@@ -66,10 +60,7 @@ def residual(weights: F64, n: int, rng: np.random.Generator) -> I32:
 
 
 def _cumulative(weights: F64) -> tuple[F64, int]:
-    """Return running sums (N,) that end at exactly 1, and the last particle with any weight.
-
-    Rounding could otherwise select a particle of zero weight behind it.
-    """
+    """Return running sums (N,) that end at exactly 1, and the last particle with any weight."""
     cumulative = weights.cumsum(dtype=np.float64)
     cumulative /= cumulative[-1]
     return cumulative, int(cumulative.searchsorted(1.0))
@@ -120,10 +111,7 @@ def every(count: int) -> ResamplePolicy:
 
 
 def roughen(belief: Belief, share: float, noise: F32) -> Belief:
-    """Add normal noise of sd share * E * N^(-1/3), E the extent of the cloud in each of x, y and heading.
-
-    Gordon, Salmond and Smith use share 0.2; `noise` holds standard normals (N, 3). It widens the belief.
-    """
+    """Add noise (N, 3) of sd share * E * N^(-1/3), E the cloud's extent in each of x, y and heading."""
     if share <= 0 or belief.size == 0:
         return belief
     extent = np.ptp(belief.poses, axis=0)

@@ -1,11 +1,8 @@
 """Distances: how far a picture's descriptor is from every reference's, chosen by name.
 
 Every function takes a sample (D,) and a channel's index of L references and returns (L,) float32, >= 0, and
-0 for a reference equal to the sample (for "thesis": within its noise floor). Distances are absolute:
-those of one channel can be compared between pictures.
+0 for a reference equal to the sample. Those of one channel can be compared between pictures.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
@@ -20,11 +17,7 @@ BLOCK = 1 << 15  # numbers, 128 kB: fits into a core's cache
 
 
 def thesis(sample: F32, index: ChannelIndex) -> F32:
-    """Mean over all bins of max(|s - r| - n, 0) / m, noise floor n and relevance m (thesis 3.3).
-
-    The sum in the thesis is this times the number of bins. Bins that are empty in the entire library are
-    ignored.
-    """
+    """Mean of max(|s - r| - n, 0) / m over bins, noise floor n, relevance m (thesis 3.3, as a sum)."""
     relevant = index.relevance > 0
     inverse = np.zeros_like(index.relevance)
     inverse[relevant] = 1 / index.relevance[relevant]
@@ -48,12 +41,12 @@ def floor_only(sample: F32, index: ChannelIndex) -> F32:
 
 def l1(sample: F32, index: ChannelIndex) -> F32:
     """Mean of |s - r| (Swain and Ballard's intersection, 1991, is one minus half of it for shares)."""
-    return _by_blocks(_mean_magnitude, sample, index.references)
+    return _by_blocks(np.abs, sample, index.references)
 
 
 def l2(sample: F32, index: ChannelIndex) -> F32:
     """Root of the mean of (s - r) squared."""
-    return np.sqrt(_by_blocks(_mean_square, sample, index.references))
+    return np.sqrt(_by_blocks(np.square, sample, index.references))
 
 
 def chi2(sample: F32, index: ChannelIndex) -> F32:
@@ -66,27 +59,19 @@ def chi2(sample: F32, index: ChannelIndex) -> F32:
 
 def hellinger(sample: F32, index: ChannelIndex) -> F32:
     """Root of the mean of (root s - root r) squared: L2 of square roots (Hellinger 1909; Bhattacharyya)."""
-    return np.sqrt(_by_blocks(_mean_square, np.sqrt(sample), index.roots))
+    return np.sqrt(_by_blocks(np.square, np.sqrt(sample), index.roots))
 
 
-def _by_blocks(mean: Callable[[F32], F32], sample: F32, references: F32) -> F32:
-    """Return a mean (L,) over each row's differences from the sample, by blocks that fit the cache."""
+def _by_blocks(size_of: np.ufunc, sample: F32, references: F32) -> F32:
+    """Return the mean size (L,) of each row's differences from the sample, by blocks that fit the cache."""
     count, size = references.shape
     rows = max(BLOCK // max(size, 1), 1)
     result, apart = np.empty(count, np.float32), np.empty((min(rows, count), size), np.float32)
     for first in range(0, count, rows):
         block = references[first : first + rows]
         some = np.subtract(block, sample, out=apart[: len(block)])
-        result[first : first + rows] = mean(some)
+        result[first : first + rows] = size_of(some, out=some).mean(axis=1)
     return result
-
-
-def _mean_magnitude(apart: F32) -> F32:
-    return np.asarray(np.abs(apart, out=apart).mean(axis=1), np.float32)
-
-
-def _mean_square(apart: F32) -> F32:
-    return np.asarray(np.square(apart, out=apart).mean(axis=1), np.float32)
 
 
 DISTANCES: Mapping[str, Distance] = {
@@ -101,10 +86,7 @@ DISTANCES: Mapping[str, Distance] = {
 
 
 def contributions(distance: str, sample: F32, reference: F32, index: ChannelIndex) -> F32:
-    """Return what each element (D,) adds to the distance of a sample from one reference, both (D,).
-
-    Their mean is the distance, or for "l2" and "hellinger" its square.
-    """
+    """Return what each element (D,) adds; the mean is the distance (of "l2", "hellinger": squared)."""
     gap = np.abs(reference - sample)
     over = np.maximum(gap - index.noise_floor, 0)
     match distance:

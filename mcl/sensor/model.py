@@ -5,8 +5,6 @@ scales (C,), and returns a fused distance (L,) and its quality (L,) in [0, 1], 1
 last step depends on the particles: the cost of comparing does not grow with their number.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -56,10 +54,7 @@ QUALITIES: Mapping[str, Callable[[F32], F32]] = {"relative": relative_quality, "
 def calibrated(
     distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
 ) -> Blended:
-    """Return the sum of weight * D / scale: log-likelihoods added, as if channels erred independently.
-
-    Scales are fitted to drives, so the sum is in nats and comparable between pictures.
-    """
+    """Return the sum of weight * D / scale, in nats: as if channels erred independently."""
     total = np.asarray((weights / scales) @ distances, np.float32)
     return Blended(total, relative_quality(total))
 
@@ -67,10 +62,7 @@ def calibrated(
 def weighted_sum(
     distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
 ) -> Blended:
-    """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.5).
-
-    A channel that does not distinguish entries (no spread but rounding) is left out.
-    """
+    """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.5)."""
     spread = distances.std(axis=1, dtype=np.float64)
     tells = spread > LEAST_SPREAD * distances.max(axis=1)
     scale = np.divide(weights, spread, out=np.zeros_like(weights), where=tells)
@@ -83,20 +75,13 @@ def weighted_sum(
 def weighted_product(
     distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
 ) -> Blended:
-    """Return the product of qualities to the power of their weights: all channels must agree (thesis 4.2.5).
-
-    Qualities below 0.001 count as 0.001. The distance is minus the logarithm of the product.
-    """
+    """Return the product of qualities (0.001 at least) to the power of their weights (thesis 4.2.5)."""
     logs = np.log(np.maximum(quality(distances), np.float32(LEAST_QUALITY)))
     total = np.asarray(weights @ logs, np.float32)
     return Blended(-total, np.exp(total))
 
 
-BLENDS: Mapping[str, Blend] = {
-    "calibrated": calibrated,
-    "sum": weighted_sum,
-    "product": weighted_product,
-}
+BLENDS: Mapping[str, Blend] = {"calibrated": calibrated, "sum": weighted_sum, "product": weighted_product}
 
 
 # Likelihood: from the fused distance to a log-likelihood.
@@ -128,9 +113,7 @@ class SensorParameters:
     blend: str = "calibrated"  # BLENDS
     quality: str = "relative"  # QUALITIES
     distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
-    scales: Mapping[str, float] = field(
-        default_factory=dict
-    )  # channel to the distance of one nat; others: SCALES
+    scales: Mapping[str, float] = field(default_factory=dict)  # channel to distance of a nat; others: SCALES
 
     def distance_of(self, channel: str) -> str:
         """Return the name of the distance that a channel is compared by."""
@@ -171,7 +154,9 @@ class SensorModel:
     def compare(self, descriptors: Mapping[str, F32]) -> Comparison:
         """Compare with all L entries and the virtual references; nothing here depends on the particles."""
         p, names, entries = self.parameters, tuple(self.parameters.weights), self.library.size
-        distances = np.stack([self._distance(name, descriptors[name]) for name in names])
+        index = self.index or self.library.index
+        measured = [DISTANCES[p.distance_of(name)](descriptors[name], index[name]) for name in names]
+        distances = np.stack(measured)
         weights = np.array([p.weights[name] for name in names])
         scales = np.array([p.scale_of(name) for name in names])
         quality = QUALITIES[p.quality]
@@ -200,7 +185,3 @@ class SensorModel:
             entries=self.references.entries(poses, origin),
             log_likelihood=self.references.at(log_likelihood, poses, origin),
         )
-
-    def _distance(self, channel: str, sample: F32) -> F32:
-        index = self.index or self.library.index
-        return DISTANCES[self.parameters.distance_of(channel)](sample, index[channel])

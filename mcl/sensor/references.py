@@ -1,16 +1,11 @@
 """References: which library entries a particle is compared with. Never across a wall.
 
-- Lookup, the thesis's rule: the nearest position, then the nearest heading there. The nearest place is
-  computed once per raster cell, so the number of walls costs nothing later.
+- Lookup, the thesis's rule: the nearest position, then the nearest heading there, once per raster cell.
 - Interpolation: the nearest few visible places by a Gaussian kernel of distance, and at each place the two
   headings on either side, linearly. Log-likelihoods are averaged, so nothing jumps at the border of a cell.
-- Virtual references: a histogram taken halfway between two places or headings is close to the mean of the
-  two, so means of descriptors replace pictures that were not taken and halve the spacing. Averaging
-  likelihoods cannot do this: between two poor matches their mean is poor, however well the picture in between
-  would match.
+- Virtual references: means of descriptors replace pictures that were not taken halfway between two places or
+  headings. Averaging likelihoods cannot: the mean of two poor matches is poor.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -44,19 +39,13 @@ class ReferenceLookup(Protocol):
         ...
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
-        """Return the log-likelihood (N,) at each pose from that of each reference; -inf outside.
-
-        References are the library's L entries, then the virtual ones, if any.
-        """
+        """Return the log-likelihood (N,) at each pose from that of each reference; -inf outside."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NearestReference:
-    """Two tables: raster cell to place, and place and heading to entry.
-
-    Outside is -1 everywhere; the last row of each table belongs to the index -1.
-    """
+    """Two tables: raster cell to place, place and heading to entry; the last rows stand for outside, -1."""
 
     grid: Grid
     places: F64  # (P, 2) distinct positions in the library
@@ -149,9 +138,8 @@ def _grow(place: I32, free: Bool) -> I32:
     while True:
         padded = np.pad(place, 1, constant_values=-1)
         open_cells = free & (place < 0)
-        next_to = np.maximum.reduce(
-            [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
-        )
+        beside = [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
+        next_to = np.maximum.reduce(beside)
         grown = np.where(open_cells, next_to, place)
         if np.array_equal(grown, place):
             return grown
@@ -284,10 +272,7 @@ class VirtualReferences:
 
 
 def virtual_references(poses: F64, arena: Arena) -> VirtualReferences:
-    """Find the poses midway between those of a library (L, 3): in heading, in place, and in both.
-
-    Places are never joined across a wall.
-    """
+    """Find the poses midway between those of a library (L, 3) in heading and place, never across a wall."""
     places, place_of_entry = distinct_places(poses[:, :2])
     views = _views(poses, place_of_entry)
     turned = views[views[:, 0] != views[:, 1]]
@@ -299,7 +284,8 @@ def virtual_references(poses: F64, arena: Arena) -> VirtualReferences:
     for group in groups:
         rows.append(_joined(views, headings, [by_place[place] for place in group]))
     sources = np.concatenate(rows).astype(np.int32)
-    return VirtualReferences(_mean_poses(poses, sources), sources)
+    middles = np.column_stack([poses[sources, :2].mean(axis=1), wrap(_middle(poses[sources, 2]))])
+    return VirtualReferences(middles, sources)
 
 
 def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
@@ -339,11 +325,6 @@ def _joined(views: NDArray[np.int64], headings: F64, members: list[NDArray[np.in
         chosen.append(other[nearest])
     entries = np.concatenate([views[view[alike]] for view in chosen], axis=1)
     return entries[:, np.arange(8) % entries.shape[1]]
-
-
-def _mean_poses(poses: F64, sources: I32) -> F64:
-    xy = poses[sources, :2].mean(axis=1)
-    return np.column_stack([xy, wrap(_middle(poses[sources, 2]))])
 
 
 def _middle(headings: F64) -> F64:

@@ -1,7 +1,5 @@
 """Blurred color: the color histogram of a blurred picture. The other reading of "smoothing" (thesis 4.1)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What every channel does, and the CMUcam2's histogram, which many of them use."""
 
-from __future__ import annotations
-
 from typing import Any, Protocol
 
 import cv2
@@ -29,10 +27,7 @@ class Channel(Protocol):
         ...
 
     def describe(self, image: U8) -> F32:
-        """Return the measurement (D,) of a picture (H, W, 3) RGB: float32, every element finite and >= 0.
-
-        D must not depend on the picture.
-        """
+        """Return (D,) float32, finite and >= 0, of a picture (H, W, 3) RGB; D is always the same."""
         ...
 
     def parameters(self) -> dict[str, Any]:

@@ -4,8 +4,6 @@ Normalized color r = R / (R + G + B), g likewise (Swain and Ballard 1991; invari
 1999). Brighter or dimmer light moves no pixel to another bin.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

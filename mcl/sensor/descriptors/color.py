@@ -1,7 +1,5 @@
 """Color: the histogram of the picture's red, green and blue values (thesis 3.3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -3,8 +3,6 @@
 One level of a spatial pyramid (Lazebnik, Schmid and Ponce 2006).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ The idea of MPEG-7's color layout descriptor (Kasutani and Yamada 2001) on norma
 cosine transform: a histogram does not know left from right, this does.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

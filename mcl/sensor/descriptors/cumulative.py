@@ -4,8 +4,6 @@ Differences of cumulative histograms add up to the earth mover's distance in one
 of light costs little and a large one much. Very likely the thesis's "summation histogram" (figure 43).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

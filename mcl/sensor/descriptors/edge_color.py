@@ -1,7 +1,5 @@
 """Edge color: the colors of the pixels that lie on an edge (the other reading of thesis 4.2.2, figure 52)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

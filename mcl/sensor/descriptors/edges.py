@@ -5,8 +5,6 @@ and blue separately, after a light blur that removes the sensor's noise. Pixels 
 values below 16 and so stay out of the histogram, which they would otherwise dominate.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

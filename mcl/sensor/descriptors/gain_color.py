@@ -4,8 +4,6 @@ The gray-world assumption (Buchsbaum 1980), by which gain and white balance canc
 comprehensive normalization of Finlayson, Schiele and Crowley (1998).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

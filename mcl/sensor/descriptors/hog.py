@@ -4,8 +4,6 @@ Unsigned gradients in 9 directions on 4 x 3 cells, without overlapping blocks: o
 is enough, since complete pictures are compared.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

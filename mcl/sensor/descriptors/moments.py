@@ -1,7 +1,5 @@
 """Color moments: mean, spread and skew of each plane (Stricker and Orengo 1995). Nine numbers per picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,10 +1,7 @@
 """All channels by name, ours and those of installed packages; features, which are named sets of channels.
 
-A package adds a channel by an entry point in the group "maurice_replay.channels" whose value is the
-channel's class, or anything that returns a channel when called without arguments (docs/channels.md).
+A package adds a channel by an entry point in the group "maurice_replay.channels" (docs/channels.md).
 """
-
-from __future__ import annotations
 
 import json
 import re
@@ -61,11 +58,7 @@ class Loaded:
 
 
 def load_channels(points: Iterable[EntryPoint]) -> Loaded:
-    """Load our channels and those of entry points.
-
-    One that cannot be loaded, is no channel, or has the name of another is left out, so that a broken package
-    does not disable the rest.
-    """
+    """Load our channels and those of entry points; a broken one is left out and does not disable the rest."""
     channels: dict[str, Channel] = {channel.name: channel for channel in OURS}
     broken: list[str] = []
     for point in points:
@@ -94,10 +87,7 @@ def _load(point: EntryPoint) -> Channel:
 
 
 def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
-    """Measure a picture with a channel that may be third-party, and check the result.
-
-    `size` is the expected D, if a picture was measured before. Raises ValueError for an invalid result.
-    """
+    """Measure a picture with a channel, maybe third-party. ValueError for an invalid result."""
     try:
         found = channel.describe(image)
     except Exception as problem:

@@ -4,8 +4,6 @@ A little more light moves pixels into the next bin, which a comparison bin by bi
 picture. The thesis's kernel is not known; this one spreads a count over two bins on either side.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

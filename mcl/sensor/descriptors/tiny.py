@@ -1,7 +1,5 @@
 """Tiny image: a few pixels, brightness and contrast removed (Torralba, Fergus and Freeman 2008)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
