@@ -21,8 +21,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from random import Random
 
-from fuzz_properties import try_drawn
-from fuzz_targets import SHARES, TARGETS, prepare
+sys.path.append(str(Path(__file__).parents[1]))  # where the helpers are
+
+from fuzz_targets import SHARES, TARGETS, prepare, try_drawn
 from fuzz_watch import TookTooLong, in_memory, in_time, limited_memory, peak, resident
 
 STATE = Path("out/fuzz.json")

@@ -11,68 +11,35 @@ from typing import Any
 
 import foxglove.messages as fox
 import numpy as np
-from fuzz_mutations import mutated
-from fuzz_seeds import JPEG, PICTURE
-from rosbags.typesys import Stores, get_typestore
+from fuzz_inputs import JPEG, PICTURE, mutated
 from websockets.exceptions import ConnectionClosedOK
 
-from maurice_loaders.live.websocket import ASK, HEAD
+from helpers.bags import Ros
+from maurice_loaders.live.bridges import ASK, HEAD
 
 Message = str | bytes
 Conversation = list[Message | None]  # None: nothing comes for a moment
-STORE = get_typestore(Stores.LATEST)
-TYPES = STORE.types
+ROS = Ros(2)
+POSE, IMAGE = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/Image"
+LINKS = "tf2_msgs/msg/TFMessage"
 PIXELS = np.full(6 * 8 * 3, 90, np.uint8)
 BEGIN_S = 1_700_000_000
 
 
-def _definition(kind: str) -> str:
-    return STORE.generate_msgdef(kind, ros_version=2)[0]
-
-
-def _make(kind: str, **fields: Any) -> Any:
-    return TYPES[kind](**fields)
-
-
-def _header(t_s: int) -> Any:
-    return _make(
-        "std_msgs/msg/Header", stamp=_make("builtin_interfaces/msg/Time", sec=t_s, nanosec=5), frame_id="odom"
-    )
-
-
-def _pose(x_m: float) -> Any:
-    turned = _make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-    return _make(
-        "geometry_msgs/msg/Pose",
-        position=_make("geometry_msgs/msg/Point", x=x_m, y=0.0, z=0.0),
-        orientation=turned,
-    )
-
-
-def _cdr(kind: str, **fields: Any) -> bytes:
-    return bytes(STORE.serialize_cdr(_make(kind, **fields), kind))
+def _cdr(kind: str, message: Any) -> bytes:
+    return bytes(ROS.store.serialize_cdr(message, kind))
 
 
 def _cdr_pose(t_s: int) -> bytes:
-    return _cdr("geometry_msgs/msg/PoseStamped", header=_header(t_s), pose=_pose(t_s % 100))
+    return _cdr(POSE, ROS.pose_stamped(t_s * 10**9 + 5, (t_s % 100, 0.0, 0.0)))
 
 
 def _cdr_image(t_s: int) -> bytes:
-    size = {"height": 6, "width": 8, "step": 24, "is_bigendian": 0, "encoding": "rgb8"}
-    return _cdr("sensor_msgs/msg/Image", header=_header(t_s), data=PIXELS, **size)
+    return _cdr(IMAGE, ROS.image(t_s * 10**9 + 5, PIXELS.reshape(6, 24), "rgb8", width=8))
 
 
 def _cdr_transforms(t_s: int) -> bytes:
-    moved = _make("geometry_msgs/msg/Vector3", x=t_s % 100 / 1.0, y=0.0, z=0.0)
-    turned = _make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-    transform = _make("geometry_msgs/msg/Transform", translation=moved, rotation=turned)
-    link = _make(
-        "geometry_msgs/msg/TransformStamped",
-        header=_header(t_s),
-        child_frame_id="base_link",
-        transform=transform,
-    )
-    return _cdr("tf2_msgs/msg/TFMessage", transforms=[link])
+    return _cdr(LINKS, ROS.transforms(t_s * 10**9 + 5, "odom", "base_link", (t_s % 100 / 1.0, 0.0, 0.0)))
 
 
 def _json_pose(t_s: int) -> dict[str, Any]:
@@ -88,45 +55,44 @@ def _json_image(t_s: int) -> dict[str, Any]:
 
 
 def _proto_pose(t_s: int) -> bytes:
-    where = fox.Pose(
-        position=fox.Vector3(x=t_s % 100, y=1, z=0),
-        orientation=fox.Quaternion(x=0, y=0, z=math.sin(0.1), w=math.cos(0.1)),
-    )
+    turned = fox.Quaternion(x=0, y=0, z=math.sin(0.1), w=math.cos(0.1))
+    where = fox.Pose(position=fox.Vector3(x=t_s % 100, y=1, z=0), orientation=turned)
     return fox.PoseInFrame(timestamp=fox.Timestamp(t_s), frame_id="odom", pose=where).encode()
 
 
 def _proto_link(t_s: int) -> bytes:
     names = {"parent_frame_id": "odom", "child_frame_id": "base_link"}
-    moved = {
-        "translation": fox.Vector3(x=t_s % 100, y=0, z=0),
-        "rotation": fox.Quaternion(x=0, y=0, z=0, w=1),
-    }
-    return fox.FrameTransform(timestamp=fox.Timestamp(t_s), **names, **moved).encode()
+    moved, turned = fox.Vector3(x=t_s % 100, y=0, z=0), fox.Quaternion(x=0, y=0, z=0, w=1)
+    when = fox.Timestamp(t_s)
+    return fox.FrameTransform(timestamp=when, **names, translation=moved, rotation=turned).encode()
 
 
 def _proto_image(t_s: int) -> bytes:
-    size = {"width": 8, "height": 6, "encoding": "rgb8", "step": 24}
-    return fox.RawImage(
-        timestamp=fox.Timestamp(t_s), frame_id="camera", data=PIXELS.tobytes(), **size
-    ).encode()
+    fields = {"width": 8, "height": 6, "encoding": "rgb8", "step": 24, "data": PIXELS.tobytes()}
+    return fox.RawImage(timestamp=fox.Timestamp(t_s), frame_id="camera", **fields).encode()
 
 
-def _channel(
-    number: int, topic: str, encoding: str, kind: str, schema: str = "", form: str = ""
-) -> dict[str, Any]:
-    named = {"id": number, "topic": topic, "encoding": encoding, "schemaName": kind}
-    return named | {"schema": schema, "schemaEncoding": form}
+def _channel(number: int, topic: str, encoding: str, kind: str, *schema: str) -> dict[str, Any]:
+    text, form = schema or ("", "")
+    return {
+        "id": number, "topic": topic, "encoding": encoding,
+        "schemaName": kind, "schema": text, "schemaEncoding": form,
+    }  # fmt: skip
 
 
-def _ros_channel(number: int, topic: str, kind: str) -> dict[str, Any]:
-    return _channel(number, topic, "cdr", kind, _definition(kind), "ros2msg")
+def _ros_channels(*kinds: tuple[str, str]) -> list[dict[str, Any]]:
+    return [
+        _channel(n, topic, "cdr", kind, ROS.store.generate_msgdef(kind, ros_version=2)[0], "ros2msg")
+        for n, (topic, kind) in enumerate(kinds, 1)
+    ]
 
 
-def _proto_channel(number: int, topic: str, kind: Any) -> dict[str, Any]:
-    schema = kind.get_schema()
-    return _channel(
-        number, topic, "protobuf", schema.name, base64.b64encode(schema.data).decode(), "protobuf"
-    )
+def _proto_channels(*kinds: tuple[str, Any]) -> list[dict[str, Any]]:
+    schemas = [(topic, kind.get_schema()) for topic, kind in kinds]
+    return [
+        _channel(n, topic, "protobuf", one.name, base64.b64encode(one.data).decode(), "protobuf")
+        for n, (topic, one) in enumerate(schemas, 1)
+    ]
 
 
 Says = Callable[[int], bytes]
@@ -147,27 +113,19 @@ def _as_json(say: Callable[[int], dict[str, Any]]) -> Says:
     return lambda t_s: json.dumps(say(t_s)).encode()
 
 
-POSE, IMAGE = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/Image"
+JSON = [("/odom", "foxglove.PoseInFrame"), ("/camera", "foxglove.CompressedImage")]
 FOXGLOVE: list[Conversation] = [
-    _foxglove([_ros_channel(1, "/odom", POSE), _ros_channel(2, "/camera", IMAGE)], _cdr_pose, _cdr_image),
+    _foxglove(_ros_channels(("/odom", POSE), ("/camera", IMAGE)), _cdr_pose, _cdr_image),
+    _foxglove(_ros_channels(("/tf", LINKS), ("/camera", IMAGE)), _cdr_transforms, _cdr_image),
     _foxglove(
-        [_ros_channel(1, "/tf", "tf2_msgs/msg/TFMessage"), _ros_channel(2, "/camera", IMAGE)],
-        *(_cdr_transforms, _cdr_image),
-    ),
-    _foxglove(
-        [
-            _channel(1, "/odom", "json", "foxglove.PoseInFrame"),
-            _channel(2, "/camera", "json", "foxglove.CompressedImage"),
-        ],
+        [_channel(n, topic, "json", kind) for n, (topic, kind) in enumerate(JSON, 1)],
         *(_as_json(_json_pose), _as_json(_json_image)),
     ),
     _foxglove(
-        [_proto_channel(1, "/odom", fox.PoseInFrame), _proto_channel(2, "/camera", fox.RawImage)],
-        *(_proto_pose, _proto_image),
+        _proto_channels(("/odom", fox.PoseInFrame), ("/camera", fox.RawImage)), _proto_pose, _proto_image
     ),
     _foxglove(
-        [_proto_channel(1, "/tf", fox.FrameTransform), _proto_channel(2, "/camera", fox.RawImage)],
-        *(_proto_link, _proto_image),
+        _proto_channels(("/tf", fox.FrameTransform), ("/camera", fox.RawImage)), _proto_link, _proto_image
     ),
 ]
 

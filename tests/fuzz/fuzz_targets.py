@@ -1,31 +1,221 @@
-"""What is tried: each target makes an input and reads it. Only our own errors may come out of it."""
+"""What is tried: what targets read and peers send. Only our own errors may come out of it."""
 
 from __future__ import annotations
 
 import itertools
+import json
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import numpy as np
+import pytest
 from fuzz_bridges import FOXGLOVE, ROSBRIDGE, Conversation, ScriptedConnection, mutated_talk
-from fuzz_mutations import mutated
-from fuzz_properties import SHARES as PROPERTIES
-from fuzz_seeds import DUMPS, JPEG, LOGS, ON_DISK, STREAMS
+from fuzz_inputs import DUMPS, HEADER, JPEG, LOGS, ON_DISK, PICTURE, STREAMS, mutated
+from fuzz_watch import in_time
+from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import strategies as st
 
-from maurice_loaders.errors import InputError, PictureError, ReadingNotes
+from maurice_loaders.bags.topics import PoseTopic
+from maurice_loaders.errors import FieldError, InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
+from maurice_loaders.io.pictures import decode_picture
+from maurice_loaders.live import listening as live_listening
+from maurice_loaders.live.bridges import ASK, HEAD, Foxglove, Rosbridge
 from maurice_loaders.live.intake import Intake, Received
-from maurice_loaders.live.source import Listening, LiveSource, Patience
+from maurice_loaders.live.listening import Listening, Patience
+from maurice_loaders.live.session import LiveRecorder
+from maurice_loaders.live.source import LiveSource
+from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import WebsocketStream
 from maurice_loaders.pictures import decode_picture
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture
 from maurice_loaders.session_log.reader import SessionLog, picture_bytes
-from maurice_loaders.session_log.records import PictureRecord
+from maurice_loaders.session_log.records import PictureRecord, read_header, read_records
+
+HEAD_LINE = json.dumps(HEADER)
+
+
+def line(t_s: float, **record: object) -> bytes:
+    return (json.dumps({"t": t_s} | record) + "\n").encode()
+
+
+NUMBERS = st.one_of(
+    st.floats(), st.integers(), st.floats(-100, 100), st.sampled_from([1e9, 4e9, -4e9, 1e400])
+)
+JSON = st.recursive(
+    st.one_of(st.none(), st.booleans(), NUMBERS, st.text(max_size=6)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=5), inner, max_size=4)
+    ),
+    max_leaves=8,
+)
+KEYS = st.sampled_from(
+    ["t", "odometry", "image", "truth", "event", "camera", "covered", "encoders_m", "format", "x"]
+)
+VECTORS = st.lists(NUMBERS, min_size=3, max_size=3)
+RECORDS = st.one_of(
+    st.builds(
+        lambda t, m: line(t, odometry=m),
+        st.floats(-10, 1e3),
+        st.lists(st.floats(-5, 5), min_size=3, max_size=3),
+    ),
+    st.builds(lambda t: line(t, image={"base64": PICTURE}), st.floats(-10, 1e3)),
+    st.builds(lambda t, e: line(t, event=e), NUMBERS, st.text(max_size=5)),
+    st.dictionaries(KEYS, st.one_of(JSON, VECTORS), max_size=4).map(lambda found: line(0, **found)),
+    st.just(HEAD_LINE.encode() + b"\n"),
+    st.binary(max_size=40),
+    st.just(b"\n"),
+)
+PORTIONS = st.lists(st.one_of(RECORDS, st.none()), max_size=12)
+CUTS = st.lists(st.integers(1, 60), min_size=1, max_size=5)
+
+
+class Scripted:
+    """A channel that gives what it was given, cut anew; None: a moment in which nothing comes."""
+
+    def __init__(self, portions: list[bytes | None], cuts: list[int]) -> None:
+        self._parts = self._cut(portions, cuts)
+
+    def read(self, wait_s: float) -> bytes | None:
+        return next(self._parts, b"")
+
+    def close(self) -> None: ...
+
+    @staticmethod
+    def _cut(portions: list[bytes | None], cuts: list[int]) -> Iterator[bytes | None]:
+        sizes = itertools.cycle(cuts)
+        for portion in portions:
+            if portion is None:
+                yield None
+                continue
+            at = 0
+            while at < len(portion):
+                size = next(sizes)
+                yield portion[at : at + size]
+                at += size
+
+
+def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]]) -> None:
+    """Whatever comes, over however many connections, what is recorded is a log that is right."""
+    stop = threading.Event()
+    scripts = [
+        Scripted([HEAD_LINE.encode() + b"\n", *portions] if greets else portions, cuts)
+        for portions, cuts, greets in connections
+    ]
+    waiting = iter(scripts)
+
+    def connect() -> Scripted:
+        script = next(waiting, None)
+        if script is None:
+            stop.set()
+            raise ConnectionRefusedError(111, "Connection refused")
+        return script
+
+    source, notes = LiveSource("peer", connect, peer=True), ReadingNotes(keep_going=True)
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
+        patch.setattr(live_listening, "FIRST_WAIT_S", 0.0)
+        recorder = LiveRecorder(Path(folder))
+        intake = Intake(source, Listening(source, stop, Patience(60)), notes, lambda text: None)
+        heard, begun, refused = [], False, ""
+        try:
+            for one in intake:
+                if intake.info is not None and not begun:
+                    recorder.begin(intake.info)
+                    begun = True
+                if isinstance(one, Received):
+                    recorder.add(one.line)
+                    heard.append(one.record.t_s)
+        except InputError as problem:
+            refused = str(problem)
+        finally:
+            recorder.close()
+        assert "\n" not in refused
+        assert not (begun and refused)
+        assert heard == sorted(heard)
+        if begun:
+            assert read_header(recorder.path)[1] == "session"
+            again = read_records(recorder.path, "session", ReadingNotes(keep_going=False))
+            assert [record.t_s for record in again] == heard
+
+
+OPS = st.sampled_from(["advertise", "unadvertise", "serverInfo", "publish", "service_response", "status"])
+CHANNEL = st.fixed_dictionaries(
+    {
+        "id": st.one_of(st.integers(0, 3), JSON),
+        "topic": st.sampled_from(["/odom", "/camera"]),
+        "encoding": st.sampled_from(["cdr", "json", "ros1", "protobuf"]),
+        "schemaName": st.sampled_from(["nav_msgs/msg/Odometry", "foxglove.CompressedImage", "nothing"]),
+        "schema": st.one_of(st.just(""), st.text(max_size=20)),
+    }
+)
+MESSAGES = st.one_of(
+    st.builds(
+        lambda op, more: {"op": op} | more, OPS, st.dictionaries(st.text(max_size=8), JSON, max_size=3)
+    ),
+    st.lists(st.one_of(CHANNEL, JSON), max_size=3).map(lambda found: {"op": "advertise", "channels": found}),
+    st.builds(lambda found: {"op": "service_response", "id": ASK, "values": found}, JSON),
+    st.builds(lambda found: {"op": "publish", "topic": "/odom", "msg": found}, JSON),
+    JSON,
+)
+SAID = st.one_of(
+    MESSAGES,
+    st.binary(max_size=60),
+    st.text(max_size=30),
+    st.builds(lambda number, data: HEAD.pack(1, number, 5) + data, st.integers(0, 3), st.binary(max_size=80)),
+    st.builds(lambda number: HEAD.pack(1, number, 5) + line(0, timestamp=3), st.integers(0, 3)),
+)
+
+
+def check_bridge(bridge_of: type, said: list[object]) -> None:
+    """Whatever a bridge says is a message, or one complaint."""
+    bridge, translator = bridge_of(), Translator(0.1)
+    topics = ChosenTopics("/camera", PoseTopic("/odom"))
+    for one in said:
+        message = one if isinstance(one, bytes | str) else json.dumps(one)
+        try:
+            heard = bridge.hear(message)
+            list(bridge.subscribe(topics.names))
+            if heard is not None:
+                assert all(isinstance(found["t"], float) for found in translator.take(heard, topics))
+        except FieldError:
+            continue
+        assert len(bridge.topics) < 10_000
+
+
+ARGUMENTS = {
+    "drawn streams": (
+        check_recording,
+        (st.lists(st.tuples(PORTIONS, CUTS, st.booleans()), min_size=1, max_size=3),),
+    ),
+    "drawn bridges": (check_bridge, (st.sampled_from([Foxglove, Rosbridge]), st.lists(SAID, max_size=10))),
+}
+PROPERTIES = {"drawn streams": 0.05, "drawn bridges": 0.05}  # of all inputs of `make fuzz`
+
+
+def try_drawn(name: str, number: int, count: int) -> int:
+    """Try so many inputs of a kind, the ones of this number; give how many there were."""
+    check, drawn = ARGUMENTS[name]
+    tried = 0
+
+    def one(values: tuple[Any, ...]) -> None:
+        nonlocal tried
+        tried += 1
+        with in_time():
+            check(*values)
+
+    quiet = settings(
+        max_examples=count, database=None, deadline=None, suppress_health_check=list(HealthCheck)
+    )
+    seed(number)(quiet(given(st.tuples(*drawn))(one)))()
+    return tried
+
 
 Make = Callable[[Random], Any]
 Read = Callable[[Any, Path], None]
@@ -104,50 +294,20 @@ def _refused(read: Callable[[], None]) -> None:
     assert "\n" not in said
 
 
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """A stream, and in which portions it comes."""
-
-    data: bytes
-    sizes: list[int]
-
-
-def make_stream(random: Random) -> Cut:
+def make_stream(random: Random) -> tuple[bytes, list[int]]:
+    """Make a stream, and the sizes of the portions in which it comes."""
     data = mutated(random.choice(STREAMS), STREAMS, random)
     largest = random.choice((10, 300, 5000))
-    return Cut(data, [random.randint(1, largest) for _ in range(5)])
+    return data, [random.randint(1, largest) for _ in range(5)]
 
 
-class CutChannel:
-    """A channel that gives a stream in portions."""
-
-    def __init__(self, cut: Cut) -> None:
-        self._data, self._at, self._sizes = cut.data, 0, itertools.cycle(cut.sizes)
-
-    def read(self, wait_s: float) -> bytes:
-        begin = self._at
-        self._at += next(self._sizes)
-        return self._data[begin : self._at]
-
-    def close(self) -> None: ...
-
-
-def read_stream(cut: Cut, folder: Path) -> None:
+def read_stream(cut: tuple[bytes, list[int]], folder: Path) -> None:
     """Take in a stream as a live source's."""
-    _listen(lambda: CutChannel(cut))
+    _listen(lambda: Scripted([cut[0]], cut[1]))
 
 
-def read_foxglove(talk: Conversation, folder: Path) -> None:
-    """Take in what a Foxglove bridge says."""
-    _converse("foxglove.websocket.v1", talk)
-
-
-def read_rosbridge(talk: Conversation, folder: Path) -> None:
-    """Take in what rosbridge says."""
-    _converse(None, talk)
-
-
-def _converse(subprotocol: str | None, talk: Conversation) -> None:
+def read_bridge(subprotocol: str | None, talk: Conversation, folder: Path) -> None:
+    """Take in what a bridge says."""
     connection: Any = ScriptedConnection(subprotocol, talk)
     _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, ReadingOptions()))
     assert connection.sent < 10_000 * len(talk)
@@ -181,8 +341,10 @@ TARGETS: dict[str, Target] = {
     "session log": Target(lambda random: mutated(random.choice(LOGS), LOGS, random), read_log),
     "CMUcam dump": Target(lambda random: mutated(random.choice(DUMPS), DUMPS, random), read_dump),
     "stream": Target(make_stream, read_stream),
-    "Foxglove bridge": Target(lambda random: mutated_talk(FOXGLOVE, random), read_foxglove),
-    "rosbridge": Target(lambda random: mutated_talk(ROSBRIDGE, random), read_rosbridge),
+    "Foxglove bridge": Target(
+        lambda random: mutated_talk(FOXGLOVE, random), partial(read_bridge, "foxglove.websocket.v1")
+    ),
+    "rosbridge": Target(lambda random: mutated_talk(ROSBRIDGE, random), partial(read_bridge, None)),
 }
 SHARES: dict[str, float] = {  # of all inputs; the rest is made by hypothesis
     "session log": 0.35,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import resource
 import tracemalloc
@@ -11,9 +12,8 @@ from typing import Any
 import fuzz_all
 import pytest
 from fuzz_bridges import FOXGLOVE, ROSBRIDGE, ScriptedConnection
-from fuzz_properties import ARGUMENTS, try_drawn
-from fuzz_seeds import DUMPS, LOGS, STREAMS
-from fuzz_targets import SHARES, TARGETS, Target, prepare
+from fuzz_inputs import DUMPS, LOGS, STREAMS
+from fuzz_targets import ARGUMENTS, SHARES, TARGETS, Target, prepare, try_drawn
 from fuzz_watch import TookTooLong, in_memory, in_time
 
 from maurice_loaders.formats.cmucam import decode_frame, frames
@@ -57,11 +57,14 @@ def test_logs_are_right_before_they_are_changed(data: bytes, tmp_path: Path) -> 
     assert log.problem_count == 0
 
 
-def test_dumps_are_right_before_they_are_changed() -> None:
+def test_dumps_are_right_before_they_are_changed_and_every_share_is_somebodys() -> None:
     for data in DUMPS:
         found = [frame for frame in frames(data) if not frame.fault]
         assert found
         assert all(decode_frame(data[one.begin : one.end]).size for one in found)
+    assert sum(SHARES.values()) == pytest.approx(1)
+    assert set(SHARES) == {*TARGETS, *ARGUMENTS}
+    assert STREAMS
 
 
 @pytest.mark.parametrize("talk", [*FOXGLOVE, *ROSBRIDGE])
@@ -94,20 +97,10 @@ def test_what_was_found_once_is_not_found_again(name: str, tmp_path: Path) -> No
     TARGETS[target].read([*messages, None], tmp_path)
 
 
-def test_every_share_is_somebodys() -> None:
-    assert sum(SHARES.values()) == pytest.approx(1)
-    assert set(SHARES) == {*TARGETS, *ARGUMENTS}
-    assert STREAMS
-
-
-def for_ever() -> None:
-    while True:
-        pass
-
-
 def test_what_hangs_or_hogs_is_caught() -> None:
     with pytest.raises(TookTooLong), in_time(cpu_s=0.1):
-        for_ever()
+        for _ in itertools.repeat(None):
+            pass
     tracemalloc.start()
     try:
         with pytest.raises(AssertionError, match="2 MiB were taken"), in_memory(2**20):

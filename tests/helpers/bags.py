@@ -6,8 +6,8 @@ import base64
 import json
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -148,8 +148,7 @@ def drive(ros: Ros, updates: int = 5) -> list[Said]:
         true = (1.0 + 0.05 * number, 2.0, 0.5)
         said.append(Said("/ground_truth", "geometry_msgs/PoseStamped", late_ns, ros.pose_stamped(t_ns, true)))
         if number % 2 == 0:
-            image = ros.compressed(t_ns, picture(number // 2))
-            said.append(Said("/camera/image/compressed", "sensor_msgs/CompressedImage", late_ns, image))
+            said.append(replace(seen(ros, t_ns, number // 2), log_ns=late_ns))
     return said
 
 
@@ -218,9 +217,7 @@ def write_json_mcap(
         _record(
             3,
             struct.pack("<H", number + 1)
-            + _text(kinds[topic])
-            + _text(schema_encoding)
-            + _text(described_as.get(kinds[topic], "{}")),
+            + b"".join(map(_text, (kinds[topic], schema_encoding, described_as.get(kinds[topic], "{}")))),
         )
         + _record(4, struct.pack("<HH", number, number + 1) + _text(topic) + _text(encoding) + _text(""))
         for topic, number in topics.items()
@@ -236,17 +233,9 @@ def write_json_mcap(
         times = [messages[i][0] for i in part]
         body = (described if not index else b"") + b"".join(messages[i][1] for i in part)
         span = struct.pack("<QQ", min(times), max(times))
-        chunk = (
-            span
-            + struct.pack("<QI", len(body), zlib.crc32(body))
-            + _text("")
-            + struct.pack("<Q", len(body))
-            + body
-        )
+        chunk = span + struct.pack("<QIIQ", len(body), zlib.crc32(body), 0, len(body)) + body
         where = span + struct.pack("<QQ", len(out), len(chunk) + 9) + struct.pack("<I", 0)
-        index += _record(
-            8, where + struct.pack("<Q", 0) + _text("") + struct.pack("<QQ", len(body), len(body))
-        )
+        index += _record(8, where + struct.pack("<QIQQ", 0, 0, len(body), len(body)))
         out += _record(6, chunk)
     out += _record(15, bytes(4))
     footer = struct.pack("<QQI", len(out), 0, 0)
@@ -256,10 +245,7 @@ def write_json_mcap(
 
 def foxglove_drive(updates: int = 4) -> list[Said]:
     """The same kind of drive in Foxglove's JSON types, with transforms for odometry."""
-    return list(_foxglove(updates))
-
-
-def _foxglove(updates: int) -> Iterator[Said]:
+    said = []
     for number in range(updates):
         t_ns = BEGIN_NS + number * 2 * 10**8
         stamp = {"sec": t_ns // 10**9, "nsec": t_ns % 10**9}
@@ -269,10 +255,11 @@ def _foxglove(updates: int) -> Iterator[Said]:
         link = {"timestamp": stamp, "parent_frame_id": "odom", "child_frame_id": "base_link"}
         link |= {"translation": {"x": 0.1 * number, "y": 0, "z": 0}, "rotation": turned}
         pose = {"position": {"x": 1 + 0.1 * number, "y": 2, "z": 0}, "orientation": turned}
-        yield Said("/tf", "foxglove.FrameTransform", t_ns, link)
+        said.append(Said("/tf", "foxglove.FrameTransform", t_ns, link))
         true = {"timestamp": stamp, "frame_id": "map", "pose": pose}
-        yield Said("/truth", "foxglove.PoseInFrame", t_ns, true)
-        yield Said("/image", "foxglove.CompressedImage", t_ns, image)
+        said.append(Said("/truth", "foxglove.PoseInFrame", t_ns, true))
+        said.append(Said("/image", "foxglove.CompressedImage", t_ns, image))
+    return said
 
 
 def _message(channel: int, one: Said) -> bytes:
@@ -289,6 +276,16 @@ def _record(kind: int, body: bytes) -> bytes:
     return struct.pack("<BQ", kind, len(body)) + body
 
 
+def link(ros: Ros, t_ns: int, parent: str, child: str, pose: Sequence[float], topic: str = "/tf") -> Said:
+    """One transform, recorded when it was measured."""
+    return Said(topic, "tf2_msgs/TFMessage", t_ns, ros.transforms(t_ns, parent, child, pose))
+
+
+def seen(ros: Ros, t_ns: int, number: int = 0, topic: str = "/camera/image/compressed") -> Said:
+    """A picture, recorded when it was taken."""
+    return Said(topic, "sensor_msgs/CompressedImage", t_ns, ros.compressed(t_ns, picture(number)))
+
+
 def amcl_drive(ros: Ros, updates: int = 4, *, weighted: bool = True) -> list[Said]:
     """A drive as `drive`, with a cloud that shrinks about the truth and AMCL's own pose just after it."""
     said = drive(ros, updates)
@@ -303,8 +300,6 @@ def amcl_drive(ros: Ros, updates: int = 4, *, weighted: bool = True) -> list[Sai
             said.append(Said("/particle_cloud", "nav2_msgs/ParticleCloud", t_ns, cloud))
         else:
             said.append(Said("/particlecloud", "geometry_msgs/PoseArray", t_ns, ros.pose_array(t_ns, poses)))
-        own = Said(
-            "/amcl_pose", "geometry_msgs/PoseWithCovarianceStamped", t_ns + 10**6, ros.unsure(t_ns, middle)
-        )
-        said.append(own)
+        own = ros.unsure(t_ns, middle)
+        said.append(Said("/amcl_pose", "geometry_msgs/PoseWithCovarianceStamped", t_ns + 10**6, own))
     return sorted(said, key=lambda one: one.log_ns)

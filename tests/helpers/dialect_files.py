@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from maurice_loaders.errors import ReadingNotes
-from maurice_loaders.formats.registry import open_recording
+from helpers.recordings import read
 from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Picture, Record
+from maurice_loaders.recording import Picture
 
 BEGIN_S = 1305031102.1753
 BEGIN_NS = 1403636579763555584
 STAMPS = [f"{BEGIN_S + 0.1 * k:.6f}" for k in range(3)]
 QUARTER = math.sqrt(0.5)
 COUNTS = {"Picture": 3, "TruthPose": 3}
-
-
-def read(path: Path, options: ReadingOptions | None = None) -> tuple[list[Record], tuple[str, ...]]:
-    notes = ReadingNotes(keep_going=False)
-    return list(open_recording(path, options).records(notes)), notes.warnings
 
 
 def counts(path: Path, options: ReadingOptions | None = None) -> dict[str, int]:
@@ -39,9 +34,20 @@ def image(file: Path, value: int = 100, bits: int = 8) -> None:
     cv2.imwrite(str(file), deep if bits == 16 else np.full((4, 6, 3), value, np.uint8))
 
 
-def write(file: Path, text: str | bytes) -> Path:
+def write(file: Path, *lines: str | bytes) -> Path:
+    """Write lines, or one text or bytes as they are."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    data = [line if isinstance(line, bytes) else line.encode() for line in lines]
+    file.write_bytes(data[0] if len(data) == 1 else b"\n".join(data) + b"\n")
+    return file
+
+
+def moving(file: Path, code: str = "MJPG", values: Sequence[int] = (0, 50, 100, 150)) -> Path:
+    """Write a video of gray frames at 10 Hz."""
+    video = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*code), 10, (64, 48))
+    for value in values:
+        video.write(np.full((48, 64, 3), value, np.uint8))
+    video.release()
     return file
 
 

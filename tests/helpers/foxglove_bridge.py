@@ -21,19 +21,21 @@ import cv2
 import foxglove
 import foxglove.messages as fox
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
+from bags import Ros  # beside this script
 
-STORE = get_typestore(Stores.LATEST)
-TYPES = STORE.types
+ROS = Ros(2)
 STEP, TURN = 0.05, 0.1
-HEAD = "std_msgs/msg/Header"
 Say = Callable[[int, int], bytes]  # time in ns and number of the step
 
 
-def picture(number: int) -> bytes:
+def pixels(number: int) -> np.ndarray:
     image = np.full((24, 32, 3), (number * 7) % 256, np.uint8)
     image[:, number % 32] = 255
-    return cv2.imencode(".jpg", image)[1].tobytes()
+    return image
+
+
+def picture(number: int) -> bytes:
+    return cv2.imencode(".jpg", pixels(number))[1].tobytes()
 
 
 def pose_at(number: int) -> tuple[float, float, float]:
@@ -45,103 +47,74 @@ def pose_at(number: int) -> tuple[float, float, float]:
 
 
 def definition(kind: str) -> foxglove.Schema:
-    text, _ = STORE.generate_msgdef(kind, ros_version=2)
+    text, _ = ROS.store.generate_msgdef(kind, ros_version=2)
     return foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode())
 
 
-def stamp(t_ns: int) -> dict[str, int]:
-    return {"sec": t_ns // 10**9, "nanosec": t_ns % 10**9}
-
-
-def cdr_header(t_ns: int) -> object:
-    return TYPES[HEAD](stamp=TYPES["builtin_interfaces/msg/Time"](**stamp(t_ns)), frame_id="odom")
+def cdr(kind: str, message: object) -> bytes:
+    return bytes(ROS.store.serialize_cdr(message, kind))
 
 
 def cdr_odometry(t_ns: int, number: int) -> bytes:
-    x, y, heading = pose_at(number)
-    kinds = {name: TYPES[f"geometry_msgs/msg/{name}"] for name in ("Point", "Quaternion", "Pose", "Vector3")}
-    turned = kinds["Quaternion"](x=0.0, y=0.0, z=math.sin(heading / 2), w=math.cos(heading / 2))
-    pose = kinds["Pose"](position=kinds["Point"](x=x, y=y, z=0.0), orientation=turned)
-    zero = kinds["Vector3"](x=0.0, y=0.0, z=0.0)
-    twist = TYPES["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
-    message = TYPES["nav_msgs/msg/Odometry"](
-        header=cdr_header(t_ns),
-        child_frame_id="base_link",
-        pose=TYPES["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36)),
-        twist=TYPES["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36)),
-    )
-    return bytes(STORE.serialize_cdr(message, "nav_msgs/msg/Odometry"))
+    return cdr("nav_msgs/msg/Odometry", ROS.odometry(t_ns, pose_at(number)))
 
 
 def cdr_picture(t_ns: int, number: int) -> bytes:
-    data = np.frombuffer(picture(number), np.uint8)
-    kind = "sensor_msgs/msg/CompressedImage"
-    return bytes(STORE.serialize_cdr(TYPES[kind](header=cdr_header(t_ns), format="jpeg", data=data), kind))
+    return cdr("sensor_msgs/msg/CompressedImage", ROS.compressed(t_ns, pixels(number)))
+
+
+def cdr_transforms(t_ns: int, number: int) -> bytes:
+    """The robot in odom, and odom in map a quarter turn to the right."""
+    message = ROS.transforms(t_ns, "map", "odom", (0.0, 0.0, -math.pi / 2))
+    message.transforms += ROS.transforms(t_ns, "odom", "base_link", pose_at(number)).transforms
+    return cdr("tf2_msgs/msg/TFMessage", message)
+
+
+def json_stamp(t_ns: int) -> dict[str, int]:
+    return {"sec": t_ns // 10**9, "nsec": t_ns % 10**9}
 
 
 def json_pose(t_ns: int, number: int) -> bytes:
     x, y, heading = pose_at(number)
     turned = {"x": 0.0, "y": 0.0, "z": math.sin(heading / 2), "w": math.cos(heading / 2)}
     pose = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": turned}
-    time_ = {"sec": t_ns // 10**9, "nsec": t_ns % 10**9}
-    return json.dumps({"timestamp": time_, "frame_id": "odom", "pose": pose}).encode()
+    return json.dumps({"timestamp": json_stamp(t_ns), "frame_id": "odom", "pose": pose}).encode()
 
 
 def json_picture(t_ns: int, number: int) -> bytes:
     data = base64.b64encode(picture(number)).decode()
-    time_ = {"sec": t_ns // 10**9, "nsec": t_ns % 10**9}
-    return json.dumps({"timestamp": time_, "frame_id": "camera", "format": "jpeg", "data": data}).encode()
-
-
-def cdr_transforms(t_ns: int, number: int) -> bytes:
-    """The robot in odom, and odom in map a quarter turn to the right."""
-    x, y, heading = pose_at(number)
-    links = [
-        cdr_link(t_ns, "map", "odom", (0, 0, -math.pi / 2)),
-        cdr_link(t_ns, "odom", "base_link", (x, y, heading)),
-    ]
-    message = TYPES["tf2_msgs/msg/TFMessage"](transforms=links)
-    return bytes(STORE.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))
-
-
-def cdr_link(t_ns: int, parent: str, child: str, pose: tuple[float, float, float]) -> object:
-    kinds = {name: TYPES[f"geometry_msgs/msg/{name}"] for name in ("Quaternion", "Vector3", "Transform")}
-    turned = kinds["Quaternion"](x=0.0, y=0.0, z=math.sin(pose[2] / 2), w=math.cos(pose[2] / 2))
-    moved = kinds["Transform"](translation=kinds["Vector3"](x=pose[0], y=pose[1], z=0.0), rotation=turned)
-    head = TYPES[HEAD](stamp=TYPES["builtin_interfaces/msg/Time"](**stamp(t_ns)), frame_id=parent)
-    kind = TYPES["geometry_msgs/msg/TransformStamped"]
-    return kind(header=head, child_frame_id=child, transform=moved)
+    return json.dumps(
+        {"timestamp": json_stamp(t_ns), "frame_id": "camera", "format": "jpeg", "data": data}
+    ).encode()
 
 
 def when(t_ns: int) -> fox.Timestamp:
     return fox.Timestamp(t_ns // 10**9, t_ns % 10**9)
 
 
-def place(number: int) -> tuple[fox.Vector3, fox.Quaternion]:
+def place(number: int) -> fox.Pose:
     x, y, heading = pose_at(number)
-    return fox.Vector3(x=x, y=y, z=0), fox.Quaternion(
-        x=0, y=0, z=math.sin(heading / 2), w=math.cos(heading / 2)
-    )
+    turned = fox.Quaternion(x=0, y=0, z=math.sin(heading / 2), w=math.cos(heading / 2))
+    return fox.Pose(position=fox.Vector3(x=x, y=y, z=0), orientation=turned)
 
 
 def proto_pose(t_ns: int, number: int) -> bytes:
-    at, turned = place(number)
-    pose = fox.Pose(position=at, orientation=turned)
-    return fox.PoseInFrame(timestamp=when(t_ns), frame_id="odom", pose=pose).encode()
+    return fox.PoseInFrame(timestamp=when(t_ns), frame_id="odom", pose=place(number)).encode()
 
 
 def proto_odometry(t_ns: int, number: int) -> bytes:
-    at, turned = place(number)
-    pose = fox.Pose(position=at, orientation=turned)
     names = {"frame_id": "odom", "body_frame_id": "base_link"}
-    return fox.Odometry(timestamp=when(t_ns), pose=pose, **names).encode()
+    return fox.Odometry(timestamp=when(t_ns), pose=place(number), **names).encode()
 
 
 def proto_transforms(t_ns: int, number: int) -> bytes:
-    at, turned = place(number)
+    x, y, heading = pose_at(number)
+    turned = fox.Quaternion(x=0, y=0, z=math.sin(heading / 2), w=math.cos(heading / 2))
+    moved = {"translation": fox.Vector3(x=x, y=y, z=0), "rotation": turned}
     names = {"parent_frame_id": "odom", "child_frame_id": "base_link"}
-    link = fox.FrameTransform(timestamp=when(t_ns), translation=at, rotation=turned, **names)
-    return fox.FrameTransforms(transforms=[link]).encode()
+    return fox.FrameTransforms(
+        transforms=[fox.FrameTransform(timestamp=when(t_ns), **moved, **names)]
+    ).encode()
 
 
 def proto_picture(t_ns: int, number: int) -> bytes:
@@ -150,9 +123,10 @@ def proto_picture(t_ns: int, number: int) -> bytes:
 
 
 def proto_raw_picture(t_ns: int, number: int) -> bytes:
-    pixels = cv2.imdecode(np.frombuffer(picture(number), np.uint8), cv2.IMREAD_COLOR)
     size = {"width": 32, "height": 24, "step": 96, "encoding": "bgr8"}
-    return fox.RawImage(timestamp=when(t_ns), frame_id="camera", data=pixels.tobytes(), **size).encode()
+    return fox.RawImage(
+        timestamp=when(t_ns), frame_id="camera", data=pixels(number).tobytes(), **size
+    ).encode()
 
 
 @cache
@@ -166,8 +140,7 @@ def encoder(rear: bool) -> av.VideoCodecContext:
 
 
 def proto_video(t_ns: int, number: int) -> bytes:
-    pixels = cv2.imdecode(np.frombuffer(picture(number), np.uint8), cv2.IMREAD_COLOR)
-    frame = av.VideoFrame.from_ndarray(pixels, format="bgr24")
+    frame = av.VideoFrame.from_ndarray(pixels(number), format="bgr24")
     frame.pts = number
     (data,) = encoder(number >= 100).encode(frame)
     said = {"frame_id": "camera", "format": "h264", "data": bytes(data)}
@@ -186,6 +159,7 @@ POSE, CAMERA = ("/odom", "/camera/image")
 TF = "/tf"
 CDR_CAMERA = (CAMERA, "cdr", definition("sensor_msgs/msg/CompressedImage"), cdr_picture)
 PROTO_CAMERA = (CAMERA, "protobuf", fox.CompressedImage.get_schema(), proto_picture)
+ODOM = (POSE, "protobuf", fox.PoseInFrame.get_schema(), proto_pose)
 SPEAKS = {  # topic, encoding, schema and what is said: where it is, and what it sees
     "cdr": [(POSE, "cdr", definition("nav_msgs/msg/Odometry"), cdr_odometry), CDR_CAMERA],
     "cdr-tf": [(TF, "cdr", definition("tf2_msgs/msg/TFMessage"), cdr_transforms), CDR_CAMERA],
@@ -193,20 +167,14 @@ SPEAKS = {  # topic, encoding, schema and what is said: where it is, and what it
         (POSE, "json", jsonschema("foxglove.PoseInFrame"), json_pose),
         (CAMERA, "json", jsonschema("foxglove.CompressedImage"), json_picture),
     ],
-    "proto": [(POSE, "protobuf", fox.PoseInFrame.get_schema(), proto_pose), PROTO_CAMERA],
+    "proto": [ODOM, PROTO_CAMERA],
     "proto-raw": [
         (POSE, "protobuf", fox.Odometry.get_schema(), proto_odometry),
         (CAMERA, "protobuf", fox.RawImage.get_schema(), proto_raw_picture),
     ],
     "proto-tf": [(TF, "protobuf", fox.FrameTransforms.get_schema(), proto_transforms), PROTO_CAMERA],
-    "proto-video": [
-        (POSE, "protobuf", fox.PoseInFrame.get_schema(), proto_pose),
-        (CAMERA, "protobuf", fox.CompressedVideo.get_schema(), proto_video),
-    ],
-    "proto-timeless": [
-        (POSE, "protobuf", fox.PoseInFrame.get_schema(), untimed(proto_pose)),
-        (CAMERA, "protobuf", fox.CompressedImage.get_schema(), untimed(proto_picture)),
-    ],
+    "proto-video": [ODOM, (CAMERA, "protobuf", fox.CompressedVideo.get_schema(), proto_video)],
+    "proto-timeless": [(*what[:3], untimed(what[3])) for what in (ODOM, PROTO_CAMERA)],
 }
 
 

@@ -39,6 +39,12 @@ def says_nothing_until(over: threading.Event) -> Act:
     return lambda connection: over.wait(30) and None
 
 
+def free_address() -> str:
+    """Where nobody listens."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
 @contextmanager
 def peer(*acts: Act) -> Iterator[str]:
     """Listen; the first who connects meets the first act, and so on, then nobody is let in."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,31 +20,17 @@ def odometry(change: Callable[[float, float, float], tuple[float, float, float]]
     return apply
 
 
-def absolute(records: list[Record]) -> list[Record]:
-    """Write poses where motions belong."""
-    x = y = heading = 0.0
-    found = []
-    for record in records:
-        if "odometry" in record:
-            forward, left, turn = record["odometry"]
-            x += forward * math.cos(heading) - left * math.sin(heading)
-            y += forward * math.sin(heading) + left * math.cos(heading)
-            heading += turn
-            record = record | {"odometry": [x, y, heading]}
-        found.append(record)
-    return found
-
-
-def world(records: list[Record]) -> list[Record]:
-    """Write steps along fixed axes."""
-    heading, found = 0.4, []
+def in_the_world(records: list[Record], begin_rad: float, *, poses: bool) -> list[Record]:
+    """Write poses, or steps along fixed axes, where motions belong."""
+    x = y = 0.0
+    heading, found = begin_rad, []
     for record in records:
         if "odometry" in record:
             forward, left, turn = record["odometry"]
             dx = forward * math.cos(heading) - left * math.sin(heading)
             dy = forward * math.sin(heading) + left * math.cos(heading)
-            record = record | {"odometry": [dx, dy, turn]}
-            heading += turn
+            x, y, heading = x + dx, y + dy, heading + turn
+            record = record | {"odometry": [x, y, heading] if poses else [dx, dy, turn]}
         found.append(record)
     return found
 
@@ -72,8 +59,8 @@ BREAKS: dict[str, tuple[str, Break]] = {  # name -> (code of the finding, how)
     "clockwise degrees": ("turn-clockwise-degrees", odometry(lambda f, s, t: (f, s, -math.degrees(t)))),
     "swapped": ("frame-swapped", odometry(lambda f, s, t: (s, f, t))),
     "backward": ("frame-backward", odometry(lambda f, s, t: (-f, -s, t))),
-    "absolute": ("frame-absolute", absolute),
-    "world": ("frame-world", world),
+    "absolute": ("frame-absolute", partial(in_the_world, begin_rad=0.0, poses=True)),
+    "world": ("frame-world", partial(in_the_world, begin_rad=0.4, poses=False)),
     "millimeters": ("scale", odometry(lambda f, s, t: (1000 * f, 1000 * s, t))),
     "centimeters": ("scale", odometry(lambda f, s, t: (100 * f, 100 * s, t))),
     "gain": ("turn-gain", odometry(lambda f, s, t: (f, s, 2 * t))),

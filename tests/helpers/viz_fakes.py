@@ -107,12 +107,7 @@ def make_session(library: Library, steps: int = 6, has_truth: bool = True, name:
 def play(
     session: FakeSession, feature: str = "blended", particles: int = 200, seed: int = 0
 ) -> list[tuple[Moment, StepRecord]]:
-    localizer = build_localizer(
-        session.library,
-        session,
-        of_feature(feature, particles),
-        seed=seed,
-    )
+    localizer = build_localizer(session.library, session, of_feature(feature, particles), seed=seed)
     return list(run(localizer, session, None))
 
 

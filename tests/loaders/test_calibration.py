@@ -45,14 +45,11 @@ def test_the_first_truth_after_each_movement_counts(tmp_path: Path) -> None:
     assert trials.straights.floors == ("wood",)
 
 
-def test_nothing_is_joined_across_a_kidnapping(tmp_path: Path) -> None:
+def test_arcs_are_left_out_and_nothing_is_joined_across_a_kidnapping(tmp_path: Path) -> None:
     records = "0 truth 1 1 0; 1 odometry 0 0 1.4; 1.1 event kidnapped; 1.2 truth 3 3 2; "
     trials = trials_from_session(written(tmp_path, records + "2 odometry 0.5 0 0; 2 truth 3.5 3 0.1"))
     assert len(trials.turns.actual_rad) == 0
     assert trials.straights.floors == ("carpet",)
-
-
-def test_arcs_are_left_out_and_counted(tmp_path: Path) -> None:
     records = "0 truth 1 1 0; 1 odometry 0.3 0.1 0.7; 1 truth 1.3 1.1 0.7; "
     trials = trials_from_session(written(tmp_path, records + "2 odometry 0.5 0 0.02; 2 truth 1.68 1.42 0.72"))
     assert (trials.left_out, len(trials.straights.actual_m), len(trials.turns.measured_rad)) == (1, 1, 0)
@@ -121,9 +118,6 @@ def test_turns_are_degrees_and_lengths_are_in_the_unit_that_was_named(tmp_path: 
     assert trials.straights.floors == ("carpet", "")
     assert np.degrees(trials.straights.drift_rad[0]) == pytest.approx(3)
     assert np.isnan(trials.straights.drift_rad[1])
-
-
-def test_three_columns_are_enough(tmp_path: Path) -> None:
     trials = read_trials(table(tmp_path, "actual,kind,measured\n1,turn,2\n"))
     assert np.degrees(trials.turns.measured_rad) == pytest.approx([2])
 
@@ -191,13 +185,10 @@ def levels(path: Path) -> list[int]:
     return [round(float(picture.mean())) for picture in covered_pictures(path)]
 
 
-def test_only_covered_pictures_of_a_log_or_its_folder_are_read(tmp_path: Path) -> None:
+def test_only_covered_pictures_of_a_log_and_all_of_a_folder_without_one_are_read(tmp_path: Path) -> None:
     log = survey(tmp_path / "s" / "survey.log")
     assert levels(log) == [20, 21]
     assert levels(log.parent) == [20, 21]
-
-
-def test_all_pictures_of_a_folder_without_a_log_are_read_by_name(tmp_path: Path) -> None:
     for name, level in (("b.PNG", 30), ("a.bmp", 25)):
         cv2.imwrite(str(tmp_path / name), np.full((4, 5, 3), level, np.uint8))
     (tmp_path / "notes.txt").write_text("lens cap on")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers.recordings import Given, assert_same_drive
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
@@ -23,20 +22,7 @@ from maurice_mcl.arrays import U8
 from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Moment, SessionInfo
 
-INFO = SessionInfo("given")
 GRAY = np.full((2, 2, 3), 100, np.uint8)
-
-
-@dataclass(frozen=True)
-class Given:
-    """Records as they are."""
-
-    all: Sequence[Record]
-    path: Path = Path("given")
-    info: SessionInfo = INFO
-
-    def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        yield from self.all
 
 
 def picture(t_s: float, image: U8 = GRAY) -> Picture:
@@ -69,33 +55,23 @@ def play(*records: Record, options: ReadingOptions | None = None) -> tuple[list[
     return moments, session
 
 
-def test_odometry_is_interpolated_at_the_picture() -> None:
+def test_odometry_is_interpolated_at_the_picture_and_headings_the_short_way() -> None:
     found, _ = play(odometry(0.0, 0.0), picture(0.02), odometry(0.1, 1.0), picture(0.15), odometry(0.2, 3.0))
     np.testing.assert_allclose([m.frame.motions[0, 0] for m in found], [0.2, 1.8])
     assert [m.frame.time_s for m in found] == pytest.approx([0.02, 0.15])
-
-
-def test_the_only_pose_so_near_counts_as_it_stands() -> None:
+    found, _ = play(odometry(0, 0, 3.1), odometry(0.1, 0, 3.1), picture(0.15), odometry(0.2, 0, -3.1))
+    assert found[0].frame.motions[0, 2] == pytest.approx((2 * np.pi - 6.2) / 2)
     found, _ = play(odometry(0.0, 0.0), picture(0.05), odometry(1.0, 5.0), picture(1.08))
     assert [len(m.frame.motions) for m in found] == [0, 1]  # the first is where odometry began
     np.testing.assert_allclose(found[1].frame.motions[0], [5.0, 0, 0])
 
 
-def test_headings_are_interpolated_the_short_way() -> None:
-    found, _ = play(odometry(0, 0, 3.1), odometry(0.1, 0, 3.1), picture(0.15), odometry(0.2, 0, -3.1))
-    assert found[0].frame.motions[0, 2] == pytest.approx((2 * np.pi - 6.2) / 2)
-
-
 def test_a_picture_without_odometry_is_left_out_and_its_way_is_not_lost() -> None:
-    found, session = play(
-        odometry(0, 0),
-        picture(0),
-        odometry(0.1, 1),
-        picture(5),
-        odometry(9.9, 7),
-        picture(10),
-        odometry(10.1, 9),
+    before, after = (
+        [odometry(0, 0), picture(0), odometry(0.1, 1)],
+        [odometry(9.9, 7), picture(10), odometry(10.1, 9)],
     )
+    found, session = play(*before, picture(5), *after)
     assert [m.frame.picture for m in found] == ["at 0", "at 10"]
     np.testing.assert_allclose(found[1].frame.motions, [[8.0, 0, 0]])
     assert "1 of 3 pictures have no odometry within 0.1 s" in session.warnings[0]
@@ -108,27 +84,17 @@ def test_clocks_that_never_meet_are_an_error_that_says_how_far_apart_they_are() 
             reading()
 
 
-def test_without_odometry_there_are_pictures_and_a_word_of_it() -> None:
+def test_without_odometry_there_is_a_word_of_it_and_motions_stay_apart() -> None:
     found, session = play(picture(0), picture(1))
     assert [m.frame.motions.shape for m in found] == [(0, 3), (0, 3)]
     assert "no odometry" in session.warnings[0]
-
-
-def test_motions_stay_apart() -> None:
     found, _ = play(forward(1, 0), forward(2, 0.5), picture(1), picture(2), forward(3, 3), picture(4))
     assert [m.frame.motions[:, 0].tolist() for m in found] == [[1, 2], [], [3]]
 
 
 def test_the_way_to_a_broken_picture_belongs_to_the_next() -> None:
-    records = [
-        odometry(0, 0),
-        picture(0),
-        forward(1, 0.5),
-        odometry(1, 2),
-        broken(1),
-        odometry(2, 5),
-        picture(2),
-    ]
+    records = [odometry(0, 0), picture(0), forward(1, 0.5), odometry(1, 2), broken(1)]
+    records += [odometry(2, 5), picture(2)]
     with pytest.raises(InputError, match="at 1: found a cut picture"):
         list(RecordedSession(Given(records)).moments())
     found, session = play(*records, options=ReadingOptions(keep_going=True))
@@ -137,14 +103,11 @@ def test_the_way_to_a_broken_picture_belongs_to_the_next() -> None:
     assert [m.frame.step for m in found] == [1, 2]
 
 
-def test_truth_is_interpolated_across_a_second_and_no_further() -> None:
+def test_truth_is_interpolated_across_a_second_no_further_and_across_no_kidnapping() -> None:
     found, _ = play(
         truth(0, 0), picture(0.5), truth(1, 2), picture(1.5), truth(2.5, 3), picture(2.5), picture(9)
     )
     assert [None if m.truth is None else m.truth[0] for m in found] == [1, None, 3, None]
-
-
-def test_truth_is_not_joined_across_a_kidnapping() -> None:
     found, _ = play(truth(0, 0), picture(0.2), Note(0.5, "kidnapped"), picture(0.7), truth(1, 9))
     assert [m.truth for m in found] == [None, None]
     assert [m.events for m in found] == [(), ("kidnapped",)]
@@ -174,26 +137,24 @@ def test_gating_by_distance_angle_or_either() -> None:
     assert play_gated(0.8, 0.35, *drive) == ["at 0", "at 3", "at 5"]
 
 
-def test_gating_counts_the_way_as_the_crow_flies() -> None:
+def test_gating_counts_the_way_as_the_crow_flies_and_turns_beyond_half_a_turn() -> None:
     back_and_forth = [r for t in range(9) for r in (forward(0.3 if t % 2 else -0.3, t), picture(t))]
     assert play_gated(0.5, 0, *back_and_forth) == ["at 0"]
-
-
-def test_gating_counts_turns_beyond_half_a_turn() -> None:
     around = [r for t in range(9) for r in (forward(0.0, t, 1.0), picture(t))]
     assert play_gated(0, 7.0, *around) == ["at 0", "at 7"]
 
 
-def test_a_used_picture_has_all_motions_since_the_last_used_one() -> None:
-    found, _ = play(
-        picture(0),
-        forward(0.3, 1),
-        picture(1),
-        forward(0.3, 2),
-        picture(2),
-        options=ReadingOptions(min_distance_m=0.5),
-    )
+def test_a_native_log_with_gating_is_gated_and_a_used_picture_has_all_motions(tmp_path: Path) -> None:
+    drive = (picture(0), forward(0.3, 1), picture(1), forward(0.3, 2), picture(2))
+    found, _ = play(*drive, options=ReadingOptions(min_distance_m=0.5))
     assert found[1].frame.motions[:, 0].tolist() == [0.3, 0.3]
+    with SessionWriter(tmp_path / "drive.log", SessionInfo("drive")) as log:
+        for t_s in range(5):
+            log.odometry(t_s, (0.3, 0, 0))
+            log.image(t_s, GRAY)
+    assert isinstance(open_session(tmp_path / "drive.log"), SessionLog)
+    gated = open_session(tmp_path / "drive.log", ReadingOptions(min_distance_m=0.5))
+    assert gated.overview()[0] == 3
 
 
 def test_survey_pictures_are_those_with_a_true_pose() -> None:
@@ -212,9 +173,9 @@ def test_a_motion_leads_from_one_pose_to_the_other(before: np.ndarray, after: np
 
 
 record = st.one_of(
-    st.tuples(st.just("motion"), st.tuples(lengths, lengths, angles)),
+    st.tuples(st.just("odometry"), st.tuples(lengths, lengths, angles)),
     st.tuples(st.just("truth"), st.tuples(lengths, lengths, angles)),
-    st.tuples(st.just("picture"), st.integers(0, 255)),
+    st.tuples(st.just("image"), st.integers(0, 255)),
     st.tuples(st.just("event"), st.sampled_from(["kidnapped", "lights off", "slip"])),
 )
 
@@ -227,37 +188,11 @@ def test_a_native_log_is_the_same_by_both_ways(steps: list[tuple[float, tuple[st
         with SessionWriter(path, SessionInfo("drive")) as log:
             for wait_s, (kind, value) in steps:
                 t_s += wait_s
-                if kind == "motion":
-                    log.odometry(t_s, value)  # type: ignore[arg-type]  # by its kind
-                elif kind == "truth":
-                    log.truth(t_s, value)  # type: ignore[arg-type]
-                elif kind == "event":
-                    log.event(t_s, str(value))
-                else:
-                    log.image(t_s, np.full((4, 4, 3), value, np.uint8))
+                value = np.full((4, 4, 3), value, np.uint8) if kind == "image" else value
+                getattr(log, kind)(t_s, value)
                 written += 1
         assert len(list(open_recording(path).records(ReadingNotes(keep_going=False)))) == written
         one, other = SessionLog(path), RecordedSession(open_recording(path))
         assert one.overview() == other.overview()
-        for a, b in zip(one.moments(), other.moments(), strict=True):
-            np.testing.assert_array_equal(a.frame.motions, b.frame.motions)
-            np.testing.assert_array_equal(a.frame.image, b.frame.image)
-            assert (a.frame.step, a.frame.time_s, a.frame.picture) == (
-                b.frame.step,
-                b.frame.time_s,
-                b.frame.picture,
-            )
-            assert a.events == b.events
-            assert (a.truth is None) == (b.truth is None)
-            if a.truth is not None and b.truth is not None:
-                np.testing.assert_allclose(a.truth, b.truth, atol=1e-9)
-
-
-def test_a_native_log_with_gating_is_gated(tmp_path: Path) -> None:
-    with SessionWriter(tmp_path / "drive.log", SessionInfo("drive")) as log:
-        for t_s in range(5):
-            log.odometry(t_s, (0.3, 0, 0))
-            log.image(t_s, GRAY)
-    assert isinstance(open_session(tmp_path / "drive.log"), SessionLog)
-    gated = open_session(tmp_path / "drive.log", ReadingOptions(min_distance_m=0.5))
-    assert gated.overview()[0] == 3
+        assert_same_drive(one, other, truth=1e-9)
+        assert [m.frame.picture for m in one.moments()] == [m.frame.picture for m in other.moments()]

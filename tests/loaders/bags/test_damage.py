@@ -1,17 +1,21 @@
-"""Damaged and cut bags are refused in one line that says what is wrong and which command repairs them."""
+"""Damaged and cut bags, whole or in parts, are refused in one line with the command that repairs them."""
 
 from __future__ import annotations
 
+import json
 import random
+import shutil
 import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from helpers import bags as making
 from helpers.bags import Ros, Said
@@ -92,14 +96,11 @@ def test_a_cut_mcap_file_says_where_it_ends(name: str, byte: int, tmp_path: Path
 
 
 @pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x.db3"])
-@pytest.mark.parametrize("content", [b"", b"hello", bytes(1000)])
-def test_other_files_with_our_names_are_refused(name: str, content: bytes, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(content)
-    assert "expected" in _refusal(tmp_path / name)
-
-
-@pytest.mark.parametrize("name", ["x.bag", "x.mcap", "x.db3"])
-def test_folders_with_our_names_are_refused(name: str, tmp_path: Path) -> None:
+def test_other_files_and_folders_with_our_names_are_refused(name: str, tmp_path: Path) -> None:
+    for content in (b"", b"hello", bytes(1000)):
+        (tmp_path / name).write_bytes(content)
+        assert "expected" in _refusal(tmp_path / name)
+    (tmp_path / name).unlink()
     (tmp_path / name).mkdir()
     _refusal(tmp_path / name)
     (tmp_path / name / "metadata.yaml").write_text("nothing: here\n")
@@ -132,16 +133,13 @@ def test_chunks_may_overlap_in_time(tmp_path: Path) -> None:
     """Publishers that are late make chunks overlap; what comes out is in order all the same."""
     said = making.drive(Ros(1), 40)
     mixed = [one for start in range(3) for one in said[start::3]]
-    pictures = [Said("/pad", "sensor_msgs/Image", one.log_ns, pad(one.log_ns)) for one in mixed[::4]]
+    pictures = [
+        Said("/pad", "sensor_msgs/Image", one.log_ns, noise(Ros(1), one.log_ns)) for one in mixed[::4]
+    ]
     path = making.write_ros1(tmp_path / "mixed.bag", [*mixed, *pictures])
     session = open_session(path, CAMERA)
     assert len(list(session.moments())) == 40
     assert not any("left out" in warning for warning in session.warnings)
-
-
-def pad(t_ns: int) -> object:
-    """A picture large enough to fill chunks."""
-    return Ros(1).image(t_ns, np.zeros((300, 600), np.uint8), "rgb8", width=200)
 
 
 def _database(folder: Path) -> Path:
@@ -253,3 +251,92 @@ def test_a_damaged_index_is_refused(name: str, tmp_path: Path) -> None:
         data[-28:-20] = (start + 5).to_bytes(8, "little")
     path.write_bytes(data)
     assert REPAIRS[path.suffix].format(name=path.name) in _refusal(path)
+
+
+UPDATES = 90
+PARTS = 3
+FIRST = 9  # so that the order of the names is not that of their numbers
+ENDINGS = {"sqlite3": "db3", "mcap": "mcap"}
+PACKING = {"sqlite3": None, "mcap": "storage"}
+ZSTD = b"\x28\xb5\x2f\xfd"
+INFORMATION = "rosbag2_bagfile_information"
+
+
+@pytest.fixture(params=ENDINGS)
+def storage(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def bag(storage: str, tmp_path: Path) -> Path:
+    """A drive in three files, as `ros2 bag record --max-bag-duration` splits it."""
+    said = making.drive(Ros(2), UPDATES)
+    share = len(said) // PARTS
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    written: list[dict[str, Any]] = []
+    for part in range(PARTS):
+        now = said[part * share : (part + 1) * share]
+        made = making.write_ros2(tmp_path / str(part), now, storage=storage, compression=PACKING[storage])
+        written.append(YAML(typ="safe").load(made / "metadata.yaml")[INFORMATION])
+        (file,) = made.glob(f"*.{ENDINGS[storage]}")
+        shutil.move(file, folder / f"bag_{FIRST + part}.{ENDINGS[storage]}")
+    (folder / "metadata.yaml").write_text(json.dumps({INFORMATION: _joined(written, folder)}))
+    return folder
+
+
+def _joined(parts: list[dict[str, Any]], folder: Path) -> dict[str, Any]:
+    """The metadata of all parts; JSON is YAML too."""
+    names = [file.name for file in files_of(folder)]
+    joined = {**parts[0], "relative_file_paths": names}
+    joined["message_count"] = sum(part["message_count"] for part in parts)
+    joined["duration"] = {"nanoseconds": sum(part["duration"]["nanoseconds"] for part in parts)}
+    joined["files"] = [{**part["files"][0], "path": name} for part, name in zip(parts, names, strict=True)]
+    for number, topic in enumerate(joined["topics_with_message_count"]):
+        topics = [part["topics_with_message_count"][number] for part in parts]
+        topic["message_count"] = sum(one["message_count"] for one in topics)
+    return joined
+
+
+def files_of(folder: Path) -> list[Path]:
+    return sorted(folder.glob("bag_*"), key=lambda file: int(file.stem.partition("_")[2]))
+
+
+def break_middle_of(file: Path) -> None:
+    """Overwrite a page of the database, or the beginning of what a chunk is packed to."""
+    data = bytearray(file.read_bytes())
+    at = len(data) // 2 // 4096 * 4096 if file.suffix == ".db3" else data.index(ZSTD)
+    data[at : at + 4096] = bytes(4096)
+    file.write_bytes(data)
+
+
+def test_a_whole_one_is_read_in_order(bag: Path) -> None:
+    times = [moment.frame.time_s for moment in open_session(bag).moments()]
+    assert len(times) == UPDATES
+    assert times == sorted(times)
+
+
+def test_a_part_that_is_damaged_no_bag_or_gone_is_named(bag: Path, storage: str) -> None:
+    first, middle, last = files_of(bag)
+    whole = middle.read_bytes()
+    break_middle_of(middle)
+    command = {"sqlite3": "`sqlite3 FILE .recover |", "mcap": "`mcap recover FILE"}[storage]
+    assert command in _refusal(bag)
+    middle.write_bytes(whole)
+    whole = last.read_bytes()
+    last.write_bytes(b"overwritten")
+    assert "found a damaged or incomplete file" in _refusal(bag)
+    last.write_bytes(whole)
+    first.unlink()
+    assert first.name in (text := _refusal(bag))
+    assert "`ros2 bag reindex bag`" in text
+
+
+def test_metadata_that_is_missing_or_makes_no_sense_is_refused(bag: Path) -> None:
+    for text in ("", "a: [", "rosbag2_bagfile_information: 3", "\0"):
+        (bag / "metadata.yaml").write_text(text)
+        assert "rebuild metadata.yaml with `ros2 bag reindex bag`" in _refusal(bag)
+    (bag / "metadata.yaml").unlink()
+    text = _refusal(bag)
+    assert "found 3 files of a bag and no metadata.yaml, expected it" in text
+    assert "`ros2 bag reindex bag`" in text

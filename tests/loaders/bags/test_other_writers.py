@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shutil
 import struct
-from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,17 +13,14 @@ from mcap import reader
 
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
-from maurice_loaders.bags.containers import open_mcap
+from helpers.recordings import counted
+from maurice_loaders.bags.mcap import open_mcap
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recording import OdometryPose
 
 DRIVE = {"Picture": 5, "OdometryPose": 10, "TruthPose": 10}
-
-
-def counts(path: Path, options: ReadingOptions | None = None) -> dict[str, int]:
-    records = open_recording(path, options).records(ReadingNotes(keep_going=False))
-    return dict(Counter(type(record).__name__ for record in records))
 
 
 def written(folder: Path, **how: str) -> Path:
@@ -31,42 +28,30 @@ def written(folder: Path, **how: str) -> Path:
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-@pytest.mark.parametrize("compression", ["none", "message"])
+@pytest.mark.parametrize("how", [{}, {"compression": "message"}])
 def test_the_one_file_of_a_recording_that_was_not_ended(
-    storage: str, compression: str, tmp_path: Path
+    storage: str, how: dict[str, str], tmp_path: Path
 ) -> None:
-    how = {"compression": compression} if compression != "none" else {}
     bag = written(tmp_path, storage=storage, **how)
     (bag / "metadata.yaml").unlink()
     assert guess(bag).name == "rosbag2"
-    assert counts(bag) == DRIVE
     (file,) = bag.iterdir()
-    assert counts(file) == DRIVE
-
-
-def test_several_files_without_metadata_are_refused_with_the_command(tmp_path: Path) -> None:
-    bag = written(tmp_path)
-    (bag / "metadata.yaml").unlink()
-    shutil.copy(bag / "drive.db3", bag / "more.db3")
+    assert counted(bag) == counted(file) == DRIVE
+    shutil.copy(file, bag / f"more{file.suffix}")
     with pytest.raises(InputError, match=r"found 2 files .* create it with `ros2 bag reindex drive`"):
         open_recording(bag)
+    (bag / "notes.txt").write_text("more than a bag\n")
+    with pytest.raises(InputError, match=r"expected one of .*; see --reading format="):
+        guess(bag)
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
 def test_a_packed_file_alone_is_refused_with_the_command(storage: str, tmp_path: Path) -> None:
     bag = written(tmp_path, storage=storage, compression="file")
-    assert counts(bag) == DRIVE
+    assert counted(bag) == DRIVE
     (packed,) = bag.glob("*.zstd")
     with pytest.raises(InputError, match=rf"decompress it with `zstd -d {packed.name}`"):
         open_recording(packed)
-
-
-def test_other_folders_are_no_bags(tmp_path: Path) -> None:
-    bag = written(tmp_path)
-    (bag / "metadata.yaml").unlink()
-    (bag / "notes.txt").write_text("more than a bag\n")
-    with pytest.raises(InputError, match=r"expected one of .*; see --reading format="):
-        guess(bag)
 
 
 @pytest.mark.parametrize("version", [8, 9])
@@ -74,28 +59,21 @@ def test_other_folders_are_no_bags(tmp_path: Path) -> None:
 def test_messages_of_other_distributions(distro: str, version: int, tmp_path: Path) -> None:
     ros = Ros(2, distro)
     bag = making.write_ros2(tmp_path / "drive", making.drive(ros), ros=ros, version=version)  # type: ignore[arg-type]  # 8 or 9
-    assert counts(bag) == DRIVE
+    assert counted(bag) == DRIVE
 
 
-def test_a_topic_that_carries_several_types(tmp_path: Path) -> None:
+def test_topics_of_several_types_without_stamps_and_definitions_in_idl(tmp_path: Path) -> None:
     ros, said = Ros(1), []
     for number in range(4):
         t_ns = BEGIN_NS + number * 10**8
         said.append(Said("/x", "nav_msgs/Odometry", t_ns, ros.odometry(t_ns, (0.1 * number, 0, 0))))
-        image = ros.compressed(t_ns, making.picture(number))
-        said.append(Said("/x", "sensor_msgs/CompressedImage", t_ns, image))
-    assert counts(making.write_ros1(tmp_path / "a.bag", said)) == {"OdometryPose": 4, "Picture": 4}
-
-
-def test_stamps_of_one_topic_may_be_zero(tmp_path: Path) -> None:
+        said.append(making.seen(ros, t_ns, number, "/x"))
+    assert counted(making.write_ros1(tmp_path / "a.bag", said)) == {"OdometryPose": 4, "Picture": 4}
     said = making.drive(Ros(1))
     for one in said:
         if "camera" in one.topic:
             one.message.header.stamp.sec = one.message.header.stamp.nanosec = 0
-    assert counts(making.write_ros1(tmp_path / "a.bag", said)) == DRIVE
-
-
-def test_definitions_in_idl(tmp_path: Path) -> None:
+    assert counted(making.write_ros1(tmp_path / "a.bag", said)) == DRIVE
     kind = "geometry_msgs/msg/Pose2D"
     idl = "module geometry_msgs { module msg { struct Pose2D { double x; double y; double theta; }; }; };"
     said = [
@@ -108,7 +86,7 @@ def test_definitions_in_idl(tmp_path: Path) -> None:
         schema_encoding="ros2idl",
         schemas={kind: f"{'=' * 80}\nIDL: {kind}\n{idl}\n"},
     )
-    assert counts(path) == {"OdometryPose": 3}
+    assert counted(path) == {"OdometryPose": 3}
 
 
 def test_an_empty_bag_says_that_it_holds_nothing(tmp_path: Path) -> None:
@@ -121,18 +99,11 @@ def test_an_empty_bag_says_that_it_holds_nothing(tmp_path: Path) -> None:
             open_recording(path)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ReadingOptions(time_unit="ns"),
-        ReadingOptions(table=Path("poses.csv")),
-        ReadingOptions(columns={"x": "px"}),
-    ],
-)
-def test_options_of_tables_are_refused(options: ReadingOptions, tmp_path: Path) -> None:
+@pytest.mark.parametrize("option", [{"time_unit": "ns"}, {"table": Path("p.csv")}, {"columns": {"x": "px"}}])
+def test_options_of_tables_are_refused(option: dict[str, Any], tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
     with pytest.raises(InputError, match=r"found --reading (time_unit|table|columns)=.*this is a bag"):
-        open_recording(path, options)
+        open_recording(path, ReadingOptions(**option))
 
 
 def _protobuf_drive(path: Path, **how: object) -> Path:
@@ -151,16 +122,11 @@ def _protobuf_drive(path: Path, **how: object) -> Path:
             data = making.picture(number).tobytes()
             size = {"width": 16, "height": 12, "step": 48}
             images.log(messages.RawImage(timestamp=stamp, encoding="rgb8", data=data, **size), log_time=t_ns)
-            links.log(
-                messages.FrameTransform(
-                    timestamp=stamp,
-                    parent_frame_id="odom",
-                    child_frame_id="base_link",
-                    translation=messages.Vector3(x=0.1 * number, y=0, z=0),
-                    rotation=messages.Quaternion(x=0, y=0, z=0, w=1),
-                ),
-                log_time=t_ns,
-            )
+            named = {"timestamp": stamp, "parent_frame_id": "odom", "child_frame_id": "base_link"}
+            moved = messages.Vector3(x=0.1 * number, y=0, z=0)
+            level = messages.Quaternion(x=0, y=0, z=0, w=1)
+            link = messages.FrameTransform(translation=moved, rotation=level, **named)
+            links.log(link, log_time=t_ns)
     return path
 
 
@@ -177,7 +143,7 @@ WAYS: dict[str, dict[str, object]] = {
 @pytest.mark.parametrize("way", WAYS)
 def test_foxgloves_own_writer(way: str, tmp_path: Path) -> None:
     path = _protobuf_drive(tmp_path / "a.mcap", **WAYS[way])
-    assert counts(path) == {"Picture": 6, "OdometryPose": 6}
+    assert counted(path) == {"Picture": 6, "OdometryPose": 6}
 
 
 def test_chunks_without_a_wanted_topic_are_not_unpacked(
@@ -221,37 +187,25 @@ def test_the_camera_looks_where_static_transforms_say(
     assert f"camera yaw 28.6 deg by the static transform base_link to {frame}" in info.notes[0]
 
 
-def test_a_camera_that_looks_at_the_floor_has_no_yaw(tmp_path: Path) -> None:
+def test_cameras_that_look_at_the_floor_or_move_have_no_yaw(tmp_path: Path) -> None:
     down = (1.0, 0.0, 0.0, 0.0)  # of an optical frame: z points down
     info = open_recording(_looking(tmp_path, "floor_optical_frame", *down)).info
     assert info.cameras == ()
     assert "yaw" not in info.notes[0]
-
-
-def test_moving_transforms_say_nothing_of_the_camera(tmp_path: Path) -> None:
     ros = Ros(2)
-    image = ros.compressed(BEGIN_NS, making.picture(0))
-    said = [
-        Said("/tf", "tf2_msgs/TFMessage", BEGIN_NS, ros.transforms(1, "base_link", "camera", (0, 0, 0.5))),
-        Said("/camera/image/compressed", "sensor_msgs/CompressedImage", BEGIN_NS, image),
-    ]
-    assert open_recording(making.write_ros2(tmp_path / "bag", said)).info.cameras == ()
+    said = [making.link(ros, BEGIN_NS, "base_link", "camera", (0, 0, 0.5)), making.seen(ros, BEGIN_NS)]
+    assert open_recording(making.write_ros2(tmp_path / "moving", said)).info.cameras == ()
 
 
 def test_odometry_from_transforms_alone(tmp_path: Path) -> None:
-    ros, said = Ros(2), []
-    said.append(
-        Said("/tf_static", "tf2_msgs/TFMessage", BEGIN_NS, ros.transforms(0, "base_link", "lidar", (0, 0, 0)))
-    )
+    ros = Ros(2)
+    said = [making.link(ros, BEGIN_NS, "base_link", "lidar", (0, 0, 0), "/tf_static")]
     for number in range(6):
         t_ns = BEGIN_NS + number * 10**8
-        for link in (("base_link", "wheel"), ("odom", "base_link"), ("map", "odom")):
-            said.append(
-                Said("/tf", "tf2_msgs/TFMessage", t_ns, ros.transforms(t_ns, *link, (0.1 * number, 0.0, 0.0)))
-            )
-        image = ros.compressed(t_ns, making.picture(number))
-        said.append(Said("/camera/image/compressed", "sensor_msgs/CompressedImage", t_ns, image))
+        for names in (("base_link", "wheel"), ("odom", "base_link"), ("map", "odom")):
+            said.append(making.link(ros, t_ns, *names, (0.1 * number, 0.0, 0.0)))
+        said.append(making.seen(ros, t_ns, number))
     path = making.write_ros2(tmp_path / "bag", said)
-    records = list(open_recording(path).records(ReadingNotes(keep_going=False)))
-    poses = [record.pose for record in records if type(record).__name__ == "OdometryPose"]  # type: ignore[union-attr]  # as named
+    records = open_recording(path).records(ReadingNotes(keep_going=False))
+    poses = [record.pose for record in records if isinstance(record, OdometryPose)]
     np.testing.assert_allclose(np.array(poses)[:, 0], 0.1 * np.arange(6), atol=1e-9)

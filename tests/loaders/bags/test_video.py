@@ -17,15 +17,6 @@ from hypothesis import strategies as st
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Said
 from maurice_loaders.bags import video as bag_video
-from maurice_loaders.bags.video import (
-    KEYS,
-    MOST_BUILT,
-    MOST_BYTES,
-    MOST_WAITED,
-    VideoStream,
-    codec_of,
-    is_key,
-)
 from maurice_loaders.errors import InputError, PictureError
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
@@ -74,22 +65,21 @@ def message(data: bytes, form: str) -> Any:
 
 def readers(parts: Sequence[tuple[int, bytes]], form: str) -> dict[int, Callable[[], Any]]:
     """What reads each picture, by its number."""
-    video = VideoStream()
+    video = bag_video.VideoStream()
     found = {number: video.add(message(data, form), 0.1 * k) for k, (number, data) in enumerate(parts)}
     return {number: part.read for number, part in found.items() if part is not None}
 
 
-def seen(read: Callable[[], Any]) -> float:
-    return red(read())
-
-
 def red(image: np.ndarray) -> float:
     """How red a picture is, all of whose other colors are as they went in."""
-    assert image.shape == (48, 64, 3)
-    assert image.dtype == np.uint8
+    assert (image.shape, image.dtype) == ((48, 64, 3), np.uint8)
     r, g, b = image.mean(axis=(0, 1))
     assert (g, b) == (pytest.approx(100, abs=5), pytest.approx(40, abs=5))
     return float(r)
+
+
+def is_picture(image: np.ndarray, number: int) -> bool:
+    return red(image) == pytest.approx(shade(number), abs=5)
 
 
 @pytest.mark.parametrize("kind", ENCODERS)
@@ -104,7 +94,7 @@ def test_pictures_are_what_went_in_whatever_the_order(kind: str, order: str) -> 
         "twice": [number // 2 for number in range(2 * PICTURES)],
     }[order]
     for number in asked:
-        assert seen(found[number]) == pytest.approx(shade(number), abs=5), number
+        assert is_picture(found[number](), number), number
 
 
 def test_pictures_that_build_upon_later_ones() -> None:
@@ -112,8 +102,8 @@ def test_pictures_that_build_upon_later_ones() -> None:
     parts = packed("h264", between=3)
     assert [number for number, _ in parts] != sorted(number for number, _ in parts)
     for number, read in readers(parts, "h264").items():
-        assert seen(read) == pytest.approx(shade(number), abs=5)
-    video = VideoStream()
+        assert is_picture(read(), number)
+    video = bag_video.VideoStream()
     found = [video.add(message(data, "h264"), 0.1 * number) for number, data in parts]
     assert not any(part is None or part.note for part in found)  # nothing is missing
 
@@ -126,7 +116,7 @@ def test_what_describes_the_stream_may_stand_in_its_first_part_alone() -> None:
     assert len(described[GROUP][1]) < len(parts[GROUP][1])
     found = readers(described, "h264")
     for number in (GROUP + 2, 2, 2 * GROUP):
-        assert seen(found[number]) == pytest.approx(shade(number), abs=5)
+        assert is_picture(found[number](), number)
 
 
 def units(data: bytes) -> list[bytes]:
@@ -140,11 +130,11 @@ def describes(unit: bytes) -> bool:
 @pytest.mark.parametrize("kind", ENCODERS)
 def test_what_comes_before_the_first_key_frame_is_left_out(kind: str) -> None:
     parts = packed(kind)[3:]
-    video = VideoStream()
+    video = bag_video.VideoStream()
     found = [video.add(message(data, kind), 0.1 * number) for number, data in parts]
     assert [part is None for part in found] == [number < GROUP for number, _ in parts]
     first, *others = [part for part in found if part]
-    assert seen(first.read) == pytest.approx(shade(GROUP), abs=5)
+    assert is_picture(first.read(), GROUP)
     assert first.note == f"video: {GROUP - 3} pictures before the first key frame left out"
     assert not any(part.note for part in others)
 
@@ -153,7 +143,7 @@ def test_what_comes_before_the_first_key_frame_is_left_out(kind: str) -> None:
 def test_a_part_that_is_missing_is_told_of_until_the_next_key_frame(kind: str) -> None:
     """No decoder says so of all codecs, and what builds upon it may look like anything."""
     parts = packed(kind)
-    video = VideoStream()
+    video = bag_video.VideoStream()
     lost = (2 * GROUP - 1, GROUP + 3, GROUP + 5)  # the first of them just before a key frame
     found = {n: video.add(message(data, kind), 0.1 * n) for n, data in parts if n not in lost}
     notes = {number: part.note for number, part in found.items() if part and part.note}
@@ -163,7 +153,7 @@ def test_a_part_that_is_missing_is_told_of_until_the_next_key_frame(kind: str) -
 
 def test_a_camera_that_changes_its_rate_is_told_of_once_a_key_frame() -> None:
     parts = packed("h264")
-    video = VideoStream()
+    video = bag_video.VideoStream()
     times = np.cumsum([0.1] * 10 + [0.3] * (PICTURES - 10))
     found = [video.add(message(data, "h264"), t) for (_, data), t in zip(parts, times, strict=True)]
     assert [number for number, part in enumerate(found) if part and part.note] == [10]
@@ -178,15 +168,15 @@ def test_broken_parts_are_said_and_what_follows_the_next_key_frame_is_sound(
     for number in (2, 4, 3):  # what builds upon it cannot be told either
         with pytest.raises(PictureError, match="broken video"):
             found[number]()
-    assert seen(found[1]) == pytest.approx(shade(1), abs=5)
-    assert seen(found[GROUP]) == pytest.approx(shade(GROUP), abs=5)
+    assert is_picture(found[1](), 1)
+    assert is_picture(found[GROUP](), GROUP)
     assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize("data", [b"", b"\0\0\0\1", b"hello", bytes(1000)])
 @pytest.mark.parametrize("kind", ENCODERS)
 def test_nonsense_is_no_video(kind: str, data: bytes) -> None:
-    video = VideoStream()
+    video = bag_video.VideoStream()
     for _ in range(3):
         part = video.add(message(data, kind), 0.0)
         if part is not None:
@@ -194,37 +184,38 @@ def test_nonsense_is_no_video(kind: str, data: bytes) -> None:
                 part.read()
 
 
-def test_a_stream_that_never_has_a_key_frame_says_so() -> None:
+def test_streams_without_key_frames_say_so_and_do_not_fill_memory() -> None:
     (_, other) = packed("h264")[1]
-    video = VideoStream()
-    assert [video.add(message(other, "h264"), 0.1 * k) for k in range(MOST_WAITED)] == [None] * MOST_WAITED
-    with pytest.raises(PictureError, match=f"no key frame in {MOST_WAITED} parts"):
+    video = bag_video.VideoStream()
+    assert [video.add(message(other, "h264"), 0.1 * k) for k in range(bag_video.MOST_WAITED)] == [
+        None
+    ] * bag_video.MOST_WAITED
+    with pytest.raises(PictureError, match=f"no key frame in {bag_video.MOST_WAITED} parts"):
         video.add(message(other, "h264"), 100.0)
+    (_, key), (_, other), *_ = packed("h264")
+    video = bag_video.VideoStream()
+    video.add(message(key, "h264"), 0.0)
+    for _ in range(bag_video.MOST_BUILT - 1):
+        video.add(message(other, "h264"), 0.0)
+    with pytest.raises(PictureError, match=f"without a key frame for {bag_video.MOST_BUILT} pictures"):
+        video.add(message(other, "h264"), 0.0)
+    video.add(message(key, "h264"), 0.0)
+    with pytest.raises(PictureError, match="without a key frame for 1 picture of"):
+        video.add(message(other + bytes(bag_video.MOST_BYTES), "h264"), 0.0)
 
 
 @pytest.mark.parametrize("kind", ENCODERS)
 def test_key_frames_are_told_as_the_encoder_meant_them(kind: str) -> None:
-    codec = codec_of(message(b"", kind)) or ""
-    assert [is_key(codec, data) for _, data in packed(kind)] == [k % GROUP == 0 for k in range(PICTURES)]
+    codec = bag_video.codec_of(message(b"", kind)) or ""
+    assert [bag_video.is_key(codec, data) for _, data in packed(kind)] == [
+        k % GROUP == 0 for k in range(PICTURES)
+    ]
 
 
-@given(data=st.binary(max_size=60), codec=st.sampled_from(sorted(KEYS)))
+@given(data=st.binary(max_size=60), codec=st.sampled_from(sorted(bag_video.KEYS)))
 def test_no_bytes_do_harm(data: bytes, codec: str) -> None:
-    assert is_key(codec, data) in (True, False)
-    assert is_key(codec, b"\x12\x00" + data) in (True, False)
-
-
-def test_a_stream_without_key_frames_does_not_fill_memory() -> None:
-    (_, key), (_, other), *_ = packed("h264")
-    video = VideoStream()
-    video.add(message(key, "h264"), 0.0)
-    for _ in range(MOST_BUILT - 1):
-        video.add(message(other, "h264"), 0.0)
-    with pytest.raises(PictureError, match=f"without a key frame for {MOST_BUILT} pictures"):
-        video.add(message(other, "h264"), 0.0)
-    video.add(message(key, "h264"), 0.0)
-    with pytest.raises(PictureError, match="without a key frame for 1 picture of"):
-        video.add(message(other + bytes(MOST_BYTES), "h264"), 0.0)
+    assert bag_video.is_key(codec, data) in (True, False)
+    assert bag_video.is_key(codec, b"\x12\x00" + data) in (True, False)
 
 
 @pytest.mark.parametrize(
@@ -245,7 +236,7 @@ def test_a_stream_without_key_frames_does_not_fill_memory() -> None:
     ],
 )
 def test_codecs_by_what_names_them(fields: dict[str, str], codec: str | None) -> None:
-    assert codec_of(SimpleNamespace(**fields)) == codec
+    assert bag_video.codec_of(SimpleNamespace(**fields)) == codec
 
 
 def bag(folder: Path, kind: str, parts: Sequence[tuple[int, bytes]]) -> Path:
@@ -256,18 +247,11 @@ def bag(folder: Path, kind: str, parts: Sequence[tuple[int, bytes]]) -> Path:
         time = {"sec": t_ns // 10**9, "nsec": t_ns % 10**9}
         header = {"stamp": {"sec": time["sec"], "nanosec": time["nsec"]}, "frame_id": "camera"}
         encoded = making.base64.b64encode(data).decode()
+        packet = {"width": 64, "height": 48, "pts": number, "flags": 0, "is_bigendian": False}
         fields: dict[str, Any] = {
             "foxglove.CompressedVideo": {"timestamp": time, "frame_id": "camera", "format": "h264"},
             "sensor_msgs/msg/CompressedImage": {"header": header, "format": "h264"},
-            "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": {
-                "header": header,
-                "width": 64,
-                "height": 48,
-                "encoding": "h264;yuv420p;bgr8;bgr8",
-                "pts": number,
-                "flags": 0,
-                "is_bigendian": False,
-            },
+            KINDS[2]: packet | {"header": header, "encoding": "h264;yuv420p;bgr8;bgr8"},
         }[kind]
         said.append(Said("/cam/video", kind, t_ns, fields | {"data": encoded}))
     poses = [one for one in making.foxglove_drive(PICTURES) if "mage" not in one.type]
@@ -282,25 +266,18 @@ KINDS = (
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bag_of_video_is_a_session(kind: str, tmp_path: Path) -> None:
+def test_a_bag_of_video_is_a_session_and_two_readings_at_once_do_not_meet(kind: str, tmp_path: Path) -> None:
     session = open_session(bag(tmp_path, kind, packed("h264")))
-    for _ in range(2):  # a session begins anew every time
-        moments = list(session.moments())
-        assert len(moments) == PICTURES
-        for number, moment in enumerate(moments):
-            assert red(moment.frame.image) == pytest.approx(shade(number), abs=5)
-
-
-def test_two_readings_at_once_do_not_meet(tmp_path: Path) -> None:
-    session = open_session(bag(tmp_path, KINDS[0], packed("h264")))
+    assert len(list(session.moments())) == PICTURES
     for number, (one, other) in enumerate(zip(session.moments(), session.moments(), strict=True)):
-        assert red(one.frame.image) == red(other.frame.image) == pytest.approx(shade(number), abs=5)
+        assert is_picture(one.frame.image, number)
+        assert is_picture(other.frame.image, number)
 
 
 def test_a_recording_that_began_in_the_middle_says_so(tmp_path: Path) -> None:
     session = open_session(bag(tmp_path, KINDS[0], packed("h264")[3:]))
     first = next(session.moments())
-    assert red(first.frame.image) == pytest.approx(shade(GROUP), abs=5)
+    assert is_picture(first.frame.image, GROUP)
     assert f"video: {GROUP - 3} pictures before the first key frame left out" in first.events
 
 

@@ -6,10 +6,9 @@ import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -18,46 +17,33 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.export.tables import (
-    PATHS,
-    ExportStep,
-    Sink,
-    csv_sink,
-    error_statistics,
-    evo_sink,
-    export_steps,
-    kitti_line,
-    parquet_sink,
-    path_files,
-    path_sink,
-    table_columns,
-    tum_line,
-)
+from maurice_loaders.export import tables
 from maurice_loaders.runs.store import open_runs
 from maurice_loaders.runs.writer import StepRows
 from maurice_mcl.geometry import compose
 
+from ..conftest import Save
+
 CHANNELS = ("color", "edges")
 POSE = st.tuples(*[st.floats(-1e6, 1e6)] * 2, st.floats(-3.14159, 3.14159)).map(np.array)
 EVO = Path(sys.executable).parent
-Save = Callable[..., tuple[Path, list[Any]]]
 
 
-def step_at(number: int, truth: bool = True, **row: object) -> ExportStep:
+def step_at(number: int, truth: bool = True, **row: object) -> tables.ExportStep:
     """An update of which only the poses count."""
     pose = np.array([0.3 * number, 1 - 0.1 * number, 0.4 * number - 1])
     rows = StepRows({"step": number, **row}, pl.DataFrame(), pl.DataFrame())
-    return ExportStep(rows, 1.6e9 + 0.1 * number, pose + 0.05, pose if truth else None, pose / 2)
+    return tables.ExportStep(rows, 1.6e9 + 0.1 * number, pose + 0.05, pose if truth else None, pose / 2)
 
 
-def add_all(sink: Sink, steps: Iterable[ExportStep]) -> None:
+def add_all(sink: tables.Sink, steps: Iterable[tables.ExportStep]) -> None:
     for step in steps:
         sink.add(step, None)
 
 
-def write_paths(folder: Path, steps: list[ExportStep]) -> dict[str, Path]:
-    files = path_files(folder / "run.tum", PATHS)
-    with path_sink(files, tum_line) as sink:
+def write_paths(folder: Path, steps: list[tables.ExportStep]) -> dict[str, Path]:
+    files = tables.path_files(folder / "run.tum", tables.PATHS)
+    with tables.path_sink(files, tables.tum_line) as sink:
         add_all(sink, steps)
     return files
 
@@ -73,14 +59,14 @@ def evo(folder: Path, *words: object) -> str:
 
 @given(st.floats(0, 4e9), POSE)
 def test_a_tum_line_gives_time_and_pose_back(time_s: float, pose: np.ndarray) -> None:
-    t, x, y, z, qx, qy, qz, qw = map(float, tum_line(time_s, pose).split(" "))
+    t, x, y, z, qx, qy, qz, qw = map(float, tables.tum_line(time_s, pose).split(" "))
     assert (t, x, y, z, qx, qy) == (time_s, pose[0], pose[1], 0, 0, 0)
     assert 2 * np.arctan2(qz, qw) == pytest.approx(pose[2], abs=1e-12)
 
 
 @given(POSE)
 def test_a_kitti_line_is_the_upper_part_of_a_rigid_transformation(pose: np.ndarray) -> None:
-    matrix = np.array([float(v) for v in kitti_line(0.0, pose).split(" ")]).reshape(3, 4)
+    matrix = np.array([float(v) for v in tables.kitti_line(0.0, pose).split(" ")]).reshape(3, 4)
     assert matrix[:, :3] @ matrix[:, :3].T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(matrix[:, :3]) == pytest.approx(1)
     assert np.arctan2(matrix[1, 0], matrix[0, 0]) == pytest.approx(pose[2], abs=1e-12)
@@ -88,50 +74,48 @@ def test_a_kitti_line_is_the_upper_part_of_a_rigid_transformation(pose: np.ndarr
 
 
 def test_the_estimate_has_the_name_asked_for_and_the_others_stand_beside_it(tmp_path: Path) -> None:
-    files = path_files(tmp_path / "a.b.tum", PATHS)
+    files = tables.path_files(tmp_path / "a.b.tum", tables.PATHS)
     assert [file.name for file in files.values()] == ["a.b.tum", "a.b-truth.tum", "a.b-odometry.tum"]
-    assert path_files(tmp_path / "a.tum", ["truth"]) == {"truth": tmp_path / "a.tum"}
+    assert tables.path_files(tmp_path / "a.tum", ["truth"]) == {"truth": tmp_path / "a.tum"}
+    found = tables.error_statistics(np.array([3.0, 4.0, 0.0]))
+    assert found["mean"] == pytest.approx(7 / 3)
+    assert (found["median"], found["min"], found["max"], found["sse"]) == (3, 0, 4, 25)
+    assert found["rmse"] == pytest.approx((25 / 3) ** 0.5)
 
 
-def test_an_update_without_truth_has_no_tum_line_of_it(tmp_path: Path) -> None:
-    files = write_paths(tmp_path, [step_at(1), step_at(2, truth=False), step_at(3)])
+def test_an_update_without_truth_has_no_tum_line_of_it_and_kitti_rows_stay_aligned(tmp_path: Path) -> None:
+    steps = [step_at(1), step_at(2, truth=False), step_at(3)]
+    files = write_paths(tmp_path, steps)
     counts = {name: len(file.read_text().splitlines()) for name, file in files.items()}
     assert counts == {"estimate": 3, "truth": 2, "odometry": 3}
-
-
-def test_kitti_rows_stay_aligned_where_truth_is_missing(tmp_path: Path) -> None:
-    files = path_files(tmp_path / "a.kitti", PATHS)
-    with path_sink(files, kitti_line, together=True) as sink:
-        add_all(sink, [step_at(1), step_at(2, truth=False), step_at(3)])
+    files = tables.path_files(tmp_path / "a.kitti", tables.PATHS)
+    with tables.path_sink(files, tables.kitti_line, together=True) as sink:
+        add_all(sink, steps)
     assert sink.left_out == 1
     assert {len(file.read_text().splitlines()) for file in files.values()} == {2}
-
-
-def test_a_path_that_nothing_is_known_of_has_no_file(tmp_path: Path) -> None:
-    files = write_paths(tmp_path, [step_at(1, truth=False)])
+    (tmp_path / "bare").mkdir()
+    files = write_paths(tmp_path / "bare", [step_at(1, truth=False)])
     assert [name for name, file in files.items() if file.exists()] == ["estimate", "odometry"]
 
 
 def test_nothing_is_left_after_a_failure_and_an_old_file_stays(tmp_path: Path) -> None:
     old = tmp_path / "a.csv"
     old.write_text("mine")
-    with pytest.raises(InputError, match="--force"), csv_sink(old, CHANNELS):
-        pytest.fail("was opened")
-    with pytest.raises(TypeError), csv_sink(old, CHANNELS, force=True) as sink:
+    for path, told in ((old, "--force"), (tmp_path / "no" / "a.csv", "cannot be written")):
+        with pytest.raises(InputError, match=told), tables.csv_sink(path, CHANNELS):
+            pytest.fail("was opened")
+    with pytest.raises(TypeError), tables.csv_sink(old, CHANNELS, force=True) as sink:
         sink.add(step_at(1, events=None, session_events=None), None)
+    with pytest.raises(InputError, match="no truth"), tables.evo_sink(tmp_path / "a.zip", "blended") as sink:
+        sink.add(step_at(1, truth=False), None)
     assert old.read_text() == "mine"
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
-
-
-def test_a_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be written"), csv_sink(tmp_path / "no" / "a.csv", CHANNELS):
-        pytest.fail("was opened")
 
 
 def test_steps_are_those_that_were_saved(save_run: Save) -> None:
     folder, played = save_run()
     (run,) = open_runs(folder)
-    steps = list(export_steps(run, t_offset_s=100.0))
+    steps = list(tables.export_steps(run, t_offset_s=100.0))
     odometry = np.zeros(3)
     for step, (moment, record) in zip(steps, played, strict=True):
         for motion in moment.frame.motions:
@@ -147,12 +131,15 @@ def test_steps_are_those_that_were_saved(save_run: Save) -> None:
 def test_csv_and_parquet_hold_the_same_table(save_run: Save, tmp_path: Path) -> None:
     folder, played = save_run()
     (run,) = open_runs(folder)
-    with csv_sink(tmp_path / "a.csv", CHANNELS) as one, parquet_sink(tmp_path / "a.parquet", CHANNELS) as two:
-        for step in export_steps(run):
+    with (
+        tables.csv_sink(tmp_path / "a.csv", CHANNELS) as one,
+        tables.parquet_sink(tmp_path / "a.parquet", CHANNELS) as two,
+    ):
+        for step in tables.export_steps(run):
             one.add(step, None)
             two.add(step, None)
     table = pl.read_parquet(tmp_path / "a.parquet")
-    assert table.columns == list(table_columns(CHANNELS))
+    assert table.columns == list(tables.table_columns(CHANNELS))
     assert table["estimate_x_m"].to_list() == [record.estimate.pose[0] for _, record in played]
     assert table["events"][0] == "; ".join(played[0][1].events)
     with (tmp_path / "a.csv").open(newline="") as file:
@@ -164,7 +151,7 @@ def test_csv_and_parquet_hold_the_same_table(save_run: Save, tmp_path: Path) -> 
 def test_evo_reads_the_paths_and_finds_our_errors(tmp_path: Path) -> None:
     steps = [step_at(n) for n in range(1, 40)]
     write_paths(tmp_path, steps)
-    with evo_sink(tmp_path / "ours.zip", "blended") as sink:
+    with tables.evo_sink(tmp_path / "ours.zip", "blended") as sink:
         add_all(sink, steps)
     evo(tmp_path, EVO / "evo_ape", "tum", "run-truth.tum", "run.tum", "--save_results", "theirs.zip")
     with zipfile.ZipFile(tmp_path / "ours.zip") as ours, zipfile.ZipFile(tmp_path / "theirs.zip") as theirs:
@@ -176,16 +163,3 @@ def test_evo_reads_the_paths_and_finds_our_errors(tmp_path: Path) -> None:
             expected = np.load(BytesIO(theirs.read(name)))
             assert np.load(BytesIO(ours.read(name))) == pytest.approx(expected, abs=1e-6), name
     assert "blended" in evo(tmp_path, EVO / "evo_res", "ours.zip", "theirs.zip")
-
-
-def test_without_truth_there_are_no_results_for_evo(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no truth"), evo_sink(tmp_path / "a.zip", "blended") as sink:
-        sink.add(step_at(1, truth=False), None)
-    assert not list(tmp_path.iterdir())
-
-
-def test_statistics_of_three_errors() -> None:
-    found = error_statistics(np.array([3.0, 4.0, 0.0]))
-    assert found["mean"] == pytest.approx(7 / 3)
-    assert (found["median"], found["min"], found["max"], found["sse"]) == (3, 0, 4, 25)
-    assert found["rmse"] == pytest.approx((25 / 3) ** 0.5)

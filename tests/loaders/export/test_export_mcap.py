@@ -1,7 +1,6 @@
 """MCAP with ROS 2 messages, read back by an independent reader, and without the extra."""
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,13 +34,14 @@ from maurice_loaders.runs.store import open_runs
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Camera, SessionInfo
 
+from ..conftest import Save
+
 pytest.importorskip("rosbags")
 
 from rosbags.highlevel import AnyReader
 
 from maurice_loaders.export.ros_messages import Messages, message_types, pose_rows, spread_out
 
-Save = Callable[..., tuple[Path, list[Any]]]
 STORE = message_types()
 
 
@@ -80,7 +80,9 @@ def exported(
     return played, by_topic
 
 
-def test_every_update_has_every_message(exported) -> None:
+def test_every_update_has_every_message_map_and_camera_and_is_shown_as_it_was(
+    exported, tmp_path: Path
+) -> None:
     played, by_topic = exported
     counts = Counter({topic: len(found) for topic, found in by_topic.items() if topic != export_mcap.EVENTS})
     assert set(counts) == set(TYPES) - {export_mcap.EVENTS}
@@ -88,6 +90,30 @@ def test_every_update_has_every_message(exported) -> None:
     assert counts == {t: 1 if t in ONCE else motions if t == MOTIONS else len(played) for t in counts}
     texts = [message.data for _, message in by_topic.get(export_mcap.EVENTS, [])]
     assert texts == [text for moment, record in played for text in (*moment.events, *record.events)]
+    first_ns = by_topic[ODOMETRY][0][0]
+    assert {t_ns for topic in ONCE for t_ns, _ in by_topic[topic]} == {first_ns}
+    path = by_topic[export_mcap.TRUE_PATH][0][1].poses
+    assert [pose_of(one.pose) for one in path] == [
+        pytest.approx(moment.truth.tolist()) for moment, _ in played
+    ]
+    grid = by_topic[export_mcap.GRID][0][1]
+    assert len(grid.data) == grid.info.width * grid.info.height
+    assert set(grid.data.tolist()) <= {0, 100}
+    _, by_topic = exported
+    (mount,) = by_topic[export_mcap.MOUNT][0][1].transforms
+    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "camera")
+    along, right = (matrix_of(mount)[:3, k] for k in (2, 0))
+    assert along == pytest.approx([np.cos(0.5), np.sin(0.5), 0])
+    assert right == pytest.approx([np.sin(0.5), -np.cos(0.5), 0])
+    assert mount.transform.translation.z == 0.25
+    _, view = by_topic[export_mcap.CAMERA_INFO][0]
+    assert (view.width, view.height) == (40, 30)
+    assert 2 * np.arctan2(20, view.k[0]) == pytest.approx(0.8)
+    played, _ = exported
+    recorded = RecordedLocalizer(tmp_path / "run.mcap", open_mcap, ReadingOptions())
+    updates = list(recorded.updates(ReadingNotes(keep_going=False)))
+    for update, (moment, _) in zip(updates, played, strict=True):
+        np.testing.assert_array_equal(update.motions, moment.frame.motions)
 
 
 def test_poses_and_stamps_are_the_runs(exported) -> None:
@@ -106,24 +132,13 @@ def test_poses_and_stamps_are_the_runs(exported) -> None:
         assert np.count_nonzero(covered.covariance) == 3
 
 
-def test_shown_as_recorded_the_robot_moves_as_it_did(exported, tmp_path: Path) -> None:
-    played, _ = exported
-    recorded = RecordedLocalizer(tmp_path / "run.mcap", open_mcap, ReadingOptions())
-    updates = list(recorded.updates(ReadingNotes(keep_going=False)))
-    for update, (moment, _) in zip(updates, played, strict=True):
-        np.testing.assert_array_equal(update.motions, moment.frame.motions)
-
-
-def test_a_header_without_sense_is_one_line(tmp_path: Path) -> None:
+def test_a_header_without_sense_is_one_line_and_a_fisheye_has_no_pinhole(tmp_path: Path) -> None:
     for text in ("[" * 100_000, "[1", "3"):
         with mcap_file(tmp_path / "a.mcap", force=True) as mcap:
             mcap.write(HEADER, 0.0, mcap.at(0.0).text(text))
             mcap.write(export_mcap.TRUTH, 0.0, mcap.at(0.0).pose("map", np.zeros(3)))
         with pytest.raises(InputError, match=r"/session/header: .* is it damaged"):
             open_recording(tmp_path / "a.mcap")
-
-
-def test_a_fisheye_has_no_pinhole(tmp_path: Path) -> None:
     image = np.zeros((3, 4, 3), np.uint8)
     with mcap_file(tmp_path / "a.mcap") as mcap:
         scene_of(SessionInfo("a", cameras=(Camera("wide", horizontal_fov_rad=3.4),))).write_picture(
@@ -132,15 +147,19 @@ def test_a_fisheye_has_no_pinhole(tmp_path: Path) -> None:
     assert [topic for topic, *_ in messages(tmp_path / "a.mcap")] == [IMAGE]
 
 
-def test_clouds_are_whole_and_weights_stand_beside_their_particles(exported) -> None:
+def test_clouds_are_whole_and_pictures_are_jpeg_of_the_same_size(exported) -> None:
     played, by_topic = exported
-    for number, (_, record) in enumerate(played):
+    for number, (moment, record) in enumerate(played):
         cloud = by_topic[CLOUD][number][1].particles
         assert [p.weight for p in cloud] == pytest.approx(record.weighted.weights.tolist())
         assert [p.pose.position.x for p in cloud] == pytest.approx(record.weighted.world_poses[:, 0].tolist())
-        after = by_topic[POSES][number][1].poses
-        found = np.array([pose_of(pose) for pose in after])
+        found = np.array([pose_of(pose) for pose in by_topic[POSES][number][1].poses])
         assert found == pytest.approx(record.belief.world_poses, abs=1e-6)
+        message = by_topic[IMAGE][number][1]
+        assert message.format == "jpeg"
+        decoded = decode_picture(message.data.tobytes())
+        assert decoded.shape == moment.frame.image.shape
+        assert np.abs(decoded.astype(int) - moment.frame.image).mean() < 4
 
 
 def test_transforms_lead_from_the_map_over_odometry_to_the_estimate(exported) -> None:
@@ -162,66 +181,26 @@ def _planar(transform: Any) -> list[float]:
     return [transform.translation.x, transform.translation.y, heading(transform.rotation)]
 
 
-def test_map_and_paths_are_there_from_the_first_record(exported) -> None:
-    played, by_topic = exported
-    first_ns = by_topic[ODOMETRY][0][0]
-    assert {t_ns for topic in ONCE for t_ns, _ in by_topic[topic]} == {first_ns}
-    path = by_topic[export_mcap.TRUE_PATH][0][1].poses
-    assert [pose_of(one.pose) for one in path] == [
-        pytest.approx(moment.truth.tolist()) for moment, _ in played
-    ]
-    grid = by_topic[export_mcap.GRID][0][1]
-    assert len(grid.data) == grid.info.width * grid.info.height
-    assert set(grid.data.tolist()) <= {0, 100}
-
-
-def test_the_camera_looks_where_the_header_says(exported) -> None:
-    _, by_topic = exported
-    (mount,) = by_topic[export_mcap.MOUNT][0][1].transforms
-    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "camera")
-    along, right = (matrix_of(mount)[:3, k] for k in (2, 0))
-    assert along == pytest.approx([np.cos(0.5), np.sin(0.5), 0])
-    assert right == pytest.approx([np.sin(0.5), -np.cos(0.5), 0])
-    assert mount.transform.translation.z == 0.25
-    _, view = by_topic[export_mcap.CAMERA_INFO][0]
-    assert (view.width, view.height) == (40, 30)
-    assert 2 * np.arctan2(20, view.k[0]) == pytest.approx(0.8)
-
-
-def test_pictures_are_jpeg_of_the_same_size(exported) -> None:
-    played, by_topic = exported
-    for number, (moment, _) in enumerate(played):
-        message = by_topic[IMAGE][number][1]
-        assert message.format == "jpeg"
-        decoded = decode_picture(message.data.tobytes())
-        assert decoded.shape == moment.frame.image.shape
-        assert np.abs(decoded.astype(int) - moment.frame.image).mean() < 4
-
-
 @pytest.mark.parametrize("frame", ["m", "ma", "map", "mapp", "odom-odom"])
 @pytest.mark.parametrize("count", [0, 1, 5])
 def test_clouds_are_serialized_as_the_types_say_whatever_the_alignment(frame: str, count: int) -> None:
     rng = np.random.default_rng(count)
     poses, weights = rng.normal(size=(count, 3)), rng.random(count)
     make = Messages(STORE, 1_500_000_001)
-    for kind, data in (
-        ("geometry_msgs/msg/PoseArray", make.pose_array(frame, poses)),
-        ("nav2_msgs/msg/ParticleCloud", make.particle_cloud(frame, poses, weights)),
-    ):
+    cloud = make.particle_cloud(frame, poses, weights)
+    array = make.pose_array(frame, poses)
+    for kind, data in (("geometry_msgs/msg/PoseArray", array), ("nav2_msgs/msg/ParticleCloud", cloud)):
         whole = STORE.deserialize_cdr(data, kind)
         assert whole.header.frame_id == frame
         assert bytes(STORE.serialize_cdr(whole, kind)) == data
 
 
-def test_quaternions_are_unequal_row_by_row() -> None:
+def test_quaternions_and_covariances_stand_in_their_places() -> None:
     rows = pose_rows(np.array([[1.0, 2.0, 0.0], [3.0, 4.0, np.pi / 2], [5.0, 6.0, -np.pi]]))
     half = 0.5**0.5
     assert rows[:, 3:] == pytest.approx(
         np.array([[0, 0, 0, 1], [0, 0, half, half], [0, 0, -1, 0]]), abs=1e-12
     )
-
-
-def test_a_covariance_stands_at_x_y_and_yaw() -> None:
     full = spread_out(np.arange(1.0, 10).reshape(3, 3)).reshape(6, 6)
     assert full[[0, 0, 1, 5, 5], [0, 5, 1, 0, 5]].tolist() == [1, 3, 5, 7, 9]
     assert np.count_nonzero(full) == 9
@@ -236,14 +215,11 @@ def test_without_the_extra_one_line_says_how_to_get_it(
     assert "pip install 'maurice-replay[ros]'" in str(caught.value)
 
 
-@pytest.mark.parametrize("t_s", [-0.5, 2.0**31, float("nan")])
-def test_a_time_that_no_stamp_holds_is_refused_and_leaves_nothing(tmp_path: Path, t_s: float) -> None:
-    with pytest.raises(InputError, match="--t-offset"), mcap_file(tmp_path / "a.mcap") as mcap:
-        mcap.write(ODOMETRY, t_s, b"")
-    assert not list(tmp_path.iterdir())
-
-
-def test_another_ending_and_an_existing_file_are_refused(tmp_path: Path) -> None:
+def test_impossible_times_other_endings_and_existing_files_are_refused(tmp_path: Path) -> None:
+    for t_s in (-0.5, 2.0**31, float("nan")):
+        with pytest.raises(InputError, match="--t-offset"), mcap_file(tmp_path / "a.mcap") as mcap:
+            mcap.write(ODOMETRY, t_s, b"")
+        assert not list(tmp_path.iterdir())
     (tmp_path / "a.mcap").write_bytes(b"mine")
     for name, said in (("a.bag", ".mcap"), ("a.mcap", "--force")):
         with pytest.raises(InputError, match=said), mcap_file(tmp_path / name):

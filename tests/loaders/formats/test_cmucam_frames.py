@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from maurice_loaders.errors import PictureError, ReadingNotes
+from helpers.recordings import read
+from maurice_loaders.errors import PictureError
 from maurice_loaders.formats.cmucam import decode_frame, frames
-from maurice_loaders.formats.registry import open_recording, open_session
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture
 from maurice_mcl.arrays import U8
@@ -28,6 +29,17 @@ def lines(picture: U8) -> list[bytes]:
     return [row.tobytes() for row in picture]
 
 
+def pictures_in(folder: Path, data: bytes) -> list[U8]:
+    file = folder / "d.dump"
+    file.write_bytes(data)
+    return [r.read() for r in read(file)[0] if isinstance(r, Picture)]
+
+
+def assert_doubled(found: U8, picture: U8) -> None:
+    """Expect a picture whose pixels are doubled to the side."""
+    np.testing.assert_array_equal(found, np.repeat(picture, 2, axis=1))
+
+
 DIALECTS = {
     "size and a marker a line": lambda p: SIZE + b"".join(b"\2" + line for line in lines(p)),
     "size and no marker": lambda p: SIZE + b"".join(lines(p)),
@@ -37,40 +49,29 @@ DIALECTS = {
     "no size, as in the manual": lambda p: b"".join(b"\2" + line for line in lines(p)),
     "no size and no marker before the first line": lambda p: b"\2".join(lines(p)),
 }
-dialect = pytest.mark.parametrize("name", DIALECTS)
 
 
-@dialect
-def test_every_dialect_gives_the_picture_doubled_to_the_side(name: str) -> None:
-    found = decode_frame(b"\1" + DIALECTS[name](rgb()) + b"\3")
-    np.testing.assert_array_equal(found, np.repeat(rgb(), 2, axis=1))
-
-
-@dialect
-def test_frames_between_other_bytes_are_found(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", DIALECTS)
+def test_every_dialect_gives_the_picture_alone_and_between_other_bytes(name: str, tmp_path: Path) -> None:
+    assert_doubled(decode_frame(b"\1" + DIALECTS[name](rgb()) + b"\3"), rgb())
     made = [b"\1" + DIALECTS[name](rgb(k)) + b"\3" for k in range(3)]
-    file = tmp_path / "d.dump"
-    file.write_bytes(b"CMUcam2 v1.00 c6\r:ACK\r" + b":ACK\r".join(made) + b":")
-    found = [
-        r.read()
-        for r in open_recording(file).records(ReadingNotes(keep_going=False))
-        if isinstance(r, Picture)
-    ]
-    assert len(found) == 3
-    for k, picture in enumerate(found):
-        np.testing.assert_array_equal(picture, np.repeat(rgb(k), 2, axis=1))
+    found = pictures_in(tmp_path, b"CMUcam2 v1.00 c6\r:ACK\r" + b":ACK\r".join(made) + b":")
+    for k, picture in zip(range(3), found, strict=True):
+        assert_doubled(picture, rgb(k))
 
 
-def test_values_below_four_are_read_where_the_size_is_known() -> None:
+def test_dark_values_columns_of_a_cmucam1_and_pieces_of_large_dumps(tmp_path: Path) -> None:
     dark = np.random.default_rng(1).integers(0, 5, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    data = b"\1" + SIZE + b"".join(b"\2" + line for line in lines(dark)) + b"\3"
-    np.testing.assert_array_equal(decode_frame(data), np.repeat(dark, 2, axis=1))
-
-
-def test_a_cmucam1_sends_columns() -> None:
+    marked = DIALECTS["size and a marker a line"]
+    assert_doubled(decode_frame(b"\1" + marked(dark) + b"\3"), dark)
     columns = rgb(width=143, height=80)
-    data = b"\1" + b"".join(b"\2" + line for line in lines(columns)) + b"\3"
-    np.testing.assert_array_equal(decode_frame(data), np.repeat(columns.transpose(1, 0, 2), 2, axis=1))
+    data = b"\1" + DIALECTS["no size, as in the manual"](columns) + b"\3"
+    assert_doubled(decode_frame(data), columns.transpose(1, 0, 2))
+    full = [rgb(k, 88, 143) for k in range(9)]  # across the borders of what is read at a time
+    made = [b"\1\x58\x8f" + marked(picture)[2:] + b"\3" for picture in full]
+    found = pictures_in(tmp_path, b":ACK\r".join(made))
+    assert len(found) == 9
+    assert_doubled(found[8], full[8])
 
 
 def test_a_cut_frame_is_one_problem_and_the_next_is_found(tmp_path: Path) -> None:
@@ -82,22 +83,6 @@ def test_a_cut_frame_is_one_problem_and_the_next_is_found(tmp_path: Path) -> Non
     assert session.problem_count == 2
     with pytest.raises(PictureError, match="without its end"):
         decode_frame(whole[:-1])
-
-
-def test_a_dump_is_read_piece_by_piece(tmp_path: Path) -> None:
-    """Frames of the camera's full size across the borders of what is read at a time."""
-    made = [
-        b"\1\x58\x8f" + b"".join(b"\2" + line for line in lines(rgb(k, 88, 143))) + b"\3" for k in range(9)
-    ]
-    file = tmp_path / "d.dump"
-    file.write_bytes(b":ACK\r".join(made))
-    found = [
-        r.read()
-        for r in open_recording(file).records(ReadingNotes(keep_going=False))
-        if isinstance(r, Picture)
-    ]
-    assert len(found) == 9
-    np.testing.assert_array_equal(found[8], np.repeat(rgb(8, 88, 143), 2, axis=1))
 
 
 @settings(max_examples=300)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+import os
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from helpers.dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, image, poses, read, write
+from helpers.dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, image, poses, write
+from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import guess, open_recording
+from maurice_loaders.formats.registry import guess, open_recording, open_session
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture, TruthPose
 from maurice_loaders.time_alignment import clock_s
 
@@ -95,19 +100,12 @@ PLACE = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m]"
 EUROC_POSES = f"{PLACE}, q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
 
 
-def euroc(
-    folder: Path,
-    *,
-    header: bool = True,
-    comment: str = "#",
-    end: str = "\n",
-    tail: str = "",
-    before: str = "",
-    separator: str = ",",
-    truth: str = "state_groundtruth_estimate0",
-    quaternion: str = "1,0,0,0",
-    bits: int = 8,
-) -> Path:
+PLAIN = {"header": True, "comment": "#", "end": "\n", "tail": "", "before": "", "separator": ",", "bits": 8}
+PLAIN |= {"truth": "state_groundtruth_estimate0", "quaternion": "1,0,0,0"}
+
+
+def euroc(folder: Path, **dialect: Any) -> Path:
+    header, comment, end, tail, before, separator, bits, truth, quaternion = (PLAIN | dialect).values()
     names = {"cam0": f"{comment}timestamp [ns],filename", truth: EUROC_POSES.replace("#", comment)}
     rows = {
         "cam0": [f"{BEGIN_NS + k * 10**8},{BEGIN_NS + k * 10**8}.png{tail}" for k in range(3)],
@@ -138,14 +136,11 @@ def euroc(
     ids=str,
 )
 def test_euroc_dialects(dialect: dict[str, object], tmp_path: Path) -> None:
-    folder = euroc(tmp_path, **dialect)  # type: ignore[arg-type]  # each by its name
+    folder = euroc(tmp_path, **dialect)
     assert counts(folder) == COUNTS
     assert counts(folder / "mav0") == COUNTS
-
-
-def test_16_bits_are_brought_to_8(tmp_path: Path) -> None:
-    found, _ = read(euroc(tmp_path, bits=16))
-    assert {int(one.read().max()) for one in found if isinstance(one, Picture)} == {100}
+    pictures = [one.read() for one in read(folder)[0] if isinstance(one, Picture)]
+    assert {int(one.max()) for one in pictures} == {100}  # 16 bits are brought to 8
 
 
 def test_a_trackers_positions_are_no_poses_and_it_is_said(tmp_path: Path) -> None:
@@ -254,3 +249,115 @@ def test_the_root_of_kitti_names_a_sequence(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", [ROWS, ROWS.replace(" ", ","), ROWS.replace(" 1 ", " 1.000000e+00 ")])
 def test_kitti_poses_alone(text: str, tmp_path: Path) -> None:
     assert counts(write(tmp_path / "00.txt", text)) == {"TruthPose": 3}
+
+
+DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"
+
+
+real = pytest.mark.skipif(not DATA.is_dir(), reason="no recorded data here (MAURICE_DATA)")
+
+
+def test_headings_are_the_robots_yaw_or_the_cameras_optical_axis(tmp_path: Path) -> None:
+    """z forward, x right, y down: the rotation that looks along +y of the world."""
+    turned = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
+    w = math.sqrt(1 + np.trace(turned)) / 2
+    x, y, z = ((turned[2, 1] - turned[1, 2]), (turned[0, 2] - turned[2, 0]), (turned[1, 0] - turned[0, 1]))
+    file = write(tmp_path / "t.txt", f"0 1 2 3 {x / (4 * w)} {y / (4 * w)} {z / (4 * w)} {w}")
+    np.testing.assert_allclose(truths(file), [[1, 2, math.pi / 2]])
+    sin, cos = math.sin(math.radians(20)), math.cos(math.radians(20))
+    file = write(tmp_path / "t.txt", *(f"{k} 1 2 3 0 0 {sin} {cos}" for k in range(3)))
+    np.testing.assert_allclose(truths(file), [[1, 2, math.radians(40)]] * 3)
+    found, warnings = read(write(tmp_path / "t.txt", "0 0 0 0 0 0 0 1", f"1 0 0 0 0 {sin} 0 {cos}"))
+    assert len(found) == 2
+    assert "40 degrees out of the plane" in warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("2 1 2 3 0 0 0", "found 7 values"),
+        ("2 1 2 3 0 0 0 0", "a quaternion of length 0"),
+        ("2 1 nan 3 0 0 0 1", "found value 'nan', expected a finite number"),
+        ("1 1 2 3 0 0 0 1", r"found t 1 after t 1\.5"),
+        ("x 1 2 3 0 0 0 1", "found time 'x'"),
+        ("2 1 2 3 0 0 0 1\0", "binary data"),
+    ],
+)
+def test_a_broken_row_is_named_by_its_line(line: str, told: str, tmp_path: Path) -> None:
+    file = write(tmp_path / "t.txt", "# poses", "1.0 1 2 3 0 0 0 1", "1.5 1 2 3 0 0 0 1", line)
+    with pytest.raises(InputError, match=rf"t\.txt:4: .*{told}"):
+        read(file, ReadingOptions(format="tum-trajectory"))
+
+
+def test_kitti_lies_on_its_side_and_poses_end_early_is_said(tmp_path: Path) -> None:
+    """One metre ahead (z), then to the left (-x) with a quarter turn to the left."""
+    left = "0 0 -1 -2  0 1 0 0  1 0 0 1"
+    file = write(tmp_path / "00.txt", "1 0 0 0 0 1 0 0 0 0 1 0", "1 0 0 0 0 1 0 0 0 0 1 1", left)
+    np.testing.assert_allclose(truths(file), [[0, 0, 0], [1, 0, 0], [1, 2, math.pi / 2]], atol=1e-12)
+    write(tmp_path / "sequences" / "03" / "times.txt", "0", "0.1", "0.2")
+    image(tmp_path / "sequences" / "03" / "image_2" / "000000.png")
+    write(tmp_path / "poses" / "03.txt", "1 0 0 0 0 1 0 0 0 0 1 0", "1 0 0 0 0 1 0 0 0 0 1 1")
+    found, warnings = read(tmp_path / "sequences" / "03")
+    assert Counter(type(r).__name__ for r in found) == {"Picture": 3, "TruthPose": 2}
+    assert "2 poses for 3 times" in warnings[0]
+    assert len(truths(tmp_path / "sequences" / "03", ReadingOptions(truth_offset_s=0.05))) == 2
+    for number in range(1, 4):
+        image(tmp_path / "sequences" / "03" / "image_2" / f"{number:06}.png")
+    assert sum(isinstance(r, Picture) for r in found) == 3
+    assert any("3 times, and more pictures" in text for text in warnings)
+
+
+def test_euroc_columns_go_by_their_names(tmp_path: Path) -> None:
+    half = math.radians(30) / 2
+    header = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []"
+    row = f"1000000000,1,2,3,{math.cos(half)},0,0,{math.sin(half)},9,9,9"
+    write(tmp_path / "mav0" / "state_groundtruth_estimate0" / "data.csv", header, row)
+    write(
+        tmp_path / "mav0" / "odom" / "data.csv",
+        "timestamp [ns],x [m],y [m],z [m],x,y,z,w",
+        f"1000000000,1,2,3,0,0,{math.sin(half)},{math.cos(half)}",
+    )
+    write(
+        tmp_path / "mav0" / "imu0" / "data.csv",
+        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y,w_RS_S_z",
+        "1,2,3,4",
+    )
+    np.testing.assert_allclose(truths(tmp_path), [[1, 2, math.radians(30)]])
+    np.testing.assert_allclose(odometry(tmp_path), [[1, 2, math.radians(30)]])
+
+
+def test_another_camera_by_name(tmp_path: Path) -> None:
+    for name, value in (("cam0", 10), ("cam1", 200)):
+        write(tmp_path / name / "data.csv", "#timestamp [ns],filename", "1000000000,a.png")
+        image(tmp_path / name / "data" / "a.png", value)
+    found, warnings = read(tmp_path)
+    assert [int(r.read()[0, 0, 0]) for r in found if isinstance(r, Picture)] == [10]
+    assert "cam1 is not" in warnings[0]
+    found, _ = read(tmp_path, ReadingOptions(camera="cam1"))
+    assert [int(r.read()[0, 0, 0]) for r in found if isinstance(r, Picture)] == [200]
+    with pytest.raises(InputError, match="found cam0, cam1, expected 'cam9'"):
+        read(tmp_path, ReadingOptions(camera="cam9"))
+
+
+@real
+def test_openloris_counts_and_frames() -> None:
+    found, warnings = read(DATA / "openloris_txt")
+    assert Counter(type(r).__name__ for r in found) == {"Picture": 4, "OdometryPose": 3, "TruthPose": 6}
+    assert warnings == ()
+    session = open_session(DATA / "openloris_txt")
+    assert session.overview() == (4, True)
+    assert session.info.cameras[0].width_px == 848
+    assert next(session.moments()).frame.image.shape == (480, 848, 3)
+
+
+@real
+def test_asl_counts_and_clocks_that_disagree() -> None:
+    path = DATA / "asl_csv" / "expected_output"
+    found, warnings = read(path)
+    assert Counter(type(r).__name__ for r in found) == {"Picture": 11, "OdometryPose": 3453}
+    assert "clocks disagree" in warnings[0]
+    offset = float(warnings[0].rsplit("truth_offset_s=", 1)[1])
+    assert offset == pytest.approx(1403636601.1135554 - 81.605, abs=1e-3)
+    found, _ = read(path, ReadingOptions(truth_offset_s=offset))
+    assert sum(isinstance(r, TruthPose) for r in found) == 490
+    assert open_session(path).overview() == (11, False)

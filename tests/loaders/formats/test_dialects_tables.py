@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import gzip
 import math
+import os
+from collections import Counter
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from helpers.dialect_files import COUNTS, QUARTER, counts, image, read, write
+from helpers.dialect_files import COUNTS, QUARTER, counts, image, moving, write
+from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import OdometryPose, Picture, TruthPose
+from maurice_loaders.recording import Motion, OdometryPose, Picture, TruthPose
 
 # CARMEN
 
@@ -47,6 +50,7 @@ CARMEN = {
     "unknown words first": "IMU 0 0 0 h 0\nGPSGGA 1 2 h 0\n" + "\n".join(map(odom, range(3))),
     "many parameters": "PARAM some_parameter 0.123456 nohost 0\n" * 2000 + "\n".join(map(odom, range(3))),
     "windows": "\r\n".join(map(odom, range(3))) + "\r\n",
+    "truth": "\n".join(f"{odom(k)}\nTRUEPOS {k} 0 0 {k} 0 0 {k}.05 host {k}.05" for k in range(3)),
 }
 
 
@@ -56,12 +60,7 @@ def test_carmen_dialects(name: str, ending: str, tmp_path: Path) -> None:
     data = CARMEN[name].encode()
     file = write(tmp_path / f"drive{ending}", gzip.compress(data) if ending.endswith("gz") else data)
     assert guess(file).name == "carmen"
-    assert counts(file) == {"OdometryPose": 3}
-
-
-def test_carmen_truth_beside_odometry(tmp_path: Path) -> None:
-    text = "\n".join(f"{odom(k)}\nTRUEPOS {k} 0 0 {k} 0 0 {k}.05 host {k}.05" for k in range(3))
-    assert counts(write(tmp_path / "a.log", text)) == {"OdometryPose": 3, "TruthPose": 3}
+    assert counts(file) == {"OdometryPose": 3} | ({"TruthPose": 3} if "TRUEPOS" in CARMEN[name] else {})
 
 
 def test_text_that_only_shouts_is_no_carmen_log(tmp_path: Path) -> None:
@@ -72,14 +71,6 @@ def test_text_that_only_shouts_is_no_carmen_log(tmp_path: Path) -> None:
 # tables
 
 NAMES = "time_s,image,x_m,y_m,heading_deg"
-
-
-def moving(file: Path, code: str) -> None:
-    """Write a video of four frames, each brighter than the one before."""
-    video = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*code), 10, (64, 48))
-    for value in range(4):
-        video.write(np.full((48, 64, 3), 50 * value, np.uint8))
-    video.release()
 
 
 def table(folder: Path, text: str | bytes, name: str = "drive.csv") -> Path:
@@ -142,7 +133,7 @@ def test_odd_names_make_a_table_of_a_file_and_of_a_folder(tmp_path: Path) -> Non
 
 
 def test_rows_go_with_the_frames_of_the_one_video_in_a_folder(tmp_path: Path) -> None:
-    moving(tmp_path / "drive.avi", "MJPG")
+    moving(tmp_path / "drive.avi")
     write(tmp_path / "drive.csv", "time_s,x,y,heading_deg\n" + "".join(f"{k},{k},0,0\n" for k in range(3)))
     found, _ = read(tmp_path)
     pictures = [one for one in found if isinstance(one, Picture)]
@@ -161,13 +152,9 @@ def test_rows_that_are_none_are_problems(bad: str, tmp_path: Path) -> None:
     notes = ReadingNotes(keep_going=True)
     assert len(list(open_recording(folder).records(notes))) == 6
     assert notes.count == 1
-
-
-def test_a_picture_whose_name_no_file_can_have_is_left_out(tmp_path: Path) -> None:
-    folder = table(tmp_path, f"{NAMES}\n{rows()}2,{'9' * 300},0,0,90\n")
+    folder = table(tmp_path, f"{NAMES}\n{rows()}2,{'9' * 300},0,0,90\n")  # a name that no file can have
     session = open_session(folder, ReadingOptions(keep_going=True))
-    assert len(list(session.moments())) == 3
-    assert session.problem_count == 1
+    assert (len(list(session.moments())), session.problem_count) == (3, 1)
 
 
 def test_a_table_without_names_by_the_numbers_of_its_columns(tmp_path: Path) -> None:
@@ -223,3 +210,122 @@ def test_containers(ending: str, code: str, tmp_path: Path) -> None:
     moving(file, code)
     found, _ = read(file)
     assert [one.t_s for one in found] == pytest.approx([0, 0.1, 0.2, 0.3], abs=2e-3)
+
+
+DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"
+
+
+real = pytest.mark.skipif(not DATA.is_dir(), reason="no recorded data here (MAURICE_DATA)")
+
+
+def test_a_raw_carmen_log_has_no_truth_and_a_corrected_one_has_its_scans(tmp_path: Path) -> None:
+    """The laser of the raw one sits 0.2 m ahead of the robot's middle all the way."""
+    raw = [
+        f"ODOM {k} 0 0 1 0 0 {k}.0 host {k}.0\nFLASER 2 1.5 1.6 {k + 0.2} 0 0 {k} 0 0 {k}.1 host {k}.1"
+        for k in range(5)
+    ]
+    found, warnings = read(write(tmp_path / "raw.log", *raw))
+    assert Counter(type(r).__name__ for r in found) == {"OdometryPose": 5}
+    assert warnings == ()
+    scans = [f"FLASER 1 1.5 {k} {0.1 * k} 0 {k} 0 0 {k}.1 host {k}.1" for k in range(4)]
+    file = write(tmp_path / "corrected.log", *scans)
+    np.testing.assert_allclose(truths(file)[:, 1], [0, 0.1, 0.2, 0.3], atol=1e-9)
+    assert len(odometry(file)) == 4
+
+
+def test_odometry_that_is_set_anew_goes_on_from_where_it_was(tmp_path: Path) -> None:
+    lines = [
+        "ODOM 0 0 0 0 0 0 20.0 host 20.0",
+        "ODOM 1 0 0 0 0 0 21.0 host 21.0",
+        "FLASER 1 1.5 5 5 0 5 5 0 21.0 host 21.0",
+        "ODOM 5 5 0 0 0 0 3e-43 host 3e-43",
+        "ODOM 6 5 0 0 0 0 22.0 host 22.0",
+    ]
+    file = write(tmp_path / "corrected.log.gz", gzip.compress("\n".join(lines).encode()))
+    np.testing.assert_allclose(odometry(file)[:, 0], [0, 1, 1, 2])
+    np.testing.assert_allclose(truths(file)[:, :2], [[5, 5]])
+
+
+def test_small_falls_of_a_carmen_log_are_raised_and_large_ones_refused(tmp_path: Path) -> None:
+    lines = [f"ODOM {t} 0 0 0 0 0 {t} host {t}" for t in (20, 21.5, 21.0, 22)]
+    found, warnings = read(write(tmp_path / "a.log", *lines))
+    assert [r.t_s for r in found] == [20, 21.5, 21.5, 22]
+    assert "1 times fall" in warnings[0]
+    with pytest.raises(InputError, match=r"b\.log:5: found time 3 after 22"):
+        read(write(tmp_path / "b.log", *lines, "ODOM 3 0 0 0 0 0 3 host 3"))
+
+
+@pytest.mark.parametrize("cut", ["ODOM 1 2", "FLASER 180 1 2 3", "FLASER x 1 2", "ODOM 1 2 x 0 0 0 1 h 1"])
+def test_cut_lines_of_a_carmen_log_are_named(cut: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.log:2: "):
+        read(write(tmp_path / "a.log", "ODOM 0 0 0 0 0 0 1 host 1", cut))
+
+
+def test_columns_by_name_by_option_and_in_other_units(tmp_path: Path) -> None:
+    image(tmp_path / "a.png")
+    file = write(
+        tmp_path / "d.csv", "stamp;jpg;px;py;yaw;forward_cm;turn_deg", "5;a.png;1000;-2000;90;30;180"
+    )
+    columns = {"time": "stamp:ms", "image": "jpg", "x": "px:mm", "y": "py:mm", "heading": "yaw:deg"}
+    found, _ = read(file, ReadingOptions(columns=columns))
+    motion, pose, taken = found
+    assert isinstance(motion, Motion)
+    assert isinstance(pose, TruthPose)
+    assert isinstance(taken, Picture)
+    np.testing.assert_allclose(motion.motion, [0.3, 0, math.pi])
+    np.testing.assert_allclose(pose.pose, [1, -2, math.pi / 2])
+    assert taken.t_s == 0.005
+    assert taken.read().shape == (4, 6, 3)
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        ({"x": "nothing"}, "expected also 'nothing'"),
+        ({"wheel": "a"}, "no role 'wheel'"),
+        ({"heading": "c"}, "say --reading columns=heading=c:deg or :rad"),
+        ({"x": "a:deg"}, "found unit 'deg' of x"),
+    ],
+)
+def test_columns_that_cannot_be(columns: dict[str, str], told: str, tmp_path: Path) -> None:
+    file = write(tmp_path / "d.csv", "a,b,c", "1,2,3")
+    whole = {"x": "a", "y": "b", "heading": "c:deg"} | columns
+    with pytest.raises(InputError, match=told):
+        read(file, ReadingOptions(format="table", columns=whole))
+
+
+def test_a_table_beside_pictures_goes_row_for_row(tmp_path: Path) -> None:
+    for k in (2, 10, 1):
+        image(tmp_path / "views" / f"v{k}.png", k)
+    table = write(tmp_path / "p.csv", "x_m,y_m,heading_rad", "0,0,0", "1,0,0", "2,0,0")
+    found, warnings = read(tmp_path / "views", ReadingOptions(table=table))
+    assert [r.name for r in found if isinstance(r, Picture)] == ["v1.png", "v2.png", "v10.png"]
+    assert "one row per second" in warnings[0]
+    write(tmp_path / "p.csv", "x_m,y_m,heading_rad", *["0,0,0"] * 4)
+    with pytest.raises(InputError, match=r"p\.csv:5: found no picture 3, there are 3"):
+        read(tmp_path / "views", ReadingOptions(table=table))
+
+
+def test_a_table_beside_a_video(tmp_path: Path) -> None:
+    video = moving(tmp_path / "v.avi", values=(0, 80, 160))
+    table = write(tmp_path / "p.csv", "time,frame,x_m,y_m,heading_rad", "7,2,0,0,0", "8,0,1,0,0")
+    found = [r for r in read(video, ReadingOptions(table=table))[0] if isinstance(r, Picture)]
+    assert [r.t_s for r in found] == [7, 8]
+    assert [round(float(r.read().mean()), -1) for r in found] == [160, 0]
+
+
+def test_an_unknown_format_lists_those_there_are(tmp_path: Path) -> None:
+    file = write(tmp_path / "letter.txt", "Dear reader")
+    with pytest.raises(InputError, match=r"begins with b'Dear reader.*session-log, .*--reading format="):
+        guess(file)
+    with pytest.raises(InputError, match="there is no format 'bag'"):
+        open_recording(file, ReadingOptions(format="bag"))
+
+
+@real
+def test_carmen_counts_and_a_continuous_odometry() -> None:
+    path = DATA / "carmen" / "intel-corrected.log.gz"
+    found, _ = read(path)
+    assert Counter(type(r).__name__ for r in found) == {"OdometryPose": 14541, "TruthPose": 910}
+    steps = np.diff([r.pose[:2] for r in found if isinstance(r, OdometryPose)], axis=0)
+    assert np.hypot(*steps.T).max() < 0.3  # no jump to a scan's pose

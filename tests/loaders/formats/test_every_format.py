@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from helpers.format_samples import SAMPLES, SMALL, sample
+from helpers.recordings import read
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import formats, guess, open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
@@ -22,10 +23,6 @@ from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Recor
 from maurice_viz.cli.app import app
 
 every = pytest.mark.parametrize("name", SAMPLES)
-
-
-def records(path: Path) -> list[Record]:
-    return list(open_recording(path).records(ReadingNotes(keep_going=False)))
 
 
 def content(record: Record) -> object:
@@ -72,7 +69,7 @@ def test_can_be_read_again_from_its_beginning(name: str, tmp_path: Path) -> None
 
 @every
 def test_times_do_not_fall_and_units_are_plausible(name: str, tmp_path: Path) -> None:
-    found = records(sample(name, tmp_path / "made"))
+    found, _ = read(sample(name, tmp_path / "made"))
     times = [record.t_s for record in found]
     assert times == sorted(times)
     assert 0.2 <= times[-1] - times[0] <= 10
@@ -158,25 +155,20 @@ def test_damage_is_one_line(name: str, tmp_path: Path) -> None:
 
 
 @every
-def test_an_empty_file_is_refused(name: str, tmp_path: Path) -> None:
+def test_what_is_empty_or_of_another_kind_is_refused(name: str, tmp_path: Path) -> None:
     path = sample(name, tmp_path / "made")
     if not path.is_file():
         shutil.rmtree(path)
         path.mkdir()
     else:
         path.write_bytes(b"")
-    for options in (ReadingOptions(), ReadingOptions(format=name)):
-        with pytest.raises(InputError):
-            use(path, options)
-
-
-@every
-def test_a_folder_or_a_file_of_another_kind_is_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "noise").write_bytes(random.Random(1).randbytes(3000))
-    for path in (tmp_path / "folder", tmp_path / "noise", tmp_path / "nowhere"):
+    told = ReadingOptions(format=name)
+    others = [(tmp_path / other, told) for other in ("folder", "noise", "nowhere")]
+    for refused, options in [(path, ReadingOptions()), (path, told), *others]:
         with pytest.raises(InputError):
-            use(path, ReadingOptions(format=name))
+            use(refused, options)
 
 
 @every

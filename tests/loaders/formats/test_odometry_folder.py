@@ -24,23 +24,13 @@ def poses(steps: list[tuple[float, float]], scale: float = 1.0, gain: float = 1.
     rows = [np.zeros(3)]
     for way, turn in steps:
         x, y, heading = rows[-1]
-        rows.append(
-            np.array(
-                [x + scale * way * np.cos(heading), y + scale * way * np.sin(heading), heading + gain * turn]
-            )
-        )
+        moved = scale * way * np.array([np.cos(heading), np.sin(heading)])
+        rows.append(np.array([x + moved[0], y + moved[1], heading + gain * turn]))
     return np.array(rows)
 
 
-STEPS = [
-    *[(0.01, 0.0)] * 20,
-    *[(0.0, 0.05)] * 30,
-    *[(0.0, 0.0)] * 5,
-    *[(-0.01, 0.0)] * 10,
-    *[(0.01, 0.0)] * 30,
-    *[(0.0, -0.05)] * 2,
-    *[(0.01, 0.0)] * 6,
-]
+LEGS = [(20, 0.01, 0.0), (30, 0.0, 0.05), (5, 0.0, 0.0), (10, -0.01, 0.0), (30, 0.01, 0.0), (2, 0.0, -0.05)]
+STEPS = [(way, turn) for count, way, turn in [*LEGS, (6, 0.01, 0.0)] for _ in range(count)]
 
 
 def test_a_drive_is_cut_where_it_turns_and_where_it_goes_back() -> None:
@@ -53,15 +43,12 @@ def test_a_drive_is_cut_where_it_turns_and_where_it_goes_back() -> None:
     assert trials.left_out == 1  # the turn of 6 degrees
 
 
-def test_a_movement_in_which_the_truth_jumps_is_left_out() -> None:
+def test_a_movement_in_which_the_truth_jumps_and_arcs_are_left_out() -> None:
     truth = poses(STEPS)
     truth[10:, 0] += 0.5
     trials = cut(AlignedDrive(poses(STEPS), truth), Cutting())
     assert trials.straights.measured_m == pytest.approx([0.1, 0.3, 0.06])
     assert trials.left_out == 2
-
-
-def test_arcs_are_left_out() -> None:
     steps = [(0.01, 0.02)] * 30
     trials = cut(AlignedDrive(poses(steps), poses(steps)), Cutting())
     assert len(trials.straights.measured_m) == 0
@@ -98,11 +85,6 @@ def test_the_three_files_are_read_with_headings_that_do_not_wrap(tmp_path: Path)
 def test_bad_files_are_named(tmp_path: Path, changed: dict[str, str], said: str) -> None:
     with pytest.raises(InputError, match=said):
         read_aligned(write(tmp_path, **changed))
-
-
-def test_a_folder_without_the_files_says_which_are_missing(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"found no gt\.txt, odom_pose\.txt, odom_quaternion\.txt"):
-        trials_from_folder(tmp_path)
 
 
 @pytest.mark.skipif(not THYMIO.is_dir(), reason="the thymio drives are not here; MAURICE_DATA says where")

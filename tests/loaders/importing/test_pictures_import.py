@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,20 +60,18 @@ def test_logs_stand_alone(source: Path, tmp_path: Path) -> None:
         assert inspect_session(log).problem_count == 0
 
 
-def test_truth_is_the_label_and_the_picture_is_its_own(source: Path, tmp_path: Path) -> None:
+def test_pictures_have_their_own_labels_and_names_that_tell_no_pose(source: Path, tmp_path: Path) -> None:
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
     for moment in SessionLog(summary.session).moments():
         row = round(float(moment.frame.image.mean()) / 5)
         x, y, heading = POSES[row]
         assert moment.truth == pytest.approx([x, y, np.deg2rad(heading)])
         assert moment.frame.time_s == row
-
-
-def test_the_library_has_the_labels(source: Path, tmp_path: Path) -> None:
-    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
     for picture in SessionLog(summary.survey).survey_pictures():
         x, y, heading = POSES[round(float(picture.image.mean()) / 5)]
         assert picture.pose == pytest.approx([x, y, np.deg2rad(heading)])
+    assert all("x0" not in m.frame.picture for m in SessionLog(summary.session).moments())
+    assert {p.name for p in (tmp_path / "out/pictures").iterdir()} >= {"00000.jpg"}
 
 
 def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
@@ -90,12 +89,6 @@ def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
         assert pose[:2] == pytest.approx(moment.truth[:2])
         assert angle_between(pose[2], moment.truth[2]) == pytest.approx(0, abs=1e-9)
     assert movements == 16  # a straight and a turn for each of the eight steps up to the last picture
-
-
-def test_names_of_pictures_tell_no_pose(source: Path, tmp_path: Path) -> None:
-    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
-    assert all("x0" not in m.frame.picture for m in SessionLog(summary.session).moments())
-    assert {p.name for p in (tmp_path / "out/pictures").iterdir()} >= {"00000.jpg"}
 
 
 def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None:
@@ -126,59 +119,68 @@ def test_a_map_of_walls(source: Path, tmp_path: Path) -> None:
     assert arena.walls.tolist() == [[0, 0, 3, 0]]
 
 
-class TestErrors:
-    def expect(self, source: Path, message: str, options: ImportOptions = OPTIONS) -> None:
-        out = source.parent / "out"
-        with pytest.raises(InputError, match=message) as caught:
-            import_pictures(source, source / "poses.csv", out, options)
-        assert "\n" not in str(caught.value)
-        assert not out.exists()
-        assert [p.name for p in source.parent.iterdir()] == [source.name]
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-9])
 
-    def test_a_missing_picture(self, source: Path) -> None:
-        next((source / "images").glob("*_0.JPG")).unlink()
-        self.expect(source, r"poses\.csv:2: found no picture .*_0\.JPG, expected a file")
 
-    def test_a_cut_picture(self, source: Path) -> None:
-        picture = next((source / "images").glob("*_0.JPG"))
-        picture.write_bytes(picture.read_bytes()[:-9])
-        self.expect(source, r"poses\.csv:2: .*_0\.JPG: found a cut JPEG")
+def add_far(file: Path) -> None:
+    file.write_text(file.read_text() + "images/far.JPG,12000,0,0\n")
 
-    @pytest.mark.parametrize("folder", ["", "nothere", Path("nothere")])
-    def test_a_folder_that_does_not_exist(self, source: Path, folder: Path | str) -> None:
-        with pytest.raises(InputError, match=f"found no such folder '{folder}', expected the one"):
-            import_pictures(folder, source / "poses.csv", source.parent / "out", OPTIONS)
-        assert not (source.parent / "out").exists()
 
-    def test_a_file_for_a_folder(self, source: Path) -> None:
-        with pytest.raises(InputError, match=r"poses\.csv: found a file, expected the folder"):
-            import_pictures(source / "poses.csv", source / "poses.csv", source.parent / "out", OPTIONS)
+BAD: dict[str, tuple[str, Callable[[Path], None], ImportOptions, str]] = {
+    "missing": (
+        "images/*_0.JPG",
+        Path.unlink,
+        OPTIONS,
+        r"poses\.csv:2: found no picture .*_0\.JPG, expected a file",
+    ),
+    "cut": ("images/*_0.JPG", cut, OPTIONS, r"poses\.csv:2: .*_0\.JPG: found a cut JPEG"),
+    "far": (
+        "*.csv",
+        add_far,
+        OPTIONS,
+        r"poses\.csv: found poses 12000 m apart, .* at \(12000, 0\), .* in meters\?",
+    ),
+    "guard": ("*.csv", Path.touch, replace(OPTIONS, guard_m=9), "found no picture 9 m off the session's"),
+}
 
-    def test_poses_in_millimeters(self, source: Path) -> None:
-        table = source / "poses.csv"
-        table.write_text(table.read_text() + "images/far.JPG,12000,0,0\n")
-        self.expect(source, r"poses\.csv: found poses 12000 m apart, .* at \(12000, 0\), .* in meters\?")
 
-    def test_a_guard_that_leaves_nothing(self, source: Path) -> None:
-        self.expect(source, "found no picture 9 m off the session's", replace(OPTIONS, guard_m=9))
+@pytest.mark.parametrize("name", BAD)
+def test_what_cannot_be_imported_leaves_nothing(source: Path, name: str) -> None:
+    pattern, change, options, told = BAD[name]
+    change(next(source.glob(pattern)))
+    with pytest.raises(InputError, match=told) as caught:
+        import_pictures(source, source / "poses.csv", source.parent / "out", options)
+    assert "\n" not in str(caught.value)
+    assert [p.name for p in source.parent.iterdir()] == [source.name]
 
-    def test_an_output_that_exists(self, source: Path, tmp_path: Path) -> None:
-        (tmp_path / "out").mkdir()
-        (tmp_path / "out/mine").touch()
-        for force in (False, True):
-            with pytest.raises(InputError, match="out: "):
-                import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS, force=force)
-        assert (tmp_path / "out/mine").exists()
 
-    def test_an_earlier_import_is_replaced_when_asked(self, source: Path, tmp_path: Path) -> None:
-        for force in (False, True):
+@pytest.mark.parametrize("folder", ["", "nothere", Path("nothere"), None])
+def test_a_folder_that_does_not_exist_or_is_a_file(source: Path, folder: Path | str | None) -> None:
+    table = source / "poses.csv"
+    told = f"found no such folder '{folder}', expected the one"
+    if folder is None:
+        folder, told = table, r"poses\.csv: found a file, expected the folder"
+    with pytest.raises(InputError, match=told):
+        import_pictures(folder, table, source.parent / "out", OPTIONS)
+    assert not (source.parent / "out").exists()
+
+
+def test_only_an_earlier_import_is_replaced_when_asked(source: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/mine").touch()
+    for force in (False, True):
+        with pytest.raises(InputError, match="out: "):
             import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS, force=force)
-        assert (tmp_path / "out/session.log").exists()
+        import_pictures(source, source / "poses.csv", tmp_path / "new", OPTIONS, force=force)
+    assert (tmp_path / "out/mine").exists()
+    assert (tmp_path / "new/session.log").exists()
 
-    @pytest.mark.parametrize("change", [{"session_every": 1}, {"session_pictures": 0}, {"guard_m": -1.0}])
-    def test_senseless_options(self, source: Path, tmp_path: Path, change: dict[str, float]) -> None:
-        with pytest.raises(ValueError, match="expected session_every from 2"):
-            import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, **change))
+
+@pytest.mark.parametrize("change", [{"session_every": 1}, {"session_pictures": 0}, {"guard_m": -1.0}])
+def test_senseless_options(source: Path, tmp_path: Path, change: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="expected session_every from 2"):
+        import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, **change))
 
 
 ROOT = Path(__file__).parents[3]
@@ -210,31 +212,26 @@ def numbers(rows: tuple[PoseRow, ...]) -> list[int]:
     return [r.number for r in rows]
 
 
-def test_every_third_run_is_the_session_from_the_first() -> None:
+def test_every_third_run_is_the_session_and_the_guard_takes_what_is_near_seen_or_unseen() -> None:
     split = split_runs(line_of(8, 1.0), 3, 0.0, 1, 1)
     assert numbers(split.session) == [0, 3, 6]
     assert numbers(split.library) == [1, 2, 4, 5, 7]
     assert (split.session_runs, split.guarded_runs) == (3, 0)
-
-
-def test_the_guard_takes_what_is_near_to_any_session_pose_seen_or_unseen() -> None:
     split = split_runs(line_of(9, 0.4), 4, 0.5, 1, 1)
     assert numbers(split.session) == [0, 4, 8]
     assert numbers(split.library) == [2, 6]
     assert split.guarded_runs == 4
     back_again = [[row(0, 0)], [row(1, 3)], [row(2, 6)], [row(3, 9)], [row(4, 2.8)]]
     assert numbers(split_runs(back_again, 4, 0.5, 1, 1).library) == [2, 3]
-
-
-def test_the_guard_does_not_ask_where_one_looks() -> None:
     turned = PoseRow(1, 3, "b", np.array([0.1, 0.0, np.pi]))
     assert split_runs([[row(0, 0)], [turned]], 2, 0.5, 1, 1).library == ()
 
 
-def test_nearest_reference_is_of_every_session_picture() -> None:
+def test_the_nearest_reference_is_of_every_session_picture_and_of_none_infinitely_far() -> None:
     split = split_runs(line_of(5, 1.0, copies=3), 4, 0.5, 2, 1)
     assert len(split.session) == 4
     assert split.nearest_reference_m().tolist() == [1, 1, 1, 1]
+    assert nearest_m(np.zeros((2, 2)), np.zeros((0, 2))).tolist() == [np.inf, np.inf]
 
 
 @given(
@@ -258,7 +255,3 @@ def test_nothing_of_the_library_is_within_the_guard(
 )
 def test_spread(length: int, most: int, chosen: list[int]) -> None:
     assert [r.number for r in spread([row(k, 0) for k in range(length)], most)] == chosen
-
-
-def test_the_nearest_of_none_is_infinitely_far() -> None:
-    assert nearest_m(np.zeros((2, 2)), np.zeros((0, 2))).tolist() == [np.inf, np.inf]

@@ -28,11 +28,16 @@ def table(folder: Path, *lines: str, head: str = HEAD) -> Path:
     return path
 
 
-def test_rows_in_order_with_headings_in_radians(tmp_path: Path) -> None:
+def test_rows_in_order_with_headings_in_radians_and_other_columns(tmp_path: Path) -> None:
     first, second = read_pose_table(table(tmp_path, "a.jpg,1,2,90", "b.jpg,-1.5,0,-180"), Columns())
     assert (first.number, first.line, first.image) == (0, 2, "a.jpg")
     assert first.pose == pytest.approx([1, 2, math.pi / 2])
     assert second.pose == pytest.approx([-1.5, 0, -math.pi])
+    path = tmp_path / "p.csv"
+    path.write_text('\ufeffΘ,"bild",y,note,x\r\n0.5,"Büro, 1.jpg",2,x,1\r\n', encoding="utf-8")
+    (row,) = read_pose_table(path, Columns("bild", "x", "y", "Θ", "rad"))
+    assert row.image == "Büro, 1.jpg"
+    assert row.pose.tolist() == [1, 2, 0.5]
 
 
 @pytest.mark.parametrize(
@@ -49,14 +54,6 @@ def test_the_unit_of_headings(tmp_path: Path, column: str, unit: str | None, exp
     path = table(tmp_path, "a.jpg,0,0,90", head=f"image,x_m,y_m,{column}")
     (row,) = read_pose_table(path, Columns(heading=column, heading_unit=unit))
     assert row.pose[2] == pytest.approx(expected)
-
-
-def test_other_columns_other_order_quotes_and_a_byte_order_mark(tmp_path: Path) -> None:
-    path = tmp_path / "p.csv"
-    path.write_text('\ufeffΘ,"bild",y,note,x\r\n0.5,"Büro, 1.jpg",2,x,1\r\n', encoding="utf-8")
-    (row,) = read_pose_table(path, Columns("bild", "x", "y", "Θ", "rad"))
-    assert row.image == "Büro, 1.jpg"
-    assert row.pose.tolist() == [1, 2, 0.5]
 
 
 @pytest.mark.parametrize(
@@ -143,12 +140,9 @@ def test_units(tmp_path: Path, text: str, unit: str) -> None:
     assert np.allclose(arena_from_lines(walls(tmp_path, text), unit, POSES).walls, [[1, 2, 3, 2.5]])
 
 
-def test_bounds_reach_a_metre_beyond_the_poses(tmp_path: Path) -> None:
+def test_bounds_reach_a_meter_beyond_the_poses_and_walls_far_outside_are_left_out(tmp_path: Path) -> None:
     assert arena_from_lines(walls(tmp_path, ""), "m", POSES).bounds == (0, 1, 5, 4)
     assert arena_from_lines(walls(tmp_path, ""), "m", POSES).walls.shape == (0, 4)
-
-
-def test_walls_far_outside_are_left_out_and_passing_ones_are_not(tmp_path: Path) -> None:
     text = "# plan\n\n-9 2 9 2\n20 20 21 20\n0.5 -3 0.5 0.9\n0.5, -3, 0.5, 1.1\n"
     found = arena_from_lines(walls(tmp_path, text), "m", POSES).walls
     assert found.tolist() == [[-9, 2, 9, 2], [0.5, -3, 0.5, 1.1]]

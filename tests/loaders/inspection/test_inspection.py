@@ -50,15 +50,12 @@ def test_a_whole_session(write_log: WriteLog, pixel: Pixel, survey: Path) -> Non
     json.dumps(asdict(found), allow_nan=False)
 
 
-def test_a_header_alone(write_log: WriteLog) -> None:
+def test_a_header_alone_and_records_at_one_time_have_no_rate(write_log: WriteLog, pixel: Pixel) -> None:
     found = inspect_session(write_log())
     assert found.duration_s == 0
-    assert (found.picture_rate_hz, found.odometry_rate_hz, found.truth_share) == (None, None, None)
-    assert (found.distance_odometry_m, found.distance_truth_m) == (None, None)
-    assert (found.survey, found.survey_found, found.has_map) == (None, None, False)
-
-
-def test_records_at_one_time_have_no_rate(write_log: WriteLog, pixel: Pixel) -> None:
+    unknown = (found.picture_rate_hz, found.odometry_rate_hz, found.truth_share, found.survey)
+    assert {*unknown, found.distance_odometry_m, found.distance_truth_m} == {None}
+    assert (found.survey_found, found.has_map) == (False, False)
     assert inspect_session(write_log(*[{"t": 1, "image": pixel}] * 3)).picture_rate_hz is None
 
 
@@ -69,9 +66,6 @@ def test_all_problems_with_their_lines(write_log: WriteLog, pixel: Pixel) -> Non
     assert [problem.split(":")[1] for problem in found.problems] == ["2", "4", "5"]
     assert found.records["image"] == 2
     assert found.pictures == {"PNG 2x1": 1}
-
-
-def test_problems_are_counted_beyond_those_kept(write_log: WriteLog) -> None:
     found = inspect_session(write_log(*["?"] * 300))
     assert (found.problem_count, len(found.problems)) == (300, 100)
 
@@ -93,13 +87,13 @@ def test_a_survey(survey: Path) -> None:
     assert (found.records["image"], found.records["covered"], found.truth_share) == (5, 2, None)
 
 
-def test_what_is_no_log_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="found no such file"):
-        inspect_session(tmp_path / "no.log")
-
-
-def test_what_never_ends_is_no_log(tmp_path: Path) -> None:
+def test_what_is_no_log_or_never_ends_is_an_error(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", Path("/dev/zero")):
-        with pytest.raises(InputError, match="found no regular file"):
+    no_file = "found no regular file"
+    for path, told in (
+        (tmp_path / "no", "found no such file"),
+        (tmp_path / "pipe", no_file),
+        (Path("/dev/zero"), no_file),
+    ):
+        with pytest.raises(InputError, match=told):
             inspect_session(path)

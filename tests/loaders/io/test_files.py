@@ -62,20 +62,17 @@ def test_a_request_to_stop_at_any_moment_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_failure_leaves_the_old_one(tmp_path: Path) -> None:
-    fill(tmp_path / "a", "old")
-    with pytest.raises(RuntimeError), new_folder(tmp_path / "a", force=True):
-        raise RuntimeError
-    assert (tmp_path / "a/manifest.json").read_text() == "old"
-
-
-def test_replaces_only_when_asked(tmp_path: Path) -> None:
+def test_an_old_folder_is_replaced_only_when_asked_and_stays_after_a_failure(tmp_path: Path) -> None:
     fill(tmp_path / "a", "old")
     with pytest.raises(InputError, match=r"exists already; .*--force"):
         fill(tmp_path / "a")
     fill(tmp_path / "a", force=True)
     assert (tmp_path / "a/manifest.json").read_text() == "new"
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
+    fill(tmp_path / "a", "old")
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "a", force=True):
+        raise RuntimeError
+    assert (tmp_path / "a/manifest.json").read_text() == "old"
 
 
 @pytest.mark.parametrize("target", ["", ".", "/"])

@@ -11,24 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.libraries import survey as surveys
 from maurice_loaders.libraries.files import load_library, save_library
 from maurice_loaders.libraries.store import build_library
-from maurice_loaders.libraries.survey import (
-    SelectedSurvey,
-    Spacing,
-    blurred,
-    choose,
-    open_survey,
-    read_every,
-    sharpness,
-)
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-EVERY = Spacing(0.4, float(np.radians(45)))
+EVERY = surveys.Spacing(0.4, float(np.radians(45)))
 
 
 def apart(a: F64, b: F64) -> bool:
@@ -45,7 +37,7 @@ def test_chosen_ones_are_apart_and_all_others_are_near_one(
 ) -> None:
     poses = np.array(rows).reshape(-1, 3)
     sharp = np.random.default_rng(seed).random(len(poses))
-    taken = choose(poses, sharp, EVERY).tolist()
+    taken = surveys.choose(poses, sharp, EVERY).tolist()
     assert taken == sorted(set(taken))
     assert all(apart(poses[a], poses[b]) for a in taken for b in taken if a < b)
     for left in set(range(len(poses))) - set(taken):
@@ -58,7 +50,7 @@ SPACINGS = [("0.4m,45deg", 0.4, 45), (" 18in , 30deg", 0.4572, 30), ("40cm,180de
 
 @pytest.mark.parametrize(("text", "distance_m", "degrees"), [*SPACINGS, ("1ft,9.5deg", 0.3048, 9.5)])
 def test_spacing_is_read(text: str, distance_m: float, degrees: float) -> None:
-    every = read_every(text)
+    every = surveys.read_every(text)
     assert every.distance_m == pytest.approx(distance_m)
     assert np.degrees(every.angle_rad) == pytest.approx(degrees)
 
@@ -68,7 +60,7 @@ def test_spacing_is_read(text: str, distance_m: float, degrees: float) -> None:
 )
 def test_other_words_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="--every"):
-        read_every(text)
+        surveys.read_every(text)
 
 
 def scene(seed: int) -> U8:
@@ -89,17 +81,17 @@ def moved(image: U8, seed: int) -> U8:
 
 def test_blurred_pictures_are_told_from_sharp_ones_of_other_things() -> None:
     sharp = [scene(seed) for seed in range(40)]
-    assert not blurred(np.array([sharpness(image) for image in sharp])).any()
+    assert not surveys.blurred(np.array([surveys.sharpness(image) for image in sharp])).any()
     spoiled = [moved(image, k) if k % 8 == 0 else image for k, image in enumerate(sharp)]
-    found = blurred(np.array([sharpness(image) for image in spoiled]))
+    found = surveys.blurred(np.array([surveys.sharpness(image) for image in spoiled]))
     assert np.flatnonzero(found).tolist() == list(range(0, 40, 8))
 
 
 def test_few_pictures_are_not_judged_and_a_little_blur_one_way_only_is_found() -> None:
-    assert not blurred(np.array([[0.0, 0.0]] * 10 + [[-9.0, -9.0]])).any()
+    assert not surveys.blurred(np.array([[0.0, 0.0]] * 10 + [[-9.0, -9.0]])).any()
     usual = np.random.default_rng(0).normal(-1.0, 0.1, (100, 1)) + np.array([0.0, 0.2])
     little = -1.0 - 0.28
-    found = blurred(np.vstack([usual, [[little, little + 0.2], [little, -0.8], [-1.0, little]]]))
+    found = surveys.blurred(np.vstack([usual, [[little, little + 0.2], [little, -0.8], [-1.0, little]]]))
     assert np.flatnonzero(found).tolist() == [101, 102]
 
 
@@ -118,8 +110,8 @@ def write_drive(folder: Path, *, truth: bool = True) -> Path:
 
 def test_a_drive_becomes_a_library(tmp_path: Path) -> None:
     log = write_drive(tmp_path)
-    survey = open_survey(log, ReadingOptions(), EVERY)
-    assert isinstance(survey, SelectedSurvey)
+    survey = surveys.open_survey(log, ReadingOptions(), EVERY)
+    assert isinstance(survey, surveys.SelectedSurvey)
     chosen = survey.chosen
     assert (chosen.pictures, chosen.without_pose, chosen.blurred) == (40, 0, 5)
     warnings: list[str] = []
@@ -140,15 +132,18 @@ def test_a_drive_becomes_a_library(tmp_path: Path) -> None:
 
 def test_a_drive_without_poses_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="found 40 pictures and no pose of any"):
-        open_survey(write_drive(tmp_path, truth=False), ReadingOptions())
+        surveys.open_survey(write_drive(tmp_path, truth=False), ReadingOptions())
 
 
-def test_a_survey_is_taken_whole_unless_asked(survey: Path) -> None:
-    assert isinstance(open_survey(survey, ReadingOptions()), SessionLog)
-    thinned = open_survey(survey, ReadingOptions(), Spacing(0.9, 1.0))
-    assert isinstance(thinned, SelectedSurvey)
+def test_a_survey_is_taken_whole_unless_asked_and_a_camera_aside_turns_its_headings(survey: Path) -> None:
+    assert isinstance(surveys.open_survey(survey, ReadingOptions()), SessionLog)
+    thinned = surveys.open_survey(survey, ReadingOptions(), surveys.Spacing(0.9, 1.0))
+    assert isinstance(thinned, surveys.SelectedSurvey)
     assert 2 <= thinned.chosen.taken <= 3
     assert sum(picture.covered for picture in thinned.survey_pictures()) == 2
+    plain = build_library(survey, ["color"])
+    turned = build_library(survey, ["color"], yaw_rad=0.3)
+    assert np.allclose(turned.poses, plain.poses - [0, 0, 0.3])
 
 
 def test_pictures_inside_a_log_are_kept(tmp_path: Path) -> None:
@@ -160,7 +155,7 @@ def test_pictures_inside_a_log_are_kept(tmp_path: Path) -> None:
     inline.write_text(_inlined(text, tmp_path))
     keep = tmp_path / "keep"
     keep.mkdir()
-    survey = open_survey(inline, ReadingOptions(), EVERY, keep)
+    survey = surveys.open_survey(inline, ReadingOptions(), EVERY, keep)
     library = build_library(inline, ["color"], log=survey)
     save_library(library, tmp_path / "library")
     again = load_library(tmp_path / "library")
@@ -173,9 +168,3 @@ def _inlined(text: str, folder: Path) -> str:
         if "image" in line:
             line["image"] = {"base64": base64.b64encode((folder / line["image"]).read_bytes()).decode()}
     return "\n".join(json.dumps(line) for line in lines) + "\n"
-
-
-def test_a_camera_that_looks_aside_turns_the_headings(survey: Path) -> None:
-    plain = build_library(survey, ["color"])
-    turned = build_library(survey, ["color"], yaw_rad=0.3)
-    assert np.allclose(turned.poses, plain.poses - [0, 0, 0.3])

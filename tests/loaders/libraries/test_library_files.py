@@ -53,14 +53,13 @@ def test_a_moved_folder_still_works_and_a_library_may_replace_itself(folder: Pat
     assert all(picture is not None and picture.is_file() for picture in library.pictures)
 
 
-def test_entries_without_pictures(survey: Path, tmp_path: Path) -> None:
+def test_entries_without_pictures_and_a_picture_that_is_gone_before_saving(
+    survey: Path, tmp_path: Path
+) -> None:
     built = build_library(survey)
     bare = Library(built.name, built.poses, (None,) * built.size, built.index, built.arena)
     save_library(bare, tmp_path / "bare")
     assert load_library(tmp_path / "bare").pictures == (None,) * 5
-
-
-def test_a_picture_that_is_gone_before_saving(survey: Path, tmp_path: Path) -> None:
     library = build_library(survey)
     shutil.rmtree(survey.parent / "pictures")
     with pytest.raises(InputError, match="cannot be copied into the library"):

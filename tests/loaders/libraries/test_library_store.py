@@ -150,12 +150,7 @@ def test_two_processes_at_once(survey: Path, tmp_path: Path) -> None:
     assert len(kept_in(tmp_path)) == 1
 
 
-def test_a_session_is_no_library(write_log: Any) -> None:
-    with pytest.raises(InputError, match="found a session log, expected a survey log"):
-        open_library(write_log())
-
-
-def test_measures_every_picture_with_every_channel(survey: Path) -> None:
+def test_measures_every_picture_with_every_channel_and_the_covered_ones_are_the_floor(survey: Path) -> None:
     library = build_library(survey)
     pictures = [p for p in SessionLog(survey).survey_pictures() if not p.covered]
     assert set(library.index) == set(CHANNELS)
@@ -167,11 +162,7 @@ def test_measures_every_picture_with_every_channel(survey: Path) -> None:
     assert np.allclose(library.poses, [[0.5 * k, 1.0, 0.1 * k] for k in range(5)])
     assert library.pictures == tuple(p.path for p in pictures)
     assert (library.name, library.display_units) == ("place", "in")
-
-
-def test_the_noise_floor_is_the_mean_of_the_covered_pictures(survey: Path) -> None:
     covered = [p.image for p in SessionLog(survey).survey_pictures() if p.covered]
-    library = build_library(survey)
     for name, index in library.index.items():
         expected = np.mean([CHANNELS[name].describe(image) for image in covered], axis=0)
         assert np.allclose(index.noise_floor, expected, atol=1e-4)
@@ -265,3 +256,5 @@ def test_nothing_to_build_from(write_log: WriteLog, pixel: object) -> None:
         build_library(write_log({"t": 0, "image": pixel, "covered": True}, kind="survey"))
     with pytest.raises(InputError, match="found a session log, expected a survey log"):
         build_library(write_log({"t": 0, "image": pixel}))
+    with pytest.raises(InputError, match="found a session log, expected a survey log"):
+        open_library(write_log())

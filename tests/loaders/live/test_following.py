@@ -21,8 +21,8 @@ import pytest
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner, Result
 
-from helpers.live_peers import HEADER, Act, line, peer, says
-from maurice_loaders.pictures import encode_jpeg
+from helpers.live_peers import HEADER, Act, free_address, line, peer, says
+from maurice_loaders.io.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.cli.app import app
 
@@ -71,9 +71,8 @@ def with_picture_inside(line: bytes, folder: Path) -> bytes:
 def steps_in(recording: Path) -> set[int]:
     """The steps that a recording shows an estimate for."""
     steps: set[int] = set()
-    for chunk in (
-        RrdReader(recording).stream().filter(content="/blended/belief/estimate", has_timeline="step")
-    ):
+    estimates = {"content": "/blended/belief/estimate", "has_timeline": "step"}
+    for chunk in RrdReader(recording).stream().filter(**estimates):
         steps |= set(chunk.to_record_batch().column("step").to_pylist())
     return steps
 
@@ -234,13 +233,8 @@ def test_recording_tells_what_came_and_ends_by_itself(inline: list[bytes]) -> No
     assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)
     # Twice all lines but the header, and the event that says that the source was away.
-    assert told == {
-        "session": "rec/session.log",
-        "records": 2 * (len(inline) - 1),
-        "pictures": 28,
-        "broken": 0,
-        "gaps": 1,
-    }
+    counts = {"records": 2 * (len(inline) - 1), "pictures": 28, "broken": 0, "gaps": 1}
+    assert told == {"session": "rec/session.log"} | counts
     assert "was away for 0.5 s; ended" in done.stderr
     assert SessionLog(Path("rec/session.log")).count_pictures() == 28
     again = run("record", address, "-o", "rec")
@@ -250,9 +244,7 @@ def test_recording_tells_what_came_and_ends_by_itself(inline: list[bytes]) -> No
 
 @pytest.fixture
 def refused() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-    return f"tcp://127.0.0.1:{port}"
+    return free_address()
 
 
 def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, inline: list[bytes]) -> None:
@@ -264,16 +256,12 @@ def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, i
     with peer(says(b"".join(inline[:1]))) as address:
         done = run(address, "--library", library, "--patience", "0.3")
     assert done.exit_code == 1
-    assert (
-        done.stderr.strip().splitlines()[-1].endswith("ended before a picture came, so nothing was localized")
-    )
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.endswith("ended before a picture came, so nothing was localized")
     assert done.exception is None or isinstance(done.exception, SystemExit)
     done = piped(b"nonsense\n", "-", "--no-recording")
     assert done.returncode == 1
     assert "found broken JSON" in done.stderr
-
-
-def test_pictures_that_are_not_there_are_the_reason_that_is_told(library: Path, inline: list[bytes]) -> None:
     lines = [inline[0].strip(), b'{"t": 1e6, "image": "gone.jpg"}']
     done = piped(b"\n".join(lines) + b"\n", "-", "--library", str(library), "--no-recording")
     assert done.returncode == 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import socket
 import subprocess
@@ -18,11 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from helpers.live_peers import peer
-from maurice_loaders.bags.source import Message, decode_json
+from helpers.live_peers import PICTURE, peer
+from maurice_loaders.bags.decoding import decode_json
+from maurice_loaders.bags.source import Message
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import InputError
-from maurice_loaders.live import source as live_source_module
+from maurice_loaders.live import listening as live_listening
 from maurice_loaders.live import websocket as live_websocket
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, live_source
@@ -61,15 +61,8 @@ def robot(encoding: str, port: int = 0, count: int = COUNT) -> Iterator[tuple[st
         process.stdout.close()
 
 
-ODOMETRY = {
-    "cdr": "/odom",
-    "json": "/odom",
-    "proto": "/odom",
-    "proto-raw": "/odom",
-    "proto-video": "/odom",
-    "cdr-tf": "/tf:odom.base_link",
-    "proto-tf": "/tf:odom.base_link",
-}
+ODOMETRY = dict.fromkeys(("cdr", "json", "proto", "proto-raw", "proto-video"), "/odom")
+ODOMETRY |= dict.fromkeys(("cdr-tf", "proto-tf"), "/tf:odom.base_link")
 
 
 @pytest.mark.parametrize("encoding", ODOMETRY)
@@ -80,17 +73,14 @@ def test_a_robot_behind_a_foxglove_bridge_is_followed_and_recorded(encoding: str
             moments = list(islice(session.moments(), COUNT))
     assert len(moments) == COUNT
     assert session.counts.broken == 0
-    assert (
-        f"guessed pictures from /camera/image, odometry from {ODOMETRY[encoding]}," in session.info.notes[0]
-    )
-    assert "also there: /rear/image" in session.info.notes[0]
+    guessed = f"guessed pictures from /camera/image, odometry from {ODOMETRY[encoding]},"
+    assert all(text in session.info.notes[0] for text in (guessed, "also there: /rear/image"))
     assert moments[0].frame.motions.shape == (0, 3)
     for number, moment in enumerate(moments[1:], start=1):
         np.testing.assert_allclose(moment.frame.motions, [[0.05, 0.0, 0.1]], atol=1e-9)
         assert moment.frame.time_s == pytest.approx(0.05 * number, abs=1e-6)
-        assert (
-            int(np.abs(moment.frame.image[0, (number + 16) % 32].astype(int) - number * 7 % 256).max()) < 12
-        )
+        shade = moment.frame.image[0, (number + 16) % 32].astype(int)
+        assert np.abs(shade - number * 7 % 256).max() < 12
     again = list(SessionLog(tmp_path / "session.log").moments())
     assert len(again) == COUNT
     assert all((a.frame.image == b.frame.image).all() for a, b in zip(again, moments, strict=True))
@@ -154,8 +144,7 @@ def test_old_and_new_bridges_are_spoken_to_in_foxglove_s_protocol(offered: str) 
         connection.send(json.dumps({"op": "advertise", "channels": [channel | {"schema": ""}]}))
         wish = json.loads(connection.recv())
         heard.append(wish["subscriptions"])
-        data = base64.b64encode(encode_jpeg(np.full((6, 8, 3), 90, np.uint8))).decode()
-        message = {"timestamp": {"sec": 5, "nsec": 0}, "format": "jpeg", "data": data}
+        message = {"timestamp": {"sec": 5, "nsec": 0}, "format": "jpeg", "data": PICTURE}
         connection.send(HEAD.pack(1, 7, 5 * 10**9) + json.dumps(message).encode())
 
     listen = ListenOptions(keep_up=False, patience=SOON)
@@ -189,8 +178,7 @@ def odometry(t_s: float, x_m: float) -> str:
 
 
 def compressed(t_s: float) -> str:
-    data = base64.b64encode(encode_jpeg(np.full((6, 8, 3), 90, np.uint8))).decode()
-    message = {"header": stamped(t_s), "format": "jpeg", "data": data}
+    message = {"header": stamped(t_s), "format": "jpeg", "data": PICTURE}
     return json.dumps({"op": "publish", "topic": "/image/compressed", "msg": message})
 
 
@@ -230,28 +218,13 @@ def test_a_rosbridge_of_ros_1_is_followed() -> None:
         assert "not JSON" in str(session.problems[0])
 
 
-def test_what_is_no_websocket_is_told_in_one_line() -> None:
-    def another_protocol(connection: socket.socket) -> None:
-        connection.recv(65536)  # or what is left unread would reset the connection
-        connection.sendall(b"hello\r\n\r\n")
-
-    with peer(another_protocol) as address:
-        source = live_source(address.replace("tcp", "ws"))
-        with (
-            LiveSession(source, ListenOptions(patience=Patience(0.0))) as session,
-            pytest.raises(InputError) as told,
-        ):
-            list(session.moments())
-    assert "no WebSocket" in str(told.value)
-    assert "\n" not in str(told.value)
-
-
 NO_WEBSOCKETS: dict[str, bytes] = {
     "an endless line": b"x" * 200_000,
     "random bytes": np.random.default_rng(0).bytes(3000) + b"\n\r\n\r\n",
     "another answer": b"HTTP/1.1 200 OK\r\nContent-Length: 5\r\n\r\nhello",
     "TLS": bytes.fromhex("16030100c8010000c40303") + bytes(190),
     "nothing": b"",
+    "another protocol": b"hello\r\n\r\n",
 }
 
 
@@ -262,7 +235,7 @@ def test_a_hostile_server_is_told_in_one_line_and_nothing_is_printed(
     monkeypatch.setattr(live_websocket, "OPEN_S", 0.3)
 
     def answer(connection: socket.socket) -> None:
-        connection.recv(65536)
+        connection.recv(65536)  # or what is left unread would reset the connection
         connection.sendall(NO_WEBSOCKETS[name])
 
     with peer(answer) as address:
@@ -272,7 +245,8 @@ def test_a_hostile_server_is_told_in_one_line_and_nothing_is_printed(
             pytest.raises(InputError) as told,
         ):
             list(session.moments())
-    assert "found no session log there" in str(told.value)
+    expected = "no WebSocket" if name == "another protocol" else "found no session log there"
+    assert expected in str(told.value)
     assert "\n" not in str(told.value)
     assert capfd.readouterr() == ("", "")
 
@@ -303,6 +277,9 @@ def test_a_picture_waits_for_the_odometry_after_it() -> None:
     assert [sorted(one) for one in found] == [["odometry", "t"], ["image", "t"]]
     assert found[0]["odometry"] == pytest.approx([0.5, 0.0, 0.0])
     assert not translator.problems
+    found, _ = translated(odometry(0.0, 0.0), compressed(0.0))  # stamps that stand still are not used
+    assert found[0]["event"].startswith("clock: the bridge's times are used")
+    assert {one["t"] for one in found} == {5.0}
 
 
 def test_a_picture_without_odometry_is_left_out_and_no_movement_is_lost() -> None:
@@ -310,16 +287,8 @@ def test_a_picture_without_odometry_is_left_out_and_no_movement_is_lost() -> Non
     found, translator = translated(odometry(1.0, 0.0), compressed(1.0), odometry(1.1, 0.1), *pictures)
     assert [one["t"] for one in found] == [1.0, 3.0, 3.0]
     assert found[1]["odometry"] == pytest.approx([2.0, 0.0, 0.0])
-    assert [str(problem) for problem in translator.problems] == [
-        "found no odometry within 0.1 s of a picture; see --max-dt"
-    ]
-
-
-def test_stamps_that_stand_still_are_not_used() -> None:
-    messages = [odometry(0.0, 0.0), compressed(0.0)]
-    found, _ = translated(*messages)
-    assert found[0]["event"].startswith("clock: the bridge's times are used")
-    assert {one["t"] for one in found} == {5.0}
+    (problem,) = translator.problems
+    assert str(problem) == "found no odometry within 0.1 s of a picture; see --max-dt"
 
 
 def test_poses_that_come_late_are_put_in_their_place() -> None:

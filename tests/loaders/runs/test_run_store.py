@@ -1,7 +1,7 @@
-"""Saved runs on disk: what is read back is what was written, and damage is one line."""
+"""Saved runs on disk: what is read back is what was written, damage is one line, differences are named."""
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,21 +12,9 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.runs import writer as writing
 from maurice_loaders.runs.manifest import library_hash, put, read_manifest, source_of, write_manifest
-from maurice_loaders.runs.store import open_runs, same
-from maurice_loaders.runs.writer import (
-    BEST,
-    PART_STEPS,
-    PARTICLES,
-    RENEWED,
-    RunWriter,
-    StepRows,
-    begin_comparison,
-    moment_of,
-    record_of,
-    rows_of,
-    steps_schema,
-)
+from maurice_loaders.runs.store import first_difference, open_runs, same
 from maurice_mcl.library import Library
 
 from ..conftest import Save, edit, opened
@@ -72,9 +60,9 @@ def test_what_is_read_is_what_was_written_to_the_last_bit(save_run: Save, settin
     saved = opened(folder)
     origin = np.array(saved.manifest.origin_m)
     for rows, (moment, record) in zip(saved.steps(), played, strict=True):
-        again = moment_of(rows, moment.frame.image)
+        again = writing.moment_of(rows, moment.frame.image)
         assert_same(again, moment)
-        found = record_of(rows, again.frame, record.sighting, origin)
+        found = writing.record_of(rows, again.frame, record.sighting, origin)
         assert_same(found, record)
         assert sum(found.took_s.values()) == sum(record.took_s.values())
 
@@ -84,15 +72,15 @@ def test_best_entries_and_evidences_can_be_read_without_the_project(save_run: Sa
     steps = pl.scan_parquet(folder / "steps" / "*.parquet").collect()
     _, record = played[3]
     comparison = record.sighting.comparison
-    assert steps["best_entries"][3].to_list() == comparison.best(BEST).tolist()
-    assert steps["best_quality"][3].to_list() == comparison.quality[comparison.best(BEST)].tolist()
+    assert steps["best_entries"][3].to_list() == comparison.best(writing.BEST).tolist()
+    assert steps["best_quality"][3].to_list() == comparison.quality[comparison.best(writing.BEST)].tolist()
     assert [steps[f"evidence_{c}"][3] for c in ("color", "edges")] == record.channel_evidence.tolist()
     cloud = pl.scan_parquet(folder / "particles" / "*.parquet").filter(pl.col("step") == 4).collect()
     np.testing.assert_array_equal(cloud["x_m"].to_numpy(), record.weighted.poses[:, 0])
     np.testing.assert_allclose(np.exp(cloud["log_weight"].to_numpy()).sum(), 1)
     moment, record = played[0]
-    rows = rows_of(replace(moment, truth=None), record)
-    assert moment_of(rows, moment.frame.image).truth is None
+    rows = writing.rows_of(replace(moment, truth=None), record)
+    assert writing.moment_of(rows, moment.frame.image).truth is None
 
 
 def test_the_manifest_reads_back_and_says_how_far_it_got(save_run: Save) -> None:
@@ -105,14 +93,18 @@ def test_the_manifest_reads_back_and_says_how_far_it_got(save_run: Save) -> None
 
 def test_a_run_that_was_never_closed_has_the_parts_that_were_full(save_run: Save) -> None:
     folder, played = save_run(times=4, close=None)
-    assert len(played) > 2 * PART_STEPS
+    assert len(played) > 2 * writing.PART_STEPS
     saved = opened(folder)
     assert saved.manifest.state == "writing"
-    assert sum(1 for _ in saved.steps()) == len(played) // PART_STEPS * PART_STEPS == 2 * PART_STEPS
+    assert (
+        sum(1 for _ in saved.steps())
+        == len(played) // writing.PART_STEPS * writing.PART_STEPS
+        == 2 * writing.PART_STEPS
+    )
     part = folder / "particles" / "00000051.parquet"
     part.write_bytes((folder / "particles" / "00000026.parquet").read_bytes())  # its steps never came
     (folder / "steps" / ".00000051.parquet.part").write_bytes(b"PAR1")
-    assert sum(1 for _ in opened(folder).steps()) == 2 * PART_STEPS
+    assert sum(1 for _ in opened(folder).steps()) == 2 * writing.PART_STEPS
 
 
 @pytest.fixture
@@ -125,7 +117,7 @@ def frozen() -> Iterator[None]:
 
 
 def held() -> int:
-    return sum(isinstance(thing, StepRows) for thing in gc.get_objects())
+    return sum(isinstance(thing, writing.StepRows) for thing in gc.get_objects())
 
 
 @pytest.mark.usefixtures("frozen")
@@ -134,14 +126,14 @@ def test_memory_does_not_grow_with_the_session(
 ) -> None:
     folder, played = save_run(times=8)
     toml = (folder / "configuration.toml").read_text()
-    writer = RunWriter(folder.with_name("long"), read_manifest(folder), toml, run_library.arena)
+    writer = writing.RunWriter(folder.with_name("long"), read_manifest(folder), toml, run_library.arena)
     before = held()
     most = 0
     for moment, record in played:
         writer.add(moment, record)
         most = max(most, held() - before)
     writer.close("complete")
-    assert 0 < most <= PART_STEPS
+    assert 0 < most <= writing.PART_STEPS
     assert held() == before
     assert max(held() - before for _ in opened(folder).steps()) <= 2  # this one and the next
 
@@ -152,23 +144,23 @@ def test_a_folder_is_replaced_only_with_force_and_only_when_it_is_a_run(
     folder, _ = save_run()
     manifest = read_manifest(folder)
     with pytest.raises(InputError, match="--force"):
-        RunWriter(folder, manifest, "", run_library.arena)
+        writing.RunWriter(folder, manifest, "", run_library.arena)
     assert read_manifest(folder) == manifest
-    RunWriter(folder, manifest, "", run_library.arena, force=True)
+    writing.RunWriter(folder, manifest, "", run_library.arena, force=True)
     assert list(folder.rglob("*.parquet")) == []
     for name, text in (("notes.txt", "mine"), ("manifest.json", '{"format": "maurice-library"}')):
         other = tmp_path / name.split(".")[0]
         other.mkdir()
         (other / name).write_text(text)
         with pytest.raises(InputError, match="remove it yourself"):
-            RunWriter(other, manifest, "", run_library.arena, force=True)
+            writing.RunWriter(other, manifest, "", run_library.arena, force=True)
         assert (other / name).read_text() == text
 
 
 def test_the_runs_of_a_comparison_are_opened_in_order(save_run: Save, tmp_path: Path) -> None:
     folder, _ = save_run()
     both = tmp_path / "both"
-    begin_comparison(both, ["zebra", "ant"])
+    writing.begin_comparison(both, ["zebra", "ant"])
     for name in ("zebra", "ant"):
         folder.rename(both / name) if name == "ant" else save_run()[0].rename(both / name)
         save_run()
@@ -218,15 +210,108 @@ def frames(folder: Path) -> Iterator[pl.DataFrame]:
         yield pl.scan_parquet(folder / table / "*.parquet").collect()
 
 
-def test_parts_do_not_show_in_what_is_read(save_run: Save) -> None:
+def test_parts_do_not_show_in_what_is_read_and_every_column_is_documented(save_run: Save) -> None:
     folder, played = save_run(times=3)
     steps, particles, renewed = frames(folder)
     assert steps["step"].to_list() == list(range(1, len(played) + 1))
-    assert_frame_equal(particles, pl.concat(rows_of(*update).particles for update in played))
-    assert_frame_equal(renewed, pl.concat(rows_of(*update).renewed for update in played))
-
-
-def test_every_column_is_documented() -> None:
+    assert_frame_equal(particles, pl.concat(writing.rows_of(*update).particles for update in played))
+    assert_frame_equal(renewed, pl.concat(writing.rows_of(*update).renewed for update in played))
     text = (Path(__file__).parents[3] / "docs" / "saved-runs.md").read_text(encoding="utf-8")
-    for column in [*steps_schema(["<channel>"]), *PARTICLES, *RENEWED]:
+    for column in [*writing.steps_schema(["<channel>"]), *writing.PARTICLES, *writing.RENEWED]:
         assert f"`{column}`" in text, column
+
+
+INJECTING = {"recovery.strategy": "always", "recovery.share": 0.1}
+
+
+def tamper(folder: Path, table: str, part: str, column: str, change: Callable[[pl.Expr], pl.Expr]) -> None:
+    file = folder / table / part
+    frame = pl.read_parquet(file)
+    frame.with_columns(change(pl.col(column)).cast(frame.schema[column])).write_parquet(file)
+
+
+def test_equal_steps_have_no_difference(save_run: Save) -> None:
+    folder, played = save_run(**INJECTING)
+    for stored, update in zip(opened(folder).steps(), played, strict=True):
+        assert first_difference(stored, writing.rows_of(*update)) is None
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "said"),
+    [
+        ("particles", "heading_rad", "particles.heading_rad of particle 0"),
+        ("steps", "log_evidence", "log_evidence"),
+        ("steps", "estimate_sd_x_m", "estimate_sd_x_m"),
+        ("renewed", "y_m", "renewed.y_m of particle 0"),
+    ],
+)
+def test_the_first_different_field_is_named_down_to_one_bit(
+    save_run: Save, table: str, column: str, said: str
+) -> None:
+    folder, played = save_run()
+    width = np.float64 if table == "steps" else np.float32
+
+    def next_number(values: pl.Expr) -> pl.Expr:
+        return values.map_batches(
+            lambda s: pl.Series(np.nextafter(s.to_numpy(), width(np.inf))), return_dtype=pl.self_dtype()
+        )
+
+    tamper(folder, table, "00000001.parquet", column, next_number)
+    stored = next(opened(folder).steps())
+    found = first_difference(stored, writing.rows_of(*played[0]))
+    assert found is not None
+    assert (found.step, found.field) == (1, said)
+
+
+def test_zero_and_minus_zero_are_not_the_same() -> None:
+    assert not same(0.0, -0.0)
+    assert same(float("nan"), float("nan"))
+    assert not same([1.0], [1.0, 2.0])
+    assert not same(1, 1.0)
+
+
+def cut_end(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def tampered(table: str, column: str, more: int | None) -> Callable[[Path], None]:
+    """Add to a column, or empty it."""
+
+    def change(values: pl.Expr) -> pl.Expr:
+        return pl.when(False).then(values) if more is None else values + more
+
+    return lambda folder: tamper(folder, table, "00000001.parquet", column, change)
+
+
+DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no manifest": (lambda f: (f / "manifest.json").unlink(), "found no manifest.json"),
+    "broken manifest": (lambda f: cut_end(f / "manifest.json"), "is no manifest"),
+    "deep manifest": (lambda f: (f / "manifest.json").write_text("[" * 100_000), "nested too deeply"),
+    "other format": (lambda f: edit(f / "manifest.json", format="x"), "expected 'maurice-run'"),
+    "unknown version": (lambda f: edit(f / "manifest.json", version=99), "found version 99"),
+    "no seed": (lambda f: edit(f / "manifest.json", seed=None), "found seed nothing"),
+    "bad start": (lambda f: edit(f / "manifest.json", start=[1, 2]), "found start [1, 2]"),
+    "bad state": (lambda f: edit(f / "manifest.json", state="fine"), "found state 'fine'"),
+    "bad source": (lambda f: edit(f / "manifest.json", session={}), "session.path"),
+    "bad label": (lambda f: edit(f / "manifest.json", label="../x"), "label"),
+    "changed configuration": (lambda f: cut_end(f / "configuration.toml"), "was changed after"),
+    "no configuration": (lambda f: (f / "configuration.toml").unlink(), "is missing"),
+    "cut_end steps": (lambda f: cut_end(f / "steps/00000001.parquet"), "damaged Parquet"),
+    "cut_end particles": (lambda f: cut_end(f / "particles/00000001.parquet"), "damaged Parquet"),
+    "no renewed": (lambda f: (f / "renewed/00000001.parquet").unlink(), "is missing"),
+    "no steps": (lambda f: (f / "steps/00000001.parquet").unlink(), "found 0 steps, expected the 14"),
+    "fewer particles": (tampered("steps", "particles", 1), "found 50 particles at step 1, expected 51"),
+    "steps out of order": (tampered("steps", "step", 1), "found step 2, expected step 1"),
+    "parent out of reach": (tampered("renewed", "parent", 10**9), "parent that is no particle"),
+    "empty values": (tampered("particles", "x_m", None), "found no value of x_m"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damage_is_one_line(save_run: Save, name: str) -> None:
+    damage, said = DAMAGE[name]
+    folder, _ = save_run()
+    damage(folder)
+    with pytest.raises(InputError, match=said.replace("[", r"\[")) as caught:
+        list(opened(folder).steps())
+    assert "\n" not in str(caught.value)

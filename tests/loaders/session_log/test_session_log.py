@@ -91,7 +91,7 @@ def test_removing_truth_and_events_changes_no_frame(write_log: WriteLog, pixel: 
         assert np.array_equal(a.image, b.image)
 
 
-def test_keep_going_counts_and_carries_movements_on(write_log: WriteLog, pixel: Pixel) -> None:
+def test_keep_going_counts_all_keeps_some_and_carries_movements_on(write_log: WriteLog, pixel: Pixel) -> None:
     path = write_log(
         {"t": 0, "odometry": [1, 0, 0]},
         "{broken",
@@ -108,9 +108,6 @@ def test_keep_going_counts_and_carries_movements_on(write_log: WriteLog, pixel: 
     assert [problem.line for problem in log.problems] == [3, 4, 6]
     list(log.moments())
     assert log.problem_count == 3  # of the last reading, not of both
-
-
-def test_problems_kept_are_bounded_but_all_are_counted(write_log: WriteLog) -> None:
     log = SessionLog(write_log(*["nonsense"] * 250), keep_going=True)
     assert list(log.moments()) == []
     assert (log.problem_count, len(log.problems)) == (250, 100)

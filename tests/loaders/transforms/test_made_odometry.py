@@ -9,44 +9,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from helpers.format_samples import sample
-from maurice_loaders.errors import InputError, ReadingNotes
+from helpers.recordings import Given, odometry
+from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, before, first_truth
-from maurice_loaders.recording import Motion, Note, OdometryPose, Record, Recording, TruthPose
-from maurice_loaders.transforms import NAMED, MadeOdometry, OdometryNoise, odometry_from_truth
+from maurice_loaders.recording import Motion, Note, OdometryPose, TruthPose
+from maurice_loaders.transforms.made_odometry import (
+    NAMED,
+    MadeOdometry,
+    OdometryNoise,
+    odometry_from_truth,
+    synthetic_motions,
+)
 from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import compose, motion_between
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.geometry import angle_between, compose, motion_between
 from maurice_viz.cli.app import app
 
 MADE = ReadingOptions(odometry_from_truth=True)
 QUIET = OdometryNoise(0, 0, 0)
 
 
-class Given:
-    """Records as they are."""
-
-    path = Path("given")
-    info = SessionInfo("given")
-
-    def __init__(self, *records: Record) -> None:
-        self.all = records
-
-    def records(self, notes: ReadingNotes) -> list[Record]:  # type: ignore[override]  # a list goes around as well
-        return list(self.all)
-
-
 def truths(poses: F64, dt_s: float = 0.1) -> Given:
-    return Given(*(TruthPose(dt_s * k, pose) for k, pose in enumerate(poses)))
-
-
-def odometry(recording: Recording) -> F64:
-    found = recording.records(ReadingNotes(keep_going=False))
-    return np.array([one.pose for one in found if isinstance(one, OdometryPose)])
+    return Given([TruthPose(dt_s * k, pose) for k, pose in enumerate(poses)])
 
 
 def circle(count: int, way_m: float, turn_rad: float) -> F64:
@@ -60,17 +50,13 @@ def test_without_noise_it_is_the_truths_own_way() -> None:
     poses = circle(50, 0.1, 0.2)
     found = odometry(MadeOdometry(truths(poses), 0, QUIET))
     assert found[0].tolist() == [0, 0, 0]
+    one, same, other = (odometry(MadeOdometry(truths(poses), seed)) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 0.01
     for k in range(50):
         np.testing.assert_allclose(
             motion_between(found[k], found[k + 1]), motion_between(poses[k], poses[k + 1]), atol=1e-9
         )
-
-
-def test_the_same_seed_gives_the_same_and_another_another() -> None:
-    drive = truths(circle(50, 0.1, 0.2))
-    one, same, other = (odometry(MadeOdometry(drive, seed)) for seed in (3, 3, 4))
-    np.testing.assert_array_equal(one, same)
-    assert np.abs(one - other).max() > 0.01
 
 
 @pytest.mark.parametrize("steps", [10, 100])
@@ -90,20 +76,19 @@ def test_the_noise_is_what_it_says_however_often_truth_comes(steps: int) -> None
 
 def test_wheels_do_not_see_that_the_robot_is_carried() -> None:
     a, b = np.array([0.0, 0, 0]), np.array([50.0, 9, 2])
-    drive = Given(
-        TruthPose(0, a), Note(1, "kidnapped"), TruthPose(2, b), TruthPose(3, compose(b, np.ones(3)))
-    )
+    later = compose(b, np.ones(3))
+    drive = Given([TruthPose(0, a), Note(1, "kidnapped"), TruthPose(2, b), TruthPose(3, later)])
     found = odometry(MadeOdometry(drive, 0, QUIET))
     np.testing.assert_allclose(found, [[0, 0, 0], [0, 0, 0], [1, 1, 1]], atol=1e-9)
 
 
 def test_it_is_refused_without_truth_and_beside_odometry() -> None:
     with pytest.raises(InputError, match="found no truth, and odometry_from_truth needs true poses"):
-        odometry_from_truth(Given(Note(0, "on")), 0)
+        odometry_from_truth(Given([Note(0, "on")]), 0)
     pose = np.zeros(3)
     for measured in (OdometryPose(0, pose), Motion(1, pose)):
         with pytest.raises(InputError, match="leave odometry_from_truth out"):
-            odometry_from_truth(Given(TruthPose(0, pose), measured), 0)
+            odometry_from_truth(Given([TruthPose(0, pose), measured]), 0)
 
 
 @pytest.mark.parametrize("name", ["tum", "kitti", "table", "session-log"])
@@ -131,44 +116,33 @@ def test_every_picture_has_its_way(name: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(b.frame.motions[0], motion_between(a.truth, b.truth), atol=0.02)
 
 
-def test_what_can_be_done_is_said(tmp_path: Path) -> None:
-    with_truth, without = (
-        open_session(sample("kitti", tmp_path / "a")),
-        open_session(sample("video", tmp_path / "b")),
-    )
+def test_what_can_be_done_is_said_and_gating_counts_made_odometry(tmp_path: Path) -> None:
+    with_truth, without = (open_session(sample(name, tmp_path / name)) for name in ("kitti", "video"))
     for session in (with_truth, without):
         list(session.moments())
     assert any("odometry_from_truth" in text for text in with_truth.warnings)
     assert any("table=" in text for text in without.warnings)
     assert not any("odometry_from_truth" in text for text in without.warnings)
+    made = open_recording(sample("kitti", tmp_path / "made"), MADE)
+    assert RecordedSession(made, ReadingOptions(min_distance_m=0.08)).overview()[0] == 2
 
 
 def test_a_drive_begins_at_its_first_true_pose() -> None:
     poses = circle(3, 0.5, 0.4)
     np.testing.assert_allclose(first_truth(truths(poses)), poses[0])  # type: ignore[arg-type]  # there is one
-    late = Given(
-        *(OdometryPose(k, motion_between(poses[0], poses[k])) for k in range(3)), TruthPose(2, poses[2])
-    )
-    np.testing.assert_allclose(first_truth(late), poses[0], atol=1e-9)  # type: ignore[arg-type]
+    measured = [OdometryPose(k, motion_between(poses[0], poses[k])) for k in range(3)]
     steps = [Motion(k, np.array([0.5, 0, 0.4])) for k in range(3)]
-    np.testing.assert_allclose(first_truth(Given(*steps, TruthPose(3, poses[3]))), poses[0], atol=1e-9)  # type: ignore[arg-type]
-    assert first_truth(Given(Note(0, "on"))) is None
+    for late in ([*measured, TruthPose(2, poses[2])], [*steps, TruthPose(3, poses[3])]):
+        np.testing.assert_allclose(first_truth(Given(late)), poses[0], atol=1e-9)  # type: ignore[arg-type]
+    assert first_truth(Given([Note(0, "on")])) is None
     np.testing.assert_allclose(compose(before(poses[3], np.ones(3)), np.ones(3)), poses[3])
 
 
 def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path) -> None:
     kept = [line for line in small_session.read_text().splitlines() if '"odometry"' not in line]
     small_session.write_text("\n".join(kept) + "\n")
-    words = [
-        str(small_session),
-        "--no-recording",
-        "--particles",
-        "400",
-        "--reading",
-        "odometry_from_truth=true",
-        "--start",
-        "truth",
-    ]
+    typed = "--no-recording --particles 400 --reading odometry_from_truth=true --start truth"
+    words = [str(small_session), *typed.split()]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
     assert done.stderr.splitlines()[0].startswith("ODOMETRY IS NOT MEASURED")
@@ -193,8 +167,41 @@ def test_starting_where_there_is_no_truth_is_refused(tmp_path: Path, small_sessi
         assert told in done.stderr.splitlines()[-1]
 
 
-def test_gating_counts_made_odometry(tmp_path: Path) -> None:
-    session = RecordedSession(
-        open_recording(sample("kitti", tmp_path / "made"), MADE), ReadingOptions(min_distance_m=0.08)
-    )
-    assert session.overview()[0] == 2
+pose = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7)).map(np.array)
+
+
+@given(pose, pose)
+def test_without_noise_it_leads_exactly_there(before: np.ndarray, after: np.ndarray) -> None:
+    arrived = before
+    for motion in synthetic_motions(before, after, QUIET, 0, 0):
+        arrived = compose(arrived, motion)
+        assert (motion[:2] == 0).all() != (motion[2] == 0)  # none is straight and turn at once
+    assert arrived[:2] == pytest.approx(after[:2], abs=1e-9)
+    assert angle_between(arrived[2], after[2]) == pytest.approx(0, abs=1e-9)
+
+
+def test_the_noise_is_as_stated() -> None:
+    noise = OdometryNoise(way_share=0.05, turn_share=0.1, drift_rad_per_m=0.02)
+    n = 4000
+    draws = [synthetic_motions(np.zeros(3), np.array([3.0, 4.0, 2.0]), noise, 7, k) for k in range(n)]
+    straight, turn = (np.array([motions[k] for motions in draws]) for k in (0, 1))
+    way = np.hypot(straight[:, 0], straight[:, 1])
+    for drawn, mean, sd in ((way, 5, 0.25), (straight[:, 2], 0, 0.1), (turn[:, 2], 2, 0.2)):
+        assert abs(drawn.mean() - mean) < 4 * sd / np.sqrt(n)
+        assert abs(drawn.std() - sd) < 4 * sd / np.sqrt(2 * n)
+    assert np.allclose(straight[:, 1] / straight[:, 0], 4 / 3)
+    assert (turn[:, :2] == 0).all()
+
+
+def test_the_same_address_draws_the_same() -> None:
+    def drawn(seed: int, step: int) -> list[float]:
+        (motion,) = synthetic_motions(np.zeros(3), np.array([1.0, 0, 0]), OdometryNoise(), seed, step)
+        return list(motion)
+
+    assert synthetic_motions(np.ones(3), np.ones(3), OdometryNoise(), 0, 0) == []  # who stands still
+    assert drawn(1, 2) == drawn(1, 2)
+    assert drawn(1, 2) != drawn(1, 3)
+    assert drawn(1, 2) != drawn(2, 2)
+    said = OdometryNoise(0.05, 0.06, 0.07).describe(3)
+    assert said.startswith("odometry is synthetic")
+    assert all(number in said for number in ("0.05", "0.06", "0.07", "seed 3"))

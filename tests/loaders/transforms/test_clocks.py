@@ -1,4 +1,4 @@
-"""How far two clocks are apart, by the movement: found where there is one, and never guessed."""
+"""Units of time stamps, and how far two clocks are apart by the movement: found, never guessed."""
 
 from __future__ import annotations
 
@@ -9,12 +9,46 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_loaders.calibration import read_aligned
-from maurice_loaders.errors import ReadingNotes
-from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.time_alignment import offset_between
+from helpers.recordings import read
+from maurice_loaders.formats.odometry_folder import read_aligned
+from maurice_loaders.transforms.clocks import TimeSpan, apart, detect_unit, offset_between, seconds
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose
+
+
+@pytest.mark.parametrize(
+    ("stamps", "unit"),
+    [
+        (["1403636601113555456", "1403636621163555584"], "ns"),
+        (["1560004885.446172", "1560004885.479529"], "s"),
+        (["1560004885446", "1560004885479"], "ms"),
+        (["1560004885446172", "1560004885479529"], "us"),
+        (["81605000000", "81625000000", "81640000000"], "ns"),  # since the start of the sensor
+        (["0.000000e+00", "1.036224e-01"], "s"),
+        (["0", "1", "2", "3"], "s"),
+        (["0", "100", "200"], "ms"),
+        (["0", "33333", "66666"], "us"),
+        (["0", "33333333", "66666666"], "ns"),
+        (["0.0", "60.5", "120.25"], "s"),  # a picture a minute
+        (["7"], "s"),
+    ],
+)
+def test_the_unit_is_told(stamps: list[str], unit: str) -> None:
+    assert detect_unit(stamps) == unit
+
+
+def test_nanoseconds_keep_what_a_float_can_hold_and_spans_meet_or_do_not() -> None:
+    assert seconds("1403636601113555456", "ns") == 1403636601.113555456
+    assert seconds("1.5e3", "ms") == 1.5
+    one, other = TimeSpan(), TimeSpan()
+    for t_s in (10.0, 12.0):
+        one.add(t_s)
+    for t_s in (12.5, 14.0):
+        other.add(t_s)
+    assert not one.overlaps(other)
+    assert one.overlaps(other, 1.0)
+    assert apart("pictures", one, "truth", other).endswith("their beginnings are -2.500 s apart")
+
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "thymio"
 
@@ -76,12 +110,8 @@ def test_the_offset_that_is_said_brings_truth_back(tmp_path: Path) -> None:
 
     write("odometry.txt", t_s + 1e9, poses)
     write("groundtruth.txt", t_s[200:500], poses[200:500])
-    notes = ReadingNotes(keep_going=False)
-    list(open_recording(tmp_path).records(notes))
-    (said,) = notes.warnings
+    (said,) = read(tmp_path)[1]
     assert "movement is most like the odometry's" in said
     assert float(said.rsplit("truth_offset_s=", 1)[1]) == pytest.approx(1e9, abs=0.15)
     write("groundtruth.txt", t_s[200:500], poses[200:500] * 0)
-    notes = ReadingNotes(keep_going=False)
-    list(open_recording(tmp_path).records(notes))
-    assert "how far; if both begin together, use --reading truth_offset_s=" in notes.warnings[0]
+    assert "how far; if both begin together, use --reading truth_offset_s=" in read(tmp_path)[1][0]

@@ -1,9 +1,10 @@
-"""Options of reading in a TOML file."""
+"""Options of reading, and a robot's motion, in TOML files."""
 
 from pathlib import Path
 
 import pytest
 
+from maurice_loaders.config_files import motion_to_toml, read_motion
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading import (
     CORRECTIONS,
@@ -38,7 +39,7 @@ def test_a_file_holds_options_to_the_last_bit(
     assert ("degrees" in Path("reading.toml").read_text()) == (options is CHANGED)
 
 
-def test_a_table_is_found_from_where_the_file_lies(tmp_path: Path) -> None:
+def test_a_table_is_found_from_where_the_file_lies_which_is_replaced_only_by_force(tmp_path: Path) -> None:
     file = tmp_path / "below" / "reading.toml"
     file.parent.mkdir()
     write_reading(file, ReadingOptions(table=tmp_path / "poses.csv"))
@@ -46,9 +47,6 @@ def test_a_table_is_found_from_where_the_file_lies(tmp_path: Path) -> None:
     found = read_reading(file).table
     assert found is not None
     assert found.resolve() == (tmp_path / "poses.csv").resolve()
-
-
-def test_an_existing_file_is_replaced_only_by_force(tmp_path: Path) -> None:
     write_reading(tmp_path / "a.toml", CHANGED)
     with pytest.raises(InputError, match="exists already"):
         write_reading(tmp_path / "a.toml", CHANGED)
@@ -74,6 +72,8 @@ def test_an_existing_file_is_replaced_only_by_force(tmp_path: Path) -> None:
 )
 def test_a_bad_file_is_named_in_one_line(text: str, found: str, tmp_path: Path) -> None:
     file = tmp_path / "reading.toml"
+    with pytest.raises(InputError, match="no such file"):
+        read_reading(file)
     file.write_text(text)
     with pytest.raises(InputError, match=found) as error:
         read_reading(file)
@@ -81,19 +81,49 @@ def test_a_bad_file_is_named_in_one_line(text: str, found: str, tmp_path: Path) 
     assert "\n" not in str(error.value)
 
 
-def test_a_missing_file_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        read_reading(tmp_path / "none.toml")
-
-
-def test_every_option_has_a_meaning_and_corrections_are_a_group_of_their_own() -> None:
-    assert all(meaning.text.endswith((".", "]")) for meaning in FIELDS.values())
-    assert len(CORRECTIONS) == 11
-
-
-def test_the_documentation_lists_every_option() -> None:
+def test_the_documentation_lists_every_option_and_corrections_are_a_group() -> None:
     text = (Path(__file__).parents[2] / "docs" / "reading.md").read_text(encoding="utf-8")
     for name, meaning in FIELDS.items():
         typed = "--keep-going" if name == "keep_going" else name.replace("_rad", "_deg")
         assert f"| `{name}` | `{typed}` |" in text
         assert f"| {meaning.text}" in text
+    assert all(meaning.text.endswith((".", "]")) for meaning in FIELDS.values())
+    assert len(CORRECTIONS) == 11
+
+
+MOTION = {
+    "model": "maurice",
+    "turn_gain": 0.73,
+    "straight_bias_m": -1e-05,
+    "drift": {
+        "": {"bias_rad_per_m": 0.1, "sd_rad_per_m": 0.2},
+        'old "oak".\x7f': {"bias_rad_per_m": -0.1, "sd_rad_per_m": 0.0},
+    },
+}
+
+
+def test_a_motion_that_is_written_reads_back(tmp_path: Path) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text(motion_to_toml(MOTION, ("two\nlines",)), encoding="utf-8")
+    assert read_motion(file) == MOTION
+    assert file.read_text().startswith("# two lines\n[robot.motion]\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "found nothing, expected a table"),
+        ("robot = 3\n", "found robot, expected a table"),
+        ("[robot]\nname = 'x'\n", "expected a table"),
+        ("[robot.motion]\n", "expected a table"),
+        ("turn_gain = 0.7\n", "found turn_gain, expected a table"),
+        ("[robot", "cannot be read as TOML"),
+    ],
+)
+def test_other_files_hold_no_motion(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "m.toml"
+    with pytest.raises(InputError, match="no such file"):
+        read_motion(file)
+    file.write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_motion(file)

@@ -1,28 +1,85 @@
-"""Wrong inputs out of right ones: bytes, lines and JSON values changed, by a generator that has a seed."""
+"""Inputs that are right, and wrong ones out of them: bytes, lines and JSON values changed, by a seed."""
 
 from __future__ import annotations
 
+import base64
 import json
 from collections.abc import Callable, Sequence
 from random import Random
 from typing import Any
 
+import numpy as np
+
+from maurice_loaders.io.pictures import encode_jpeg
+
+HEADER: dict[str, Any] = {"format": "maurice-session-log", "version": 1, "kind": "session", "name": "drive"}
+FULL: dict[str, Any] = HEADER | {
+    "robot": {"name": "Maurice", "motion": {"gain": [1.0, 1.0], "noise": {"wood": [0.1, 0.2]}}},
+    "cameras": {"front": {"width_px": 8, "height_px": 6, "horizontal_fov_rad": 1.0, "yaw_rad": 0.1}},
+    "display_units": "in",
+    "survey": "survey/survey.log",
+    "start": [1, 2.5, 0.3],
+    "map": {
+        "bounds_m": [0, 0, 4, 3],
+        "walls_m": [[0, 0, 4, 0], [4, 0, 4, 3]],
+        "floors": [{"name": "wood", "polygon_m": [[0, 0], [4, 0], [4, 3]]}],
+    },
+    "notes": ["one", "two"],
+}
+JPEG = encode_jpeg(np.full((6, 8, 3), 90, np.uint8))
+PICTURE = base64.b64encode(JPEG).decode()
+ON_DISK = "a.jpg"  # beside every log that is tried
+
+
+def json_line(value: object) -> bytes:
+    return json.dumps(value).encode() + b"\n"
+
+
+def records(times: list[float], image: object, **more: Any) -> list[bytes]:
+    found = []
+    for t in times:
+        found += [{"t": t, "odometry": [0.1, 0, 0.2]}, {"t": t, "truth": [t % 10, 1, 0.5]}]
+        found += [{"t": t, "image": image} | more, {"t": t, "event": "bump"}]
+    return [json_line(one) for one in found]
+
+
+INLINE = {"base64": PICTURE}
+LOGS = [
+    b"".join([json_line(HEADER), *records([0, 1, 2], INLINE)]),
+    b"".join([json_line(FULL), *records([1e9, 1e9 + 0.5], INLINE, camera="front")]),
+    b"".join([json_line(FULL), json_line({"t": 0, "odometry": [0, 0, 0], "encoders_m": [1, 1, 1, 1]})]),
+    b"".join(
+        [json_line(HEADER), *records([-1, 0], ON_DISK, covered=False), *records([3], INLINE, covered=True)]
+    ),
+    b"".join([json_line(HEADER | {"kind": "survey"}), *records([0, 1], ON_DISK, pose=[1, 2, 3])]),
+    b"".join([json_line(FULL | {"kind": "survey"}), *records([0], INLINE, pose=[1, 2, 3], covered=True)]),
+]
+STREAMS = [one for one in LOGS if b'"survey", "name"' not in one]  # what a live source may say
+
+
+def _rows(seed: int, width: int, height: int) -> list[bytes]:
+    values = np.random.default_rng(seed).integers(16, 241, (height, 3 * width), dtype=np.uint8)
+    return [row.tobytes() for row in values]
+
+
+SIZE = bytes([5, 4])
+FRAMES = [
+    b"\1" + SIZE + b"".join(b"\2" + row for row in _rows(0, 5, 4)) + b"\3",
+    b"\1" + SIZE + b"".join(_rows(1, 5, 4)) + b"\3",
+    b"\1" + SIZE + b"\2".join(_rows(2, 5, 4)) + b"\3",
+    b"\1" + b"".join(b"\2" + row for row in _rows(3, 4, 5)) + b"\3",
+    b"\1" + SIZE + b"\2" + b"".join(_rows(4, 5, 4)) + b"\3",
+]
+DUMPS = [
+    *FRAMES,
+    b"CMUcam2 v1.00 c6\r:ACK\r" + b":ACK\r".join(FRAMES) + b":",
+    b"\1" + b"".join(b"\2" + row for row in _rows(5, 87, 143)) + b"\3" + FRAMES[0],
+]
+
+
 MOST_BYTES = 200_000  # of a mutated input
 TOKENS = [
-    *(
-        b"NaN",
-        b"Infinity",
-        b"-1e999",
-        b"1e400",
-        b"null",
-        b"true",
-        b'""',
-        b"{}",
-        b"[]",
-        b"{",
-        b"[",
-        b"\\ud800",
-    ),
+    *b'NaN Infinity -1e999 1e400 null true "" {} [] { [ \\ud800'.split(),
     *(b"\0", b"\xff", b"\xef\xbb\xbf", b"\r", b"\n", b"\1", b"\2", b"\3", b"\xff\xd8\xff", b"\xe2\x80\xa8"),
     *(b'"t": 1e308, ', b'"image": "../a.jpg", ', b'"format": "maurice-session-log", ', b"9" * 5000),
     *(b"[" * 3000, b'{"a":' * 3000, b"\1\2\3" * 50),
