@@ -15,7 +15,7 @@ from fuzz_inputs import JPEG, PICTURE, mutated
 from websockets.exceptions import ConnectionClosedOK
 
 from helpers.bags import Ros
-from maurice_loaders.live.bridges import ASK, HEAD
+from maurice_loaders.live.websocket import ASK, HEAD
 
 Message = str | bytes
 Conversation = list[Message | None]  # None: nothing comes for a moment

@@ -24,15 +24,12 @@ from hypothesis import strategies as st
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import FieldError, InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
-from maurice_loaders.io.pictures import decode_picture
-from maurice_loaders.live import listening as live_listening
-from maurice_loaders.live.bridges import ASK, HEAD, Foxglove, Rosbridge
+from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live.intake import Intake, Received
-from maurice_loaders.live.listening import Listening, Patience
 from maurice_loaders.live.session import LiveRecorder
-from maurice_loaders.live.source import LiveSource
+from maurice_loaders.live.source import Listening, LiveSource, Patience
 from maurice_loaders.live.translation import ChosenTopics, Translator
-from maurice_loaders.live.websocket import WebsocketStream
+from maurice_loaders.live.websocket import ASK, HEAD, Foxglove, Rosbridge, WebsocketStream
 from maurice_loaders.pictures import decode_picture
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Picture
@@ -120,7 +117,7 @@ def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]
 
     source, notes = LiveSource("peer", connect, peer=True), ReadingNotes(keep_going=True)
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
-        patch.setattr(live_listening, "FIRST_WAIT_S", 0.0)
+        patch.setattr(live_source_module, "FIRST_WAIT_S", 0.0)
         recorder = LiveRecorder(Path(folder))
         intake = Intake(source, Listening(source, stop, Patience(60)), notes, lambda text: None)
         heard, begun, refused = [], False, ""

@@ -28,7 +28,7 @@ ARENA = Arena((0, 0, 4, 4), np.zeros((0, 4)), floors=(WOOD, CARPET))
 def written(folder: Path, records: str) -> Path:
     """Write a session of records such as `1 truth 0 0 0`, separated by semicolons."""
     path = folder / "session.log"
-    with SessionWriter(path, SessionInfo("drive", arena=ARENA)) as log:
+    with SessionWriter(path, SessionInfo("drive", arena=ARENA), force=True) as log:
         for record in records.split("; "):
             t_s, kind, rest = record.split(" ", 2)
             getattr(log, kind)(float(t_s), rest if kind == "event" else list(map(float, rest.split())))

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
-from maurice_loaders.bags.formats import BAGS
 from maurice_loaders.bags.localizer import MOST_WALLS, RecordedLocalizer, RecordedUpdate, arena_of
+from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess
 from maurice_loaders.reading import ReadingOptions

@@ -14,7 +14,7 @@ from mcap import reader
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
 from helpers.recordings import counted
-from maurice_loaders.bags.mcap import open_mcap
+from maurice_loaders.bags.containers import open_mcap
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording
 from maurice_loaders.reading import ReadingOptions
@@ -73,7 +73,7 @@ def test_topics_of_several_types_without_stamps_and_definitions_in_idl(tmp_path:
     for one in said:
         if "camera" in one.topic:
             one.message.header.stamp.sec = one.message.header.stamp.nanosec = 0
-    assert counted(making.write_ros1(tmp_path / "a.bag", said)) == DRIVE
+    assert counted(making.write_ros1(tmp_path / "b.bag", said)) == DRIVE
     kind = "geometry_msgs/msg/Pose2D"
     idl = "module geometry_msgs { module msg { struct Pose2D { double x; double y; double theta; }; }; };"
     said = [

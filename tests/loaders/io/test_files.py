@@ -69,7 +69,7 @@ def test_an_old_folder_is_replaced_only_when_asked_and_stays_after_a_failure(tmp
     fill(tmp_path / "a", force=True)
     assert (tmp_path / "a/manifest.json").read_text() == "new"
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
-    fill(tmp_path / "a", "old")
+    fill(tmp_path / "a", "old", force=True)
     with pytest.raises(RuntimeError), new_folder(tmp_path / "a", force=True):
         raise RuntimeError
     assert (tmp_path / "a/manifest.json").read_text() == "old"

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from maurice_loaders.errors import FieldError
 from maurice_loaders.live.intake import APART_S, SET_BACK, LiveClock
-from maurice_loaders.live.listening import LineCutter
 from maurice_loaders.live.session import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
+from maurice_loaders.live.source import LineCutter
 from maurice_loaders.session_log.records import PictureRecord
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose

@@ -18,17 +18,15 @@ import numpy as np
 import pytest
 
 from helpers.live_peers import PICTURE, peer
-from maurice_loaders.bags.decoding import decode_json
-from maurice_loaders.bags.source import Message
+from maurice_loaders.bags.source import Message, decode_json
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import InputError
-from maurice_loaders.live import listening as live_listening
+from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live import websocket as live_websocket
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, live_source
 from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator
 from maurice_loaders.live.websocket import HEAD, SUBPROTOCOLS
-from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.session import Moment

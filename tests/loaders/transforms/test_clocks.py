@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from helpers.recordings import read
-from maurice_loaders.formats.odometry_folder import read_aligned
-from maurice_loaders.transforms.clocks import TimeSpan, apart, detect_unit, offset_between, seconds
+from maurice_loaders.calibration import read_aligned
+from maurice_loaders.time_alignment import TimeSpan, apart, detect_unit, offset_between, seconds
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose
 

@@ -20,7 +20,7 @@ from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, before, first_truth
 from maurice_loaders.recording import Motion, Note, OdometryPose, TruthPose
-from maurice_loaders.transforms.made_odometry import (
+from maurice_loaders.transforms import (
     NAMED,
     MadeOdometry,
     OdometryNoise,
