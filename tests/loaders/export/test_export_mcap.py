@@ -140,11 +140,11 @@ def test_a_header_without_sense_is_one_line_and_a_fisheye_has_no_pinhole(tmp_pat
         with pytest.raises(InputError, match=r"/session/header: .* is it damaged"):
             open_recording(tmp_path / "a.mcap")
     image = np.zeros((3, 4, 3), np.uint8)
-    with mcap_file(tmp_path / "a.mcap") as mcap:
+    with mcap_file(tmp_path / "b.mcap") as mcap:
         scene_of(SessionInfo("a", cameras=(Camera("wide", horizontal_fov_rad=3.4),))).write_picture(
             mcap, 0.0, image, "png"
         )
-    assert [topic for topic, *_ in messages(tmp_path / "a.mcap")] == [IMAGE]
+    assert [topic for topic, *_ in messages(tmp_path / "b.mcap")] == [IMAGE]
 
 
 def test_clouds_are_whole_and_pictures_are_jpeg_of_the_same_size(exported) -> None:

@@ -87,7 +87,7 @@ def test_a_robot_behind_a_foxglove_bridge_is_followed_and_recorded(encoding: str
 def test_a_bridge_that_is_killed_and_comes_back_goes_on(tmp_path: Path) -> None:
     with robot("json", count=5) as (address, process):
         got: list[Moment] = []
-        listen = ListenOptions(keep_up=False, patience=Patience(6.0, silent_s=6.0))
+        listen = ListenOptions(keep_up=False, patience=Patience(30.0, silent_s=30.0))
         with LiveSession(live_source(address), listen) as session:
             moments = session.moments()
             got += [next(moments) for _ in range(5)]
