@@ -138,11 +138,7 @@ def trials_from_session(path: Path) -> Trials:
 
 
 class _Legs:
-    """The legs of a log: the movements between truths, with the first truth after each movement.
-
-    The first, because odometry covers the time since the odometry record before: later truths may already
-    belong to the next movement. Nothing is joined across a kidnapping.
-    """
+    """The movements between truths, each with the first truth after it; none across a kidnapping."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -178,10 +174,9 @@ def mishaps(path: Path) -> dict[str, int]:
 
 
 def plain(leg: MotionSegment) -> MotionSegment | None:
-    """Return a leg whose movements are turns or straights and never both; None for arcs.
+    """Return a leg of turns or straights, never both; None for arcs, which cannot be separated.
 
-    A movement by itself that is nearly a turn counts as one, and one that is nearly a straight as a straight
-    that drifted by what its odometry did not see. What an arc did cannot be separated.
+    A movement by itself counts as what it nearly is.
     """
     least, limits = MauriceParameters(), Cutting()
     way_m, turn = float(np.hypot(*leg.motions[0][:2])), float(leg.motions[0][2])
@@ -323,11 +318,10 @@ STANDING, TURNING, FORWARD, BACKWARD = range(4)
 
 
 def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
-    """Cut a drive where it changes between turning and going straight, and between forward and backward.
+    """Cut a drive where it changes between turning and going, forward and backward.
 
-    A straight's length is that between its ends, and its drift is what the heading really changed less what
-    the odometry saw of it. Movements in which the truth jumps (capture lost, or the robot carried) are left
-    out, and counted with those that are too small, and with arcs.
+    A drift is what the heading changed less what odometry saw. Movements that are too small, arcs, and those
+    in which the truth jumps are left out and counted.
     """
     kinds, jumped = _kinds(drive.odometry, cutting), jumps(drive, cutting)
     edges = np.flatnonzero(np.diff(kinds)) + 1

@@ -219,10 +219,9 @@ class Diagnosis:
 def diagnose(
     path: Path, options: ReadingOptions, library: Library | None, progress: Progress | None = None
 ) -> Diagnosis:
-    """Look for everything that is known to go wrong. Raises InputError for what cannot be read at all.
+    """Look for everything that is known to go wrong. InputError for what cannot be read at all.
 
-    Reads the records once, and with a library decodes at most 60 pictures. What an earlier check finds is
-    taken back before the next one: times first, then what truth says, then what pictures say.
+    What one check finds is taken back before the next: times first, then truth, then at most 60 pictures.
     """
     found = gather(path, options)
     factor, units = time_unit(found.drive)

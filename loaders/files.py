@@ -90,8 +90,7 @@ def cache_root() -> Path:
 def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
     """Return a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
 
-    Raises InputError if `target` exists already or has no name. With `force` an old folder is replaced, but
-    only one that is empty or holds the file `ours`: nobody's home is deleted by a slip of the hand.
+    InputError if `target` exists, unless `force`, and it is empty or holds the file `ours`.
     """
     check_target(target, force, ours)
     filling = _sibling(target, "part")

@@ -105,11 +105,9 @@ METERS = {"m": 1.0, "mm": 0.001}
 
 
 def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -> Arena:
-    """Read `x1 y1 x2 y2` a line, in "m" or "mm"; empty lines and lines that begin with # are skipped.
+    """Read `x1 y1 x2 y2` a line, in "m" or "mm". InputError names a bad line.
 
-    The bounds reach a margin beyond the poses (L, 2 or 3), for a plan of a whole building says nothing about
-    rooms that were never surveyed; walls entirely outside are left out. Raises InputError naming a bad line,
-    or says that the map is larger than any robot's.
+    The bounds reach a margin beyond the poses (L, 2 or 3); walls entirely outside are left out.
     """
     if unit not in METERS:
         raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(METERS)}")
@@ -152,10 +150,9 @@ class Split:
 def split_runs(
     runs: Sequence[Run], every: int, guard_m: float, session_pictures: int, library_pictures: int
 ) -> Split:
-    """Return every so many-th run to the session, beginning with the first, and the rest to the library.
+    """Return every so many-th run to the session, from the first, and the rest to the library.
 
-    A library run within `guard_m` of any session pose is dropped, wherever it looks: in one pass the
-    neighboring frames are almost the same picture, and a filter that finds them proves nothing.
+    A library run within `guard_m` of a session pose is dropped: neighboring frames are nearly one picture.
     """
     session = [run for number, run in enumerate(runs) if number % every == 0]
     others = [run for number, run in enumerate(runs) if number % every != 0]
@@ -229,11 +226,9 @@ def import_pictures(
 ) -> ImportSummary:
     """Split pictures with poses into a library and a drive; `out` appears completely or not.
 
-    Rows are taken to be one pass in order, a second apart. The odometry is made from the pose steps plus
-    noise and marked as synthetic in the header. Library pictures within `guard_m` of any session pose are
-    dropped (see `split_runs`). Raises InputError for a folder that does not exist, a table that cannot be
-    read, poses too far apart (see `check_span`), a missing or broken picture, a split that leaves nothing, or
-    an `out` that exists already; ValueError for senseless options.
+    Rows are one pass in order, a second apart; the odometry is made from the poses plus noise. InputError for
+    bad files, poses too far apart, a split that leaves nothing, or an `out` that exists; ValueError for
+    senseless options.
     """
     options = options or ImportOptions()
     _check(options)

@@ -44,10 +44,8 @@ class _Update:
 class RecordedSession(HasReadingNotes):
     """A recording as a `maurice_mcl.session.Session`; nothing is read before it is asked for.
 
-    Odometry poses become one motion from a used picture to the next; motions measured as such stay apart. A
-    picture with no odometry within `max_dt_s` is left out, and what moved belongs to the next one; a
-    recording without any odometry gives pictures without motions. Raises InputError as `SessionLog` raises
-    it.
+    Odometry poses become one motion a used picture; motions measured as such stay apart. A picture without
+    odometry within `max_dt_s` is left out. InputError as `SessionLog` raises it.
     """
 
     kind: Kind = "session"
@@ -199,11 +197,7 @@ def begin_of(session: SessionLog | RecordedSession) -> float:
 
 
 def first_truth(recording: Recording) -> F64 | None:
-    """Return the true pose (3,) at which the motions begin; None without truth.
-
-    That is the first true pose. What odometry saw before it is undone, so that a filter which is moved by
-    all of it comes to that pose in time.
-    """
+    """Return the first true pose (3,), less what odometry saw before it; None without truth."""
     moved, first = np.zeros(3), None
     for record in checked(recording, ReadingNotes(keep_going=True)):
         if isinstance(record, TruthPose):

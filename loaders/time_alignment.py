@@ -46,8 +46,7 @@ class TimeSpan:
 def detect_unit(stamps: Sequence[str]) -> str:
     """Return the unit of a column of time stamps: "s", "ms", "us" or "ns".
 
-    By size where they count from 1970, else by the median step, which is taken to be at most 5 s. A decimal
-    point means seconds unless the size speaks against it.
+    By size where they count from 1970, else by the median step (at most 5 s); a decimal point means seconds.
     """
     values = np.array([float(stamp) for stamp in stamps])
     middle = float(np.median(np.abs(values)))
@@ -120,8 +119,7 @@ class ClockOffset:
 def offset_between(t_s: F64, poses: F64, other_t_s: F64, other: F64) -> ClockOffset | None:
     """Find what the other clock's times need, so that its poses (m, 3) move when the poses (n, 3) do.
 
-    None where either hardly moves, or where no offset is clearly the best. Frames may differ: only speed and
-    turn rate count.
+    Only speed and turn rate count. None where either hardly moves, or no offset is clearly the best.
     """
     if not (_moves(poses) and _moves(other)):
         return None

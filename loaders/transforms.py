@@ -265,11 +265,7 @@ class OdometryNoise:
 
 
 def synthetic_motions(before: F64, after: F64, noise: OdometryNoise, seed: int, step: int) -> list[F64]:
-    """Return the movements (3,) that a robot would have measured from one pose (3,) to the next.
-
-    First the straight, in the frame of `before`, then the turn on the spot; what is zero is left out.
-    The noise is drawn at the address of this step.
-    """
+    """Return the movements (3,) measured from one pose (3,) to the next: straight, then turn, no zeros."""
     way_noise, drift_noise, turn_noise = stream(Domain.IMPORT, seed, step).standard_normal(3)
     dx, dy = after[:2] - before[:2]
     cos, sin = np.cos(before[2]), np.sin(before[2])

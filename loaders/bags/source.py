@@ -79,11 +79,7 @@ def require_ros(path: Path) -> None:
 
 @contextmanager
 def bag_errors(path: Path, repair: str = "was the recording closed properly?") -> Iterator[None]:
-    """Convert whatever a bag library raises on damaged bytes into one InputError that names the repair.
-
-    The libraries raise anything, from their own errors to assertions and integers out of range, so everything
-    is caught here: wrap nothing but calls into them.
-    """
+    """Convert whatever a bag library raises, which is anything, into one InputError that names the repair."""
     try:
         yield
     except InputError:

@@ -67,10 +67,9 @@ class Converted:
 def convert_to_log(
     session: Session, file: Path, *, kind: PictureKind = "png", t_offset_s: float = 0.0, force: bool = False
 ) -> Iterator[Converted]:
-    """Write a native log, pictures in `<stem>-pictures` beside it; return the counts after every picture.
+    """Write a native log, pictures in `<stem>-pictures` beside it; yield the counts after every picture.
 
-    Both appear when all went well. Raises InputError if they exist and `force` is not given, or as the
-    session's reading and `SessionWriter` raise it.
+    Both appear when all went well. InputError if they exist, unless `force`, or as reading raises it.
     """
     pictures = file.with_name(f"{file.stem}-pictures")
     expect_absent(file, force=force)

@@ -80,10 +80,9 @@ def _pose(rows: StepRows, kind: str) -> F64:
 
 @contextmanager
 def filling(target: Path, *, force: bool) -> Iterator[Path]:
-    """Return a name to fill beside the target; it becomes the target when all went well.
+    """Return a name to fill beside the target, which it becomes when all went well.
 
-    Where nothing was written nothing appears, and what `force` replaces is gone. Raises InputError if the
-    target exists and `force` is not given, or when it cannot be written.
+    InputError if the target exists and `force` is not given, or when it cannot be written.
     """
     expect_absent(target, force=force)
     part = target.with_name(f".{target.name}.{os.getpid()}.part")

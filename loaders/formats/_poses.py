@@ -46,11 +46,7 @@ def rotation(quaternion_wxyz: F64) -> F64:
 
 
 def forward_axis(rotations: Iterable[F64]) -> str:
-    """Return which axis of a body looks forward, "x" or "z", by the one that stands upright in a z-up world.
-
-    A robot's z is up and its x forward (REP-103); a camera's y is down and its z forward (optical frame),
-    and so it is with a camera whose x is up (EuRoC).
-    """
+    """Return which axis of a body looks forward, "x" (robots, z up) or "z" (cameras), by what is upright."""
     upright = np.mean([np.abs(r[2]) for r in rotations], axis=0)
     return "x" if int(np.argmax(upright)) == 2 else "z"
 

@@ -136,11 +136,7 @@ class Head:
 
 
 def head_of(rows: Iterable[Row]) -> Head | None:
-    """Read a table's head from its rows as they stand; None for an empty one.
-
-    Lines with # are comments, of which the last one has the names where no other line does. A first row with
-    a number in it has no names.
-    """
+    """Read a table's head from its rows, names also from the last comment; None for an empty one."""
     separator, comment = None, None
     for row in rows:
         said = _EXCEL.match(row.text)
@@ -215,10 +211,9 @@ class Column:
 
 
 def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dict[str, Column]:
-    """Return the column of each role: the one that was asked for, or the first whose name tells it.
+    """Return the column of each role: as `asked` (column or column:unit), or the first whose name tells it.
 
-    `asked` is column or column:unit by role. Raises InputError for a role or column that is not there, and
-    for angles without a unit.
+    InputError for a role or column that is not there, and for angles without a unit.
     """
     names = [name.strip().lstrip("#").strip() for name in header]
     found = {role: _asked(file, names, role.replace("-", "_"), value) for role, value in asked.items()}

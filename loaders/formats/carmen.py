@@ -51,11 +51,7 @@ class CarmenRecording:
     info: SessionInfo
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Read the log's lines in order.
-
-        The order of lines counts: a time that falls a little is raised to the one before. Odometry that is
-        set anew (an ODOM with a scan's pose and no time, as corrections leave it) goes on from where it was.
-        """
+        """Read the log's lines in order: times that fall a little are raised, odometry set anew goes on."""
         odometry, last_t_s, fallen, before = _Continuous(), 0.0, 0, None
         source = next((word for word in ("ODOM", "FLASER", "ROBOTLASER1") if word in self._words), None)
         truth = self._truth_word

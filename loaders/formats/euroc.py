@@ -32,11 +32,10 @@ MOST_BYTES = 2**16  # a description has one or two thousand
 
 
 def camera_of(file: Path, name: str, poses: PoseFile | None) -> Camera:
-    """Describe a camera as far as the file does, and its yaw as far as the poses of the body tell it.
+    """Describe a camera as far as its file does, and its yaw as far as the poses of the body tell it.
 
-    What is missing or makes no sense stays unknown. The file is YAML of a fixed form: `resolution: [w, h]`,
-    `intrinsics: [fu, fv, cu, cv]` in pixels, and `T_BS` with its 16 numbers in rows under `data`, which lead
-    from the camera's frame (z along its optical axis) to the body's.
+    The YAML has `resolution: [w, h]`, `intrinsics: [fu, fv, cu, cv]` in pixels, and `T_BS` (4, 4), from the
+    camera's frame (z along its optical axis) to the body's.
     """
     lists = _lists(begin_of(file, MOST_BYTES).decode(errors="replace"))
     size, inner, turned = (lists.get(key, []) for key in ("resolution", "intrinsics", "T_BS"))

@@ -56,10 +56,9 @@ def read_every(text: str) -> Spacing:
 
 
 def sharpness(image: U8) -> F64:
-    """Return the logarithm (2,) of the share of a picture's detail (H, W, 3) that blurring it takes away.
+    """Return the logarithm (2,) of the detail (H, W, 3) that blurring takes away, down and across.
 
-    After Crete et al. (2007): what is blurred already loses little by being blurred again, whatever it shows.
-    Down and across count apart, as motion blurs one of them; noise is smoothed away first.
+    After Crete et al. (2007): what is blurred already loses little. Noise is smoothed away first.
     """
     gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     smooth = cv2.GaussianBlur(gray, (0, 0), NOISE_PX)

@@ -42,8 +42,7 @@ class LiveClock:
     def time(self, t_s: float) -> float:
         """Return the session's time for the source's. FieldError for one that decreases, or is too large.
 
-        A clock that continues after a pause keeps its times. One that was restarted, or decreases for 20
-        consecutive records, is shifted to 2 s behind the last time.
+        A clock that was restarted, or decreases for 20 records, is shifted to 2 s behind the last time.
         """
         if t_s + self.shift_s < self.last_s:
             self._falls += 1

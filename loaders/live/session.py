@@ -53,11 +53,7 @@ class Waiting:
 
 
 class Backlog:
-    """A queue of pictures from the listening thread to the filter.
-
-    With `keep_up` the oldest is left out when the queue is full; its motions and events go to the next one.
-    Otherwise `put` waits, which is no loss with a file or a pipe.
-    """
+    """A queue of pictures to the filter. When full, `keep_up` leaves the oldest out; else `put` waits."""
 
     def __init__(self, *, keep_up: bool, room: int = ROOM) -> None:
         self.skipped = 0
@@ -173,10 +169,9 @@ class ListenOptions:
 
 
 class LiveSession(HasReadingNotes):
-    """A drive in progress, as a `maurice_mcl.session.Session` that can be iterated once.
+    """A drive in progress, as a `maurice_mcl.session.Session` to iterate once, and a context manager.
 
-    Use it as a context manager: listening ends with it. A recorder gets everything that is valid, whether the
-    filter keeps up or not. InputError when the source is no session log, or when recording fails.
+    A recorder gets everything that is valid. InputError for no session log, or when recording fails.
     """
 
     kind: Kind = "session"

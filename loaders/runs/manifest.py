@@ -208,11 +208,9 @@ def source_of(path: Path, folder: Path, others: Sequence[Path] = ()) -> Source:
 
 
 def source_hash(path: Path, others: Sequence[Path] = ()) -> str:
-    """Return the SHA-256 of a file, of a library folder's manifest, or of what a recording's folder holds.
+    """Return the SHA-256 of a file, a library's manifest, or what can be read in a folder, and `others`.
 
-    Of a folder: names and content of all that a recording can be read from, of pictures names and sizes;
-    each step of a run has its picture's own hash. A run that is saved in that very folder changes nothing.
-    What `others` outside of it hold goes in too.
+    Pictures count by name and size, as each step of a run has its picture's own hash.
     """
     if others:
         return sha256("\n".join([source_hash(path), *map(hash_file, others)]).encode()).hexdigest()

@@ -42,9 +42,8 @@ class SurveyPicture:
 class SessionLog(HasReadingNotes):
     """A log on disk; a `maurice_mcl.session.Session`. The header is read at once, records as asked.
 
-    Raises InputError for what is not a log, and while iterating for a broken line; with `keep_going` such
-    lines are skipped and counted instead. `camera` chooses whose pictures are read: by default the
-    header's first camera, or the first one seen. Pictures that name no camera are always read.
+    InputError for what is not a log, and for a broken line unless `keep_going`. `camera` chooses whose
+    pictures are read: by default the header's first, or the first one seen.
     """
 
     def __init__(self, path: Path, *, keep_going: bool = False, camera: str | None = None) -> None:
@@ -60,11 +59,7 @@ class SessionLog(HasReadingNotes):
         return self._info
 
     def moments(self) -> Iterator[Moment]:
-        """Read the drive from its beginning, a picture at a time; covered pictures make no moment.
-
-        What was measured before a picture that is skipped belongs to the next one. InputError at the first
-        broken line unless keeping going, and at once when this is a survey.
-        """
+        """Read the drive from its beginning, a picture at a time; InputError for a survey or broken lines."""
         self._expect("session", "build a library from it, and replay a session")
         return self._moments()
 

@@ -255,8 +255,7 @@ Answered = tuple[Record, F64 | None]
 def with_truth(records: Iterable[Record]) -> Iterator[Answered]:
     """Yield every record in order, and beside each picture the truth at its time, (3,) or None.
 
-    A truth record at the same time counts as it stands; otherwise the pose is interpolated between two
-    truth records at most 1 s apart, the heading through the smaller angle, and never across a kidnapping.
+    Interpolated between two truth records at most 1 s apart, never across a kidnapping.
     """
     before: TruthRecord | None = None
     waiting: deque[Record] = deque()  # begins with a picture, when there is anything in it
