@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import maurice_viz as mv
+from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo
 
@@ -20,13 +21,11 @@ EXAMPLES = [(page, name) for page in FRONT_PAGES for name in importlib.import_mo
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config) -> Path:
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a session of 14 pictures, its survey, and a saved run of it, "my-run"."""
     folder = tmp_path_factory.mktemp("saved")
-    common = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).with_name("conftest.py")))
-    assert common is not None
-    common.write_small_survey(folder)
-    mv.replay(common.write_small_session(folder), particles=50, run=folder / "my-run")
+    write_small_survey(folder)
+    mv.replay(write_small_session(folder), particles=50, run=folder / "my-run")
     return folder
 
 

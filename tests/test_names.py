@@ -26,10 +26,6 @@ def stub_datasets(folder: Path) -> Path:
 def test_an_installed_datasets_is_not_hidden(tmp_path: Path) -> None:
     stub = stub_datasets(tmp_path)
     assert python("import datasets; print(datasets.OWNER)", ROOT, stub) == "somebody else"
-
-
-def test_its_parts_are_not_hidden(tmp_path: Path) -> None:
-    stub = stub_datasets(tmp_path)
     (stub / "datasets" / "features.py").write_text("KIND = 'theirs'\n")
     code = "from datasets import OWNER; from datasets.features import KIND; print(OWNER, KIND)"
     assert python(code, ROOT, stub) == "somebody else theirs"

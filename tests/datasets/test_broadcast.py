@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import io
 import json
 import socket
@@ -39,7 +37,7 @@ def let_in(connection: socket.socket) -> io.BufferedReader:
     return file
 
 
-def test_a_late_reader_gets_the_header_and_what_comes_from_now_on() -> None:
+def test_readers_come_and_go() -> None:
     robot = Broadcast(HERE, HEADER)
     with reader(robot.address) as first, reader(robot.address) as second:
         early = let_in(first)
@@ -50,9 +48,6 @@ def test_a_late_reader_gets_the_header_and_what_comes_from_now_on() -> None:
         assert robot.close() == Tally(2, 0)
         assert early.read() == b"two\n"
         assert late.read().endswith(b"two\n")
-
-
-def test_a_reader_that_goes_away_disturbs_nobody() -> None:
     robot = Broadcast(HERE, HEADER)
     with reader(robot.address) as stays:
         lines = let_in(stays)
@@ -63,9 +58,12 @@ def test_a_reader_that_goes_away_disturbs_nobody() -> None:
             time.sleep(0.001)
         assert robot.close().readers == 2
         assert lines.read() == b"".join(b"%d\n" % n for n in range(200))
+    robot = Broadcast(HERE, HEADER)
+    robot.say(b"one\n")
+    assert robot.close() == Tally()
 
 
-def test_a_slow_reader_loses_whole_lines_only_and_stops_nobody() -> None:
+def test_slow_and_deaf_readers_stop_nobody() -> None:
     robot = Broadcast(HERE, HEADER)
     said = 4 * WAITING
     with reader(robot.address, 4096) as slow:
@@ -80,9 +78,6 @@ def test_a_slow_reader_loses_whole_lines_only_and_stops_nobody() -> None:
         assert numbers == sorted(set(numbers))
         tally = robot.close(0.0)
     assert tally.dropped >= said - 3 * WAITING
-
-
-def test_one_who_never_reads_does_not_keep_the_robot_from_ending() -> None:
     robot = Broadcast(HERE, HEADER)
     with reader(robot.address, 4096) as deaf:
         let_in(deaf)
@@ -91,12 +86,6 @@ def test_one_who_never_reads_does_not_keep_the_robot_from_ending() -> None:
         begun = time.monotonic()
         assert robot.close(0.2).dropped > 0
         assert time.monotonic() - begun < PATIENCE_S
-
-
-def test_nobody_listening_is_no_matter() -> None:
-    robot = Broadcast(HERE, HEADER)
-    robot.say(b"one\n")
-    assert robot.close() == Tally()
 
 
 def test_a_port_in_use_is_told_with_its_address() -> None:

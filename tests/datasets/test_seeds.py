@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from maurice_datasets.tasks import DEMO, FITTING, TEST, for_fitting, for_testing

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 
@@ -37,7 +35,7 @@ def test_a_seed_decides_every_byte(demo: SimulationPaths, tmp_path: Path) -> Non
     assert not (set(contents(other).values()) & set(contents(demo).values()))
 
 
-def test_the_session_reads_back_with_its_robot_map_start_and_survey(demo: SimulationPaths) -> None:
+def test_the_session_reads_back(demo: SimulationPaths) -> None:
     log = SessionLog(demo.session)
     assert log.info.display_units == "in"
     assert log.info.survey == demo.survey
@@ -48,9 +46,6 @@ def test_the_session_reads_back_with_its_robot_map_start_and_survey(demo: Simula
     assert log.info.start is not None
     (camera,) = log.info.cameras
     assert (camera.width_px, camera.height_px) == (176, 144)
-
-
-def test_each_update_is_a_turn_a_straight_and_a_picture_with_truth(demo: SimulationPaths) -> None:
     moments = list(SessionLog(demo.session).moments())
     assert len(moments) == UPDATES
     for moment in moments:
@@ -64,10 +59,6 @@ def test_each_update_is_a_turn_a_straight_and_a_picture_with_truth(demo: Simulat
     times = np.diff([m.frame.time_s for m in moments])
     assert (times > 3.3).all()
     assert (times < 25).all()
-
-
-def test_the_log_says_on_which_floor_it_starts(demo: SimulationPaths) -> None:
-    log = SessionLog(demo.session)
     first = next(iter(log.moments()))
     assert log.info.arena is not None
     assert log.info.start is not None
@@ -96,14 +87,12 @@ def test_floors_are_named_where_they_change(world: World) -> None:
     assert crossings(path[::-1], world.arena)[0][1] == "wood"
 
 
-def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
+def test_a_demo_leaves_other_folders_alone_and_nothing_half(tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("dear")
     with pytest.raises(InputError):
         write_demo(tmp_path, updates=1, surveyor=QUICK)
     assert [f.name for f in tmp_path.iterdir()] == ["letter.txt"]
 
-
-def test_a_demo_that_fails_half_way_leaves_nothing(tmp_path: Path) -> None:
     def stop(done: int, total: int, what: str) -> None:
         if done == 3:
             raise KeyboardInterrupt

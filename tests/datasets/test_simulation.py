@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace
@@ -44,13 +42,10 @@ def records(paths: SimulationPaths) -> list[dict[str, Any]]:
     return [json.loads(line) for line in paths.session.read_text(encoding="utf-8").splitlines()]
 
 
-def test_the_same_plan_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_seeds_decide_what_they_name(tmp_path: Path) -> None:
     write_simulation(tmp_path / "a", SHORT)
     write_simulation(tmp_path / "b", SHORT)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
-
-
-def test_another_seed_changes_the_session_and_not_the_survey(tmp_path: Path) -> None:
     write_simulation(tmp_path / "a", SHORT)
     write_simulation(tmp_path / "b", replace(SHORT, seed=1))
     a, b = contents(tmp_path / "a"), contents(tmp_path / "b")
@@ -58,9 +53,6 @@ def test_another_seed_changes_the_session_and_not_the_survey(tmp_path: Path) -> 
     assert len(survey) == 1 + 1 + 78
     assert all(a[name] == b[name] for name in survey)
     assert all(a[name] != b.get(name) for name in a if name not in survey)
-
-
-def test_another_arena_seed_changes_the_survey_and_not_the_drive(tmp_path: Path) -> None:
     a = write_simulation(tmp_path / "a", SHORT)
     b = write_simulation(tmp_path / "b", replace(SHORT, arena_seed=1))
     assert not {p.read_bytes() for p in a.survey.parent.glob("pictures/*")} & {
@@ -68,9 +60,6 @@ def test_another_arena_seed_changes_the_survey_and_not_the_drive(tmp_path: Path)
     }
     odometry = [[r["odometry"] for r in records(paths) if "odometry" in r] for paths in (a, b)]
     assert odometry[0] == odometry[1]  # here, where the world is the same
-
-
-def test_the_survey_is_made_once(tmp_path: Path) -> None:
     told: list[str] = []
     for name in ("a", "b"):
         plan = replace(SHORT, seed=len(told))
@@ -79,16 +68,13 @@ def test_the_survey_is_made_once(tmp_path: Path) -> None:
     assert told.count("session") == 8
 
 
-def test_the_global_task_hides_the_start_and_tracking_tells_it(tmp_path: Path) -> None:
+def test_tasks_hide_the_start_or_carry_the_robot(tmp_path: Path) -> None:
     known = SessionLog(write_simulation(tmp_path / "a", SHORT).session)
     hidden = SessionLog(write_simulation(tmp_path / "b", replace(SHORT, task=TASKS["global"])).session)
     assert known.info.start is not None
     assert hidden.info.start is None
     truth = [[m.truth for m in log.moments()] for log in (known, hidden)]
     assert np.array_equal(truth[0], truth[1])
-
-
-def test_a_kidnapping_is_in_the_truth_and_in_no_odometry(tmp_path: Path) -> None:
     plan = replace(SHORT, task=TASKS["kidnapped"])
     lines = records(write_simulation(tmp_path / "a", plan))
     (at,) = [k for k, r in enumerate(lines) if r.get("event") == "kidnapped"]
@@ -170,7 +156,7 @@ def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> 
     assert len(trials_from_session(paths.session).straights.actual_m) == len(moments) - 1
 
 
-def test_a_path_that_fits_nowhere_is_refused(tmp_path: Path) -> None:
+def test_paths_that_cannot_be_driven_are_refused(tmp_path: Path) -> None:
     for name, columns in (("gt.txt", (0, 1, 2)), ("odom_pose.txt", (0, 1))):
         rows = np.stack([np.linspace(0, 90, 400), np.zeros(400), np.zeros(400)], axis=1)
         np.savetxt(tmp_path / name, rows[:, columns])
@@ -178,9 +164,6 @@ def test_a_path_that_fits_nowhere_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="fits nowhere"):
         write_simulation(tmp_path / "out", replace(SHORT, updates=400, recording=tmp_path))
     assert not (tmp_path / "out").exists()
-
-
-def test_a_recording_without_movement_or_truth_is_refused(tmp_path: Path) -> None:
     log = tmp_path / "session.log"
     header = '{"format": "maurice-session-log", "version": 1, "kind": "session"}\n'
     log.write_text(header + '{"t": 0, "odometry": [1, 0, 0]}\n')

@@ -1,15 +1,10 @@
-from __future__ import annotations
-
 import pytest
 
 from maurice_datasets.tasks import TASKS
 
 
-def test_only_global_localization_does_not_know_the_start() -> None:
+def test_kidnapping_is_half_way_and_only_global_hides_the_start() -> None:
     assert [t.name for t in TASKS.values() if not t.start_known] == ["global"]
-
-
-def test_kidnapping_is_half_way_unless_asked_otherwise() -> None:
     assert TASKS["kidnapped"].kidnap_at(120, None) == 60
     assert TASKS["kidnapped"].kidnap_at(120, 119) == 119
     assert TASKS["tracking"].kidnap_at(120, None) is None

@@ -1,7 +1,14 @@
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import rerun as rr
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every test stand in a folder of its own, as a person does who types a command."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(autouse=True)

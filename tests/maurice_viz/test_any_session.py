@@ -1,7 +1,5 @@
 """Whatever is recorded is drawn without an exception, and the entities that every screen needs are there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -210,7 +208,7 @@ def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View | rrb.Container]:
             yield from views(inner)
 
 
-def test_letters_that_the_viewer_has_stay_as_they_are() -> None:
+def test_letters_the_viewer_has_stay() -> None:
     for text in ("plain", "Büro, première, Ωμέγα, Жук · − → ≤ °\nx", "a\u0308"):
         assert len(font_safe(text)) <= len(text)
     assert font_safe("Büro · Ωμέγα Жук") == "Büro · Ωμέγα Жук"

@@ -1,7 +1,5 @@
 """The public functions: the same numbers as the commands, nothing printed, nothing heavy imported."""
 
-from __future__ import annotations
-
 import json
 import pkgutil
 import subprocess
@@ -72,7 +70,19 @@ def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session: Path, 
         mv.replay(small_session, settings={"sensor.sharpnes": 1})
 
 
-def test_only_the_command_line_imports_typer() -> None:
+def test_little_is_imported_for_help_and_replay() -> None:
+    for word in ("--help", "--version"):
+        code = (
+            f"import sys\nsys.argv = ['maurice-replay', '{word}']\nfrom maurice_viz.cli.main import main\n"
+            f"try: main()\nexcept SystemExit: pass\n"
+            f"print([name for name in {HEAVY} if name in sys.modules])"
+        )
+        assert python(code).splitlines()[-1] == "[]"
+    code = (
+        "import sys, maurice_viz.cli.replay, maurice_viz.app.replay\n"
+        "print([n for n in ('scipy.stats', 'scipy.signal') if n in sys.modules])"
+    )
+    assert python(code) == "[]"
     names = [
         one.name
         for one in pkgutil.walk_packages(mv.__path__, "maurice_viz.")
@@ -81,24 +91,6 @@ def test_only_the_command_line_imports_typer() -> None:
     assert len(names) > 60
     loads = "".join(f"import {name}\n" for name in names)
     assert python(f"import sys\n{loads}print('typer' in sys.modules)") == "False"
-
-
-def test_help_and_version_import_nothing_heavy() -> None:
-    for word in ("--help", "--version"):
-        code = (
-            f"import sys\nsys.argv = ['maurice-replay', '{word}']\nfrom maurice_viz.cli.main import main\n"
-            f"try: main()\nexcept SystemExit: pass\n"
-            f"print([name for name in {HEAVY} if name in sys.modules])"
-        )
-        assert python(code).splitlines()[-1] == "[]"
-
-
-def test_replay_imports_neither_statistics_nor_signals() -> None:
-    code = (
-        "import sys, maurice_viz.cli.replay, maurice_viz.app.replay\n"
-        "print([n for n in ('scipy.stats', 'scipy.signal') if n in sys.modules])"
-    )
-    assert python(code) == "[]"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,50 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner
 
+from helpers.commands import maurice, one_line, runs_of
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.app.compare import names_of
 from maurice_viz.app.open import RunSpec, make_runs, open_library_for
 from maurice_viz.app.snapshot import draw_saved
-from maurice_viz.cli.app import app
 from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together
 
-Maurice = Callable[..., tuple[str, str]]
 FEW = ("--particles", "150", "--no-recording", "--json")
 AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_update"}
 DIFFERENCE = {"difference_mean_m", "interval_95_m", "block_updates", "updates", "better", "worse"}
 
 
-@pytest.fixture
-def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
-    """Run a command in the test's folder, where there is no display; give what it printed."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
-        done = CliRunner().invoke(app, [str(arg) for arg in args])
-        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
-        return done.stdout, done.stderr
-
-    return run
-
-
-def runs_of(out: str) -> list[dict[str, Any]]:
-    """Give the runs of printed JSON without the one figure that does not repeat."""
-    return [{k: v for k, v in run.items() if k != "steps_per_s"} for run in json.loads(out)["runs"]]
-
-
 def labels_of(out: str) -> list[str]:
     return [run["label"] for run in runs_of(out)]
-
-
-def one_line(err: str) -> str:
-    (line,) = err.strip().splitlines()
-    return line
 
 
 @pytest.mark.parametrize(
@@ -76,7 +48,7 @@ def one_line(err: str) -> str:
     ids=str,
 )
 def test_exactly_one_kind_of_option_differs_and_names_the_runs(
-    small_session: Path, maurice: Maurice, tmp_path: Path, options: list[str], labels: list[str]
+    small_session: Path, tmp_path: Path, options: list[str], labels: list[str]
 ) -> None:
     (tmp_path / "b").mkdir()
     for name, sharpness in (("a", 1), ("b/a", 2), ("tür", 3)):
@@ -98,14 +70,12 @@ def test_exactly_one_kind_of_option_differs_and_names_the_runs(
     ],
     ids=str,
 )
-def test_what_is_ambiguous_is_a_usage_error(
-    small_session: Path, maurice: Maurice, options: list[str], said: str
-) -> None:
+def test_what_is_ambiguous_is_a_usage_error(small_session: Path, options: list[str], said: str) -> None:
     _, err = maurice("compare", small_session, *options, *FEW, expect=2)
     assert said in " ".join(err.split())
 
 
-def test_every_value_reaches_its_run(small_session: Path, maurice: Maurice) -> None:
+def test_every_value_reaches_its_run(small_session: Path) -> None:
     """What a comparison gives for a run is what the run gives alone."""
     for kind, values in {"seed": ("3", "4"), "resampler": ("residual", "multinomial")}.items():
         together, _ = maurice("compare", small_session, *(f"--{kind}={value}" for value in values), *FEW)
@@ -132,7 +102,7 @@ def test_runs_that_are_compared_have_the_same_noise(small_session: Path) -> None
         assert np.array_equal(records[blended].weighted.log_weights, records[again].weighted.log_weights)
 
 
-def test_json_says_how_each_run_compares_with_the_first(small_session: Path, maurice: Maurice) -> None:
+def test_json_says_how_runs_compare(small_session: Path) -> None:
     first, other = runs_of(maurice("compare", small_session, *FEW)[0])
     assert first["against_first"] is None
     against = other["against_first"]
@@ -146,9 +116,6 @@ def test_json_says_how_each_run_compares_with_the_first(small_session: Path, mau
     assert against["position_error"]["updates"] == 11
     assert against["position_error"]["interval_95_m"] is None  # of eleven updates there is none
     assert "against_first" not in runs_of(maurice(small_session, *FEW)[0])[0]
-
-
-def test_a_run_against_itself_differs_in_nothing(small_session: Path, maurice: Maurice) -> None:
     _, other = runs_of(maurice("compare", small_session, "--seed=5", "--seed=5", *FEW)[0])
     against = other["against_first"]
     assert against["position_error"]["difference_mean_m"] == 0
@@ -156,16 +123,14 @@ def test_a_run_against_itself_differs_in_nothing(small_session: Path, maurice: M
     assert (against["apart_most_m"], against["parted_at_update"]) == (0, None)
 
 
-def test_the_table_has_the_paired_rows(small_session: Path, maurice: Maurice) -> None:
+def test_the_table_has_the_paired_rows(small_session: Path) -> None:
     out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "--no-recording")
     for row in ("error against seed 1", "closer to the truth than seed 1", "parts from seed 1", "of 11"):
         assert row in out
     assert "against" not in maurice(small_session, "--no-recording")[0]
 
 
-def test_without_truth_only_places_are_compared(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_without_truth_only_places_are_compared(small_session: Path, tmp_path: Path) -> None:
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(line for line in lines if '"truth"' not in line))
     against = runs_of(maurice("compare", small_session, *FEW)[0])[1]["against_first"]
@@ -175,7 +140,7 @@ def test_without_truth_only_places_are_compared(
 
 
 def test_saved_runs_are_compared_as_if_they_had_gone_together(
-    small_session: Path, maurice: Maurice, monkeypatch: pytest.MonkeyPatch
+    small_session: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     together = runs_of(maurice("compare", small_session, *FEW)[0])
     for label in ("color", "blended"):
@@ -195,7 +160,7 @@ def test_saved_runs_are_compared_as_if_they_had_gone_together(
     maurice("compare", "kept color", "kept blended", "--save", "saved.rrd")
 
 
-def test_a_saved_comparison_is_shown_with_its_differences(small_session: Path, maurice: Maurice) -> None:
+def test_a_saved_comparison_is_shown_with_its_differences(small_session: Path) -> None:
     then, _ = maurice("compare", small_session, "--run", "both", *FEW)
     assert maurice("compare", "both", "--no-recording", "--json")[0] == then
     out, _ = maurice("compare", "both/blended", "both/color", "--no-recording", "--json")
@@ -212,7 +177,7 @@ def test_a_saved_comparison_is_shown_with_its_differences(small_session: Path, m
 
 
 def test_saved_runs_with_another_library_or_map_are_refused_in_one_line(
-    small_session: Path, maurice: Maurice, tmp_path: Path
+    small_session: Path, tmp_path: Path
 ) -> None:
     maurice(small_session, "--run", "one", *FEW)
     header, *rest = (tmp_path / "survey.log").read_text().splitlines(keepends=True)
@@ -238,9 +203,7 @@ def second_session(small_session: Path, tmp_path: Path, updates: int = 10) -> Pa
     return other
 
 
-def test_two_sessions_go_side_by_side_as_far_as_the_shorter(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_two_sessions_go_side_by_side_as_far_as_the_shorter(small_session: Path, tmp_path: Path) -> None:
     other = second_session(small_session, tmp_path)
     out, err = maurice("compare", small_session, other, *FEW)
     assert "compared over the first 10 updates" in one_line(err)
@@ -254,9 +217,7 @@ def test_two_sessions_go_side_by_side_as_far_as_the_shorter(
     assert {**alone, "label": "other"} == shorter
 
 
-def test_saved_runs_of_two_sessions_are_compared_too(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_saved_runs_of_two_sessions_are_compared_too(small_session: Path, tmp_path: Path) -> None:
     other = second_session(small_session, tmp_path)
     live = runs_of(maurice("compare", small_session, other, *FEW)[0])
     maurice(small_session, "--run", "session-run", *FEW)
@@ -268,9 +229,7 @@ def test_saved_runs_of_two_sessions_are_compared_too(
     ]
 
 
-def test_sessions_of_different_libraries_are_refused_in_one_line(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_sessions_of_different_libraries_are_refused_in_one_line(small_session: Path, tmp_path: Path) -> None:
     away = tmp_path / "away"
     shutil.copytree(tmp_path / "pictures", away / "pictures")
     shutil.copyfile(small_session, away / "session.log")
@@ -303,7 +262,7 @@ def test_paths_are_named_by_what_tells_them_apart(
     assert names_of([Path(path) for path in paths]) == names
 
 
-def test_a_session_of_one_picture_is_compared(small_session: Path, maurice: Maurice) -> None:
+def test_a_session_of_one_picture_is_compared(small_session: Path) -> None:
     lines = small_session.read_text().splitlines(keepends=True)
     pictures = [number for number, line in enumerate(lines) if '"image"' in line]
     small_session.write_text("".join(lines[: pictures[1]]))
@@ -314,7 +273,7 @@ def test_a_session_of_one_picture_is_compared(small_session: Path, maurice: Maur
 
 
 def test_a_stopped_run_is_compared_as_far_as_it_got(
-    small_session: Path, maurice: Maurice, monkeypatch: pytest.MonkeyPatch
+    small_session: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     maurice(small_session, "--run", "whole", *FEW)
     add = RunWriter.add
@@ -334,7 +293,7 @@ def test_a_stopped_run_is_compared_as_far_as_it_got(
 
 
 def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(
-    small_session: Path, maurice: Maurice, tmp_path: Path
+    small_session: Path, tmp_path: Path
 ) -> None:
     maurice("compare", small_session, "--particles", "40", "--run", "both", "--no-recording")
     draw_saved(Path("both"), tmp_path / "both.rrd")

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from maurice_viz.entities import Phase, RunPaths, phase_number

@@ -1,7 +1,5 @@
 """What goes wrong with files is one line that says what to do."""
 
-from __future__ import annotations
-
 import errno
 import os
 import subprocess

@@ -49,14 +49,11 @@ def test_files_of_others_are_given_back(tmp_path: Path, name: str, data: bytes) 
     assert not is_ours(tmp_path / name)
 
 
-def test_folders_and_missing_files_are_given_back(tmp_path: Path) -> None:
+def test_other_files_are_given_back(tmp_path: Path) -> None:
     assert not is_ours(tmp_path)
     assert not is_ours(tmp_path / "nothing")
     os.mkfifo(tmp_path / "pipe.log")
     assert not is_ours(tmp_path / "pipe.log")
-
-
-def test_another_file_ends_with_66_and_loads_nothing(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("hello")
     assert importer(tmp_path / "a.txt", "--recording-id", "x", expect=NOT_MINE).stdout == b""
     code = f"import sys; sys.argv = ['x', {str(tmp_path / 'a.txt')!r}]\n"
@@ -77,16 +74,13 @@ def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session: Pa
     assert any(path.startswith("/blended/") and "particles" in path for path in shown)
 
 
-def test_without_its_library_a_session_is_shown_by_itself(small_session: Path, tmp_path: Path) -> None:
+def test_without_a_library_drive_or_survey_are_shown(small_session: Path, tmp_path: Path) -> None:
     (small_session.parent / "survey.log").unlink()
     done = importer(small_session)
     assert b"only the drive itself is shown" in done.stderr
     shown = entities(recording(done, tmp_path))
     assert {"/session/camera", "/world/walls"} <= shown
     assert not any("particles" in path for path in shown)
-
-
-def test_a_survey_is_shown_by_itself(small_session: Path, tmp_path: Path) -> None:
     shown = entities(recording(importer(small_session.parent / "survey.log"), tmp_path))
     assert "/session/camera" in shown
 

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,27 +11,12 @@ import polars as pl
 import pytest
 import rerun.notebook
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner
 
 import maurice_viz as mv
+from helpers.commands import maurice
 from maurice_loaders.errors import InputError
-from maurice_viz.cli.app import app
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "notebook.ipynb"
-Maurice = Callable[..., str]
-
-
-@pytest.fixture
-def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
-    """Run a command in the test's folder; give what it printed."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*args: str | Path) -> str:
-        done = CliRunner().invoke(app, [str(arg) for arg in args])
-        assert done.exit_code == 0, (done.stdout, done.stderr, done.exception)
-        return done.stdout
-
-    return run
 
 
 class Widget:
@@ -63,8 +47,8 @@ def rows_of(reader: RrdReader) -> int:
     return sum(chunk.to_record_batch().num_rows for chunk in reader.stream())
 
 
-def test_results_are_those_of_the_command(small_session: Path, maurice: Maurice) -> None:
-    printed = maurice(
+def test_results_are_those_of_the_command(small_session: Path) -> None:
+    printed, _ = maurice(
         "compare", small_session, "--particles", "150", "--run", "both", "--no-recording", "--json"
     )
     frame = mv.results("both")
@@ -76,7 +60,7 @@ def test_results_are_those_of_the_command(small_session: Path, maurice: Maurice)
         assert row["thesis_success_tenth_at_update"] == run["thesis_success"]["tenth"]["at_update"]
 
 
-def test_traces_are_those_of_the_run(small_session: Path, maurice: Maurice) -> None:
+def test_traces_are_those_of_the_run(small_session: Path) -> None:
     maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
     frame = mv.traces(Path("kept"))
     steps = pl.read_parquet("kept/steps/*.parquet")
@@ -91,7 +75,7 @@ def test_traces_are_those_of_the_run(small_session: Path, maurice: Maurice) -> N
     assert (frame["effective_share"] * 150 - frame["effective_sample_size"]).abs().max() < 1e-9
 
 
-def test_what_is_not_known_is_null(maurice: Maurice, tmp_path: Path, small_session: Path) -> None:
+def test_what_is_not_known_is_null(tmp_path: Path, small_session: Path) -> None:
     lines = [line for line in small_session.read_text().splitlines() if '"truth"' not in line]
     small_session.write_text("\n".join(lines) + "\n")
     maurice(small_session, "--particles", "50", "--run", "kept", "--no-recording")
@@ -100,9 +84,15 @@ def test_what_is_not_known_is_null(maurice: Maurice, tmp_path: Path, small_sessi
     assert mv.results("kept")["position_error_mean_m"].to_list() == [None]
 
 
-def test_what_is_no_run_is_a_log_error(tmp_path: Path) -> None:
+def test_what_cannot_be_shown_is_an_input_error(tmp_path: Path, widget: None) -> None:
     with pytest.raises(InputError, match="expected a saved run"):
         mv.results(tmp_path)
+    with pytest.raises(InputError, match="no such recording"):
+        mv.show(tmp_path / "no.rrd")
+    with pytest.raises(InputError, match="expected a saved run"):
+        mv.show(tmp_path)
+    with pytest.raises(InputError, match="no such file"):
+        mv.show(tmp_path / "no.log")
 
 
 def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,9 +101,7 @@ def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: py
         mv.show("kept")
 
 
-def test_a_recording_is_shown_whole(
-    small_session: Path, maurice: Maurice, tmp_path: Path, widget: None
-) -> None:
+def test_a_recording_is_shown_whole(small_session: Path, tmp_path: Path, widget: None) -> None:
     maurice(small_session, "--particles", "50", "--save", "a.rrd")
     shown: Any = mv.show("a.rrd", width=800, height=600)
     assert shown.size == (800, 600)
@@ -121,13 +109,8 @@ def test_a_recording_is_shown_whole(
     assert shown.sent == (tmp_path / "a.rrd").read_bytes()
 
 
-def test_the_widget_has_the_hook_that_is_used() -> None:
-    """It is not public: a Rerun without it must fail here, not in somebody's notebook."""
-    assert callable(rerun.notebook.Viewer._flush_hook)
-
-
 def test_a_saved_run_and_a_session_are_drawn_and_shown(
-    small_session: Path, maurice: Maurice, tmp_path: Path, widget: None, capsys: pytest.CaptureFixture[str]
+    small_session: Path, tmp_path: Path, widget: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     maurice(small_session, "--particles", "50", "--feature", "color", "--run", "kept", "--no-recording")
     kept: Any = mv.show("kept", layout="overview")
@@ -137,15 +120,6 @@ def test_a_saved_run_and_a_session_are_drawn_and_shown(
     assert "/color/belief/particles" in {str(chunk.entity_path) for chunk in replayed.stream()}
     assert rows_of(saved) == rows_of(replayed)
     assert not list(tmp_path.glob("*.rrd.*"))
-
-
-def test_what_cannot_be_shown_is_a_log_error(tmp_path: Path, widget: None) -> None:
-    with pytest.raises(InputError, match="no such recording"):
-        mv.show(tmp_path / "no.rrd")
-    with pytest.raises(InputError, match="expected a saved run"):
-        mv.show(tmp_path)
-    with pytest.raises(InputError, match="no such file"):
-        mv.show(tmp_path / "no.log")
 
 
 @pytest.mark.slow

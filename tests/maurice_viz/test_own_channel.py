@@ -1,22 +1,20 @@
 """A user's own channel: the example of docs/channels.md, installed and used by name."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from helpers.commands import process, runs_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, SCALES
 from maurice_mcl.sensor.distances import DISTANCES
 
 DOCS = (Path(__file__).parents[2] / "docs" / "channels.md").read_text()
 SOURCE = re.findall(r"```python\n(.*?)```", DOCS, re.S)[0]
 PROJECT = tomllib.loads(re.findall(r"```toml\n(.*?)```", DOCS, re.S)[0])
-COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 RUN = ["--no-recording", "--json", "--particles", "200"]
 
 
@@ -35,35 +33,18 @@ def _install(folder, source=SOURCE):
 
 
 def _maurice(*args, path, expect=0):
-    keep = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    env = {**keep, "PYTHONPATH": str(path), "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(
-        [*COMMAND, *map(str, args)], env=env, capture_output=True, text=True, check=False, cwd=path.parent
-    )
-    assert done.returncode == expect, (done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done
+    return process(*args, expect=expect, PYTHONPATH=str(path), PYTHONDONTWRITEBYTECODE="1")
 
 
 def _labels(done):
-    return [run["label"] for run in json.loads(done.stdout)["runs"]]
+    return [run["label"] for run in runs_of(done.stdout)]
 
 
 def test_it_is_tuned_and_used_by_name(small_session, tmp_path):
     path = _install(tmp_path / "site")
     survey, tuned = small_session.parent / "survey.log", tmp_path / "mine.toml"
-    _maurice(
-        "library",
-        "tune",
-        survey,
-        "--session",
-        small_session,
-        "--channels",
-        "mychannel",
-        "-o",
-        tuned,
-        path=path,
-    )
+    words = ("--session", small_session, "--channels", "mychannel", "-o", tuned)
+    _maurice("library", "tune", survey, *words, path=path)
     assert "scales = { mychannel = " in tuned.read_text()
     done = _maurice(small_session, "--feature", "mychannel", "--config", tuned, *RUN, path=path)
     assert _labels(done) == ["mychannel"]
@@ -122,13 +103,7 @@ def test_the_documentation_lists_every_channel_as_it_is():
         assert float(scale) == SCALES[name, channel.distance]
         assert -6.44 < float(score) < 0
         assert source
-        assert len(channel.describe(_gray())) == int(size)
-
-
-def _gray():
-    import numpy as np
-
-    return np.full((24, 32, 3), 90, np.uint8)
+        assert len(channel.describe(np.full((24, 32, 3), 90, np.uint8))) == int(size)
 
 
 def test_the_documentation_lists_every_distance():

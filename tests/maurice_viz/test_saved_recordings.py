@@ -1,7 +1,5 @@
 """`--run` of recordings that are no session logs: what is saved is shown and verified as it was read."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Sequence
@@ -10,23 +8,17 @@ from types import SimpleNamespace
 
 import cv2
 import pytest
-from typer.testing import CliRunner
 
 from helpers import format_samples
+from helpers.commands import failure, maurice
 from maurice_loaders.errors import FieldError, InputError
 from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.runs.manifest import read_manifest, source_hash
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.geometry import compose
 from maurice_viz.app import compare as side_by_side
-from maurice_viz.cli.app import app
 
 COMMON = ("--no-recording", "--json", "--particles", 100, "--start", "global")
-
-
-def maurice(*words: object) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, [str(word) for word in words])
-    return done.exit_code, done.stdout, done.stderr
 
 
 def views(session: Path, folder: Path) -> tuple[Path, Path]:
@@ -46,15 +38,12 @@ def views(session: Path, folder: Path) -> tuple[Path, Path]:
 
 def kept_and_shown(run: Path, recording: Path, survey: Path, options: Sequence[object]) -> None:
     """Save a run, and have it shown, verified and drawn again."""
-    code, saved, said = maurice(recording, "--library", survey, *COMMON, *options, "--run", run)
-    assert code == 0, said
+    saved, _ = maurice(recording, "--library", survey, *COMMON, *options, "--run", run)
     assert json.loads(saved)["runs"][0]["updates"] > 0
-    code, shown, said = maurice(run, "--no-recording", "--json")
-    assert (code, shown) == (0, saved), said
+    shown, said = maurice(run, "--no-recording", "--json")
+    assert shown == saved
     assert "stay empty" not in said
-    code, out, said = maurice("verify", run)
-    assert code == 0, said
-    assert "to the last bit" in out
+    assert "to the last bit" in maurice("verify", run)[0]
 
 
 @pytest.mark.parametrize("name", ["tum", "rosbag1", "rosbag2", "euroc", "cmucam"])
@@ -86,12 +75,9 @@ def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(
     for command in (("explain",), ("events",), ("export", "--tum", tmp_path / "path.tum")):
         words = [command[0], tmp_path / "kept", *command[1:]]
         words += ["--no-recording"] if command[0] == "explain" else []
-        code, _, said = maurice(*words)
-        assert code == 0, said
+        maurice(*words)
     table.write_text(table.read_text().replace("0.12", "0.13"))
-    code, _, said = maurice("verify", tmp_path / "kept")
-    assert code == 1
-    assert "beside.csv: the table was changed after the run was made" in said
+    assert "beside.csv: the table was changed after the run was made" in failure("verify", tmp_path / "kept")
 
 
 def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: Path, tmp_path: Path) -> None:
@@ -99,9 +85,7 @@ def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: P
     survey = small_session.with_name("survey.log")
     kept_and_shown(recording / "kept", recording, survey, ())
     (recording / "odometry.txt").write_text((recording / "odometry.txt").read_text() + "\n# more")
-    code, _, said = maurice("verify", recording / "kept")
-    assert code == 1
-    assert "the session was changed" in said
+    assert "the session was changed" in failure("verify", recording / "kept")
 
 
 def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_path: Path) -> None:
@@ -112,21 +96,17 @@ def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_pat
     survey = small_session.with_name("survey.log")
     kept_and_shown(tmp_path / "kept", recording, survey, ("--reading", "odometry_from_truth=true"))
     poses.write_text(poses.read_text() + "\n")
-    code, _, said = maurice("verify", tmp_path / "kept")
-    assert code == 1
-    assert "the session was changed" in said
+    assert "the session was changed" in failure("verify", tmp_path / "kept")
 
 
 def test_recording_and_run_may_be_moved_together(small_session: Path, tmp_path: Path) -> None:
-    recording = (
-        format_samples.sample("tum", tmp_path / "a" / "made") if (tmp_path / "a").mkdir() is None else None
-    )
-    assert recording is not None
+    (tmp_path / "a").mkdir()
+    recording = format_samples.sample("tum", tmp_path / "a" / "made")
     for name in ("survey.log", "pictures"):
         shutil.move(small_session.with_name(name), tmp_path / "a" / name)
     kept_and_shown(tmp_path / "a" / "kept", recording, tmp_path / "a" / "survey.log", ())
     (tmp_path / "a").rename(tmp_path / "b")
-    assert maurice("verify", tmp_path / "b" / "kept")[0] == 0
+    maurice("verify", tmp_path / "b" / "kept")
 
 
 def test_another_camera_of_a_session_log_is_saved(small_session: Path, tmp_path: Path) -> None:
@@ -138,7 +118,7 @@ def test_another_camera_of_a_session_log_is_saved(small_session: Path, tmp_path:
 
 
 def test_a_manifest_of_the_version_before_is_read(small_session: Path, tmp_path: Path) -> None:
-    assert maurice(small_session, *COMMON, "--run", tmp_path / "kept")[0] == 0
+    maurice(small_session, *COMMON, "--run", tmp_path / "kept")
     file = tmp_path / "kept" / "manifest.json"
     found = json.loads(file.read_text())
     assert found["version"] == 2
@@ -146,7 +126,7 @@ def test_a_manifest_of_the_version_before_is_read(small_session: Path, tmp_path:
         json.dumps({k: v for k, v in found.items() if k not in ("reading", "table")} | {"version": 1})
     )
     assert read_manifest(tmp_path / "kept").reading == ReadingOptions(format="session-log")
-    assert maurice("verify", tmp_path / "kept")[0] == 0
+    maurice("verify", tmp_path / "kept")
     file.write_text(json.dumps(found | {"version": 3}))
     with pytest.raises(InputError, match="found version 3"):
         read_manifest(tmp_path / "kept")

@@ -5,9 +5,7 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,36 +13,15 @@ from typing import Any
 import polars as pl
 import pytest
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner
 
+from helpers.commands import COMMAND, maurice, one_line
 from maurice_loaders.runs.manifest import read_manifest, write_manifest
 from maurice_loaders.runs.writer import RunWriter
 from maurice_viz.cli import console
-from maurice_viz.cli.app import app
-
-COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 
 
 @pytest.fixture
-def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[str, str]]:
-    """Run a command in the test's folder, where there is no display; give what it printed."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
-        done = CliRunner().invoke(app, [str(arg) for arg in args])
-        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
-        return done.stdout, done.stderr
-
-    return run
-
-
-Maurice = Callable[..., tuple[str, str]]
-
-
-@pytest.fixture
-def saved(small_session: Path, maurice: Maurice) -> str:
+def saved(small_session: Path) -> str:
     """Save a run to `kept`, and give the JSON of its figures."""
     return maurice(small_session, "--particles", "300", "--run", "kept", "--no-recording", "--json")[0]
 
@@ -59,31 +36,17 @@ def content(recording: Path) -> dict[tuple[str, str], list[str]]:
     return {key: sorted(values) for key, values in found.items()}
 
 
-def one_line(err: str) -> str:
-    (line,) = err.strip().splitlines()
-    return line
-
-
 def test_the_console_writes_to_what_is_standard_output_now(capsys: pytest.CaptureFixture[str]) -> None:
     """What these tests rest on: output can be captured within the process."""
     console.results.print("here")
     assert capsys.readouterr().out == "here\n"
 
 
-def test_a_saved_run_replays_to_the_same_figures(saved: str, maurice: Maurice) -> None:
+def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(
+    saved: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert maurice("kept", "--no-recording", "--json") == (saved, "")
     assert json.loads(saved)["runs"][0]["updates"] == 14
-
-
-def test_a_saved_run_draws_the_same_recording(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
-    maurice(small_session, "--particles", "60", "--run", "kept", "--save", "then.rrd")
-    maurice("kept", "--save", "now.rrd")
-    then, now = content(tmp_path / "then.rrd"), content(tmp_path / "now.rrd")
-    assert len(then) > 50
-    assert now == then
-
-
-def test_replaying_filters_nothing(saved: str, maurice: Maurice, monkeypatch: pytest.MonkeyPatch) -> None:
     from maurice_mcl.filter.localizer import Localizer
 
     def refuse(*args: Any) -> None:
@@ -91,10 +54,24 @@ def test_replaying_filters_nothing(saved: str, maurice: Maurice, monkeypatch: py
 
     monkeypatch.setattr(Localizer, "step", refuse)
     assert maurice("kept", "--no-recording", "--json")[0] == saved
+    out, err = maurice("verify", "kept")
+    assert (out, err) == ("blended: the same, all 14 steps to the last bit\n", "")
+    (run,) = json.loads(maurice("verify", "kept", "--json")[0])["runs"]
+    assert run == {
+        "label": "blended", "same": True, "steps": 14, "difference": None, "changed_versions": [],
+    }  # fmt: skip
+
+
+def test_a_saved_run_draws_the_same_recording(small_session: Path, tmp_path: Path) -> None:
+    maurice(small_session, "--particles", "60", "--run", "kept", "--save", "then.rrd")
+    maurice("kept", "--save", "now.rrd")
+    then, now = content(tmp_path / "then.rrd"), content(tmp_path / "now.rrd")
+    assert len(then) > 50
+    assert now == then
 
 
 def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_empty(
-    saved: str, maurice: Maurice, tmp_path: Path
+    saved: str, tmp_path: Path
 ) -> None:
     (tmp_path / "survey.log").rename(tmp_path / "away.log")
     out, err = maurice("kept", "--save", "a.rrd", "--json")
@@ -110,9 +87,7 @@ def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_em
     assert "session.log" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_a_changed_picture_empties_the_panels_from_there_on(
-    saved: str, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_a_changed_picture_empties_the_panels_from_there_on(saved: str, tmp_path: Path) -> None:
     pictures = sorted((tmp_path / "pictures").glob("session*"))
     shutil.copyfile(pictures[0], pictures[6])
     out, err = maurice("kept", "--no-recording", "--json")
@@ -122,15 +97,6 @@ def test_a_changed_picture_empties_the_panels_from_there_on(
     assert "step 7" in one_line(maurice("kept", "--no-recording", "--json")[1])
     out, _ = maurice("verify", "kept", expect=1)
     assert "step 7, picture" in out
-
-
-def test_verify_says_that_nothing_changed(saved: str, maurice: Maurice) -> None:
-    out, err = maurice("verify", "kept")
-    assert (out, err) == ("blended: the same, all 14 steps to the last bit\n", "")
-    (run,) = json.loads(maurice("verify", "kept", "--json")[0])["runs"]
-    assert run == {
-        "label": "blended", "same": True, "steps": 14, "difference": None, "changed_versions": [],
-    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -143,16 +109,14 @@ def test_verify_says_that_nothing_changed(saved: str, maurice: Maurice) -> None:
     ids=["thesis", "robust", "options"],
 )
 def test_verify_puts_any_filter_together_again(
-    small_session: Path, maurice: Maurice, options: list[str], monkeypatch: pytest.MonkeyPatch
+    small_session: Path, options: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     maurice(small_session, "--particles", "100", *options, "--run", "kept", "--no-recording")
     monkeypatch.setenv("MAURICE_FILTER_SENSOR__SHARPNESS", "3")  # does not reach into a saved run
     assert "the same" in maurice("verify", "kept")[0]
 
 
-def test_verify_names_the_first_step_and_field_that_differ(
-    saved: str, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_verify_names_changes(saved: str, tmp_path: Path) -> None:
     file = tmp_path / "kept" / "particles" / "00000001.parquet"
     chosen = (pl.col("step") == 5) & (pl.col("index") == 17)
     x = pl.when(chosen).then(pl.col("x_m") + 1e-6).otherwise(pl.col("x_m")).cast(pl.Float32).alias("x_m")
@@ -160,9 +124,6 @@ def test_verify_names_the_first_step_and_field_that_differ(
     out, _ = maurice("verify", "kept", expect=1)
     assert out.startswith("blended: differs first at step 5, particles.x_m of particle 17: stored ")
     assert "with the same versions" in out
-
-
-def test_verify_names_versions_that_changed(saved: str, maurice: Maurice, tmp_path: Path) -> None:
     manifest = read_manifest(tmp_path / "kept")
     write_manifest(tmp_path / "kept", replace(manifest, seed=1, versions={**manifest.versions, "numpy": "1"}))
     out, _ = maurice("verify", "kept", expect=1)
@@ -171,23 +132,19 @@ def test_verify_names_versions_that_changed(saved: str, maurice: Maurice, tmp_pa
 
 
 @pytest.mark.parametrize("what", ["session.log", "survey.log"])
-def test_verify_says_when_an_input_was_changed(
-    saved: str, maurice: Maurice, tmp_path: Path, what: str
-) -> None:
+def test_verify_says_when_an_input_was_changed(saved: str, tmp_path: Path, what: str) -> None:
     with (tmp_path / what).open("a") as log:
         log.write("\n")
     assert "was changed after the run was made" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_verify_says_when_the_pictures_of_the_survey_were_changed(
-    saved: str, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_verify_sees_other_survey_pictures(saved: str, tmp_path: Path) -> None:
     pictures = sorted((tmp_path / "pictures").glob("survey*"))
     shutil.copyfile(pictures[3], pictures[100])
     assert "other measurements" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_compare_saves_one_folder_a_run(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+def test_compare_saves_one_folder_a_run(small_session: Path, tmp_path: Path) -> None:
     then, _ = maurice("compare", small_session, "--run", "both", "--no-recording", "--json")
     now, err = maurice("both", "--no-recording", "--json")
     assert (now, err) == (then, "")
@@ -202,7 +159,7 @@ def test_compare_saves_one_folder_a_run(small_session: Path, maurice: Maurice, t
 
 
 def test_a_folder_that_is_taken_is_refused_before_anything_is_done(
-    saved: str, small_session: Path, maurice: Maurice, tmp_path: Path
+    saved: str, small_session: Path, tmp_path: Path
 ) -> None:
     _, err = maurice(small_session, "--run", "kept", "--save", "x.rrd", expect=1)
     assert "--force" in one_line(err)
@@ -214,12 +171,12 @@ def test_a_folder_that_is_taken_is_refused_before_anything_is_done(
     assert (mine / "thesis.txt").read_text() == "all of it"
 
 
-def test_options_of_the_filter_do_not_apply_to_a_saved_run(saved: str, maurice: Maurice) -> None:
+def test_options_of_the_filter_do_not_apply_to_a_saved_run(saved: str) -> None:
     for options in (["--particles", "3"], ["--feature", "color"], ["--run", "x"], ["--seed", "1"]):
         maurice("kept", *options, expect=2)
 
 
-def test_what_is_no_saved_run_is_one_line(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+def test_what_is_no_saved_run_is_one_line(small_session: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     assert "found no manifest.json" in one_line(maurice("verify", "empty", expect=1)[1])
     assert "folder" in one_line(maurice("empty", expect=1)[1])
@@ -228,7 +185,7 @@ def test_what_is_no_saved_run_is_one_line(small_session: Path, maurice: Maurice,
 
 
 def test_a_full_disk_prints_the_figures_so_far_and_one_line(
-    small_session: Path, maurice: Maurice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add = RunWriter.add
 
@@ -257,7 +214,7 @@ def start_slow(small_session: Path, tmp_path: Path) -> subprocess.Popen[bytes]:
     raise AssertionError("no part was written")
 
 
-def test_a_killed_run_keeps_what_was_written(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+def test_a_killed_run_keeps_what_was_written(small_session: Path, tmp_path: Path) -> None:
     with start_slow(small_session, tmp_path) as going:
         os.kill(going.pid, signal.SIGKILL)
     assert read_manifest(tmp_path / "kept").state == "writing"
@@ -272,7 +229,7 @@ def test_a_killed_run_keeps_what_was_written(small_session: Path, maurice: Mauri
 
 
 def test_a_run_without_a_step_is_shown_and_not_verified(
-    small_session: Path, maurice: Maurice, monkeypatch: pytest.MonkeyPatch
+    small_session: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(self: RunWriter, moment: Any, record: Any) -> None:
         raise KeyboardInterrupt
@@ -285,9 +242,7 @@ def test_a_run_without_a_step_is_shown_and_not_verified(
     assert "nothing to verify" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_a_stopped_run_keeps_every_step_and_says_so(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_a_stopped_run_keeps_every_step_and_says_so(small_session: Path, tmp_path: Path) -> None:
     with start_slow(small_session, tmp_path) as going:
         going.send_signal(signal.SIGINT)
         out, err = going.communicate(timeout=60)

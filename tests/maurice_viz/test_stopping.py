@@ -1,7 +1,5 @@
 """A request to stop waits for the end of an update, and no longer."""
 
-from __future__ import annotations
-
 import json
 import signal
 import threading
@@ -48,13 +46,11 @@ def test_a_request_to_stop(within: int, between: int, expected: list[str]) -> No
     assert done == expected
 
 
-def test_nothing_stops_where_nobody_asked() -> None:
+def test_nothing_stops_or_is_hidden_unasked() -> None:
     done: list[str] = []
     updates(done)
     assert done == ["update 1", "after 1", "update 2", "after 2"]
 
-
-def test_what_goes_wrong_within_is_not_hidden_by_a_request() -> None:
     def full() -> None:
         with stops_between() as stops, stops.wait():
             stop()
@@ -62,6 +58,16 @@ def test_what_goes_wrong_within_is_not_hidden_by_a_request() -> None:
 
     with pytest.raises(OSError, match="full"):
         full()
+    done = []
+
+    def work() -> None:
+        with stops_between() as stops, stops.wait():
+            done.append(0)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert done == [0]
 
 
 def test_handlers_are_put_back_and_what_is_ignored_stays_ignored() -> None:
@@ -75,19 +81,6 @@ def test_handlers_are_put_back_and_what_is_ignored_stays_ignored() -> None:
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGTERM, terminate)
-
-
-def test_another_thread_than_the_main_one_listens_to_nothing() -> None:
-    done = []
-
-    def work() -> None:
-        with stops_between() as stops, stops.wait():
-            done.append(0)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert done == [0]
 
 
 def test_figures_recording_and_saved_run_go_equally_far(

@@ -57,14 +57,11 @@ def test_two_places_that_look_the_same_are_each_others_look_alikes() -> None:
     assert found.retrieved_right < 1
 
 
-def test_all_alike_is_as_ambiguous_as_can_be() -> None:
+def test_ambiguity_at_its_ends() -> None:
     poses = grid()
     found = checked(library_of(poses, np.full((len(poses), 2), 7.0)))
     assert found.ambiguity == pytest.approx(np.full(len(poses), len(poses) - 1))
     assert found.at_places(found.ambiguity) == pytest.approx(np.full(len(poses), len(poses) - 1))
-
-
-def test_one_place_has_nothing_to_be_compared_with() -> None:
     poses = np.array([[1.0, 1.0, k * np.pi / 4 - np.pi] for k in range(8)])
     found = checked(library_of(poses, np.arange(16.0).reshape(8, 2)))
     assert (found.retrieved == -1).all()
@@ -72,12 +69,18 @@ def test_one_place_has_nothing_to_be_compared_with() -> None:
     assert (found.ambiguity == 1).all()
 
 
-def test_nodes_of_a_survey_stay_apart() -> None:
+def test_places_are_apart() -> None:
     poses = np.repeat(grid(), 8, axis=0)
     places, place_of = places_of(poses[:, :2], STEP_M)
     assert len(places) == COLUMNS * ROWS
     assert (np.bincount(place_of) == 8).all()
     assert np.allclose(places[place_of], poses[:, :2])
+    xy = np.random.default_rng(0).random((300, 2)) * 3
+    places, place_of = places_of(xy, 0.4)
+    assert np.hypot(*(xy - places[place_of]).T).max() < 0.4
+    firsts = xy[np.unique(place_of, return_index=True)[1]]
+    apart = np.hypot(*(firsts[:, None] - firsts[None]).transpose(2, 0, 1)) + np.eye(len(firsts))
+    assert apart.min() > 0.3
 
 
 def test_coverage_finds_the_hole() -> None:
@@ -98,15 +101,12 @@ def mapless(poses: F64) -> Library:
     return replace(library_of(poses, smooth(poses)), arena=open_arena(poses))
 
 
-def test_without_a_map_the_margin_around_the_poses_is_no_gap() -> None:
+def test_without_a_map_only_holes_are_gaps() -> None:
     whole = coverage_of(mapless(grid()), STEP_M)
     assert not whole.mapped
     assert whole.covered == 1
     assert whole.gaps == ()
     assert whole.free_m2 == pytest.approx((COLUMNS - 1) * (ROWS - 1) * STEP_M**2, rel=0.1)
-
-
-def test_without_a_map_a_hole_between_the_poses_is_a_gap() -> None:
     poses = grid()
     found = coverage_of(mapless(poses[(poses[:, 0] < 1.5) | (poses[:, 0] > 3.0)]), STEP_M)
     assert len(found.gaps) == 1
@@ -128,12 +128,3 @@ def test_a_drive_thinned_by_place_or_heading_has_neighbors_that_look_the_same_wa
     found = checked(library_of(poses, np.column_stack([smooth(poses)[:, 0], 40 + 400 * (poses[:, 2] > 1)])))
     assert found.spacing_m == pytest.approx(0.5)
     assert found.retrieved_right == 1
-
-
-def test_entries_near_each_other_are_one_place_and_no_two_places_are_near() -> None:
-    xy = np.random.default_rng(0).random((300, 2)) * 3
-    places, place_of = places_of(xy, 0.4)
-    assert np.hypot(*(xy - places[place_of]).T).max() < 0.4
-    firsts = xy[np.unique(place_of, return_index=True)[1]]
-    apart = np.hypot(*(firsts[:, None] - firsts[None]).transpose(2, 0, 1)) + np.eye(len(firsts))
-    assert apart.min() > 0.3

@@ -16,23 +16,17 @@ def _at(grid, x, y):
     return divmod(int(cell), grid.shape[1])
 
 
-def test_cells_and_their_centers_agree():
+def test_cells_centers_and_borders_agree():
     grid = make_grid(Arena((-0.3, 0.1, 2.0, 1.7), NO_WALLS), PLACES)
     centers = grid.centers()
     for origin in (np.zeros(2), np.array([0.7, -0.2])):
         found = grid.cells_of((centers - origin).astype(np.float32), origin)
         assert np.array_equal(found, np.arange(len(centers)))
     assert grid.cell_m == pytest.approx(0.5 / 18)
-
-
-def test_outside_is_minus_one():
     grid = make_grid(Arena((0.0, 0.0, 2.0, 1.5), NO_WALLS), PLACES)
     outside = np.array([[-0.5, 0.5], [2.5, 0.5], [0.5, -0.5], [0.5, 1.8], [-9e3, 9e3]], np.float32)
     assert np.all(grid.cells_of(outside, np.zeros(2)) == -1)
     assert grid.free.all()
-
-
-def test_cell_borders_lie_on_places_and_halfway_between():
     grid = make_grid(Arena((0.0, 0.0, 2.0, 1.5), NO_WALLS), PLACES)
     for border in (PLACES[:, 0], np.array([0.75])):
         steps = (border - grid.corner[0]) / grid.cell_m
@@ -47,7 +41,7 @@ def test_floors_lie_on_top_of_each_other_in_their_order():
     assert names == ["wood", "rug", "wood", ""]
 
 
-def test_obstacles_and_walls_are_not_free():
+def test_walls_and_obstacles_are_not_free():
     wall = np.array([[1.5, 0.0, 1.5, 1.0]])
     grid = make_grid(Arena((0, 0, 2, 1.5), wall, obstacles=(_square("box", 0.1, 0.3),)), PLACES)
     assert not grid.free[_at(grid, 0.2, 0.2)]
@@ -55,6 +49,12 @@ def test_obstacles_and_walls_are_not_free():
     assert grid.walled[_at(grid, 1.5001, 0.5)]
     assert not grid.free[_at(grid, 1.5001, 0.5)]
     assert grid.free[_at(grid, 1.5001, 1.2)]
+    walls = np.array([[1.5, 0, 1.5, 1.5]])
+    grid = make_grid(Arena((0, 0, 2, 1.5), walls), PLACES)
+    assert not grid.free[_at(grid, 1.8, 0.7)]
+    assert grid.free[_at(grid, 1.2, 0.7)]
+    with_door = make_grid(Arena((0, 0, 2, 1.5), np.array([[1.5, 0, 1.5, 1.2]])), PLACES)
+    assert with_door.free[_at(with_door, 1.8, 0.7)]
 
 
 def test_every_cell_that_a_slanted_wall_runs_through_is_walled():
@@ -66,22 +66,10 @@ def test_every_cell_that_a_slanted_wall_runs_through_is_walled():
     assert walled.mean() > 0.995, "all but the clipped tips of corners"
 
 
-def test_a_closed_room_without_a_place_is_not_free():
-    walls = np.array([[1.5, 0, 1.5, 1.5]])
-    grid = make_grid(Arena((0, 0, 2, 1.5), walls), PLACES)
-    assert not grid.free[_at(grid, 1.8, 0.7)]
-    assert grid.free[_at(grid, 1.2, 0.7)]
-    with_door = make_grid(Arena((0, 0, 2, 1.5), np.array([[1.5, 0, 1.5, 1.2]])), PLACES)
-    assert with_door.free[_at(with_door, 1.8, 0.7)]
-
-
-def test_one_place_and_no_map():
+def test_odd_maps():
     grid = make_grid(open_arena(np.array([[3.0, 4.0, 0.0]])), np.array([[3.0, 4.0]]))
     assert grid.free.all()
     assert grid.cell_m == pytest.approx(0.0254)
     assert _at(grid, 3.01, 4.01) != (-1, -1)
-
-
-def test_a_huge_map_gets_coarser_cells():
     grid = make_grid(Arena((0, 0, 1000, 500), NO_WALLS), np.array([[1.0, 1.0], [1.1, 1.0]]))
     assert np.prod(grid.shape) < 1.1e6

@@ -22,26 +22,17 @@ def test_effective_sample_size_lies_between_one_and_n(logs):
     assert 1 - 1e-9 <= size <= len(logs) * (1 + 1e-9)
 
 
-def test_effective_sample_size_by_hand():
+def test_effective_sample_size_and_normalize_by_hand():
     assert effective_sample_size(uniform_log_weights(37)) == pytest.approx(37)
     with np.errstate(divide="ignore"):
         assert effective_sample_size(np.log(np.array([1.0, 0.0, 0.0]))) == pytest.approx(1)
     assert effective_sample_size(np.log(np.array([0.5, 0.25, 0.25]))) == pytest.approx(1 / 0.375)
-
-
-def test_normalize_does_not_underflow():
     normalized, total = normalize(np.array([-5000.0, -5000.0 - np.log(3)]))
     assert np.exp(normalized) == pytest.approx([0.75, 0.25])
     assert total == pytest.approx(-5000 + np.log(4 / 3))
-
-
-def test_some_zero_weights_stay_zero():
     normalized, total = normalize(np.array([-np.inf, 0.0, 0.0]))
     assert np.exp(normalized) == pytest.approx([0, 0.5, 0.5])
     assert total == pytest.approx(np.log(2))
-
-
-def test_all_zero_weights_are_reported_not_divided_by():
     logs = np.full(3, -np.inf)
     normalized, total = normalize(logs)
     assert total == -np.inf

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -34,9 +32,6 @@ def test_light_is_the_sum_over_its_sources(world: World, bare: LitScene) -> None
     weights = np.random.default_rng(5).uniform(0.2, 2, (parts, 3))
     alone = [view(world, bare, weights * (np.arange(parts) == k)[:, None], POSES[1]) for k in range(parts)]
     assert sum(alone) == pytest.approx(view(world, bare, weights, POSES[1]), abs=1e-4)
-
-
-def test_no_light_is_black(world: World, bare: LitScene) -> None:
     assert view(world, bare, np.zeros((len(lighting_of(world).parts), 3)), POSES[0]).max() < 1e-5
 
 

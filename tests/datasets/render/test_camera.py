@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -31,24 +29,12 @@ def span(picture: np.ndarray, channel: int) -> tuple[float, float, float, float]
     return columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
 
 
-def test_the_picture_has_the_camera_s_size_and_a_level_one_looks_level() -> None:
+def test_the_picture_is_upright_level_and_not_mirrored() -> None:
     assert radiance(scene_of((board(2, 1, -1, 0, 2, RED),)), EAST).shape == (144, 176, 3)
     right, down, forward = orientation(0.0, 0.0)
     assert right == pytest.approx([0, -1, 0])
     assert down == pytest.approx([0, 0, -1])
     assert forward == pytest.approx([1, 0, 0])
-
-
-def test_a_known_board_falls_on_the_right_pixels() -> None:
-    picture = look(board(2.0, 0.4, -0.2, 0.9, 1.3, RED))
-    left, right, top, bottom = span(picture, 0)
-    assert left == pytest.approx(88 - FOCAL * 0.4 / 2, abs=0.8)
-    assert right == pytest.approx(88 + FOCAL * 0.2 / 2, abs=0.8)
-    assert top == pytest.approx(72 - FOCAL * 0.3 / 2, abs=0.8)
-    assert bottom == pytest.approx(72 + FOCAL * 0.1 / 2, abs=0.8)
-
-
-def test_a_texture_is_upright_and_not_mirrored() -> None:
     face = board(2.0, 0.5, -0.5, 0.5, 1.5, (0, 0, 0))
     texture = np.zeros((32, 32, 3), np.float32)
     texture[:16, :16] = RED  # top left, as seen from its front
@@ -60,13 +46,19 @@ def test_a_texture_is_upright_and_not_mirrored() -> None:
     assert top < 50
 
 
-def test_half_the_distance_shows_twice_the_size() -> None:
+def test_a_known_board_falls_on_the_right_pixels() -> None:
+    picture = look(board(2.0, 0.4, -0.2, 0.9, 1.3, RED))
+    left, right, top, bottom = span(picture, 0)
+    assert left == pytest.approx(88 - FOCAL * 0.4 / 2, abs=0.8)
+    assert right == pytest.approx(88 + FOCAL * 0.2 / 2, abs=0.8)
+    assert top == pytest.approx(72 - FOCAL * 0.3 / 2, abs=0.8)
+    assert bottom == pytest.approx(72 + FOCAL * 0.1 / 2, abs=0.8)
+
+
+def test_things_move_and_grow_as_the_camera_does() -> None:
     far, near = look(board(4, 0.4, -0.4, 0.8, 1.2, RED)), look(board(2, 0.4, -0.4, 0.8, 1.2, RED))
     wide = [span(p, 0)[1] - span(p, 0)[0] for p in (far, near)]
     assert wide[1] == pytest.approx(2 * wide[0], abs=2.1)
-
-
-def test_turning_left_moves_things_right_and_going_right_moves_them_left() -> None:
     face = board(2, 0.2, -0.2, 0.8, 1.2, RED)
     ahead = span(look(face), 0)[0]
     assert span(look(face, pose=np.array([0, 0, 0.1])), 0)[0] == pytest.approx(ahead + FOCAL * 0.1, abs=3)
@@ -81,7 +73,7 @@ def test_the_nearer_face_hides_the_farther_whatever_their_order(order: tuple[int
     assert picture[72, 88 + int(FOCAL * 0.1) + 2] == pytest.approx(GREEN)
 
 
-def test_faces_that_cross_hide_each_other_in_part() -> None:
+def test_faces_that_cross_or_turn_their_back_are_hidden() -> None:
     slanted = LitFace(
         np.array([1.0, 0.5, 2.0]),
         np.array([2.0, -1.0, 0]),
@@ -91,15 +83,12 @@ def test_faces_that_cross_hide_each_other_in_part() -> None:
     picture = look(board(2, 1, -1, 0, 2, RED), slanted)
     assert picture[72, 88 - 8] == pytest.approx(BLUE)
     assert picture[72, 88 + 8] == pytest.approx(RED)
-
-
-def test_the_back_of_a_face_and_what_is_behind_the_camera_are_not_seen() -> None:
     face = board(2, -0.5, 0.5, 0.5, 1.5, RED)  # its front to the east
     behind = board(-2, 0.5, -0.5, 0.5, 1.5, GREEN)
     assert look(face, behind).max() == 0
 
 
-def test_a_floor_under_the_camera_reaches_from_the_horizon_to_the_lower_edge() -> None:
+def test_textures_reach_far_and_are_averaged() -> None:
     texture = np.ones((64, 64, 3), np.float32)
     floor = LitFace(
         np.array([-50.0, 50, 0]), np.array([100.0, 0, 0]), np.array([0, -100.0, 0]), halvings(texture)
@@ -107,9 +96,6 @@ def test_a_floor_under_the_camera_reaches_from_the_horizon_to_the_lower_edge() -
     lit = look(floor)[..., 0].mean(axis=1)
     assert (lit[:72] == 0).all()
     assert (lit[78:] > 0.99).all()
-
-
-def test_far_texture_is_averaged_not_sampled() -> None:
     face = board(40, 8, -8, -7, 9, (0, 0, 0))
     texture = np.zeros((512, 512, 3), np.float32)
     texture[:, ::2] = 1.0  # stripes finer than a pixel from there
@@ -117,20 +103,14 @@ def test_far_texture_is_averaged_not_sampled() -> None:
     assert picture[70:74, 80:96] == pytest.approx(0.5, abs=0.06)
 
 
-def test_rooms_are_closed_no_sample_is_left_without_a_face(scene: LitScene) -> None:
+def test_rooms_are_closed_and_the_door_gap_shows_the_other(scene: LitScene) -> None:
     for pose in ([0.5, 1.8, 0.3], [2.7, 1.8, 3.0], [4.6, 1.6, -1.2], [0.25, 0.7, -2.6]):
         assert radiance(scene, np.array(pose)).min() > 0
-
-
-def test_the_door_gap_shows_the_other_room(scene: LitScene) -> None:
-    """From the dim room, what is seen through the gap is brighter than the wall beside it."""
+    # From the dim room, what is seen through the gap is brighter than the wall beside it
     across_the_gap = np.array([[1.2, 1.8, 0.0], [4.2, 1.8, np.pi]])
     through = [radiance(scene, pose)[30:110, 70:106].mean() for pose in across_the_gap]
     beside = [radiance(scene, pose)[30:110, [2, 3, -3, -2]].mean() for pose in across_the_gap]
     brighter = [t > 1.5 * b for t, b in zip(through, beside, strict=True)]
     assert sum(brighter) == 1  # one room is bright, the other dim
-
-
-def test_the_same_pose_gives_the_same_picture(scene: LitScene) -> None:
     pose = np.array([1.0, 1.9, 0.7])
     assert np.array_equal(radiance(scene, pose), radiance(scene, pose))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -33,20 +31,17 @@ def test_taking_a_picture_moves_nobody(world: World) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(obstacles, after, strict=True))
 
 
-def test_nothing_changes_before_the_first_change(world: World) -> None:
+def test_nothing_changes_before_the_first_change_and_on_gives_it_back(world: World) -> None:
     plain = session_camera(world, 3)
     changing = session_camera(world, 3, Conditions(parse_lights("dim@4,off@4,daylight@5-6")))
     off = np.abs(plain.take(3, POSE).astype(int) - changing.take(3, POSE))
     assert off.mean() < 0.2  # texture times light is averaged in another order, nothing more
     assert np.abs(plain.take(4, POSE).astype(int) - changing.take(4, POSE)).mean() > 4
-
-
-def test_on_gives_the_lights_back(world: World) -> None:
     changing = session_camera(world, 3, Conditions(parse_lights("dim:0.3@2,on@4")))
     assert np.array_equal(changing.take(4, POSE), session_camera(world, 3).take(4, POSE))
 
 
-def test_automatic_gain_brings_every_mean_near_the_target_where_fixed_gain_does_not(world: World) -> None:
+def test_automatic_gain_brings_every_mean_near_the_target(world: World) -> None:
     fixed, auto = session_camera(world, 3), session_camera(world, 3, Conditions(gain="auto"))
     want = auto.sensor.target + np.mean(auto.sensor.black)
     means = {
@@ -55,9 +50,6 @@ def test_automatic_gain_brings_every_mean_near_the_target_where_fixed_gain_does_
     }
     assert np.abs(means["auto"] - want).max() < 6
     assert np.abs(means["fixed"] - want).max() > 15
-
-
-def test_automatic_gain_makes_up_for_dimming(world: World) -> None:
     bright = session_camera(world, 3, Conditions(gain="auto"))
     dim = session_camera(world, 3, Conditions(parse_lights("dim@1"), gain="auto"))
     pose = POSES[1]
@@ -105,14 +97,8 @@ def test_events_and_notes_tell_what_happens(world: World) -> None:
     assert camera.events(5) == ()
     assert len(camera.notes) == 5
     assert session_camera(world, 3).notes == ()
-
-
-def test_an_unknown_light_is_refused_when_the_outing_is_made(world: World) -> None:
     with pytest.raises(ValueError, match="found no light called 'attic'"):
         session_camera(world, 3, Conditions(parse_lights("off:attic@3")))
-
-
-def test_the_survey_has_no_changes_and_may_meter_too(world: World) -> None:
     assert survey_camera(world, 3).events(1) == ()
     auto = survey_camera(world, 3, gain="auto")
     assert not np.array_equal(auto.take(1, POSE), survey_camera(world, 3).take(1, POSE))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from maurice_datasets.render.conditions import Conditions, LightChange, conditions_for, parse_lights

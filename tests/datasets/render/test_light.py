@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -18,15 +16,9 @@ def test_rays_meet_a_box_where_they_should() -> None:
     start = f32((-3, 0, 0), (-3, 0, 0), (-3, 2, 0), (0, 0, 0), (0, 0, 5))
     toward = f32((1, 0, 0), (-1, 0, 0), (1, 0, 0), (1, 0, 0), (0, 0, -1))
     assert hit_distance(start, toward, (UNIT,)) == pytest.approx([2, np.inf, np.inf, 0, 4])
-
-
-def test_a_turned_box_is_met_at_its_corner() -> None:
     turned = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), np.pi / 4)
     far = hit_distance(f32((-3, 0.001, 0)), f32((1, 0, 0)), (turned,))
     assert far[0] == pytest.approx(3 - np.sqrt(2), abs=0.01)
-
-
-def test_the_nearest_of_several_boxes_counts() -> None:
     behind = Box((4.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     assert hit_distance(f32((-3, 0, 0)), f32((1, 0, 0)), (behind, UNIT))[0] == pytest.approx(2)
 
@@ -61,22 +53,16 @@ def world_with(lamps: tuple[Lamp, ...], boxes: tuple[Box, ...] = (), ambient: fl
     )
 
 
-def test_a_lamp_two_metres_up_gives_a_quarter_and_less_at_a_slant() -> None:
+def test_lamps_and_boxes_make_light_and_shadow() -> None:
     lamp = Lamp("lamp", np.array([[0.0, 0, 2]]), np.ones(3))
     points, up = np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     light = irradiance(world_with((lamp,)), points, up, Baking())
     assert light[:, 0] == pytest.approx([0.25, np.cos(np.pi / 4) / 8])
-
-
-def test_a_box_between_lamp_and_floor_throws_a_shadow() -> None:
     lamp, shade = Lamp("lamp", np.array([[0.0, 0, 2]]), np.ones(3)), Box((0.0, 0.0, 1.0), (0.2, 0.2, 0.1))
     points, up = np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     light = irradiance(world_with((lamp,), (shade,)), points, up, Baking())
     assert light[0, 0] == 0
     assert light[1, 0] > 0
-
-
-def test_a_window_lights_only_the_side_it_faces() -> None:
     window = Lamp("lamp", np.array([[0.0, 0, 1]]), np.ones(3), facing=np.array([1.0, 0, 0]))
     points, up = np.array([[1.0, 0, 0], [-1, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     light = irradiance(world_with((window,)), points, up, Baking())
@@ -84,13 +70,10 @@ def test_a_window_lights_only_the_side_it_faces() -> None:
     assert light[1, 0] == 0
 
 
-def test_ambient_light_alone_bakes_to_albedo_times_ambient() -> None:
+def test_baking_of_plain_light() -> None:
     (lit,) = bake(world_with((), ambient=0.8)).faces
     assert lit.levels[0] == pytest.approx(np.full((64, 64, 3), 0.4), abs=1e-5)
     assert [level.shape[0] for level in lit.levels] == [64, 32, 16, 8, 4]
-
-
-def test_points_lie_before_the_face_and_cover_it_evenly() -> None:
     face = world_with(()).faces[0]
     points, (rows, columns) = face_points(face, Baking(spacing_m=0.5))
     assert (rows, columns) == (4, 4)

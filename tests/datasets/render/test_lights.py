@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -30,36 +28,24 @@ def weights(text: str, number: int) -> np.ndarray:
 def test_dimming_lasts_until_the_lights_are_on_again() -> None:
     lights = parse_lights("dim@10,dim:0.2@20,on@30")
     assert [brightness_at(lights, k) for k in (1, 9, 10, 19, 20, 29, 30)] == [1, 1, 0.6, 0.6, 0.2, 0.2, 1]
-
-
-def test_a_change_made_by_hand_without_a_share_dims_as_the_notation_does() -> None:
     assert brightness_at((LightChange("dim", 3),), 3) == brightness_at(parse_lights("dim@3"), 3)
 
 
-def test_one_lamp_goes_out_and_comes_back_alone() -> None:
+def test_lamps_and_windows_go_out_alone() -> None:
     lights = parse_lights("off:a@2,off:b@3,on:a@4,on@5")
     assert [sorted(sources_off(lights, k)) for k in range(1, 6)] == [[], ["a"], ["a", "b"], ["b"], []]
-
-
-def test_weights_are_one_before_anything_changes_and_zero_for_what_is_off() -> None:
     assert (weights("off:lamp@5,daylight@6-9", 4) == 1).all()
     assert weights("off:lamp@5", 5)[:, 0].tolist() == [0, 1, 1, 1]
-
-
-def test_a_window_can_be_darkened_on_both_sides() -> None:
     assert weights("off:window@5", 5)[:, 0].tolist() == [1, 1, 0, 0]
 
 
-def test_daylight_moves_smoothly_from_first_to_last_and_then_rests() -> None:
+def test_daylight_moves_and_ends_weaker_warmer_and_from_one_side() -> None:
     lights = parse_lights("daylight@20-100")
     moved = np.array([daylight_at(lights, k) for k in range(1, 121)])
     assert (moved[:20] == 0).all()
     assert (moved[99:] == 1).all()
     assert (np.diff(moved) >= 0).all()
     assert np.diff(moved).max() < 0.02
-
-
-def test_late_daylight_is_weaker_warmer_and_from_one_side_and_leaves_lamps_alone() -> None:
     late = weights("daylight@2-10", 10)
     assert (late[:2] == 1).all()
     assert (late[2] > 5 * late[3]).all()
@@ -84,12 +70,9 @@ def test_only_what_changes_shadows_needs_shading_anew() -> None:
     assert reshades(Conditions(parse_lights("daylight@3-4")))
 
 
-def test_off_means_the_first_lamp_and_never_a_window(world: World) -> None:
+def test_lights_are_named(world: World) -> None:
     lamp = next(source for source in world.sources if source not in windows_of(world))
     assert named_lights(world, parse_lights("off@3"))[0].source == lamp
-
-
-def test_an_unknown_light_is_named_with_those_there_are(world: World) -> None:
     with pytest.raises(ValueError, match="no light called 'attic'") as caught:
         named_lights(world, parse_lights("off:attic@3"))
     assert world.sources[0] in str(caught.value)
@@ -104,7 +87,7 @@ def test_parts_of_a_source_share_it_out_without_rest(world: World) -> None:
                 assert sum(part.shares(lamp) for part in parts) == pytest.approx(np.ones(len(lamp.points)))
 
 
-def test_drift_is_smooth_seeded_and_stays_within_its_bound() -> None:
+def test_drift_is_smooth_seeded_and_bounded() -> None:
     conditions, plain = Conditions(drift=0.2, tint=0.1), Exposure((1.1, 1.0, 0.9))
     seen = []
     for seed in range(40):
@@ -116,7 +99,4 @@ def test_drift_is_smooth_seeded_and_stays_within_its_bound() -> None:
     assert min(seen) > 0.1  # over 400 updates every session really drifts
     assert swings(1, 7, 3) == swings(1, 7, 3)
     assert swings(1, 7, 3) != swings(2, 7, 3)
-
-
-def test_no_drift_leaves_the_exposure_as_it_is() -> None:
     assert drifted(Exposure((1.1, 1.0, 0.9), True), Conditions(), 3, 50) == Exposure((1.1, 1.0, 0.9), True)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -24,23 +22,14 @@ ORIGIN = np.zeros(3)
 POSE = np.array([4.0, 2.0, np.pi])
 
 
-def test_the_share_of_frames_with_people_is_the_one_asked_for() -> None:
+def test_people_come_as_often_as_asked() -> None:
     frames = 2000
     share = np.mean([bool(stands_at(OPEN, ORIGIN, 7, k, 0.3)) for k in range(1, frames + 1)])
     assert abs(share - 0.3) < 4 * np.sqrt(0.3 * 0.7 / frames)
-
-
-def test_nobody_comes_where_nobody_is_asked_for() -> None:
     assert not any(stands_at(OPEN, ORIGIN, 7, k, 0.0) for k in range(1, 100))
-
-
-def test_whether_people_come_does_not_depend_on_the_pose() -> None:
     turned = np.array([1.0, -2, 2.5])
     for k in range(1, 200):
         assert bool(stands_at(OPEN, ORIGIN, 7, k, 0.3)) == bool(stands_at(OPEN, turned, 7, k, 0.3))
-
-
-def test_frames_and_seeds_have_people_of_their_own() -> None:
     assert stands_at(OPEN, ORIGIN, 7, 1, 1.0) == stands_at(OPEN, ORIGIN, 7, 1, 1.0)
     assert stands_at(OPEN, ORIGIN, 7, 1, 1.0) != stands_at(OPEN, ORIGIN, 7, 2, 1.0)
     assert stands_at(OPEN, ORIGIN, 7, 1, 1.0) != stands_at(OPEN, ORIGIN, 8, 1, 1.0)
@@ -63,13 +52,10 @@ def test_people_stand_ahead_at_free_places_that_can_be_seen(world: World) -> Non
     assert found > 75
 
 
-def test_a_wall_between_hides_a_place_and_one_beside_does_not() -> None:
+def test_walls_and_boxes_hide_what_is_behind() -> None:
     eye, places = np.zeros(2), np.array([[2.0, 0.0], [0.5, 0.0], [2.0, 3.0]])
     starts, ends = np.array([[1.0, -1.0]]), np.array([[1.0, 1.0]])
     assert crossed(eye, places, starts, ends).tolist() == [True, False, False]
-
-
-def test_a_box_hides_a_lamp_behind_it_only() -> None:
     box = Box((1.0, 0.0, 0.0), (0.2, 0.5, 0.5), 0.3)
     targets = np.array([[2.0, 0, 0], [0.5, 0, 0], [0, 2.0, 0], [2, 0, 4.0], [-2.0, 0, 0]])
     assert seen_past(np.zeros(3), targets, (box,)).tolist() == [False, True, True, True, True]
@@ -81,15 +67,12 @@ def person(world: World, stand: StandingPerson, dim: float = 1.0) -> LitScene:
     return people(world, parts, np.full((len(parts), 3), dim), (stand,), 7)
 
 
-def test_a_person_is_people_sized_and_stands_on_the_floor(world: World) -> None:
+def test_a_person_is_people_sized_and_lit_by_the_place(world: World) -> None:
     made = person(world, StandingPerson(3.0, 2.0, 0.7, 2))
     corners = np.concatenate([made.corner + a * made.across + b * made.down for a in (0, 1) for b in (0, 1)])
     assert corners[:, 2].min() == pytest.approx(0, abs=1e-9)
     assert 1.5 < corners[:, 2].max() < 1.9
     assert np.abs(corners[:, :2] - [3.0, 2.0]).max() < 0.45
-
-
-def test_a_person_takes_the_light_of_the_place(world: World) -> None:
     stand = StandingPerson(3.0, 2.0, 0.7, 2)
     bright, dim = person(world, stand), person(world, stand, 0.25)
     assert bright.light is not None

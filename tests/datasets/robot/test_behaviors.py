@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -33,15 +31,12 @@ def around(**near_in: float) -> Proximity:
     return Proximity(BEARINGS, ranges, RING.reach_m)
 
 
-def test_after_a_motion_nothing_but_looking_is_done() -> None:
+def test_commands_and_priorities() -> None:
     pressed = Senses(around(s0=4.0), MIDDLE, bumped=True, unseen=True, goal_rad=0.1, command=(1.0, 1.0))
     chosen = choose(BEHAVIORS, pressed)
     assert chosen is not None
     assert chosen.look
     assert (chosen.turn_rad, chosen.forward_m) == (0, 0)
-
-
-def test_priorities_are_command_then_avoidance_then_goal_then_wandering() -> None:
     near = around(s0=5.2)
     names = [
         choose(BEHAVIORS, senses)
@@ -55,9 +50,6 @@ def test_priorities_are_command_then_avoidance_then_goal_then_wandering() -> Non
     expected = ["teleoperation", "collision avoidance", "going to a point", "wandering"]
     assert [n and n.behavior for n in names] == expected
     assert choose((), Senses(around(), MIDDLE)) is None
-
-
-def test_a_command_is_passed_on_as_it_is() -> None:
     proposal = Teleoperate().propose(Senses(around(), MIDDLE, command=(-0.7, 0.31)))
     assert proposal is not None
     assert (proposal.turn_rad, proposal.forward_m) == (-0.7, 0.31)
@@ -79,15 +71,12 @@ def test_after_contact_it_goes_back(die: float) -> None:
     assert np.pi >= abs(proposal.turn_rad) >= np.radians(120) - 1e-9
 
 
-def test_a_goal_behind_an_obstacle_is_not_driven_at() -> None:
+def test_goals_are_approached_in_even_strides() -> None:
     wall = around(s0=8.0, s1=8.3, s23=8.3, s2=9.2, s22=9.2, s3=11.3, s21=11.3)
     assert GoToPoint().propose(Senses(wall, MIDDLE, goal_rad=0.0)) is None
     clear = GoToPoint().propose(Senses(wall, MIDDLE, goal_rad=np.pi))
     assert clear is not None
     assert abs(clear.turn_rad) == pytest.approx(np.pi)
-
-
-def test_strides_and_bearings_to_a_goal_are_even_within_their_bounds() -> None:
     rng = np.random.default_rng(5)
     told = [GoToPoint().propose(Senses(around(), rng.random(DICE), goal_rad=0.4)) for _ in range(2000)]
     turns = np.array([p.turn_rad for p in told if p]) - 0.4
@@ -98,9 +87,11 @@ def test_strides_and_bearings_to_a_goal_are_even_within_their_bounds() -> None:
         assert (values <= high).all()
         error = (high - low) / np.sqrt(12 * len(values))
         assert values.mean() == pytest.approx((low + high) / 2, abs=4 * error)
+    assert Stride().length(1.0, 0.2) == 0.2
+    assert Stride().length(0.0, 9.0) == pytest.approx(5 * INCH_M)
 
 
-def test_wandering_takes_any_open_way_and_stays_short_where_none_is() -> None:
+def test_wandering_takes_any_open_way() -> None:
     rng = np.random.default_rng(6)
     turns = [Wander().propose(Senses(around(), rng.random(DICE))) for _ in range(500)]
     assert (np.histogram([p.turn_rad for p in turns if p], 4, (-np.pi, np.pi))[0] > 80).all()
@@ -108,12 +99,4 @@ def test_wandering_takes_any_open_way_and_stays_short_where_none_is() -> None:
     stuck = Wander().propose(Senses(boxed, MIDDLE))
     assert stuck is not None
     assert stuck.forward_m < 2 * INCH_M
-
-
-def test_localization_asks_for_nothing_once_it_has_looked() -> None:
     assert Localize().propose(Senses(around(), MIDDLE)) is None
-
-
-def test_a_stride_is_cut_to_what_is_open() -> None:
-    assert Stride().length(1.0, 0.2) == 0.2
-    assert Stride().length(0.0, 9.0) == pytest.approx(5 * INCH_M)

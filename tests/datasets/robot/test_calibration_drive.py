@@ -75,16 +75,13 @@ def test_a_session_s_legs_give_the_constants_back() -> None:
     check_coverage([fit(seed) for seed in range(SEEDS)])
 
 
-def test_the_same_seed_gives_the_same_trials_and_another_others() -> None:
+def test_trials_follow_their_seed_and_are_not_wrapped() -> None:
     plan = TrialPlan(5, 4)
     one, again, other = (calibration_drive(seed, plan) for seed in (1, 1, 2))
     assert np.array_equal(one.turns.actual_rad, again.turns.actual_rad)
     assert np.array_equal(one.straights.drift_rad, again.straights.drift_rad)
     assert not set(one.straights.actual_m) & set(other.straights.actual_m)
     assert one.straights.floors == ("wood", "wood", "carpet", "carpet")
-
-
-def test_turns_beyond_half_a_circle_are_not_wrapped() -> None:
     trials = calibration_drive(0, TrialPlan(400, 0))
     residual = trials.turns.actual_rad - trials.turns.measured_rad / CHASSIS.turn_over_read
     assert np.abs(residual).max() < 6 * CHASSIS.turn_sd_rad

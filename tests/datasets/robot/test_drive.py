@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from itertools import islice
 
 import numpy as np
@@ -38,29 +36,20 @@ def drives() -> Drives:
     return found
 
 
-def test_its_body_never_passes_through_anything_solid(drives: Drives) -> None:
+def test_it_drives_far_and_never_through_anything(drives: Drives) -> None:
     for world, _, updates in drives:
         path = np.concatenate([u.straight.path[:, :2] for u in updates])
         assert clearance(world.arena, path).min() >= Chassis().radius_m
-
-
-def test_it_goes_on_from_where_it_was(drives: Drives) -> None:
     for _, start, updates in drives:
         pose = start
         for update in updates:
             assert update.turn.path[0] == pytest.approx(pose)
             assert update.straight.path[0] == pytest.approx(update.turn.path[-1])
             pose = update.pose
-
-
-def test_120_updates_make_more_than_1000_inches(drives: Drives) -> None:
     for _, _, updates in drives:
         steps = np.concatenate([np.diff(u.straight.path[:, :2], axis=0) for u in updates])
         assert len(updates) == 120
         assert np.linalg.norm(steps, axis=1).sum() > 1000 * INCH_M
-
-
-def test_it_sees_both_rooms_and_both_floors(drives: Drives) -> None:
     for world, _, updates in drives:
         west = np.mean([u.pose[0] < 107 * INCH_M for u in updates])
         wood = np.mean([floor_at(world.arena, u.pose[0], u.pose[1]) == "wood" for u in updates])
@@ -68,7 +57,7 @@ def test_it_sees_both_rooms_and_both_floors(drives: Drives) -> None:
         assert 0.05 < wood < 0.95
 
 
-def test_offsets_within_a_cell_and_headings_between_references_are_uniform(drives: Drives) -> None:
+def test_offsets_and_headings_are_uniform(drives: Drives) -> None:
     """Nobody steers to nodes or to their headings: chi-square over all drives together."""
     poses = np.array([u.pose for _, _, updates in drives for u in updates])
     offsets = (poses[:, :2] - 8 * INCH_M) / CELL_M % 1
@@ -76,16 +65,13 @@ def test_offsets_within_a_cell_and_headings_between_references_are_uniform(drive
     for column in np.concatenate([offsets, headings], axis=1).T:
         assert chisquare(np.histogram(column, bins=6, range=(0, 1))[0]).pvalue > 0.001
         assert np.histogram(column, bins=50, range=(0, 1))[0].max() < 0.06 * len(column)  # and no spikes
-
-
-def test_headings_go_all_around_and_turns_are_of_every_size(drives: Drives) -> None:
     headings = np.array([u.pose[2] for _, _, updates in drives for u in updates])
     turns = np.abs([u.turn.measured[2] for _, _, updates in drives for u in updates]) / 1.3695
     assert (np.histogram(headings, bins=8, range=(-np.pi, np.pi))[0] > 0.03 * len(headings)).all()
     assert (np.histogram(turns, bins=4, range=(0, np.pi))[0] > 0.01 * len(turns)).all()
 
 
-def test_luck_is_the_seed_s_and_does_not_depend_on_what_the_robot_chose(drives: Drives) -> None:
+def test_luck_is_the_seeds(drives: Drives) -> None:
     chassis = Chassis()
     for seed, (_, _, updates) in zip(SEEDS, drives, strict=True):
         for step, update in enumerate(updates, start=1):
@@ -93,9 +79,6 @@ def test_luck_is_the_seed_s_and_does_not_depend_on_what_the_robot_chose(drives: 
             turned = wrap(update.turn.path[-1:, 2] - update.turn.path[0, 2])[0]
             residual = wrap(np.array([turned - update.turn.measured[2] / chassis.turn_over_read]))[0]
             assert residual == pytest.approx(chassis.turn_bias_rad + chassis.turn_sd_rad * luck.turn)
-
-
-def test_slips_are_rare_and_only_where_the_floor_changes(drives: Drives) -> None:
     crossed, slipped = 0, 0
     for world, _, updates in drives:
         for update in updates:
@@ -106,11 +89,15 @@ def test_slips_are_rare_and_only_where_the_floor_changes(drives: Drives) -> None
     assert 0 < slipped < 0.1 * crossed + 4 * np.sqrt(0.09 * crossed)
 
 
-def test_a_longer_drive_begins_with_the_shorter_one_and_another_seed_differs(world: World) -> None:
+def test_a_longer_drive_begins_with_the_shorter_one(world: World) -> None:
     short, long = (drive_in(world.arena, 5, n)[1] for n in (6, 12))
     for a, b in zip(short, long[:6], strict=True):
         assert np.array_equal(a.pose, b.pose)
     assert not np.array_equal(drive_in(world.arena, 6, 1)[1][0].pose, short[0].pose)
+    _, plain = drive_in(world.arena, 2, 4)
+    _, kidnapped = drive_in(world.arena, 2, 4, kidnap_at=2)
+    for a, b in zip(plain[:2], kidnapped[:2], strict=True):
+        assert np.array_equal(a.pose, b.pose)
 
 
 def test_a_kidnapped_robot_goes_on_far_away_and_its_wheels_know_nothing(world: World) -> None:
@@ -136,23 +123,13 @@ def test_a_given_start_is_where_it_starts(world: World) -> None:
     assert np.array_equal(next(updates).turn.path[0], here)
 
 
-def test_before_the_kidnapping_the_drive_is_the_same(world: World) -> None:
-    _, plain = drive_in(world.arena, 2, 4)
-    _, kidnapped = drive_in(world.arena, 2, 4, kidnap_at=2)
-    for a, b in zip(plain[:2], kidnapped[:2], strict=True):
-        assert np.array_equal(a.pose, b.pose)
-
-
-def test_a_list_of_commands_is_driven_one_an_update() -> None:
+def test_commands_are_driven_and_end_at_walls() -> None:
     arena = Arena((-5, -5, 5, 5), np.zeros((0, 4)))
     commands = [(0.5, 0.2), (-1.0, 0.0), (0.0, 0.4)]
     updates = list(steer(Robot(arena, 1), np.zeros(3), commands))
     told = [(u.turn.measured[2] / 1.3695, u.straight.measured[0]) for u in updates]
     assert np.array(told) == pytest.approx(np.array(commands))
     assert {u.behavior for u in updates} == {"teleoperation"}
-
-
-def test_a_command_into_a_wall_ends_at_the_wall() -> None:
     wall = Arena((-5, -5, 5, 5), np.array([[1.0, -5, 1.0, 5]]))
     (update,) = steer(Robot(wall, 1), np.zeros(3), [(0.0, 4.0)])
     assert update.straight.bumped

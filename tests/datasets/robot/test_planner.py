@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -20,14 +18,11 @@ def rastered(arena: Arena) -> Raster:
     return found
 
 
-def test_all_cells_keep_their_distance_and_hang_together() -> None:
+def test_cells_keep_their_distance_where_there_is_room() -> None:
     split = Region("wall to wall", np.array([[1.4, -0.1], [1.5, -0.1], [1.5, 2.1], [1.4, 2.1]]))
     found = rastered(room(2, 2, split))
     assert (clearance(found.arena, found.centers) > KEEP_M).all()
     assert found.centers[:, 0].max() < 1.4  # the larger part only
-
-
-def test_a_room_too_small_has_no_raster() -> None:
     assert raster(room(0.3, 0.3)) is None
 
 
@@ -45,7 +40,7 @@ def test_the_next_point_goes_around_an_obstacle_and_ends_at_the_goal(world: Worl
         assert np.hypot(*(here - goal)) < 4.5 * INCH_M
 
 
-def test_free_poses_are_drawn_evenly() -> None:
+def test_free_poses_are_even_far_and_free() -> None:
     found = rastered(room())
     rng = np.random.default_rng(4)
     poses = np.array([free_pose(found, rng) for _ in range(1200)])
@@ -54,18 +49,11 @@ def test_free_poses_are_drawn_evenly() -> None:
     for column, (a, b) in zip(poses.T, ((low, high), (low, high), (-np.pi, np.pi)), strict=True):
         counts = np.histogram(column, 6, (a, b))[0]
         assert np.abs(counts - 200).max() < 4 * np.sqrt(200)
-
-
-def test_a_pose_far_away_is_far_away_or_refused() -> None:
-    found = rastered(room())
     rng = np.random.default_rng(5)
     far = [free_pose(found, rng, np.array([1.0, 1.0, 0]), 0.6) for _ in range(100)]
     assert min(np.hypot(x - 1, y - 1) for x, y, _ in far) >= 0.6
     with pytest.raises(ValueError, match="no free cell"):
         free_pose(found, rng, np.array([1.0, 1.0, 0]), 2.0)
-
-
-def test_inside_an_obstacle_and_outside_are_not_free() -> None:
     block = Region("block", np.array([[0.8, 0.8], [1.2, 0.8], [1.2, 1.2], [0.8, 1.2]]))
     found = rastered(room(2, 2, block))
     assert not is_free(found, np.array([1.0, 1.0]))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,27 +10,18 @@ ARENA = Arena((-1, -5, 5, 5), WALL, (BOX,))
 ORIGIN = np.zeros(3)
 
 
-def test_distances_are_those_of_geometry() -> None:
+def test_readings_are_those_of_geometry() -> None:
     found = distances(ARENA, ORIGIN[:2], np.array([0.0, np.pi, 3 * np.pi / 4, np.pi / 2, np.pi / 4]))
     assert found[:3] == pytest.approx([2.0, 1.0, np.sqrt(2)])
     assert np.isinf(found[3:]).all()
-
-
-def test_without_walls_nothing_is_seen() -> None:
     empty = Arena((-1, -1, 1, 1), np.zeros((0, 4)))
     read = sense(empty, ORIGIN, Ring(), np.random.default_rng(0))
     assert (read.ranges_m == Ring().reach_m).all()
-
-
-def test_readings_turn_with_the_robot_and_end_at_their_reach() -> None:
     ring = Ring(count=4, reach_m=1.5, noise=0.0)
     ahead = sense(ARENA, ORIGIN, ring, np.random.default_rng(0)).ranges_m
     turned = sense(ARENA, np.array([0, 0, np.pi / 2]), ring, np.random.default_rng(0)).ranges_m
     assert ahead == pytest.approx([1.5, 1.5, 1.0, 1.5])
     assert turned == pytest.approx([1.5, 1.0, 1.5, 1.5])
-
-
-def test_noise_is_a_share_of_the_distance() -> None:
     ring = Ring(count=4, reach_m=9.0, noise=0.05)
     reads = [sense(ARENA, ORIGIN, ring, np.random.default_rng(k)).ranges_m[0] for k in range(800)]
     assert np.mean(reads) == pytest.approx(2.0, abs=4 * 0.1 / np.sqrt(800))
@@ -46,7 +35,4 @@ def test_a_disc_stops_where_it_touches() -> None:
     beside = Proximity(np.array([np.pi / 6]), np.array([2.0]), 9.0)  # 1 m aside
     assert beside.open_m(0.0, 0.9) == pytest.approx(8.1)
     assert beside.open_m(0.0, 1.0 + 1e-9) == pytest.approx(np.sqrt(3), abs=1e-3)
-
-
-def test_touching_already_is_no_way_at_all() -> None:
     assert Proximity(np.array([0.0]), np.array([0.3]), 3.0).open_m(0.0, 0.5) == 0

@@ -1,7 +1,5 @@
 """The laws of the robot's errors, on many draws: means and deviations within four standard errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -41,10 +39,6 @@ def test_a_turn_is_measured_over_the_gain_plus_the_residual_of_figure_8(told_deg
     assert (np.array([m.path[-1, :2] for m in moves]) == START[:2]).all()
 
 
-def test_a_measured_turn_is_larger_than_the_real_one_by_the_gain_of_figure_5() -> None:
-    assert turn_by(START, 1.0, NO_LUCK, CHASSIS).measured[2] == pytest.approx(1.3695)
-
-
 @pytest.mark.parametrize("told_in", [6.0, 24.0])
 def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in: float) -> None:
     moves = [drive_by(START, told_in * INCH_M, luck, plain("wood"), CHASSIS) for luck in lucks()[:1000]]
@@ -66,33 +60,31 @@ def test_heading_drifts_by_floor_in_proportion_to_distance(
         check_normal(np.degrees(ends[:, 2] - START[2]), bias_deg * yards, sd_deg * yards)
 
 
-def test_carpet_pulls_to_the_left() -> None:
+def test_drift_pulls_left_and_sums_over_floors() -> None:
     end = drive_by(np.zeros(3), 1.0, NO_LUCK, plain("carpet"), CHASSIS).path[-1]
     assert end[2] > 0
     assert end[1] > 0
-
-
-def test_drift_across_a_border_is_the_sum_of_both_stretches() -> None:
     half = np.array([[0.5, -9.0], [9, -9], [9, 9], [0.5, 9]])
     both = Arena((-9, -9, 9, 9), np.zeros((0, 4)), floors=(*plain("wood").floors, Region("carpet", half)))
     end = drive_by(np.zeros(3), 1.0 - CHASSIS.straight_bias_m, NO_LUCK, both, CHASSIS).path[-1]
     assert end[2] == pytest.approx(0.5 * CHASSIS.drifts["carpet"].bias_rad_per_m, rel=0.03)
 
 
-def test_encoders_agree_with_the_measured_movement() -> None:
+def test_movements_agree_with_encoders_and_change_nothing_given() -> None:
     for luck in lucks()[:50]:
         for move in (turn_by(START, 0.7, luck, CHASSIS), drive_by(START, 0.4, luck, plain("wood"), CHASSIS)):
             front_left, front_right, rear_left, rear_right = move.encoders_m
             left, right = (front_left + rear_left) / 2, (front_right + rear_right) / 2
             assert (left + right) / 2 == pytest.approx(move.measured[0], abs=1e-12)
             assert (right - left) / CHASSIS.track_m == pytest.approx(move.measured[2], abs=1e-12)
-
-
-def test_the_pose_given_is_not_changed() -> None:
     pose = START.copy()
     turn_by(pose, 1.0, NO_LUCK, CHASSIS)
     drive_by(pose, 1.0, NO_LUCK, plain("carpet"), CHASSIS)
     assert np.array_equal(pose, START)
+    move = drive_by(START, 0.0, Luck(0, 9.0, 0, (0, 0)), plain("wood"), CHASSIS)
+    assert np.array_equal(move.path[-1], START)
+    assert (move.measured == 0).all()
+    assert turn_by(START, 1.0, NO_LUCK, CHASSIS).measured[2] == pytest.approx(1.3695)
 
 
 def test_the_header_names_what_a_filter_needs_in_its_units() -> None:
@@ -107,16 +99,13 @@ def test_the_header_names_what_a_filter_needs_in_its_units() -> None:
     }
 
 
-def test_contact_stops_it_and_the_wheels_say_little_more_than_it_went() -> None:
+def test_contact_stops_it_and_it_can_leave() -> None:
     walled = Arena((-9, -9, 9, 9), np.array([[0.6, -9.0, 0.6, 9.0]]))
     move = drive_by(np.zeros(3), 2.0, NO_LUCK, walled, CHASSIS)
     assert move.bumped
     assert 0.6 - CHASSIS.radius_m - 0.02 < move.path[-1, 0] <= 0.6 - CHASSIS.radius_m
     assert 0 < move.measured[0] - move.path[-1, 0] < CHASSIS.stall_m + 0.02
     assert not drive_by(np.zeros(3), 0.3, NO_LUCK, walled, CHASSIS).bumped
-
-
-def test_a_robot_that_stands_too_near_can_leave_but_not_come_nearer() -> None:
     walled = Arena((-9, -9, 9, 9), np.array([[0.05, -9.0, 0.05, 9.0]]))
     away = drive_by(np.array([0.0, 0.0, np.pi]), 0.5, NO_LUCK, walled, CHASSIS)
     assert not away.bumped
@@ -126,13 +115,7 @@ def test_a_robot_that_stands_too_near_can_leave_but_not_come_nearer() -> None:
     assert into.measured[0] <= CHASSIS.stall_m
 
 
-def test_no_length_is_no_movement() -> None:
-    move = drive_by(START, 0.0, Luck(0, 9.0, 0, (0, 0)), plain("wood"), CHASSIS)
-    assert np.array_equal(move.path[-1], START)
-    assert (move.measured == 0).all()
-
-
-def test_slips_come_as_often_as_said_and_are_beyond_three_deviations_either_way() -> None:
+def test_slips_come_as_often_as_said_where_the_floor_changes() -> None:
     chassis = Chassis(slip_chance=0.1)
     slips = np.array([draw_slip(np.random.default_rng(k), chassis) for k in range(DRAWS)])
     hit = slips[slips != 0]
@@ -140,9 +123,6 @@ def test_slips_come_as_often_as_said_and_are_beyond_three_deviations_either_way(
     assert (np.abs(hit) > 3 * chassis.turn_sd_rad).all()
     assert (hit > 0).mean() == pytest.approx(0.5, abs=2 / np.sqrt(len(hit)))
     assert draw_slip(np.random.default_rng(1), CHASSIS) == 0
-
-
-def test_a_slip_turns_it_where_the_floor_changes_and_nowhere_else() -> None:
     half = np.array([[0.5, -9.0], [9, -9], [9, 9], [0.5, 9]])
     both = Arena((-9, -9, 9, 9), np.zeros((0, 4)), floors=(*plain("wood").floors, Region("rug", half)))
     luck = Luck(0, 0, 0, (0, 0), slip_rad=0.4)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -47,18 +45,12 @@ def test_map_boxes_and_faces_follow_and_nodes_stay(world: World) -> None:
             assert a.albedo is b.albedo
 
 
-def test_the_seed_decides(world: World) -> None:
+def test_the_seed_decides_and_limits_are_kept(world: World) -> None:
     first, again, other = (move_things(world, 2, seed) for seed in (5, 5, 6))
     assert np.array_equal(moves(world, first), moves(world, again))
     assert not np.array_equal(moves(world, first), moves(world, other))
     assert (moves(world, move_things(world, 0, 1)) == 0).all()
-
-
-def test_more_than_there_are_is_refused(world: World) -> None:
     with pytest.raises(InputError, match="8 pieces of furniture, fewer than the 9 to move"):
         move_things(world, 9, 0)
-
-
-def test_a_door_has_its_ground(world: World) -> None:
     (gap,) = door_middles(world.arena)
     assert inside(gap, np.array([[107, 71.0]]) * INCH_M)[0]

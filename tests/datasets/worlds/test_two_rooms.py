@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,14 +15,11 @@ def worlds() -> list[World]:
     return [load_world("two-rooms", seed) for seed in SEEDS]
 
 
-def test_ten_of_88_nodes_are_blocked_and_624_references_remain_for_every_seed(worlds: list[World]) -> None:
+def test_the_thesiss_nodes_remain_for_every_seed(worlds: list[World], world: World) -> None:
     for world in worlds:
         assert len(grid_nodes(LIBRARY, world.arena)) == 88
         assert len(world.nodes) == 78, world.name
         assert len(reference_poses(world.nodes, world.headings)) == 624
-
-
-def test_nodes_lie_at_8_and_18_more_inches_and_hold_the_one_the_thesis_names(world: World) -> None:
     inches = grid_nodes(LIBRARY, world.arena) / INCH_M
     assert np.allclose((inches - 8) / 18, np.rint((inches - 8) / 18))
     assert np.isclose(inches, [80, 8]).all(axis=1).any()  # figure 19
@@ -43,45 +38,36 @@ def test_the_seeds_draw_all_layouts_and_both_rooms_as_the_bright_one(worlds: lis
         assert bright.ambient.sum() > 2 * dim
 
 
-def test_furniture_stands_inside_and_never_in_another_piece(worlds: list[World]) -> None:
+def test_furniture_stands_inside_and_nodes_are_clear(worlds: list[World]) -> None:
     for world in worlds:
         plans = [piece.plan for piece in world.furniture]
         for k, plan in enumerate(plans):
             assert any(inside(room.polygon, plan).all() for room in world.arena.rooms)
             assert not any(touching(plan, other) for other in plans[:k])
-
-
-def test_a_node_is_well_in_the_open_or_well_blocked(worlds: list[World]) -> None:
     for world in worlds:
         room = clearance(world.arena, grid_nodes(LIBRARY, world.arena)) / INCH_M
         assert ((room > 4.6) | (room < 1.5)).all(), world.name
 
 
-def test_the_map_is_17_by_13_feet_with_wood_and_carpet_and_two_rooms(world: World) -> None:
+def test_the_map_is_the_thesiss_and_the_door_is_open(world: World) -> None:
     assert world.arena.size_m == pytest.approx((17 * 12 * INCH_M, 13 * 12 * INCH_M))
     assert {floor.name for floor in world.arena.floors} == {"wood", "carpet"}
     assert len(world.arena.rooms) == 2
     names = [floor_at(world.arena, x, y) for x, y in world.nodes]
     assert min(names.count("wood"), names.count("carpet")) > 15
-
-
-def test_the_door_can_be_driven_through_and_the_divider_is_4_in_thick(world: World) -> None:
     x = 107 * INCH_M
     gap, solid = np.array([[x, 71 * INCH_M]]), np.array([[x, 30 * INCH_M]])
     assert clearance(world.arena, gap)[0] > 12 * INCH_M
     assert clearance(world.arena, solid)[0] == pytest.approx(2 * INCH_M)
 
 
-def test_the_same_seed_gives_the_same_world_and_another_another(world: World) -> None:
+def test_worlds_follow_their_seed_and_tier(world: World) -> None:
     again, other = load_world("two-rooms", 0), load_world("two-rooms", 1)
     assert len(again.faces) == len(world.faces)
     for a, b in zip(again.faces, world.faces, strict=True):
         assert np.array_equal(a.albedo, b.albedo)
         assert np.array_equal(a.corner, b.corner)
     assert not np.array_equal(other.faces[0].albedo, world.faces[0].albedo)
-
-
-def test_tiers_change_light_and_what_hangs_but_not_the_layout(world: World) -> None:
     dim, hard = (load_world("two-rooms", 0, tier) for tier in ("dim", "hard"))
     for other in (dim, hard):
         assert np.array_equal(other.nodes, world.nodes)

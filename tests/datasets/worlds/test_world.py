@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -18,36 +16,24 @@ def arena() -> Arena:
     )
 
 
-def test_inside_tells_points_of_a_square_and_of_a_notched_polygon() -> None:
+def test_inside_tells_points_whichever_way_round() -> None:
     points = np.array([[2, 1.5], [0.5, 1.5], [2, 2.5], [3.5, 1.5]])
     assert inside(SQUARE, points).tolist() == [True, False, False, False]
     notched = np.array([[0.0, 0], [4, 0], [4, 4], [2, 1], [0, 4]])
     assert inside(notched, np.array([[2, 0.5], [2, 2], [0.5, 2]])).tolist() == [True, False, True]
-
-
-def test_inside_does_not_care_which_way_round_the_polygon_goes() -> None:
     points = np.random.default_rng(0).uniform(0, 4, (200, 2))
     assert (inside(SQUARE, points) == inside(SQUARE[::-1], points)).all()
 
 
-def test_segment_distance_to_the_side_beyond_the_end_and_to_a_point() -> None:
+def test_distances_and_floors_by_hand() -> None:
     start, end = np.array([[0.0, 0], [9, 9]]), np.array([[4.0, 0], [9, 9]])
     points = np.array([[2, 3], [7, 4], [-3, -4], [9, 8]])
     assert segment_distance(points, start, end) == pytest.approx([3, 5, 5, 1])
-
-
-def test_clearance_is_the_nearest_wall_or_obstacle_and_zero_within() -> None:
     points = np.array([[8, 1], [4.5, 6], [2, 6.5], [2, 5.6], [5, 3]])
     assert clearance(arena(), points) == pytest.approx([1, 0.5, 0, 0.4, 1])
-
-
-def test_the_floor_on_top_counts() -> None:
     assert floor_at(arena(), 2, 1.5) == "carpet"
     assert floor_at(arena(), 5, 5) == "wood"
     assert floor_at(arena(), 50, 5) == ""
-
-
-def test_a_face_looks_at_whoever_sees_across_to_the_right_and_down_downward() -> None:
     north_wall = Face(
         np.array([0.0, 5, 2]), np.array([3.0, 0, 0]), np.array([0, 0, -2.0]), np.ones((2, 2, 3), np.float32)
     )

@@ -1,7 +1,5 @@
 """World files: the example of the documentation loads, and bad ones are refused in one line."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -74,13 +72,17 @@ def test_the_example_of_the_documentation_loads(tmp_path: Path) -> None:
         assert world.start is not None
 
 
-def test_a_small_world_has_its_map_and_nodes(tmp_path: Path) -> None:
+def test_a_small_world_has_its_map_and_walls(tmp_path: Path) -> None:
     world = load_world(write(tmp_path), 0)
     assert world.arena.size_m == pytest.approx((4, 3))
     assert world.arena.obstacles[0].polygon.mean(axis=0) == pytest.approx([3.5, 2.5])
     assert [floor_at(world.arena, x, y) for x, y in world.nodes] == ["wood"] * len(world.nodes)
     assert not np.isclose(world.nodes, [3.5, 2.5]).all(axis=1).any()
     assert np.isclose(world.nodes, [0.5, 0.5]).all(axis=1).any()
+    length = np.linalg.norm(world.arena.walls[:, 2:] - world.arena.walls[:, :2], axis=1).sum()
+    assert length == pytest.approx(2 * (2 + 3) + 2 * (1.9 + 3) - 2 * 1 + 2 * 0.1)
+    assert clearance(world.arena, np.array([[2.05, 1.5]]))[0] == pytest.approx(0.5)
+    assert clearance(world.arena, np.array([[2.05, 0.5]]))[0] == pytest.approx(0.05)
 
 
 def test_units_do_not_change_the_world(tmp_path: Path) -> None:
@@ -91,14 +93,6 @@ def test_units_do_not_change_the_world(tmp_path: Path) -> None:
     in_cm = load_world(write(tmp_path, scaled.replace('"m"', '"cm"')), 3)
     assert np.allclose(in_m.arena.walls, in_cm.arena.walls)
     assert np.allclose(in_m.nodes, in_cm.nodes)
-
-
-def test_walls_of_the_map_are_outlines_without_doors_and_jambs(tmp_path: Path) -> None:
-    world = load_world(write(tmp_path), 0)
-    length = np.linalg.norm(world.arena.walls[:, 2:] - world.arena.walls[:, :2], axis=1).sum()
-    assert length == pytest.approx(2 * (2 + 3) + 2 * (1.9 + 3) - 2 * 1 + 2 * 0.1)
-    assert clearance(world.arena, np.array([[2.05, 1.5]]))[0] == pytest.approx(0.5)
-    assert clearance(world.arena, np.array([[2.05, 0.5]]))[0] == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(
@@ -157,21 +151,18 @@ def test_bad_worlds_are_refused_with_file_key_and_reason(
     assert said in problem
 
 
-def test_furniture_in_furniture_is_refused(tmp_path: Path) -> None:
+def test_other_refusals(tmp_path: Path) -> None:
     more = '[[furniture]]\nkind = "plant"\nat = [3.4, 2.4]\nsize = [0.3, 0.3]\n'
     assert "furniture[1]: the plant stands in the block of furniture[0]" in refusal(
         write(tmp_path, SMALL + more)
     )
-
-
-def test_an_unknown_name_lists_those_there_are(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there are office, two-rooms"):
         load_world("three-rooms", 0)
     with pytest.raises(InputError, match="there are nominal, dim, hard"):
         load_world("two-rooms", 0, "easy")
 
 
-def test_an_image_is_painted_on_a_block_the_right_way_up(tmp_path: Path) -> None:
+def test_images_are_upright_and_made_smaller(tmp_path: Path) -> None:
     image = np.zeros((20, 20, 3), np.uint8)
     image[:10] = (0, 0, 255)  # the upper half red, as OpenCV has it
     cv2.imwrite(str(tmp_path / "half.png"), image)
@@ -179,9 +170,6 @@ def test_an_image_is_painted_on_a_block_the_right_way_up(tmp_path: Path) -> None
     face = load_world(write(tmp_path, text), 0).furniture[0].faces[0]
     assert face.albedo[1, :, 0].min() > 0.8
     assert face.albedo[-2, :, 0].max() < 0.1
-
-
-def test_a_large_photograph_is_made_smaller_as_it_is_read(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "large.png"), np.full((3000, 1500, 3), 200, np.uint8))
     assert read_image(tmp_path / "large.png").shape == (1024, 512, 3)
 

@@ -29,7 +29,7 @@ def test_ticks_are_never_too_many(side: float) -> None:
     assert len(ticks(0, side, 0.5)) >= min(MOST_TICKS // 3, int(side / 0.5))
 
 
-def test_an_obstacle_is_drawn_where_it_stands() -> None:
+def test_ground_shows_obstacles_and_floors() -> None:
     arena = fakes.arena(5, 4)
     scale = scale_for("in", arena)
     ground = draw_ground(arena, scale)
@@ -37,10 +37,6 @@ def test_an_obstacle_is_drawn_where_it_stands() -> None:
     at = ((inside - (ground.extent.left, ground.extent.top)) / ground.unit_per_px).round().astype(int)
     assert tuple(ground.image[at[0, 1], at[0, 0]]) == OBSTACLE
     assert tuple(ground.image[at[1, 1], at[1, 0]]) != OBSTACLE
-
-
-def test_floors_look_different() -> None:
-    arena = fakes.arena(5, 4)
     image = draw_ground(arena, scale_for("in", arena)).image
     rows, columns = image.shape[:2]
     wood, carpet = image[rows // 2, columns // 3].astype(int), image[rows // 2, columns * 2 // 3].astype(int)
@@ -56,10 +52,7 @@ def test_any_shape_of_arena_can_be_drawn(bounds: tuple[float, float, float, floa
     assert max(image.shape) == LONG_SIDE_PX
 
 
-def test_the_key_speaks_of_truth_only_where_there_is_one() -> None:
+def test_keys_and_texts() -> None:
     assert keys.weight_key(True).shape[1] > keys.weight_key(False).shape[1]
-
-
-def test_text_is_brought_to_what_the_font_has() -> None:
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]

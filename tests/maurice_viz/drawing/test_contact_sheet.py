@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,21 +21,20 @@ WIDTH = BEST * (CELL_PX + GAP_PX) - GAP_PX
 FIVE = tuple(Match(rank, 3 * rank, 0.9) for rank in range(1, 6))
 
 
-def test_size_follows_the_pictures_shape(tmp_path: Path) -> None:
+def test_the_sheet_keeps_its_size(tmp_path: Path) -> None:
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES).draw(FIVE)
     assert sheet.shape == (round(CELL_PX * 36 / 44) + CAPTION_PX, WIDTH, 3)
-
-
-def test_fewer_than_five_leave_the_size_as_it_is(tmp_path: Path) -> None:
     sheet = ContactSheet(fakes.make_library(tmp_path, 1, 1, 2), INCHES)
     assert sheet.draw((Match(1, 0, 1.0), Match(2, 1, 0.5))).shape[1] == WIDTH
-
-
-def test_no_match_at_all_is_five_gray_cells(tmp_path: Path) -> None:
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
     drawn = sheet.draw(())
     assert drawn.shape == sheet.draw(FIVE).shape
     assert all((drawn[0, column * (CELL_PX + GAP_PX)] == MISSING).all() for column in range(5))
+    library = fakes.make_library(tmp_path)
+    sheet = ContactSheet(replace(library, pictures=(None, *library.pictures[1:])), INCHES)
+    sheet.draw((Match(1, 0, 1.0),))
+    mixed = sheet.draw((Match(1, 0, 1.0), Match(2, 1, 0.9)))
+    assert mixed.shape == sheet.draw(FIVE).shape
 
 
 def test_the_pictures_shown_are_those_of_the_entries(tmp_path: Path) -> None:
@@ -61,24 +58,13 @@ def test_missing_and_broken_pictures_are_said_to_be(tmp_path: Path) -> None:
     assert all((drawn[0, column * (CELL_PX + GAP_PX)] == MISSING).all() for column in range(5))
 
 
-def test_a_picture_read_after_missing_ones_sets_the_height(tmp_path: Path) -> None:
-    library = fakes.make_library(tmp_path)
-    sheet = ContactSheet(replace(library, pictures=(None, *library.pictures[1:])), INCHES)
-    sheet.draw((Match(1, 0, 1.0),))
-    mixed = sheet.draw((Match(1, 0, 1.0), Match(2, 1, 0.9)))
-    assert mixed.shape == sheet.draw(FIVE).shape
-
-
-def test_drawing_again_gives_the_same_sheet(tmp_path: Path) -> None:
+def test_drawing_again_is_the_same_in_bounded_memory(tmp_path: Path) -> None:
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
     first = sheet.draw(FIVE)
     kept = first.copy()
     sheet.draw(tuple(Match(rank, rank, 0.1) for rank in range(1, 6)))
     np.testing.assert_array_equal(first, kept)
     np.testing.assert_array_equal(sheet.draw(FIVE), kept)
-
-
-def test_memory_is_bounded() -> None:
     library = fakes.make_library(columns=10, rows=9)
     assert library.size > KEPT
     sheet = ContactSheet(library, INCHES)

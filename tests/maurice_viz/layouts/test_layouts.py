@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest
@@ -46,39 +44,27 @@ def test_every_view_has_a_title_of_its_own(runs: list[RunView], has_truth: bool)
     assert any("error" in title for title in found) == has_truth
 
 
-def test_no_two_views_of_one_run_have_the_same_title() -> None:
+def test_titles_have_units_and_are_unique() -> None:
     found = titles(overview_of(BLENDED, shown()))
     assert len(found) == len(set(found))
-
-
-def test_lengths_and_angles_have_units_in_their_titles() -> None:
     for title in titles(runs_blueprint([COLOR, BLENDED], shown())):
         if "Position" in title or "Belief" in title or "Spread" in title:
             assert "(in)" in title
         if "Heading" in title:
             assert "(deg)" in title
-
-
-def test_a_run_shows_its_own_channels_only() -> None:
     assert not any("Edges" in t and "px" not in t for t in titles(overview_of(COLOR, shown())))
     assert any("Edges" in t and "px" not in t for t in titles(overview_of(BLENDED, shown())))
-
-
-def test_two_runs_share_the_camera_and_the_error_plot() -> None:
     found = titles(rrb.Blueprint(several_runs.compare([COLOR, BLENDED], shown())))
     assert found.count("Camera (px)") == 1
     assert found.count("Position error (in)") == 1
 
 
-def test_map_views_hold_the_whole_arena_with_a_margin() -> None:
+def test_map_views_hold_the_arena_and_leave_keys_out() -> None:
     limits = arena_extent(ARENA, scale_for("in", ARENA))
     extent = map_extent(ARENA, scale_for("in", ARENA))
     assert extent.left < limits.left < limits.right < extent.right
     assert extent.top < limits.top < limits.bottom < extent.bottom
     assert extent.width < 1.2 * limits.width
-
-
-def test_key_and_cloud_of_the_other_view_are_left_out() -> None:
     for view in views(overview_of(BLENDED, shown()).root_container):
         if "Belief" in str(view.name):
             assert entities.MATCH_KEY not in list(view.contents)

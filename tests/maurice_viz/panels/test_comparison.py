@@ -1,7 +1,5 @@
 """What runs share in a recording, read back; and the layout that shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -85,7 +83,7 @@ def test_lines_are_named_and_colored_as_their_runs(usual: tuple[Path, Seen]) -> 
     assert [cloud["Points2D:colors"][0] for cloud in clouds[1:]] == style["SeriesLines:colors"]
 
 
-def test_clouds_are_few_dots_of_the_weighted_particles(usual: tuple[Path, Seen]) -> None:
+def test_the_dots_are_few_and_as_dense_as_the_weight(usual: tuple[Path, Seen]) -> None:
     path, seen = usual
     scale = scale_for("in", fakes.arena(5, 4))
     for label in LABELS:
@@ -97,9 +95,6 @@ def test_clouds_are_few_dots_of_the_weighted_particles(usual: tuple[Path, Seen])
             dots = {tuple(xy) for xy in read.positions(row).astype(np.float32).tolist()}
             assert len(dots) <= DOTS
             assert len(dots - whole) <= 0.02 * DOTS  # rounding of float32 may fall to the other side
-
-
-def test_dots_lie_as_densely_as_the_weight() -> None:
     weights = np.repeat([0.0, 1.0, 3.0, 0.0], 400)
     chosen = by_weight(weights / weights.sum(), 200)
     assert np.bincount(chosen // 400, minlength=4).tolist() == [0, 50, 150, 0]
@@ -177,15 +172,12 @@ def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_t
     assert [column[0] for column in columns] == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
 
 
-def test_titles_are_short_where_columns_are_narrow() -> None:
+def test_titles_are_short() -> None:
     """At 1600 pixels a column of four has room for 28 letters beside the view's buttons."""
     runs = [RunView(label, ("color",)) for label in ("color", "edges", "blended", "best")]
     for column in several_runs.compare(runs, shown()).contents:
         for part in column.contents:
             assert len(str(next(views(part)).name)) <= 28
-
-
-def test_a_long_label_is_not_part_of_shared_titles() -> None:
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
     middle = several_runs.compare(runs, shown()).contents[1]
     assert "Error minus the first's (in)" in [str(view.name) for view in views(middle)]

@@ -1,7 +1,5 @@
 """A drive that no library goes with is shown by itself: every log opens."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -11,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner, Result
 
+from helpers.commands import run
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.recorded_session import Glance, RecordedSession
@@ -21,16 +19,11 @@ from maurice_mcl.geometry import compose
 from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_viz.app import drive as drive_alone
-from maurice_viz.cli.app import app
 from maurice_viz.listener import SILENT
 from maurice_viz.panels import drive as drive_ways
 from maurice_viz.panels.drive import DriveView, drive_paths, reach
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
-
-
-def replay(*words: object) -> Result:
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def drawn(path: Path) -> dict[str, set[int]]:
@@ -63,8 +56,7 @@ def carmen(folder: Path) -> Path:
 
 
 def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare: Path, tmp_path: Path) -> None:
-    done = replay(bare, "--save", tmp_path / "a.rrd")
-    assert done.exit_code == 0, done.output
+    done = run(bare, "--save", tmp_path / "a.rrd")
     assert f"maurice-replay library build {bare}" in done.output
     found = drawn(tmp_path / "a.rrd")
     pictures = RecordedSession(open_recording(bare)).overview()[0]
@@ -76,12 +68,9 @@ def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare: P
 
 @pytest.mark.parametrize("asked", [["--feature", "color"], ["--no-recording"], ["--json"], ["--seed", "3"]])
 def test_who_asks_for_a_filter_or_figures_is_told_that_a_library_is_missing(
-    bare: Path, tmp_path: Path, asked: list[str], monkeypatch: pytest.MonkeyPatch
+    bare: Path, tmp_path: Path, asked: list[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = replay(bare, *asked)
-    assert done.exit_code == 1
-    assert "--library" in done.output
+    assert "--library" in run(bare, *asked, expect=1).output
     assert not list(tmp_path.glob("*.rrd"))
 
 
@@ -92,19 +81,22 @@ def test_odometry_alone_has_moments_where_the_robot_moved(tmp_path: Path) -> Non
     gone = [float(moment.frame.motions[:, 0].sum()) for moment in moments[1:]]
     turned = [float(moment.frame.motions[:, 2].sum()) for moment in moments[1:]]
     assert all(0.25 <= way < 0.35 or turn >= 0.26 for way, turn in zip(gone, turned, strict=True))
-    done = replay(path, "--save", tmp_path / "a.rrd")
-    assert done.exit_code == 0, done.output
+    done = run(path, "--save", tmp_path / "a.rrd")
     assert "no pictures" in done.output
     found = drawn(tmp_path / "a.rrd")
     assert len(found["/session/odometry"] - {0}) == len(moments)
     assert "/session/histogram/color/0" not in found
 
 
-def test_a_robot_that_stands_for_long_has_one_moment_and_costs_no_time(tmp_path: Path) -> None:
+def test_little_movement_is_one_moment_and_nothing_is_refused(tmp_path: Path) -> None:
     rows = [f"ODOM 0 0 {k % 2}e-6 0 0 0 {k}.0 robot {k}.0" for k in range(20_000)]  # as gyros tremble
     path = tmp_path / "still.log"
     path.write_text("\n".join(rows) + "\n")
     assert RecordedSession(Placeholders(open_recording(path))).overview()[0] == 1
+    path = tmp_path / "a.log"
+    path.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session", "name": "a"}\n')
+    done = run(path, "--save", tmp_path / "a.rrd", expect=1)
+    assert "nothing to show" in done.output
 
 
 def test_pictures_alone_are_drawn(tmp_path: Path) -> None:
@@ -116,26 +108,17 @@ def test_pictures_alone_are_drawn(tmp_path: Path) -> None:
         rows.append(f"{k}.0,{k}.png")
     (folder / "list.csv").write_text("\n".join(rows) + "\n")
     columns = ["--reading", "columns=time=t:s,image=file"]
-    done = replay(folder, "--reading", f"table={folder / 'list.csv'}", *columns, "--save", tmp_path / "a.rrd")
-    assert done.exit_code == 0, done.output
+    run(folder, "--reading", f"table={folder / 'list.csv'}", *columns, "--save", tmp_path / "a.rrd")
     found = drawn(tmp_path / "a.rrd")
     assert found["/session/camera"] >= {1, 2, 3}
     assert "/world/floors" not in found
-
-
-def test_a_recording_of_nothing_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.log"
-    path.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session", "name": "a"}\n')
-    done = replay(path, "--save", tmp_path / "a.rrd")
-    assert done.exit_code == 1
-    assert "nothing to show" in done.output
 
 
 def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(
     bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(drive_alone, "MOST_DRAWN", 5)
-    done = replay(bare, "--save", tmp_path / "a.rrd")
+    done = run(bare, "--save", tmp_path / "a.rrd")
     assert "drawing one of every" in done.output
     session = RecordedSession(open_recording(bare))
     fewer = list(drive_alone._drawn_of(session, session.overview()[0], SILENT).moments())
@@ -164,7 +147,7 @@ def test_perfect_odometry_lies_on_the_truth(start: np.ndarray, steps: list[np.nd
     np.testing.assert_allclose(ways.true, [pose[:2] for pose in poses[known:]], atol=1e-9)
 
 
-def test_ways_are_held_with_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ways_are_few_points_in_a_roomy_map(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive_ways, "MOST", 100)
     glances = (Glance(np.array([[1.0, 0.0, 0.0]]), None, ()) for _ in range(10_000))
     ways = drive_paths(glances, SessionInfo("a"))
@@ -172,14 +155,19 @@ def test_ways_are_held_with_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 50 <= len(ways.measured) <= 100
     assert np.ptp(np.diff(ways.measured[:-1, 0])) == 0
     assert ways.measured[-1, 0] == 10_000
-
-
-def test_the_bare_map_holds_the_ways_with_some_room() -> None:
     glances = [Glance(np.array([[3.0, 0.0, 0.0]]), None, ()) for _ in range(2)]
     arena = drive_paths(glances, SessionInfo("a")).arena
     assert arena is not None
     assert arena.bounds == (2.0, -1.0, 7.0, 1.0)
     assert drive_paths([Glance(np.zeros((0, 3)), None, ())], SessionInfo("a")).arena is None
+    # Where odometry leaves the map, too: the disk at the end of the way is not cut
+    small = Arena((0.0, 0.0, 2.0, 2.0), np.zeros((0, 4)))
+    info = SessionInfo("a", arena=small)
+    glances = [Glance(np.array([[0.0, 0.0, 0.0]]), None, ()), Glance(np.array([[9.0, 0.0, 0.0]]), None, ())]
+    drive = DriveView(info, drive_paths(glances, info), pictures=False)
+    seen = reach(drive)
+    assert seen.left < 0 < 9 < seen.right
+    assert seen.top < -2 < 0 < seen.bottom
 
 
 def test_glances_are_moments_without_their_pictures(small_session: Path) -> None:
@@ -188,14 +176,3 @@ def test_glances_are_moments_without_their_pictures(small_session: Path) -> None
         np.testing.assert_array_equal(glance.motions, moment.frame.motions)
         assert glance.events == moment.events
         assert (glance.truth is None) == (moment.truth is None)
-
-
-def test_the_map_reaches_as_far_as_the_robot_with_room_for_its_arrow() -> None:
-    """Where odometry leaves the map, too: the disk at the end of the way is not cut."""
-    small = Arena((0.0, 0.0, 2.0, 2.0), np.zeros((0, 4)))
-    info = SessionInfo("a", arena=small)
-    glances = [Glance(np.array([[0.0, 0.0, 0.0]]), None, ()), Glance(np.array([[9.0, 0.0, 0.0]]), None, ())]
-    drive = DriveView(info, drive_paths(glances, info), pictures=False)
-    seen = reach(drive)
-    assert seen.left < 0 < 9 < seen.right
-    assert seen.top < -2 < 0 < seen.bottom

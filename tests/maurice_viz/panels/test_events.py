@@ -42,11 +42,7 @@ def lane_of(path: Path, entity: str) -> list[tuple[int | None, str | None]]:
 def test_the_state_is_logged_where_it_changes(tmp_path: Path) -> None:
     states = ["searching", "searching", "localized", "localized", "lost"]
     path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
-    assert lane_of(path, draw_events.status_path(PATHS)) == [
-        (1, "searching"),
-        (3, "localized"),
-        (5, "lost"),
-    ]
+    assert lane_of(path, draw_events.status_path(PATHS)) == [(1, "searching"), (3, "localized"), (5, "lost")]
     assert lane_of(path, draw_events.noticed_path(PATHS)) == []
 
 
@@ -65,10 +61,13 @@ def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path: Path) -> None
     ]
 
 
-def test_of_several_at_one_step_the_gravest_is_shown(tmp_path: Path) -> None:
+def test_of_several_marks_the_gravest_is_shown(tmp_path: Path) -> None:
     several = [("bookmark", "a"), ("reseeded", "a"), ("lost", "a"), ("ess-dip", "a")]
     path = drawn(tmp_path / "a.rrd", [("lost", several)])
     assert lane_of(path, draw_events.noticed_path(PATHS)) == [(1, "lost")]
+    path = drawn(tmp_path / "a.rrd", [("localized", [(RESAMPLED, "a"), ("session", "floor wood")])] * 3)
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == []
+    assert lane_of(path, draw_events.LOG_LANE) == []
 
 
 def test_the_log_has_a_lane_that_one_run_draws(tmp_path: Path) -> None:
@@ -82,12 +81,6 @@ def test_the_log_has_a_lane_that_one_run_draws(tmp_path: Path) -> None:
     assert lane_of(path, draw_events.LOG_LANE) == [(1, "kidnapped"), (2, "session")]
     other = drawn(tmp_path / "b.rrd", steps, scene=False)
     assert draw_events.LOG_LANE not in recordings.entities_of(other)
-
-
-def test_what_happens_all_the_time_is_not_shown(tmp_path: Path) -> None:
-    path = drawn(tmp_path / "a.rrd", [("localized", [(RESAMPLED, "a"), ("session", "floor wood")])] * 3)
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == []
-    assert lane_of(path, draw_events.LOG_LANE) == []
 
 
 def test_every_state_and_kind_has_a_color_and_a_name(tmp_path: Path) -> None:
@@ -105,13 +98,10 @@ def test_every_state_and_kind_has_a_color_and_a_name(tmp_path: Path) -> None:
         assert len(values) == len(set(values)) > 0
 
 
-def test_marks_have_room_for_a_word_however_long_the_run() -> None:
+def test_marks_have_room_and_views_tell_their_colors() -> None:
     assert draw_events.hold_for(1) == draw_events.hold_for(20) == 2
     assert draw_events.hold_for(120) == 15
     assert 12_000 / draw_events.hold_for(12_000) == 8
-
-
-def test_the_view_says_what_the_colors_mean() -> None:
     view = draw_events.events_view(["color", "best"], "Events")
     assert "red lost" in str(view.name)
     assert list(view.contents) == ["/color/events/**", "/best/events/**", draw_events.LOG_LANE]

@@ -1,7 +1,5 @@
 """The panel of explanations, read back from recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -25,16 +23,8 @@ from maurice_mcl.session import Moment
 from maurice_viz.drawing.bars import MOST, bars_for
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts import one_run
-from maurice_viz.panels.explanation import (
-    CARD_PX,
-    ExplanationPanel,
-    blank_card,
-)
-from maurice_viz.panels.explanation_screen import (
-    ExplainedUpdate,
-    draw_explanation,
-    explanation_blueprint,
-)
+from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card
+from maurice_viz.panels.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
@@ -84,7 +74,7 @@ def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return path, played
 
 
-def test_costs_add_up_to_minus_the_log_likelihood_of_each_column(drawn: tuple[Path, Played]) -> None:
+def test_pictures_stand_over_references_and_cost(drawn: tuple[Path, Played]) -> None:
     path, (sensor, updates) = drawn
     found = recordings.rows(path, PATHS.explain("chart", "cost"))
     assert len(found) == len(updates)
@@ -93,9 +83,6 @@ def test_costs_add_up_to_minus_the_log_likelihood_of_each_column(drawn: tuple[Pa
         sums = heights(row).reshape(3, -1).sum(axis=1)
         expected = [0.0 if e.entry is None else -e.entry.log_likelihood for e in step.shown]
         assert sums == pytest.approx(expected, abs=1e-3)
-
-
-def test_the_picture_stands_over_every_reference(drawn: tuple[Path, Played]) -> None:
     path, _ = drawn
     for row in recordings.rows(path, PATHS.explain("chart", "sample")):
         blocks = heights(row).reshape(3, -1)
@@ -160,12 +147,15 @@ def test_a_truth_that_is_missing_for_a_while_says_so_in_its_column(library: Libr
     assert "truth" not in first_table.values["TextDocument:text"][0]
 
 
-def test_pictures_that_are_not_kept_are_gray(tmp_path: Path) -> None:
+def test_one_entry_and_no_pictures(tmp_path: Path) -> None:
     draw(tmp_path / "out.rrd", play(fakes.make_library()))
     row = recordings.rows(tmp_path / "out.rrd", PATHS.explain("card", "winner"))[0]
     card = cv2.imdecode(np.array(row.values["EncodedImage:blob"][0], np.uint8), cv2.IMREAD_COLOR)
     assert card.shape[1] == CARD_PX
     assert np.ptp(card[:20].astype(int), axis=2).max() < 20
+    draw(tmp_path / "out.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
+    for row in recordings.rows(tmp_path / "out.rrd", PATHS.explain("table")):
+        assert "entry 0 matches best of 1" in row.values["TextDocument:text"][0]
 
 
 def test_a_saved_run_without_its_library_says_so(library: Library, tmp_path: Path) -> None:
@@ -198,12 +188,6 @@ def test_an_update_that_is_left_out_shows_nothing_and_the_next_one_everything(
     ]
 
 
-def test_one_entry_alone(tmp_path: Path) -> None:
-    draw(tmp_path / "out.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
-    for row in recordings.rows(tmp_path / "out.rrd", PATHS.explain("table")):
-        assert "entry 0 matches best of 1" in row.values["TextDocument:text"][0]
-
-
 def with_all_channels(library: Library) -> tuple[Library, FilterParameters]:
     weights: Mapping[str, float] = dict.fromkeys(list(CHANNELS)[:12], 0.1)
     images = [fakes.picture_at(pose) for pose in library.poses[:40]]
@@ -221,17 +205,13 @@ def test_twelve_channels_have_no_more_bars_than_one(library: Library, tmp_path: 
     draw(tmp_path / "out.rrd", play(many, parameters))
 
 
-def test_bars_of_a_channel_fill_its_place_along_x(library: Library) -> None:
+def test_bars_fill_their_place_and_keep_their_sum(library: Library) -> None:
     bars = bars_for(("color", "edges"), library)
     for number, (first, count) in enumerate(zip(bars.firsts, bars.counts, strict=True)):
         some = slice(first, first + count)
         assert bars.lefts[some][0] == number
         assert bars.widths[some].sum() == pytest.approx(1)
         np.testing.assert_allclose(np.diff(bars.lefts[some]), bars.widths[some][:-1])
-
-
-def test_what_is_divided_among_bars_is_kept(library: Library) -> None:
-    bars = bars_for(("color", "edges"), library)
     rng = np.random.default_rng(0)
     parts = [rng.random(84).astype(np.float32), np.zeros(84, np.float32)]
     shown = bars.divided([3.5, 2.0], parts)

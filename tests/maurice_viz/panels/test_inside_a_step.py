@@ -1,7 +1,5 @@
 """What is drawn of the inside of an update, read back from recordings."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any
@@ -72,7 +70,7 @@ def test_families_are_the_ancestors_ways(drawn: Any) -> None:
         assert [len(strip) for strip in found[0].values["LineStrips2D:strips"]] == [len(w) for w in ways]
 
 
-def test_the_heading_histogram_has_the_weights_of_the_headings() -> None:
+def test_headings_have_a_histogram() -> None:
     headings = np.radians([5.0, 5.0, 95.0, -5.0])
     poses = np.column_stack([np.zeros(4), np.zeros(4), headings]).astype(np.float32)
     belief = Belief(poses, np.log([0.1, 0.2, 0.3, 0.4]), np.zeros(2))
@@ -83,9 +81,6 @@ def test_the_heading_histogram_has_the_weights_of_the_headings() -> None:
     assert np.hypot(*points.T).max() == pytest.approx(1)
     # the heaviest sector, from -10 to 0 degrees, is drawn below the axis: y points down
     assert points[np.hypot(*points.T).argmax(), 1] >= 0
-
-
-def test_headings_of_one_particle_are_one_sector() -> None:
     belief = Belief(np.array([[0, 0, np.pi]], np.float32), uniform_log_weights(1), np.zeros(2))
     assert shares(belief).max() == pytest.approx(1)
 
@@ -103,10 +98,6 @@ def test_likelihood_maps_are_brightest_at_the_likeliest_reference(drawn: Any) ->
         column = int((x - x_min) / (x_max - x_min) * image.shape[1])
         line = int((y_max - y) / (y_max - y_min) * image.shape[0])
         assert image[line, column].astype(int).sum() == image.reshape(-1, 3).astype(int).sum(axis=1).max()
-
-
-def test_one_channel_has_one_map() -> None:
-    assert map_names(("color",)) == ("all",)
 
 
 def _mode(identity: int, mass: float) -> TrackedMode:
@@ -149,7 +140,7 @@ def test_the_truths_rank_and_ratio(drawn: Any) -> None:
         )
 
 
-def test_ancestors_and_evidence_are_those_of_the_records(drawn: Any) -> None:
+def test_evidence_and_ancestors_are_those_of_the_records(drawn: Any) -> None:
     path, played, _ = drawn
     tree = Ancestry()
     found = recordings.rows(path, RUN.trace(ANCESTORS))
@@ -160,6 +151,11 @@ def test_ancestors_and_evidence_are_those_of_the_records(drawn: Any) -> None:
     for row, (_, record) in zip(rows, played, strict=True):
         expected = [record.calibrated_evidence, *record.channel_evidence]
         assert row.values["Scalars:scalars"] == pytest.approx(expected)
+    path, played, _ = drawn
+    (row,) = recordings.rows(path, top_path(RUN, SPREAD))
+    widest = max(float(np.hypot(*record.mean_estimate.sd_m)) for _, record in played) / 0.0254
+    assert row.step == STEPS
+    assert row.values["Scalars:scalars"][0] >= widest * 0.999
 
 
 @pytest.mark.parametrize("at", [1, 5, 9])
@@ -185,10 +181,13 @@ def test_full_and_light_do_not_wait(detail: Detail, whole: bool) -> None:
     assert update.whole is whole
 
 
-def test_more_detail_is_expected_to_need_more_room() -> None:
+def test_more_detail_needs_more_room() -> None:
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
+    lines = evidence_lines(tuple("abcdefghijkl"))
+    assert len({(color, width) for _, color, width in lines}) == len(lines) == 13
+    assert map_names(("color",)) == ("all",)
 
 
 @pytest.mark.parametrize(
@@ -196,16 +195,3 @@ def test_more_detail_is_expected_to_need_more_room() -> None:
 )
 def test_scales_reach_a_number_that_the_viewer_labels(most: float, top: float) -> None:
     assert round_top(most, 4.5) == pytest.approx(top)
-
-
-def test_the_tops_of_the_scales_are_logged_once_at_the_end(drawn: Any) -> None:
-    path, played, _ = drawn
-    (row,) = recordings.rows(path, top_path(RUN, SPREAD))
-    widest = max(float(np.hypot(*record.mean_estimate.sd_m)) for _, record in played) / 0.0254
-    assert row.step == STEPS
-    assert row.values["Scalars:scalars"][0] >= widest * 0.999
-
-
-def test_lines_of_evidence_are_told_apart_up_to_twelve_channels() -> None:
-    lines = evidence_lines(tuple("abcdefghijkl"))
-    assert len({(color, width) for _, color, width in lines}) == len(lines) == 13

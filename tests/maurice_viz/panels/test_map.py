@@ -18,14 +18,11 @@ def test_circles_stand_off_their_node_along_their_heading() -> None:
     np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
 
 
-def test_places_are_counted_once_and_a_lone_one_has_a_spacing() -> None:
+def test_places_and_likelihoods_are_relative() -> None:
     poses = np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]], float)
     assert len(distinct_places(poses)) == 2
     assert node_spacing(poses) == 2
     assert node_spacing(poses[:1]) > 0
-
-
-def test_likelihood_is_relative_to_the_best() -> None:
     logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
     np.testing.assert_allclose(relative_likelihood(logs), [1, 0.5, 0], atol=1e-6)
     np.testing.assert_array_equal(relative_likelihood(np.full(3, -np.inf, np.float32)), [0, 0, 0])

@@ -1,7 +1,5 @@
 """What is drawn is what the records say: read back from the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -93,10 +91,7 @@ def test_resampled_particles_do_not_hide_the_weighted_ones(drawn: tuple[Path, re
 
 def test_truth_and_estimate_are_drawn_with_y_down(drawn: tuple[Path, recordings.Played]) -> None:
     path, played = drawn
-    poses = {
-        entities.TRUTH: [m.truth for m, _ in played],
-        RUN.estimate: [r.estimate.pose for _, r in played],
-    }
+    poses = {entities.TRUTH: [m.truth for m, _ in played], RUN.estimate: [r.estimate.pose for _, r in played]}
     for entity, expected in poses.items():
         found = recordings.rows(path, entity)
         assert len(found) == STEPS

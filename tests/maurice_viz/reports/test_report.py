@@ -3,27 +3,24 @@
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from helpers.commands import maurice, one_line
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
-from maurice_viz.cli.app import app
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium")
 SECTIONS = ("summary", "map", "traces", "events", "pictures", "configuration", "facts")
 VOID = {"meta", "link", "img", "br", "hr"}
 EVIL = "走行 <script>alert('x')</script> & \"Ärger\""
-Maurice = Callable[..., tuple[str, str]]
 
 
 class Outline(HTMLParser):
@@ -59,25 +56,7 @@ class Outline(HTMLParser):
         return [value for found, key, value in self.attributes if (found, key) == (tag, name)]
 
 
-@pytest.fixture
-def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
-    """Run a command in the test's folder; give what it printed."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
-        done = CliRunner().invoke(app, [str(arg) for arg in args])
-        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
-        return done.stdout, done.stderr
-
-    return run
-
-
-def one_line(err: str) -> str:
-    (line,) = err.strip().splitlines()
-    return line
-
-
-def reported(maurice: Maurice, session: Path, *words: str) -> str:
+def reported(session: Path, *words: str) -> str:
     """Save a run of a session, and give the page about it."""
     maurice(session, "--particles", "150", "--run", "kept", "--no-recording", *words)
     assert maurice("report", "kept", "-o", "r.html") == ("r.html\n", "")
@@ -105,8 +84,8 @@ def check(page: str, runs: int = 1) -> Outline:
     return found
 
 
-def test_every_section_is_there_and_filled(small_session: Path, maurice: Maurice) -> None:
-    found = check(reported(maurice, small_session))
+def test_every_section_is_there_and_filled(small_session: Path) -> None:
+    found = check(reported(small_session))
     assert found.headings[0] == "kleine Fahrt"
     labels = [value for value in found.values("svg", "aria-label") if value]
     assert [label.split(" in ")[0] for label in labels[1:]] == [
@@ -118,14 +97,14 @@ def test_every_section_is_there_and_filled(small_session: Path, maurice: Maurice
     assert found.counts["img"] >= 4
 
 
-def test_the_same_run_gives_the_same_bytes(small_session: Path, maurice: Maurice) -> None:
-    first = reported(maurice, small_session)
+def test_the_same_run_gives_the_same_bytes(small_session: Path) -> None:
+    first = reported(small_session)
     assert "exists already" in one_line(maurice("report", "kept", "-o", "r.html", expect=1)[1])
     maurice("report", "kept", "-o", "r.html", "--force")
     assert Path("r.html").read_text(encoding="utf-8") == first
 
 
-def test_a_comparison_is_one_page(small_session: Path, maurice: Maurice) -> None:
+def test_a_comparison_is_one_page(small_session: Path) -> None:
     maurice("compare", small_session, "--particles", "150", "--run", "both", "--no-recording")
     maurice("report", "both", "-o", "r.html")
     page = Path("r.html").read_text(encoding="utf-8")
@@ -138,18 +117,16 @@ def test_a_comparison_is_one_page(small_session: Path, maurice: Maurice) -> None
     assert "blended: estimate" in text
 
 
-def test_without_truth_the_errors_are_left_out_and_said(maurice: Maurice, tmp_path: Path) -> None:
+def test_without_truth_the_errors_are_left_out_and_said(tmp_path: Path) -> None:
     from_survey = session_of(tmp_path, truth=False)
-    page = reported(maurice, from_survey)
+    page = reported(from_survey)
     found = check(page)
     assert "position error, heading error" in " ".join(found.text)
     assert "widest cloud" in " ".join(found.text)
     assert len([label for label in found.values("svg", "aria-label") if label]) == 1 + 4
 
 
-def test_without_session_and_library_it_says_so(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_without_session_and_library_it_says_so(small_session: Path, tmp_path: Path) -> None:
     maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
     small_session.unlink()
     (tmp_path / "survey.log").unlink()
@@ -159,14 +136,14 @@ def test_without_session_and_library_it_says_so(
     assert "not available" in found.text
 
 
-def test_one_picture_one_reference_and_hostile_names(maurice: Maurice, tmp_path: Path) -> None:
+def test_one_picture_one_reference_and_hostile_names(tmp_path: Path) -> None:
     session = session_of(tmp_path, name=EVIL, updates=1, references=1)
-    found = check(reported(maurice, session))
+    found = check(reported(session))
     assert found.headings[0] == EVIL
     assert "1 at 1 places" in " ".join(found.text)
 
 
-def test_bookmarks_are_events_with_a_picture(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+def test_bookmarks_are_events_with_a_picture(small_session: Path, tmp_path: Path) -> None:
     maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
     (tmp_path / "kept" / "bookmarks.jsonl").write_text('{"step": 5, "note": "odd <turn>"}\nbroken\n')
     assert "bookmarks.jsonl:2" in one_line(maurice("report", "kept", "-o", "r.html")[1])
@@ -175,7 +152,7 @@ def test_bookmarks_are_events_with_a_picture(small_session: Path, maurice: Mauri
     assert any("step 5" in alt for alt in found.values("img", "alt"))
 
 
-def test_what_is_no_run_is_a_line(maurice: Maurice, tmp_path: Path) -> None:
+def test_what_is_no_run_is_a_line(tmp_path: Path) -> None:
     assert "expected a saved run's folder" in one_line(maurice("report", "none", expect=1)[1])
     assert "ends in .html" in maurice("report", "none", "-o", "r.pdf", expect=2)[1]
     assert not list(tmp_path.iterdir())
@@ -221,10 +198,8 @@ def browse(page: Path, *options: str) -> tuple[str, str]:
 
 
 @needs_browser
-def test_a_browser_shows_it_without_a_complaint(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
-    reported(maurice, small_session)
+def test_a_browser_shows_it_without_a_complaint(small_session: Path, tmp_path: Path) -> None:
+    reported(small_session)
     page = tmp_path / "r.html"
     dom, console = browse(page, "--dump-dom")
     assert console == ""
@@ -245,12 +220,10 @@ def test_a_browser_shows_it_without_a_complaint(
 
 
 @needs_browser
-def test_on_a_phone_nothing_is_wider_than_the_screen(
-    small_session: Path, maurice: Maurice, tmp_path: Path
-) -> None:
+def test_on_a_phone_nothing_is_wider_than_the_screen(small_session: Path, tmp_path: Path) -> None:
     import html
 
-    inner = html.escape(reported(maurice, small_session))
+    inner = html.escape(reported(small_session))
     script = "f.onload=()=>{document.title=f.contentDocument.documentElement.scrollWidth}"
     frame = tmp_path / "frame.html"
     frame.write_text(

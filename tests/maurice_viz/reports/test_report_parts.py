@@ -31,8 +31,7 @@ def test_numbers_are_short(value: float, text: str) -> None:
 
 
 @given(
-    st.floats(-1e6, 1e6).flatmap(lambda low: st.tuples(st.just(low), st.floats(1e-3, 1e6))),
-    st.integers(3, 9),
+    st.floats(-1e6, 1e6).flatmap(lambda low: st.tuples(st.just(low), st.floats(1e-3, 1e6))), st.integers(3, 9)
 )
 def test_ticks_are_round_within_the_axis_and_enough(span: tuple[float, float], most: int) -> None:
     low, high = span[0], span[0] + span[1]
@@ -91,12 +90,6 @@ def happened(kind: str, *steps: int) -> list[ReportedEvent]:
     return [ReportedEvent(RunEvent(step, float(step), kind, "text"), ("a",)) for step in steps]
 
 
-def test_the_worst_step_is_that_of_the_largest_error_of_any_run() -> None:
-    assert worst_step(collected(track("a", [1, 5, 2]), track("b", [1, 2, 9]))) == 3
-    assert worst_step(collected(track("a", [np.nan, 5, np.nan]))) == 2
-    assert worst_step(collected(track("a", [np.nan, np.nan]))) == 1  # equally wide clouds: the first
-
-
 def test_every_kind_gets_a_picture_before_one_gets_two() -> None:
     events = sorted(
         happened("mode-switch", *range(10, 40)) + happened("lost", 41) + happened("session", 5, 6),
@@ -111,16 +104,16 @@ def test_every_kind_gets_a_picture_before_one_gets_two() -> None:
     assert "lost: text" in next(scene for scene in scenes if scene.step == 41).reasons
 
 
-def test_a_quiet_run_has_its_worst_and_its_last_step() -> None:
+def test_quiet_runs_have_a_worst_and_a_last_step() -> None:
     (one,) = choose(collected(track("a", [3.0])), [])
     assert one.reasons == ("largest position error", "last step")
     assert [s.step for s in choose(collected(track("a", [1.0, 3.0, 2.0])), happened("resampled", 1))] == [
         2,
         3,
     ]
-
-
-def test_what_happens_all_the_time_is_not_listed() -> None:
+    assert worst_step(collected(track("a", [1, 5, 2]), track("b", [1, 2, 9]))) == 3
+    assert worst_step(collected(track("a", [np.nan, 5, np.nan]))) == 2
+    assert worst_step(collected(track("a", [np.nan, np.nan]))) == 1  # equally wide clouds: the first
     events = happened("resampled", 1) + happened("reseeded", *range(30)) + happened("lost", 4)
     assert [one.event.kind for one in listed(events)] == ["lost"]
 

@@ -1,7 +1,5 @@
 """The sentences, the table and the names say what the explanation holds."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path
@@ -42,7 +40,7 @@ def channel(name: str, nats: F32, sample: F32, reference: F32) -> ChannelExplana
     )
 
 
-def test_it_names_the_bins_in_which_most_is_lost_and_which_side_has_more() -> None:
+def test_it_names_where_most_is_lost() -> None:
     nothing = np.zeros(84, np.float32)
     nats, reference = nothing.copy(), nothing.copy()
     nats[56 + 10 : 56 + 13] = 1.0
@@ -53,9 +51,6 @@ def test_it_names_the_bins_in_which_most_is_lost_and_which_side_has_more() -> No
     assert where.name == "blue 96 to 119"  # 16 + 8 * 10 to 16 + 8 * 12 + 7
     assert where.nats == pytest.approx(3.0)
     assert (where.picture, where.reference) == (0, 8)
-
-
-def test_a_color_that_moved_is_not_told_as_one_run_that_cancels_out() -> None:
     sample, reference, nats = (np.zeros(84, np.float32) for _ in range(3))
     sample[5:8], reference[8:12] = 20.0, 15.0
     nats[5:12] = (1, 1, 1, 2, 2, 2, 2)
@@ -63,9 +58,6 @@ def test_a_color_that_moved_is_not_told_as_one_run_that_cancels_out() -> None:
     where = where_lost(mine, best)
     assert where is not None
     assert (where.picture, where.reference) == (0, 15)
-
-
-def test_where_nothing_is_lost_no_place_is_named() -> None:
     same = np.ones(84, np.float32)
     assert where_lost(channel("color", same, same, same), channel("color", same, same, same)) is None
 
@@ -98,30 +90,25 @@ def test_the_sentences_name_winner_truth_and_estimate(library: Library) -> None:
     assert "Particles are weighed by the references around them" in text
 
 
-def test_nothing_is_said_of_a_truth_that_is_not_known(library: Library) -> None:
+def test_what_is_unknown_or_outside_is_not_told(library: Library, tmp_path: Path) -> None:
     step = explained(library, truth=False, weigh=False)
     scale = scale_for("in", library.arena)
     assert "truth" not in " ".join(say_step(step, scale)) + markdown_table(step, scale)
-
-
-def test_a_pose_outside_is_said_to_be_outside(library: Library) -> None:
     step = explained(library, asked=Asked(pose=np.array([-9.0, -9.0, 0.0])))
-    scale = scale_for("in", library.arena)
     assert "The pose asked for lies outside free space" in " ".join(say_step(step, scale))
     assert "asked for: outside free space" in markdown_table(step, scale)
     assert to_json("a", step)["runs"][0]["explained"][0]["reference"] is None
+    library = fakes.make_library(columns=1, rows=1, headings=1)
+    says = say_step(explained(library), scale_for("in", library.arena))
+    assert says[0].startswith("The only reference at")
 
 
-def test_the_table_has_a_cell_for_every_reference_in_every_row(library: Library) -> None:
+def test_table_and_json_have_every_reference(library: Library) -> None:
     step = explained(library, asked=Asked(entry=3))
     lines = markdown_table(step, scale_for("in", library.arena)).splitlines()
     assert {line.count("|") for line in lines} == {6}
     assert "asked for: entry 3" in lines[0]
     assert f"| **color** | {step.shown[0].entry.channels[0].loses:.2f} · " in lines[-2]  # type: ignore[union-attr]
-
-
-def test_json_says_the_same(library: Library) -> None:
-    step = explained(library, asked=Asked(entry=3))
     (found,) = json.loads(json.dumps(to_json("Lauf ä", step), allow_nan=False))["runs"]
     assert (found["label"], found["step"]) == ("Lauf ä", step.step)
     reference = found["explained"][0]["reference"]
@@ -148,9 +135,3 @@ def test_ordinals(number: int, word: str) -> None:
 )
 def test_a_gap_in_nats_is_said_as_a_factor(nats: float, words: str) -> None:
     assert words in say_behind(nats)
-
-
-def test_a_library_of_one_entry_is_the_only_reference(tmp_path: Path) -> None:
-    library = fakes.make_library(columns=1, rows=1, headings=1)
-    says = say_step(explained(library), scale_for("in", library.arena))
-    assert says[0].startswith("The only reference at")

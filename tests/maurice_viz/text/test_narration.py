@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -35,20 +33,17 @@ def test_motion(motions: list[list[float]], said: str) -> None:
     assert narrate_parts.motion(np.array(motions), INCHES) == said
 
 
-def test_spread_is_the_radial_standard_deviation_by_weight() -> None:
+def test_spread_and_errors_by_hand() -> None:
     poses = np.array([[3, 0, 0], [-3, 0, 0], [0, 4, 0], [0, -4, 0]], np.float32)
     assert narrate_parts.spread_m(Belief(poses, uniform_log_weights(4), np.zeros(2))) == pytest.approx(
         np.sqrt(12.5)
     )
-
-
-def test_errors_go_the_short_way_round() -> None:
     apart, angle = narrate_parts.errors(estimate(3, 4, 179), np.array([0, 0, np.radians(-179)]))
     assert apart == pytest.approx(5 * INCH)
     assert np.degrees(angle) == pytest.approx(2)
 
 
-def test_summary_says_numbers_in_the_sessions_units() -> None:
+def test_summaries_have_units_and_no_unknown_error() -> None:
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 50)
     truth = np.array([10 * INCH, 20 * INCH, 0.0])
     moment = fakes.changed(moment, truth=truth, events=("kidnapped",))
@@ -60,9 +55,6 @@ def test_summary_says_numbers_in_the_sessions_units() -> None:
     assert f"Best match: entry {best}, quality {record.sighting.comparison.quality[best]:.3f}." in said
     assert "Effective sample size 25 of 50 (50%). Resampled." in said
     assert len(said) < 320
-
-
-def test_without_truth_no_error_is_claimed() -> None:
     said = narrate_parts.estimated(
         fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES
     )
@@ -70,28 +62,20 @@ def test_without_truth_no_error_is_claimed() -> None:
     assert "error" not in said
 
 
-def test_survivors_are_counted() -> None:
-    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
-    record = fakes.changed(record, parents=np.array([0, 0, 0, 4, 4, 5], np.int32))
-    said = narrate.resampled(record)
-    assert said.startswith("Resampled: 3 of 6 particles survive, at most in 3 copies.")
-
-
-def test_all_weights_zero_is_said() -> None:
-    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
-    assert "all weights zero" in narrate.weighted(fakes.changed(record, events=("all weights zero",)), INCHES)
-
-
-def test_each_phase_says_which_it_is() -> None:
+def test_events_and_phases_are_told() -> None:
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
+    copied = fakes.changed(record, parents=np.array([0, 0, 0, 4, 4, 5], np.int32))
+    said = narrate.resampled(copied)
+    assert said.startswith("Resampled: 3 of 6 particles survive, at most in 3 copies.")
+    assert "all weights zero" in narrate.weighted(fakes.changed(record, events=("all weights zero",)), INCHES)
     for slot, title in ((Phase.PREDICT, "Phase 1 of 6: predict"), (Phase.RESAMPLE, "Phase 4 of 6: resample")):
         assert title in narrate.phase(moment, record, slot, INCHES).splitlines()[0]
-
-
-def test_a_single_reference_has_no_runner_up() -> None:
     library = fakes.make_library(columns=1, rows=1, headings=1)
     ((_, record),) = fakes.play(fakes.make_session(library, 1), "color", 6)
     assert "then entry" not in narrate.measured(record)
+    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 4)
+    same = fakes.changed(record, weighted=record.predicted)
+    assert narrate.gains(same, INCHES) == ""
 
 
 def test_reseeding_of_a_cloud_outside_free_space_names_no_infinite_evidence() -> None:
@@ -116,9 +100,3 @@ def test_who_gained_and_who_lost_is_told_with_places() -> None:
         f"doubled their weight; 2 particles about (-0.5, 0.0) in, most of them compared with entry 3 "
         f"({quality[3]:.3f}), lost more than half of theirs. "
     )
-
-
-def test_a_picture_that_says_nothing_moves_nobody() -> None:
-    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 4)
-    same = fakes.changed(record, weighted=record.predicted)
-    assert narrate.gains(same, INCHES) == ""

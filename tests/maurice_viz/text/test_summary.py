@@ -40,12 +40,9 @@ def test_the_row_says_when_or_how_it_failed(shown):
     assert _cells(_result(Success("tenth"), SHOWN[shown])) == ["no", shown]
 
 
-def test_a_run_that_was_not_judged():
+def test_json_has_all_of_it():
     assert _cells(_result()) == ["-", "-"]
     assert to_json([_result()])["runs"][0]["thesis_success"] == {}
-
-
-def test_json_has_all_of_it():
     found = to_json([_result(Success("tenth"), SHOWN["left the truth at 30"])])["runs"][0]["thesis_success"]
     nothing = dict.fromkeys(("at_update", "at_m", "at_s", "failed", "failed_at_update"))
     expected = {"at_update": 24, "at_m": 2.54, "at_s": 215.2, "failed": "left", "failed_at_update": 30}

@@ -53,17 +53,14 @@ def test_a_movie_holds_its_pictures_in_order(tmp_path: Path, suffix: str) -> Non
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
-def test_a_gif_runs_for_ever_at_the_speed_asked_for(tmp_path: Path) -> None:
+def test_gifs_loop_and_keep_rare_colors(tmp_path: Path) -> None:
     with film(tmp_path / "m.gif", 4.0) as frames:
         frames.add(picture(0))
         frames.add(picture(0))
     with Image.open(tmp_path / "m.gif") as image:
         assert image.info["loop"] == 0
         assert image.info["duration"] == 250
-
-
-def test_rare_bright_colors_survive_in_a_gif(tmp_path: Path) -> None:
-    """The brightest weights are a handful of pixels; a palette by frequency alone would lose them."""
+    # The brightest weights are a handful of pixels; a palette by frequency alone would lose them
     image = np.random.default_rng(0).integers(0, 90, (200, 200, 3)).astype(np.uint8)
     image[100:103, 100:103] = (253, 231, 37)
     with film(tmp_path / "m.gif", 4.0) as frames:
@@ -72,10 +69,11 @@ def test_rare_bright_colors_survive_in_a_gif(tmp_path: Path) -> None:
     assert np.abs(found[101, 101].astype(int) - (253, 231, 37)).max() < 20
 
 
-def test_an_odd_size_is_cut_to_an_even_one(tmp_path: Path) -> None:
+def test_sizes_are_even_and_png_is_exact(tmp_path: Path) -> None:
     with film(tmp_path / "m.mp4", 4.0) as frames:
         frames.add(picture(1, rows=121, columns=161))
     assert mp4(tmp_path / "m.mp4")[0].shape == (120, 160, 3)
+    assert (from_png(png(picture(2))) == picture(2)).all()
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
@@ -86,7 +84,7 @@ def test_a_movie_that_is_stopped_leaves_nothing(tmp_path: Path, suffix: str) -> 
     assert not list(tmp_path.iterdir())
 
 
-def test_an_earlier_movie_stays_without_force(tmp_path: Path) -> None:
+def test_earlier_movies_and_missing_folders(tmp_path: Path) -> None:
     path = tmp_path / "m.gif"
     path.write_bytes(b"earlier")
     with pytest.raises(InputError, match="--force"), film(path, 4.0):
@@ -95,12 +93,5 @@ def test_an_earlier_movie_stays_without_force(tmp_path: Path) -> None:
     with film(path, 4.0, force=True) as frames:
         frames.add(picture(0))
     assert len(gif(path)) == 1
-
-
-def test_a_folder_that_is_not_there_is_a_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"), film(tmp_path / "no" / "m.gif", 4.0):
         pass
-
-
-def test_a_png_comes_back_as_it_was() -> None:
-    assert (from_png(png(picture(2))) == picture(2)).all()

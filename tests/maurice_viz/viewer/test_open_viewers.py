@@ -40,24 +40,24 @@ def ports() -> list[int]:
     return [viewer.port for viewer in open_viewers.open_viewers()]
 
 
-def test_none_at_first_and_nothing_is_made_by_looking(state: Path) -> None:
+def test_strange_states_are_no_error(state: Path) -> None:
     assert ports() == []
     assert not state.exists()
+    state.write_text("a file stands in its place")
+    remember(os.getpid(), 1)
+    assert ports() == []
 
 
-def test_the_one_opened_last_comes_first(listen: Listen) -> None:
+def test_open_viewers_are_listed_with_what_they_show(listen: Listen) -> None:
     first, second = listen(), listen()
     remember(os.getpid(), first)
     remember(os.getpid(), second)
     assert ports() == [second, first]
-
-
-def test_what_a_viewer_shows_is_kept_with_it(listen: Listen) -> None:
-    port = listen()
-    remember(os.getpid(), port)
-    remember_recording(port, "kleine Fahrt \u96e8", "an id")
-    (viewer,) = open_viewers.open_viewers()
+    remember_recording(second, "kleine Fahrt \u96e8", "an id")
+    viewer, _ = open_viewers.open_viewers()
     assert (viewer.pid, viewer.name, viewer.recording) == (os.getpid(), "kleine Fahrt \u96e8", "an id")
+    held = json.loads((state_folder() / f"{second}.json").read_text())
+    assert set(held) == {"pid", "port", "opened_s", "name", "recording"}
 
 
 def test_a_viewer_that_is_not_ours_is_not_noted(listen: Listen) -> None:
@@ -83,8 +83,7 @@ def test_one_whose_process_ended_is_forgotten_though_another_has_its_port(listen
 
 
 @pytest.mark.parametrize(
-    "content",
-    [b"", b"\xff", b"[]", b"{}", b'{"pid": "a", "port": "b", "opened_s": null}', b'{"port": 1}'],
+    "content", [b"", b"\xff", b"[]", b"{}", b'{"pid": "a", "port": "b", "opened_s": null}', b'{"port": 1}']
 )
 def test_a_broken_file_is_forgotten(content: bytes, listen: Listen) -> None:
     port = listen()
@@ -94,20 +93,7 @@ def test_a_broken_file_is_forgotten(content: bytes, listen: Listen) -> None:
     assert [file.name for file in state_folder().iterdir()] == [f"{port}.json"]
 
 
-def test_a_state_folder_that_cannot_be_made_is_no_error(state: Path) -> None:
-    state.write_text("a file stands in its place")
-    remember(os.getpid(), 1)
-    assert ports() == []
-
-
 def test_without_the_variable_it_is_the_users_own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(open_viewers.STATE)
     assert state_folder().name == "viewers"
     assert "maurice-replay" in str(state_folder())
-
-
-def test_files_are_plain_json(listen: Listen) -> None:
-    port = listen()
-    remember(os.getpid(), port)
-    held = json.loads((state_folder() / f"{port}.json").read_text())
-    assert set(held) == {"pid", "port", "opened_s", "name", "recording"}

@@ -24,25 +24,19 @@ def blueprint() -> dict[str, Any]:
     }
 
 
-def test_a_layout_comes_to_the_front_and_nothing_else_changes() -> None:
+def test_a_layout_comes_to_the_front() -> None:
     before = blueprint()
     after = with_layout(before, "traces")
     assert before == blueprint()
     assert after["/container/tabs"]["ContainerBlueprint"].pop("active_tab") == "container/two"
     del before["/container/tabs"]["ContainerBlueprint"]["active_tab"]
     assert after == before
-
-
-def test_a_layout_is_found_where_the_viewer_wrote_paths_from_the_root() -> None:
     rewritten = blueprint()
     for fields in (rewritten[f"/container/{name}"]["ContainerBlueprint"] for name in ("root", "tabs")):
         contents = fields["contents"]
         fields["contents"] = f"/{contents}" if isinstance(contents, str) else [f"/{c}" for c in contents]
     after = with_layout(rewritten, "traces")
     assert after["/container/tabs"]["ContainerBlueprint"]["active_tab"] == "/container/two"
-
-
-def test_an_unknown_layout_names_those_there_are() -> None:
     with pytest.raises(LayoutError, match="'map'; it has overview, traces"):
         with_layout(blueprint(), "map")
 

@@ -59,9 +59,6 @@ def test_lost_is_four_running_and_said_once() -> None:
     found = watch([HERE] * 5 + [FAR] * 10)
     assert [one for one in kinds(found) if one[1] == "lost"] == [(9, "lost")]
     assert found[-1].text == "since step 6; 3.00 m, 0 deg off, and sure of it"
-
-
-def test_a_heading_alone_can_lose_a_run() -> None:
     turned = [made(HERE, step=step, heading=1.0) for step in range(1, 6)]
     detector = EventDetector()
     found = [event for one in turned for event in detector.see(moment(one, TRUTH), one)]
@@ -69,7 +66,7 @@ def test_a_heading_alone_can_lose_a_run() -> None:
     assert "57 deg off" in found[0].text
 
 
-def test_recovered_comes_after_lost_with_how_long_it_took() -> None:
+def test_recovery_comes_after_loss_or_kidnapping() -> None:
     found = watch([HERE] * 5 + [FAR] * 6 + [HERE] * 6)
     assert [kind for _, kind in kinds(found) if kind != "beyond-three-sigma"] == [
         "localized",
@@ -78,22 +75,13 @@ def test_recovered_comes_after_lost_with_how_long_it_took() -> None:
     ]
     last = found[-1]
     assert (last.step, last.text) == (16, "since step 12, 6 steps after it was lost")
-
-
-def test_lost_and_found_again_and_again() -> None:
     found = watch(([HERE] * 5 + [FAR] * 5) * 3 + [HERE] * 5)
     said = [kind for _, kind in kinds(found) if kind != "beyond-three-sigma"]
     assert said == ["localized"] + ["lost", "recovered"] * 3
-
-
-def test_a_kidnapped_run_recovers_even_when_it_was_never_lost() -> None:
     found = watch([HERE] * 6 + [FAR] * 2 + [HERE] * 7, told={7: "kidnapped"})
     said = [one for one in kinds(found) if one[1] in ("kidnapped", "lost", "localized", "recovered")]
     assert said == [(5, "localized"), (7, "kidnapped"), (13, "recovered")]
     assert found[-1].text == "since step 9, 2 steps after it was carried away"
-
-
-def test_a_run_that_is_still_searching_is_first_localized_not_recovered() -> None:
     found = watch([SPREAD] * 6 + [HERE] * 5, (0, 5, 0))
     assert kinds(found)[0] == (4, "lost")
     assert "not been localized yet" in found[0].text
@@ -143,7 +131,7 @@ def test_states() -> None:
     assert states([SPREAD, HERE], None) == ["spread", "converged"]
 
 
-def test_what_the_log_says_is_sorted_by_its_first_word() -> None:
+def test_the_log_is_sorted_by_its_first_word() -> None:
     said = {
         1: "kidnapped",
         2: "lights off west room lamp",
@@ -160,9 +148,6 @@ def test_what_the_log_says_is_sorted_by_its_first_word() -> None:
         ("session", "\u96e8"),
     ]
     assert [event.is_routine for event in found] == [False, False, False, True, False]
-
-
-def test_an_empty_text_in_a_log_is_no_reason_to_fail() -> None:
     detector = EventDetector()
     (found,) = detector.see(moment(made(HERE), None, " "), made(HERE))
     assert (found.kind, found.text, found.is_routine) == ("session", "", False)
@@ -180,9 +165,6 @@ def test_an_excursion_is_one_event() -> None:
     assert steps([1, 3.1, 3.1, 3.1, 2.5, 3.1, 3.1]) == [2], "it ends under two, not under three"
     assert steps([1, 3.1, 1, 3.1, 1]) == [], "one update alone is chance"
     assert steps([4, 4, 1.9, 4, 4]) == [1, 4]
-
-
-def test_a_cloud_that_claims_no_place_is_beyond_nothing() -> None:
     assert kinds(watch([SPREAD] * 3, (0, 5, 0))) == []
     most = [*at(0, 0, 0.6), *at(3, 0, 0.4)]
     assert kinds(watch([most] * 3, (0, 5, 0))) == [(2, "beyond-three-sigma")]
@@ -201,28 +183,19 @@ def test_deviations_are_mahalanobis_distances_of_the_cluster() -> None:
     apart = truth[:2] - record.estimate.pose[:2]
     expected = float(np.sqrt(apart @ np.linalg.inv(covariance) @ apart))
     assert deviations(record, truth, 0.0254) == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_cloud_of_one_point_claims_an_inch() -> None:
     assert deviations(made([(1, 1, 1)]), np.array([1.0508, 1, 0]), 0.0254) == pytest.approx(2, rel=1e-3)
 
 
-def test_one_dip_is_one_event() -> None:
+def test_dips_and_bursts_are_one_event() -> None:
     watcher, limits = Dip(), EventThresholds()
     shares = [0.5, 0.09, 0.05, 0.2, 0.09, 0.31, 0.099, 0.1]
     assert [watcher.see(share, limits) for share in shares] == [
         None, 0.09, None, None, None, None, 0.099, None
     ]  # fmt: skip
-
-
-def test_a_dip_says_how_few_particles_count() -> None:
     heavy = [(0, 0, 0.98), *[(0, 0, 0.02 / 39)] * 39]
     (found,) = watch([heavy, heavy], None)
     assert (found.step, found.kind) == (1, "ess-dip")
     assert found.text == "effective sample size 1 of 40 (2.6%)"
-
-
-def test_a_burst_begins_after_a_while_without() -> None:
     watcher, limits = Burst(), EventThresholds()
     steps = [1, 2, 4, 9, 15, 16]
     assert [step for step in range(1, 20) if watcher.begins(step, step in steps, limits)] == [1, 15]
@@ -266,24 +239,16 @@ def two(left: float, right: float) -> Cloud:
     return [*at(0, 0, left), *at(4, 0, right)]
 
 
-def test_a_mode_switch_needs_a_lead(switches: Switch) -> None:
+def test_a_mode_switch_needs_a_lead_and_a_distance(switches: Switch) -> None:
     assert switches([two(0.6, 0.4), two(0.3, 0.7)]) == [(2, "mode 2 (70%) leads, 4.00 m from mode 1 (30%)")]
     assert switches([two(0.6, 0.4), two(0.46, 0.54), two(0.6, 0.4)]) == [], "by 8 % only"
     assert len(switches([two(0.6, 0.4), two(0.3, 0.7), two(0.7, 0.3)])) == 2
-
-
-def test_the_first_to_lead_is_no_switch_and_small_modes_never_lead(switches: Switch) -> None:
     many = [particle for k in range(5) for particle in at(4.0 * k, 0, 0.2)]
     turned = [(x, y, w * (1.2 if k >= 16 else 0.95)) for k, (x, y, w) in enumerate(many)]
     assert switches([many, turned, many]) == []
-
-
-def test_a_leader_that_is_gone_is_named(switches: Switch) -> None:
     ((step, text),) = switches([two(0.9, 0.1), two(1e-9, 1)])
     assert (step, text) == (2, "mode 2 (100%) leads, 4.00 m from mode 1 (gone)")
 
-
-def test_the_next_room_counts_the_next_tile_does_not(switches: Switch) -> None:
     def pair(left: float, right: float) -> Cloud:
         return [*at(0, 0, left), *at(0.59, 0, 0.001, 1), *at(1.2, 0, right)]
 

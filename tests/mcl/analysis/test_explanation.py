@@ -98,11 +98,6 @@ def test_ranks_are_those_of_a_sorted_list(world):
         nearest = np.argsort(comparison.distances[number], kind="stable")
         for place in (0, 5, 200):
             assert explain(comparison, model, int(nearest[place])).channels[number].rank == place + 1
-
-
-def test_equal_references_share_the_better_rank(world):
-    model = _model(world)
-    comparison = _compare(model, world)
     alike = replace(comparison, log_likelihood=np.full_like(comparison.log_likelihood, -1.0))
     assert {found.rank for found in explain_all(alike, model, [0, 9, 20])} == {1}
 
@@ -139,9 +134,6 @@ def test_a_step_shows_truth_estimate_and_winner_by_the_filters_own_rule(world):
     assert step.of(TRUTH).from_truth.apart_m == 0
     assert step.of(ESTIMATE).from_estimate.apart_m == 0
     assert step.of(WINNER).from_truth == offset(step.winner.pose, moment.truth)
-
-
-def test_without_a_truth_there_are_two_columns(world):
     sensor, _, record = _stepped(world)
     step = explain_step(record, sensor, None)
     assert [e.who for e in step.shown] == [ESTIMATE, WINNER]
@@ -155,18 +147,10 @@ def test_an_entry_or_a_pose_asked_for_comes_first(world):
     pose = world.library.poses[50] + (0.01, -0.01, 0.02)
     by_pose = explain_step(record, sensor, moment.truth, Asked(pose=pose)).shown[0]
     assert by_pose.entry.entry == nearest_entries(sensor, pose[None])[0] == 50
-
-
-def test_a_pose_outside_free_space_has_no_reference(world):
-    sensor, moment, record = _stepped(world)
     x, y = world.library.arena.bounds[:2]
     step = explain_step(record, sensor, moment.truth, Asked(pose=np.array([x - 9, y - 9, 0.0])), weigh=True)
     assert step.shown[0].entry is None
     assert step.shown[0].weighed == -np.inf
-
-
-def test_a_particle_is_weighed_as_the_sensor_weighs_it(world):
-    sensor, moment, record = _stepped(world)
     number = int(np.argmax(record.sighting.entries >= 0))
     pose = record.predicted.world_poses[number]
     step = explain_step(record, sensor, moment.truth, Asked(pose=pose), weigh=True)

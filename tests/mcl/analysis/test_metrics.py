@@ -90,13 +90,10 @@ def test_errors_are_counted_from_the_fourth_update():
     assert turned.heading_error_median_rad == pytest.approx(np.deg2rad(4))
 
 
-def test_a_lost_run_stays_in_its_mean():
+def test_a_lost_run_is_four_running_and_stays_in_its_mean():
     run = _score([_truth(i) for i in (0, 0, 0, 0, 100, 100, 100, 100)])
     assert run.lost
     assert run.position_error_mean_m == pytest.approx(80 * INCH_M)
-
-
-def test_lost_takes_four_running():
     assert not _score([_truth(i) for i in (40, 40, 40, 0, 40, 40, 40, 0)]).lost
     run = _score([_truth(i) for i in (0, 0, 40, 40, 40, 40, 0, 0)])
     assert run.lost
@@ -115,14 +112,11 @@ def _drive(ways_in, off_from=None):
     return scorer.result()
 
 
-def test_reached_is_a_thousand_true_inches():
+def test_reached_is_a_thousand_true_inches_before_going_astray():
     assert not _drive([0] + [99] * 10).reached
     run = _drive([0] + [100.01] * 10)
     assert run.reached
     assert run.distance_m == pytest.approx(1000.1 * INCH_M)
-
-
-def test_reached_counts_the_way_before_the_run_went_astray():
     ways = [0] + [100.01] * 20
     assert _drive(ways, off_from=12).reached, "1000 in were driven at update 11"
     assert not _drive(ways, off_from=11).reached
@@ -149,14 +143,11 @@ def test_updates_without_truth_are_in_no_share():
     assert run.distance_m == pytest.approx(20 * INCH_M)
 
 
-def test_no_updates_at_all():
+def test_short_runs_have_few_figures():
     run = Scorer().result()
     assert run.updates == 0
     assert run.distance_m == 0
     assert run.position_error_mean_m is None
-
-
-def test_too_short_for_a_mean():
     run = _score([_truth(1)] * 3)
     assert run.position_error_mean_m is None
     assert run.position_error_final_m == pytest.approx(INCH_M)
@@ -184,19 +175,13 @@ def test_time_to_localize(flags, first):
     assert first_mostly(np.array([flag == "1" for flag in flags], bool)) == first
 
 
-def test_localized_at_update_needs_convergence_too():
+def test_localized_and_right_at_the_end():
     assert _score([_truth()] * 6).localized_at_update == 1
     assert _score([_truth()] * 6, converged=0.5).localized_at_update is None
-
-
-def test_right_at_the_end():
     assert mostly_at_end([False] * 20 + [True] * 7 + [False] * 3) is True
     assert mostly_at_end([True] * 20 + [True] * 6 + [False] * 4) is False
     assert mostly_at_end([True] * 9) is None
     assert _score([_truth(90)] * 5 + [_truth(1)] * 10).right_at_end is True
-
-
-def test_first_run_of():
     assert first_run_of([True, True, False, True, True, True], 3) == 6
     assert first_run_of([True, True, False], 3) is None
 
@@ -243,19 +228,13 @@ def test_the_circle_wants_more_than_nine_of_ten_within_six_inches(share, expecte
     assert meets_circle(record, None) is expected
 
 
-def test_the_circle_is_one_foot_in_diameter():
+def test_the_circle_is_one_foot_and_each_axis_has_its_own_bound():
     assert meets_circle(_record([-5.9 * INCH_M, 5.9 * INCH_M]), None)
     assert not meets_circle(_record([-6.1 * INCH_M, 6.1 * INCH_M]), None)
-
-
-def test_a_tenth_wants_both_the_share_and_a_small_spread():
     assert meets_tenth(_record(ROW), ARENA_M)
     assert not meets_tenth(_record(ROW), (2.9, 4.0)), "sd 0.29"
     assert not meets_tenth(_record([0.0] * 89 + [0.65] * 11), ARENA_M), "a share of 89 %"
     assert not meets_tenth(_record([0.0] * 95 + [4.0] * 5), ARENA_M), "sd 0.87 m of the whole cloud"
-
-
-def test_each_axis_has_its_own_bound():
     record = _record(ROW)
     assert meets_tenth(record, (2.95, 0.1))
     assert not meets_tenth(record, (2.9, 100.0))
@@ -270,19 +249,18 @@ def _judged(records, truths=None):
     return {one.preset: one for one in judge.result()}
 
 
-def test_time_to_localize_in_updates_metres_and_seconds():
+def test_time_to_localize_with_and_without_truth():
     truths = [HERE + np.array([0.3 * k, 0, 0]) for k in range(4)]
     records = [_record(SPREAD if k < 2 else [0.0] * 9, 5.0 * k, truths[k]) for k in range(4)]
     for one in _judged(records, truths).values():
         assert (one.at_update, one.at_s, one.failed) == (3, 10.0, None)
         assert one.at_m == pytest.approx(0.6)
-
-
-def test_without_truth_the_way_is_the_odometrys_and_nobody_can_leave():
     found = _judged([_record(SPREAD), _record([0.0]), _record([0.0], at=HERE + 5)], [None] * 3)
     for one in found.values():
         assert (one.at_update, one.failed) == (2, None)
         assert one.at_m == pytest.approx(0.4)
+    for one in _judged([_record(SPREAD, 20.0)]).values():
+        assert (one.at_update, one.failed) == (None, None)
 
 
 def test_later_than_five_minutes_is_a_failure():
@@ -297,11 +275,6 @@ def test_later_than_five_minutes_is_a_failure():
         )
 
 
-def test_a_run_that_ends_early_neither_succeeds_nor_fails():
-    for one in _judged([_record(SPREAD, 20.0)]).values():
-        assert (one.at_update, one.failed) == (None, None)
-
-
 def test_leaving_the_truth_is_a_failure_once_localized():
     def off(inches):
         return HERE + np.array([inches * INCH_M, 0, 0])
@@ -309,9 +282,6 @@ def test_leaving_the_truth_is_a_failure_once_localized():
     found = _judged([_record(SPREAD), *(_record([0.0], at=off(k)) for k in (0, 35.9, 36.1, 0))])
     for one in found.values():
         assert (one.at_update, one.failed, one.failed_at_update) == (2, LEFT, 4)
-
-
-def test_localizing_in_the_wrong_place_fails_at_once():
     for one in _judged([_record([0.0], at=HERE + 2)]).values():
         assert (one.at_update, one.failed, one.failed_at_update) == (1, LEFT, 1)
 
@@ -323,8 +293,5 @@ def test_freshly_injected_particles_are_left_out():
     assert all(one.at_update == 2 for one in _judged(records).values())
     records[0].injected = None
     assert _judged(records)["circle"].at_update is None
-
-
-def test_a_mask_of_another_size_is_not_used():
     records = [_record(SPREAD, injected=np.ones(3, bool)), _record([0.0] * 10)]
     assert _judged(records)["circle"].at_update == 2

@@ -17,20 +17,14 @@ def seen(tracker: ModeTracker, cloud: Cloud, parents: Sequence[int] | None = Non
     return {one.identity: round(one.estimate.mass, 6) for one in tracked}
 
 
-def test_a_mode_that_drives_about_stays_who_it_is() -> None:
+def test_modes_keep_their_identity() -> None:
     tracker = ModeTracker()
     for step in range(20):  # 2 m a step: further than a mode is wide
         assert seen(tracker, [*at(2.0 * step, 0, 0.7), *at(2.0 * step, 9, 0.3)]) == {1: 0.7, 2: 0.3}
-
-
-def test_two_that_cross_keep_apart_by_their_particles() -> None:
-    """By place alone they would be taken for each other."""
+    # By place alone they would be taken for each other
     tracker = ModeTracker()
     assert seen(tracker, [*at(0, 0, 0.6), *at(5, 0, 0.4)]) == {1: 0.6, 2: 0.4}
     assert seen(tracker, [*at(5, 0, 0.6), *at(0, 0, 0.4)]) == {1: 0.6, 2: 0.4}
-
-
-def test_weights_may_turn_over_and_the_order_follows() -> None:
     tracker = ModeTracker()
     seen(tracker, [*at(0, 0, 0.6), *at(5, 0, 0.4)])
     now = seen(tracker, [*at(0, 0, 0.2), *at(5, 0, 0.8)])
@@ -65,29 +59,23 @@ def test_equal_modes_are_named_alike_however_weights_are_rounded(seed: int) -> N
     assert see((0, 4), (0, 0)) == {1: (0, 0), 3: (0, 4)}, "in the half that is named first"
 
 
-def test_of_one_that_splits_the_heavier_half_goes_on() -> None:
+def test_modes_split_and_join() -> None:
     tracker = ModeTracker()
     seen(tracker, at(0, 0, 1, 10))
     assert seen(tracker, [*at(0, 0, 0.3, 5), *at(4, 0, 0.7, 5)]) == {1: 0.7, 2: 0.3}
-
-
-def test_of_two_that_join_the_heavier_goes_on_and_the_other_never_comes_back() -> None:
     tracker = ModeTracker()
     seen(tracker, [*at(0, 0, 0.6), *at(5, 0, 0.4)])
     joined = at(2, 0, 1, 8)
     joined = [(x, y, share) for (x, y, _), share in zip(joined, [0.15] * 4 + [0.1] * 4, strict=True)]
     assert seen(tracker, joined) == {1: 1.0}
     assert seen(tracker, [*at(0, 0, 0.6), *at(5, 0, 0.4)]) == {1: 0.6, 3: 0.4}
-
-
-def test_one_that_thins_out_under_a_hundredth_is_the_same_when_it_returns() -> None:
     tracker = ModeTracker()
     seen(tracker, [*at(0, 0, 0.8), *at(5, 0, 0.2)])
     assert seen(tracker, [*at(0, 0, 0.995), *at(5, 0, 0.005)]) == {1: 0.995}
     assert seen(tracker, [*at(0, 0, 0.4), *at(5, 0, 0.6)]) == {2: 0.6, 1: 0.4}
 
 
-def test_a_mode_of_injected_particles_is_new() -> None:
+def test_new_modes_have_new_names() -> None:
     tracker = ModeTracker()
     first = made(at(0, 0, 1, 8), parents=[0, 1, 2, 3, -1, -1, -1, -1], injected=[False] * 4 + [True] * 4)
     tracker.see(first)
@@ -95,6 +83,9 @@ def test_a_mode_of_injected_particles_is_new() -> None:
     assert [one.identity for one in left_out] == [1], "fresh particles make no estimate yet"
     tracked = tracker.see(made([*at(0, 0, 0.3), *at(5, 0, 0.7)]))
     assert [(one.identity, round(one.estimate.mass, 3)) for one in tracked] == [(2, 0.7), (1, 0.3)]
+    tracker = ModeTracker()
+    seen(tracker, at(0, 0, 1, 8))
+    assert seen(tracker, at(0, 0, 1, 5)) == {2: 1.0}
 
 
 def test_a_few_strays_do_not_hand_their_identity_on() -> None:
@@ -104,12 +95,6 @@ def test_a_few_strays_do_not_hand_their_identity_on() -> None:
     cloud = [*at(0, 5, 0.3, 4), *at(5, 5, 0.7, 6)]
     cloud = [(x, y, 0.14 if k == 4 else 0.112 if k > 4 else share) for k, (x, y, share) in enumerate(cloud)]
     assert seen(tracker, cloud) == {4: 0.7, 2: 0.3}
-
-
-def test_a_cloud_of_another_size_without_parents_begins_anew() -> None:
-    tracker = ModeTracker()
-    seen(tracker, at(0, 0, 1, 8))
-    assert seen(tracker, at(0, 0, 1, 5)) == {2: 1.0}
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -146,14 +131,11 @@ def _record(x, parents=None):
     return SimpleNamespace(weighted=cloud, parents=None if parents is None else np.array(parents, np.int32))
 
 
-def test_without_resampling_everyone_is_an_ancestor():
+def test_ancestors_by_hand():
     tree = Ancestry()
     for _ in range(3):
         tree.see(_record([0, 1, 2, 3]))
     assert tree.distinct() == 4
-
-
-def test_ancestors_by_hand():
     tree = Ancestry()
     tree.see(_record([0, 1, 2, 3], [0, 0, 2, 3]))
     assert tree.distinct() == 3
@@ -161,17 +143,11 @@ def test_ancestors_by_hand():
     assert tree.distinct() == 2
     tree.see(_record([0, 1, 2, 3], [0, 1, 2, 2]))
     assert tree.distinct() == 1
-
-
-def test_fresh_particles_are_their_own_ancestors():
     tree = Ancestry()
     tree.see(_record([0, 1, 2], [0, 0, 0, -1]))
     assert tree.distinct() == 2
     tree.see(_record([0, 1, 2, 3], [3, 3, 0, 1, -1]))  # the fresh one, the old one, and another fresh one
     assert tree.distinct() == 3
-
-
-def test_only_so_many_updates_are_looked_back():
     tree = Ancestry(depth=2)
     tree.see(_record([0, 1, 2, 3], [0, 0, 0, 0]))
     assert tree.distinct() == 1
@@ -186,15 +162,9 @@ def test_lines_go_back_through_the_parents():
     tree.see(_record([3.0, 4.0], [1, -1]))
     (first,) = (line for line in tree.lines(10))
     assert first == pytest.approx(np.array([[14.0, 20.0], [12.0, 20.0]]))
-
-
-def test_lines_are_as_many_as_asked_for_at_most():
     tree = Ancestry()
     tree.see(_record(np.arange(100.0)))
     assert len(tree.lines(7)) == 7
     assert len(tree.lines(1000)) == 100
-
-
-def test_nothing_seen_yet():
     assert Ancestry().distinct() == 0
     assert Ancestry().lines(5) == []

@@ -1,7 +1,5 @@
 """Runs against the first one: differences, where they part, and what is said over the whole drive."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -58,30 +56,24 @@ def paired(
     return seen, pairing.result()
 
 
-def test_below_zero_is_closer_to_the_truth() -> None:
+def test_errors_are_compared_with_their_sign() -> None:
     (seen, *_), _ = paired([0.30], [-0.10])
     assert seen.position_m == pytest.approx(-0.20)
     assert seen.apart_m == pytest.approx(0.40)
     assert seen.heading_rad == 0.0
-
-
-def test_heading_errors_count_the_short_way_round() -> None:
     pairing = RunComparison("a", "b", inches)
     seen = pairing.see(step(1, 0, np.pi - 0.1), step(1, 0, -np.pi + 0.1))
     assert seen.heading_rad == pytest.approx(0.0)
     assert pairing.see(step(2, 0, 2 * np.pi + 0.1), step(2, 0, -0.4)).heading_rad == pytest.approx(0.3)
 
 
-def test_runs_part_where_they_are_apart_for_two_steps_running() -> None:
+def test_runs_part_once_where_they_are_apart_for_two_steps() -> None:
     near, far = 11.9 * INCH_M, 12.1 * INCH_M
     seen, result = paired([0.0] * 8, [near, far, near, near, far, far, near, far])
     assert result.parted_at == 5
     events = [one.event for one in seen if one.event is not None]
     assert [(e.step, e.time_s, e.kind) for e in events] == [(6, 12.0, PARTED)]
     assert events[0].text == "edges and color are 12.1 in apart, since step 5"
-
-
-def test_runs_part_once_only_and_the_same_run_never() -> None:
     seen, result = paired([0.0] * 6, [1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
     assert result.parted_at == 1
     assert sum(one.event is not None for one in seen) == 1
@@ -132,6 +124,7 @@ def test_without_truth_only_places_are_compared() -> None:
     result = pairing.result()
     assert (result.position, result.heading) == (None, None)
     assert result.parted_at == 1
+    assert RunComparison("a", "b", inches).result() == ComparisonResult(None, None, None, None, None)
 
 
 def test_runs_of_different_drives_are_compared_by_error_alone() -> None:
@@ -144,10 +137,6 @@ def test_runs_of_different_drives_are_compared_by_error_alone() -> None:
         assert seen.position_m == pytest.approx(0.1)
         assert (seen.apart_m, seen.event) == (None, None)
     assert pairing.result().apart_mean_m is None
-
-
-def test_no_update_gives_no_figure() -> None:
-    assert RunComparison("a", "b", inches).result() == ComparisonResult(None, None, None, None, None)
 
 
 # The interval for a mean: laws, and how often it holds the mean when neighbors are alike.
@@ -170,40 +159,28 @@ def test_the_interval_holds_the_mean_in_95_of_100_series(alike: float) -> None:
     assert abs(held - 0.95) < 4 * np.sqrt(0.95 * 0.05 / drives)
 
 
-def test_an_interval_that_took_updates_for_independent_would_not() -> None:
+def test_the_interval_needs_the_memory_of_the_series() -> None:
     """What the blocks are for: with neighbors this much alike it holds the mean in half of all series."""
     drives = [series(0.8, seed) for seed in range(200)]
     held = [abs(one.mean()) < 1.96 * one.std(ddof=1) / np.sqrt(len(one)) for one in drives]
     assert np.mean(held) < 0.65
-
-
-def test_blocks_are_single_values_where_neighbors_are_unlike_and_grow_with_memory() -> None:
     lengths = [np.mean([block_length(series(alike, seed)) for seed in range(50)]) for alike in (0, 0.5, 0.8)]
     assert lengths[0] < 3 < 1.5 * lengths[0] + 3 < lengths[1] < lengths[2]
     assert max(block_length(series(0.99, seed)) for seed in range(20)) == UPDATES // 6
-
-
-def test_correlation_of_neighbors_is_found_without_bias() -> None:
     found = [autocorrelation(series(0.6, seed)) for seed in range(400)]
     assert abs(np.mean(found) - 0.6) < 4 * np.std(found) / np.sqrt(len(found)) + 0.01
     assert autocorrelation(np.full(9, 2.5)) == 0.0
 
 
-def test_moving_and_stretching_a_series_does_the_same_to_its_interval() -> None:
+def test_the_interval_is_steady() -> None:
     one = series(0.5, 3)
     low, high = mean_interval(one) or (0.0, 0.0)
     assert (low + high) / 2 == pytest.approx(one.mean())
     assert mean_interval(-3 * one + 7) == pytest.approx((-3 * high + 7, -3 * low + 7))
-
-
-def test_it_is_the_same_every_time_and_hardly_another_with_another_seed() -> None:
     one = series(0.5, 4)
     assert mean_interval(one) == mean_interval(one)
     width = np.diff(mean_interval(one) or (0.0, 0.0))
     assert np.diff(mean_interval(one, seed=1) or (0.0, 0.0)) == pytest.approx(width, rel=0.1)
-
-
-def test_a_constant_has_no_width_and_a_short_series_no_interval() -> None:
     assert mean_interval(np.full(LEAST, 0.3)) == pytest.approx((0.3, 0.3))
     assert mean_interval(np.zeros(LEAST)) == (0.0, 0.0)
     assert mean_interval(np.zeros(LEAST - 1)) is None

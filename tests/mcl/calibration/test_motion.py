@@ -90,17 +90,11 @@ def test_figure_5_regressed_the_other_way_gives_a_gain_that_is_too_large() -> No
     others = np.array([1 / fit.figure_5_slope.value for fit in fits])
     assert gains.mean() == pytest.approx(GAIN, abs=4 * gains.std() / np.sqrt(60))
     assert others.mean() > GAIN + 4 * others.std() / np.sqrt(60)
-
-
-def test_the_two_slopes_multiply_to_the_squared_uncentered_correlation() -> None:
     turns = turns_of(3)
     fit = fit_turns(turns)
     cosine = turns.measured_rad @ turns.actual_rad
     cosine /= np.linalg.norm(turns.measured_rad) * np.linalg.norm(turns.actual_rad)
     assert fit.gain.value * fit.figure_5_slope.value == pytest.approx(cosine**2)
-
-
-def test_the_wrong_convention_leaves_larger_residuals() -> None:
     fit = fit_turns(turns_of(1))
     assert fit.sd_if_multiplied_rad > 10 * fit.residual.sd.value
 
@@ -116,13 +110,10 @@ def test_exact_turns_and_straights_come_back_exactly() -> None:
     assert (way.error.mean.value, way.error.sd.value, way.scale.value) == (-0.5, 0.0, 0.5)
 
 
-def test_turns_that_go_one_way_are_told() -> None:
+def test_one_sided_turns_are_told() -> None:
     both = turns_of(0)
     assert not fit_turns(both).one_sided
     assert fit_turns(Turns(np.abs(both.measured_rad), np.abs(both.actual_rad))).one_sided
-
-
-def test_left_and_right_turns_that_differ_are_told() -> None:
     even = turns_of(0)
     assert not fit_turns(even).uneven
     left = even.measured_rad > 0
@@ -191,7 +182,7 @@ def test_spread_follows_the_textbook() -> None:
         spread_of(np.ones(1))
 
 
-def test_an_outlier_is_not_normal_is_counted_and_widens_the_interval_of_the_sd() -> None:
+def test_an_outlier_widens_the_interval_and_is_not_normal() -> None:
     values: F64 = np.append(np.random.default_rng(0).normal(0, 1, 60), 30.0)
     spread = spread_of(values)
     assert spread.normal_p is not None
@@ -199,9 +190,6 @@ def test_an_outlier_is_not_normal_is_counted_and_widens_the_interval_of_the_sd()
     assert spread.beyond_3_sd == 1
     assert spread.sd.high - spread.sd.low > spread.sd.value / 2  # chi-square would say 0.43 of it
     assert spread == spread_of(values)  # the bootstrap repeats itself
-
-
-def test_normality_rejects_what_is_not_and_accepts_what_is() -> None:
     rng = np.random.default_rng(5)
     normal = [normality(rng.standard_normal(40)) for _ in range(200)]
     skewed = [normality(rng.exponential(size=40)) for _ in range(50)]
@@ -211,12 +199,9 @@ def test_normality_rejects_what_is_not_and_accepts_what_is() -> None:
     assert normality(np.array([1.0, 2.0])) is None
 
 
-def test_the_bootstrap_of_figure_5_holds_the_slope() -> None:
+def test_slopes_and_r_squared() -> None:
     fit = slope_resampled(np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8.4]))
     assert fit.low <= slope(np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8.4])) <= fit.high
-
-
-def test_r_squared_is_nan_where_nothing_varies() -> None:
     assert np.isnan(r_squared(np.ones(3), np.zeros(3)))
     assert r_squared(np.array([0.0, 2.0]), np.array([-1.0, 1.0])) == 0
 
@@ -263,7 +248,7 @@ def test_a_turn_and_a_straight_are_told_apart_in_either_order(
     assert trials.straights.floors == ("wood",)
 
 
-def test_a_turn_alone_a_straight_alone_and_a_straight_backward() -> None:
+def test_movements_are_told_apart() -> None:
     legs = [
         MotionSegment(START, (np.array([0, 0, 1.4]),), turn(START, 1.0)),
         MotionSegment(START, (np.array([0.5, 0, 0]),), arc(START, 0.4, 0.1)),
@@ -275,6 +260,14 @@ def test_a_turn_alone_a_straight_alone_and_a_straight_backward() -> None:
     assert trials.turns.actual_rad == pytest.approx([1.0, 0.6])
     assert trials.straights.actual_m == pytest.approx([0.4, 0.4], rel=1e-3)
     assert trials.straights.drift_rad == pytest.approx([0.1, 0.1])
+    leg = MotionSegment(START, (np.array([0.5, 0.0, 1.0]),), arc(turn(START, 0.7), 0.5, 0.0))
+    trials = trials_of([leg], lambda a, b: "")
+    assert trials.turns.actual_rad == pytest.approx([0.7])
+    assert trials.straights.actual_m == pytest.approx([0.5])
+    leg = MotionSegment(START, (np.array([0, 0, 1.0]), np.array([0.5, 0, 0])), turn(START, 0.7))
+    trials = trials_of([leg], lambda a, b: "")
+    assert trials.turns.actual_rad == pytest.approx([0.7])
+    assert np.isnan(trials.straights.drift_rad).all()
 
 
 def test_several_movements_between_two_poses_are_left_out_and_counted() -> None:
@@ -284,17 +277,3 @@ def test_several_movements_between_two_poses_are_left_out_and_counted() -> None:
     )
     assert trials.left_out == 3
     assert len(trials.turns.measured_rad) == len(trials.straights.measured_m) == 0
-
-
-def test_a_movement_that_is_both_is_a_turn_first() -> None:
-    leg = MotionSegment(START, (np.array([0.5, 0.0, 1.0]),), arc(turn(START, 0.7), 0.5, 0.0))
-    trials = trials_of([leg], lambda a, b: "")
-    assert trials.turns.actual_rad == pytest.approx([0.7])
-    assert trials.straights.actual_m == pytest.approx([0.5])
-
-
-def test_a_robot_that_did_not_get_away_has_no_known_drift() -> None:
-    leg = MotionSegment(START, (np.array([0, 0, 1.0]), np.array([0.5, 0, 0])), turn(START, 0.7))
-    trials = trials_of([leg], lambda a, b: "")
-    assert trials.turns.actual_rad == pytest.approx([0.7])
-    assert np.isnan(trials.straights.drift_rad).all()

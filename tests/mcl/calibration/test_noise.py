@@ -34,13 +34,10 @@ def test_peaks_name_the_color_and_the_pixel_values_of_their_bin() -> None:
     assert (red.first_value, red.last_value) == (232, 240)
 
 
-def test_one_frame_has_no_sd_and_none_is_refused() -> None:
+def test_frames_without_sd_and_bright_frames() -> None:
     assert np.isnan(noise_floor([dark(0)]).sd).all()
     with pytest.raises(ValueError, match="found no picture"):
         noise_floor([])
-
-
-def test_a_bright_frame_is_no_covered_lens() -> None:
     assert noise_floor([np.full((4, 4, 3), 150, np.uint8)]).lit
 
 

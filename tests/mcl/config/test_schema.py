@@ -27,29 +27,23 @@ def test_old_keys_set_what_todays_keys_set() -> None:
     assert list(values) == list(RULES)
 
 
-def test_every_old_key_stands_for_one_of_today() -> None:
+def test_every_old_key_and_word_stands_for_one_of_today() -> None:
     assert set(RENAMED_KEYS.values()) <= set(RULES)
     assert not set(RENAMED_KEYS) & set(RULES)
     assert len(set(RENAMED_KEYS.values())) == len(RENAMED_KEYS)
     named = {key: defaults()[key] for key in RENAMED_KEYS.values()}
     renamed = configure([Layer("old", {old: named[key] for old, key in RENAMED_KEYS.items()})])
     assert renamed.values() == defaults()
-
-
-def test_the_old_word_for_the_mixture_still_opens() -> None:
     for key in ("reseeding.strategy", "recovery.strategy"):
         assert configure([Layer("old", {key: "dual"})]).parameters.recovery.strategy == "mixture"
 
 
-def test_a_later_layer_wins_whatever_its_names() -> None:
+def test_a_later_layer_wins_and_errors_name_todays_key() -> None:
     origin = "MAURICE_FILTER_TAIL__SHARE"
     layers = [Layer("file", {"motion_outliers.share": 0.1}), Layer(origin, {"tail.share": "0.3"})]
     found = configure(layers)
     assert found.parameters.motion_outliers.share == 0.3
     assert {s.key: s.origin for s in found.settings}["motion_outliers.share"] == origin
-
-
-def test_a_wrong_value_under_an_old_key_is_refused_by_todays_name() -> None:
     with pytest.raises(
         ValueError, match=r"old\.toml: motion_outliers\.share: found 2, expected a number from 0"
     ):

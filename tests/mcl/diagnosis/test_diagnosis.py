@@ -122,13 +122,10 @@ def test_a_late_clock_is_measured(late_s: float) -> None:
     assert found[0].options == {"odometry_offset_s": -found[0].numbers["delay_s"]}
 
 
-def test_another_drive_agrees_with_nothing() -> None:
+def test_other_drives_and_little_truth() -> None:
     drive = dense_drive(poses=False)
     other = np.random.default_rng(3).normal(0, [0.1, 0.1, 0.3], drive.odometry.values.shape)
     assert codes(with_values(drive, other)) == ["disagreement"]
-
-
-def test_too_little_truth_says_nothing() -> None:
     drive = dense_drive(seconds=2)
     assert codes(with_values(drive, drive.odometry.values * [1, 1, -1])) == []
     empty = RecordedTruth(np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.int32))
@@ -174,7 +171,7 @@ def test_times_of_other_units(unit: float) -> None:
     assert [one.code for one in found] == ["time-unit"]
 
 
-def test_what_odometry_says_by_itself() -> None:
+def test_odometry_is_judged_by_itself() -> None:
     drive = dense_drive(poses=False)
     motions = drive.odometry.values
     steps = np.diff(integrated(motions), axis=0, prepend=np.zeros((1, 3)))
@@ -187,24 +184,11 @@ def test_what_odometry_says_by_itself() -> None:
     for code, values in wrong.items():
         assert [one.code for one in odometry_doubts(with_values(drive, values))] == [code]
     assert aside_share(drive.odometry, Reading()) == 0
-
-
-def test_poses_whose_headings_do_not_follow_their_way() -> None:
     drive = dense_drive()
     for code, factor in (("turn-clockwise", -1), ("turn-degrees", 180 / np.pi)):
         found = odometry_doubts(with_values(drive, drive.odometry.values * [1, 1, factor]))
         assert [one.code for one in found] == [code]
-
-
-def test_clocks_without_a_common_time() -> None:
-    drive = dense_drive()
-    found = clocks_apart(replace(drive, picture_t_s=drive.picture_t_s + 1e9))
-    assert [one.code for one in found] == ["odometry-clock", "truth-clock"]
-    assert found[0].options == {"odometry_offset_s": 1e9}
-
-
-def test_headings_within_half_a_turn_are_never_degrees() -> None:
-    """A drone that flies sideways along x: read as degrees, its headings would be next to none."""
+    # A drone that flies sideways along x: read as degrees, its headings would be next to none
     t_s = np.arange(200) / RATE_HZ
     values = np.column_stack([0.3 * t_s, 0.02 * np.sin(t_s), np.full(200, -np.pi / 2)])
     drive = dense_drive(20.0)
@@ -212,7 +196,11 @@ def test_headings_within_half_a_turn_are_never_degrees() -> None:
     assert "turn-degrees" not in [one.code for one in odometry_doubts(still)]
 
 
-def test_times_that_are_the_same_but_for_an_offset() -> None:
+def test_clocks_and_times_with_an_offset() -> None:
+    drive = dense_drive()
+    found = clocks_apart(replace(drive, picture_t_s=drive.picture_t_s + 1e9))
+    assert [one.code for one in found] == ["odometry-clock", "truth-clock"]
+    assert found[0].options == {"odometry_offset_s": 1e9}
     rng = np.random.default_rng(5)
     t_s = np.cumsum(rng.uniform(1, 5, 30))
     assert same_moments(t_s + 77.5, t_s) == pytest.approx(77.5)
@@ -237,16 +225,13 @@ def test_a_delay_of_any_length_that_movement_tells() -> None:
     assert clock.options == {"truth_offset_s": 5000.1}
 
 
-def test_where_forward_is_comes_from_the_odometry_where_the_robot_drifts() -> None:
+def test_forward_and_millimeters_are_told() -> None:
     drive = dense_drive(poses=False)
     drifting = drive.odometry.values * 1.0
     drifting[:, 2] += 0.15 * drifting[:, 0]
     x, y = rotated(drifting[:, 0], drifting[:, 1], np.radians(40))
     (found,) = compared_with_truth(with_values(drive, np.column_stack([x, y, drive.odometry.values[:, 2]])))
     assert found.options == {"odometry_forward_rad": pytest.approx(np.radians(40))}
-
-
-def test_truth_in_millimeters_is_told_by_its_speed_where_there_is_no_map() -> None:
     drive = dense_drive()
     truth = replace(drive.truth, poses=drive.truth.poses * [1000, 1000, 1])
     (found,) = compared_with_truth(replace(drive, truth=truth))

@@ -42,9 +42,6 @@ def test_weighted_mean_by_hand():
     assert found.sd_m == pytest.approx((np.sqrt(w @ (x - 1.3) ** 2), 0.0), abs=1e-6)
     assert found.mass == pytest.approx(1)
     assert found.confidence == 0, "nobody is within a foot of the mean"
-
-
-def test_weighted_mean_heading_across_the_seam():
     found = weighted_mean(_belief([[0, 0, np.pi - 0.2], [0, 0, -np.pi + 0.1]]))
     assert abs(found.pose[2]) == pytest.approx(np.pi - 0.05, abs=1e-6)
 
@@ -68,12 +65,15 @@ def test_the_heaviest_cluster_is_where_the_mean_is_not():
     assert cluster.heading_sd_rad == pytest.approx(0.1, abs=0.015)
     assert np.hypot(*(mean.pose[:2] - [-1.5, 0.5])) > 1
     assert mean.converged < 0.05
-
-
-def test_weights_decide_not_numbers():
     poses = _two_rooms()
     weights = np.where(poses[:, 0] < 0, 0.1, 1.0)
     assert heaviest_cluster(_belief(poses, weights)).pose == pytest.approx([1.5, -0.5, -2.0], abs=0.03)
+    found = heaviest_cluster(belief, np.ones(belief.size, bool))
+    assert found.pose == pytest.approx(heaviest_cluster(belief).pose)
+    poses = np.vstack([_two_rooms(), np.tile([2.5, 2.5, 0.0], (2000, 1))])
+    weights = np.append(np.ones(1000), np.zeros(2000))
+    found = heaviest_cluster(_belief(poses, weights))
+    assert found.pose == pytest.approx([-1.5, 0.5, 1.0], abs=0.02)
 
 
 @pytest.mark.parametrize("estimator", [weighted_mean, heaviest_cluster])
@@ -86,12 +86,6 @@ def test_injected_particles_are_left_out(estimator):
     assert found.sd_m == pytest.approx(alone.sd_m, abs=1e-5)
     shares = [(e.mass, e.confidence, e.converged) for e in (found, alone)]
     assert shares[0] == pytest.approx(shares[1])
-
-
-def test_when_all_are_injected_all_count():
-    belief = _belief(_two_rooms())
-    found = heaviest_cluster(belief, np.ones(belief.size, bool))
-    assert found.pose == pytest.approx(heaviest_cluster(belief).pose)
 
 
 def _brute(xy, weights):
@@ -136,18 +130,14 @@ def test_a_cluster_on_any_place_of_the_raster_is_found():
         assert heaviest_cluster(_belief(poses)).pose[:2] == pytest.approx(shift, abs=0.15)
 
 
-def test_stragglers_a_thousand_kilometres_away_do_no_harm():
+def test_far_away_is_no_harm():
     poses = np.vstack([_two_rooms(), [[1e6, 0, 0], [0, -1e6, 0]]])
     found = heaviest_cluster(_belief(poses))
     assert found.converged > 0.3
     assert min(np.hypot(*(found.pose[:2] - c)) for c in ([-1.5, 0.5], [1.5, -0.5])) < 0.05
-
-
-def test_particles_without_weight_count_nothing():
-    poses = np.vstack([_two_rooms(), np.tile([2.5, 2.5, 0.0], (2000, 1))])
-    weights = np.append(np.ones(1000), np.zeros(2000))
-    found = heaviest_cluster(_belief(poses, weights))
-    assert found.pose == pytest.approx([-1.5, 0.5, 1.0], abs=0.02)
+    near, far = (heaviest_cluster(_belief(_two_rooms(), origin=at)) for at in ((0, 0), (5e5, -3e5)))
+    assert far.pose - [5e5, -3e5, 0] == pytest.approx(near.pose, abs=1e-9)
+    assert far.sd_m == near.sd_m
 
 
 def test_confidence_and_convergence_count_their_circles():
@@ -157,12 +147,6 @@ def test_confidence_and_convergence_count_their_circles():
     assert found.pose[:2] == pytest.approx([0, 0], abs=1e-6)
     assert found.confidence == pytest.approx(8 / 11)
     assert found.converged == pytest.approx(10 / 11)
-
-
-def test_the_same_cloud_far_from_the_origin():
-    near, far = (heaviest_cluster(_belief(_two_rooms(), origin=at)) for at in ((0, 0), (5e5, -3e5)))
-    assert far.pose - [5e5, -3e5, 0] == pytest.approx(near.pose, abs=1e-9)
-    assert far.sd_m == near.sd_m
 
 
 # Best particle, several modes, covariance, share within a radius.
@@ -183,27 +167,31 @@ def _blobs(rng, *parts, sd=0.1):
 THREE = [(-3, 0, 1.0, 200), (0, 2, -1.0, 500), (3, -1, 2.0, 300)]
 
 
-def test_the_best_particle_is_the_heaviest_and_stands_alone():
+def test_the_best_particle_is_the_heaviest_and_never_fresh():
     found = best_particle(_placed([[0, 0, 0.1], [1, 0, 0.2], [1.1, 0, 0.3]], [0.3, 0.45, 0.25], (10, 20)))
     assert found.pose == pytest.approx([11, 20, 0.2], abs=1e-6)
     assert found.sd_m == (0, 0)
     assert found.heading_sd_rad == pytest.approx(0, abs=1e-6)
     assert found.mass == pytest.approx(0.45)
     assert found.confidence == pytest.approx(0.7)
-
-
-def test_a_freshly_injected_particle_is_never_the_best():
     belief = _placed([[0, 0, 0], [5, 5, 1]], [0.1, 0.9])
     assert best_particle(belief, np.array([False, True])).pose[0] == pytest.approx(0)
     assert best_particle(belief, np.array([True, True])).pose[0] == pytest.approx(5), "all count then"
 
 
-def test_modes_are_found_with_their_masses_heaviest_first():
+def test_modes_are_found_with_their_masses():
     found = modes(_placed(_blobs(np.random.default_rng(0), *THREE)))
     assert [round(m.mass, 6) for m in found] == [0.5, 0.3, 0.2]
     for mode, (x, y, heading, _) in zip(found, (THREE[1], THREE[2], THREE[0]), strict=True):
         assert mode.pose == pytest.approx([x, y, heading], abs=0.03)
         assert mode.converged == pytest.approx(mode.mass), "shares are of all the weight"
+    belief = _placed(_blobs(np.random.default_rng(3), *THREE))
+    assert len(modes(belief, most=2)) == 2
+    assert len(modes(belief, least=0.25)) == 2
+    assert len(modes(_placed([[1, 2, 3]]))) == 1
+    poses = _blobs(np.random.default_rng(4), *THREE)
+    found = modes(_placed(poses), poses[:, 0] < -1.5)
+    assert [round(m.mass, 6) for m in found] == [0.625, 0.375]
 
 
 def test_the_first_mode_is_the_scored_estimate():
@@ -225,19 +213,6 @@ def test_no_particle_belongs_to_two_modes():
     assert sum(m.mass for m in found) == pytest.approx(1)
 
 
-def test_modes_can_be_few_and_large_only():
-    belief = _placed(_blobs(np.random.default_rng(3), *THREE))
-    assert len(modes(belief, most=2)) == 2
-    assert len(modes(belief, least=0.25)) == 2
-    assert len(modes(_placed([[1, 2, 3]]))) == 1
-
-
-def test_injected_particles_make_no_mode():
-    poses = _blobs(np.random.default_rng(4), *THREE)
-    found = modes(_placed(poses), poses[:, 0] < -1.5)
-    assert [round(m.mass, 6) for m in found] == [0.625, 0.375]
-
-
 def test_covariance_against_numpy_away_from_the_seam():
     rng = np.random.default_rng(5)
     mix = np.array([[0.3, 0.1, 0], [0, 0.2, 0.05], [0.02, 0, 0.1]])
@@ -248,27 +223,21 @@ def test_covariance_against_numpy_away_from_the_seam():
     assert np.linalg.eigvalsh(found).min() > 0
 
 
-def test_covariance_does_not_know_the_seam():
+def test_covariance_knows_no_seam():
     poses = np.random.default_rng(6).normal(0, 0.2, (3000, 3))
     turned = poses + np.array([0, 0, np.pi])
     turned[:, 2] = (turned[:, 2] + np.pi) % (2 * np.pi) - np.pi
     assert covariance(_placed(turned)) == pytest.approx(covariance(_placed(poses)), abs=1e-6)
-
-
-def test_covariance_agrees_with_the_spread_of_the_mean():
     belief = _placed(_blobs(np.random.default_rng(7), *THREE))
     found = np.diag(covariance(belief))
     assert found[:2] == pytest.approx(np.square(weighted_mean(belief).sd_m))
 
 
-def test_share_within_counts_its_rim_and_leaves_fresh_ones_out():
+def test_share_within_counts_its_rim_and_agrees_with_confidence():
     belief = _placed([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [0.5, 0.3, 0.2], (7, 8))
     at = np.array([7.0, 8.0, 0.0])
     assert [share_within(belief, at, r) for r in (0.5, 1.0, 2.0)] == pytest.approx([0.5, 0.8, 1.0])
     assert share_within(belief, at, 1.0, np.array([False, True, False])) == pytest.approx(0.5 / 0.7)
-
-
-def test_share_within_agrees_with_confidence():
     belief = _placed(_blobs(np.random.default_rng(8), *THREE, sd=0.3))
     found = heaviest_cluster(belief)
     assert share_within(belief, found.pose, CONFIDENCE_M) == pytest.approx(found.confidence, abs=1e-3)
@@ -325,7 +294,7 @@ def _naive(cost, belief, entries):
     )
 
 
-def test_it_is_the_naive_sum():
+def test_the_mean_likelihood_by_hand():
     rng = np.random.default_rng(1)
     belief, entries = _weighted(300), rng.integers(-1, 20, 300).astype(np.int32)
     cost = rng.gamma(2, 3, (4, 20)).astype(np.float32)
@@ -333,21 +302,21 @@ def test_it_is_the_naive_sum():
     assert found.shape == (4,)
     assert np.exp(found) == pytest.approx([_naive(row, belief, entries) for row in cost], rel=1e-9)
     assert log_mean_likelihood(cost[2], belief.weights, entries) == pytest.approx(found[2])
-
-
-def test_large_costs_do_not_underflow():
     belief, entries = _weighted(3), np.array([0, 1, 1], np.int32)
     found = log_mean_likelihood(np.array([5000, 5001], np.float32), belief.weights, entries)
     share = belief.weights[0] + (1 - belief.weights[0]) * np.exp(-1)
     assert found == pytest.approx(-5000 + np.log(share))
-
-
-def test_costs_of_entries_that_nobody_is_at_do_not_matter():
     belief, entries = _weighted(3), np.array([0, 1, 1], np.int32)
     one, other = (
         log_mean_likelihood(np.array([2, 3, x], np.float32), belief.weights, entries) for x in (0.0, 600.0)
     )
     assert one == pytest.approx(float(other))
+    belief, entries = _weighted(2), np.array([0, -1], np.int32)
+    found = log_mean_likelihood(np.zeros(1, np.float32), belief.weights, entries)
+    assert np.exp(found) == pytest.approx(belief.weights[0])
+    entries = np.full(5, -1, np.int32)
+    found = log_mean_likelihood(np.ones((2, 3), np.float32), _weighted(5).weights, entries)
+    assert found.tolist() == [-np.inf, -np.inf]
 
 
 def test_it_is_never_over_zero_and_falls_by_what_costs_rise_by():
@@ -359,15 +328,3 @@ def test_it_is_never_over_zero_and_falls_by_what_costs_rise_by():
         found - 4, abs=1e-5
     )
     assert log_mean_likelihood(np.zeros(9, np.float32), belief.weights, entries) == pytest.approx(0, abs=1e-9)
-
-
-def test_when_all_are_outside_it_is_minus_infinity():
-    entries = np.full(5, -1, np.int32)
-    found = log_mean_likelihood(np.ones((2, 3), np.float32), _weighted(5).weights, entries)
-    assert found.tolist() == [-np.inf, -np.inf]
-
-
-def test_those_outside_explain_nothing():
-    belief, entries = _weighted(2), np.array([0, -1], np.int32)
-    found = log_mean_likelihood(np.zeros(1, np.float32), belief.weights, entries)
-    assert np.exp(found) == pytest.approx(belief.weights[0])

@@ -248,27 +248,19 @@ def outcomes(lattice):
 
 
 @pytest.mark.slow
-def test_weights_are_carried_in_some_steps_and_not_in_others(outcomes):
+def test_the_filter_is_unbiased_and_its_errors_fall_with_the_root_of_particles(outcomes):
     for outcome in outcomes.values():
         assert 1 <= outcome.resampled <= UPDATES / 2
+    assert outcomes[8000].bias_off() < 4
+    errors = [outcomes[n].rmse() for n in SIZES]
+    slope = np.polyfit(np.log(SIZES), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-0.5, abs=0.1)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n", SIZES)
 def test_the_evidence_is_unbiased(outcomes, n):
     assert outcomes[n].evidence_off() < 4
-
-
-@pytest.mark.slow
-def test_eight_functions_are_unbiased_at_8000(outcomes):
-    assert outcomes[8000].bias_off() < 4
-
-
-@pytest.mark.slow
-def test_errors_fall_with_the_root_of_the_number_of_particles(outcomes):
-    errors = [outcomes[n].rmse() for n in SIZES]
-    slope = np.polyfit(np.log(SIZES), np.log(errors), 1)[0]
-    assert slope == pytest.approx(-0.5, abs=0.1)
 
 
 @pytest.mark.parametrize("resampler", sorted(RESAMPLERS))
@@ -317,10 +309,12 @@ def _is_caught(lattice, faulty):
 
 
 @pytest.mark.slow
-def test_a_likelihood_to_the_power_1_1_is_caught(lattice):
+def test_faults_of_the_filter_are_caught(lattice):
     sensor = lattice.localizer.sensor
     sharper = replace(sensor.parameters, sharpness=1.1 * sensor.parameters.sharpness)
     faulty = replace(lattice.localizer, sensor=replace(sensor, parameters=sharper))
+    assert _is_caught(lattice, faulty)
+    faulty = replace(lattice.localizer, motion=LatticeMotion(lattice.poses, injected=0.05))
     assert _is_caught(lattice, faulty)
 
 
@@ -333,12 +327,6 @@ def test_forgotten_carried_weights_are_caught(lattice, monkeypatch):
 
     monkeypatch.setattr(localizer_module, "weigh", forgetful)
     assert _is_caught(lattice, lattice.localizer)
-
-
-@pytest.mark.slow
-def test_five_percent_injection_is_caught(lattice):
-    faulty = replace(lattice.localizer, motion=LatticeMotion(lattice.poses, injected=0.05))
-    assert _is_caught(lattice, faulty)
 
 
 @pytest.mark.slow

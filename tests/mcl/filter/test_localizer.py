@@ -165,11 +165,6 @@ def test_evidence_is_the_mean_likelihood_under_the_prior():
         weighted, log_evidence = weigh(ProposedParticles(belief), np.log(likelihood))
     assert np.exp(log_evidence) == pytest.approx(0.5 * 0.1 + 0.3 * 0.6)
     assert weighted.weights == pytest.approx(np.array([0.05, 0.18, 0.0]) / 0.23)
-
-
-def test_all_weights_zero_keeps_the_prior():
-    prior = np.log(np.array([0.5, 0.3, 0.2]))
-    belief = Belief(np.zeros((3, 3), np.float32), prior, np.zeros(2))
     weighted, log_evidence = weigh(ProposedParticles(belief), np.full(3, -np.inf, np.float32))
     assert log_evidence == -np.inf
     assert np.array_equal(weighted.log_weights, prior)
@@ -206,13 +201,10 @@ def test_a_frame_without_movements_and_one_with_many(world):
         assert state.step == step
 
 
-def test_stages_are_timed(world):
+def test_one_particle_is_enough_and_stages_are_timed(world):
     record = _records(world)[0]
     assert set(record.took_s) == {"measure", "propose", "weight", "estimate", "resample", "recover"}
     assert min(record.took_s.values()) > 0
-
-
-def test_one_particle_is_enough(world):
     record = _records(world, particles=1)[-1]
     assert record.effective_sample_size == pytest.approx(1)
     assert record.estimate.mass == pytest.approx(1)

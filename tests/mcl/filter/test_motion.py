@@ -69,14 +69,11 @@ def test_a_straight_has_the_encoders_error_and_the_floors_drift(way_in, x, bias,
     assert np.allclose(moved[:, 1], 1, atol=1e-6), "the drift is applied when the straight is over"
 
 
-def test_a_floor_without_a_drift_of_its_own_has_the_default():
+def test_floors_have_their_drift():
     motion = MauriceMotion(MauriceParameters(drift={"": FloorDrift(0.1, 0.0)}), GRID)
     for x in (-2.0, 2.0):
         moved = motion.move(_at(x, 0, 0, 10), HERE, np.array([1.0, 0, 0]), _noise(2, 10))
         assert moved[:, 2] == pytest.approx(0.1)
-
-
-def test_the_floor_is_looked_up_in_the_map_not_relative_to_the_origin():
     origin = np.array([3.0, 0.0])
     drift = {"carpet": FloorDrift(0.5, 0.0), "": FloorDrift(0.0, 0.0)}
     motion = MauriceMotion(MauriceParameters(drift=drift), GRID)
@@ -84,21 +81,15 @@ def test_the_floor_is_looked_up_in_the_map_not_relative_to_the_origin():
     assert moved[:, 2] == pytest.approx(0.5), "x = -1 relative to 3 is 2, on the carpet"
 
 
-def test_a_movement_that_is_neither_changes_nothing_at_random():
+def test_movements_of_several_kinds():
     motion = MauriceMotion(MauriceParameters(), GRID)
     poses = _at(1, 2, 0.5, 1000)
     assert np.array_equal(motion.move(poses, HERE, np.zeros(3), _noise(3, 1000)), poses)
     small = motion.move(poses, HERE, np.array([0.0005, 0.0, 0.004]), _noise(3, 1000))
     assert np.ptp(small, axis=0) == pytest.approx(0, abs=1e-7)
-
-
-def test_a_movement_that_is_both_turns_first():
     still = MauriceParameters(turn_bias_rad=0, turn_sd_rad=0, straight_bias_m=0, straight_sd_m=0, drift={})
     moved = MauriceMotion(still, GRID).move(_at(0, 0, 0, 3), HERE, np.array([1.0, 0, 1.3695]), _noise(4, 3))
     assert moved == pytest.approx(np.tile([np.cos(1), np.sin(1), 1], (3, 1)), abs=1e-6)
-
-
-def test_sideways_goes_to_the_left():
     still = MauriceParameters(straight_bias_m=0, straight_sd_m=0, drift={})
     moved = MauriceMotion(still, GRID).move(
         _at(0, 0, np.pi / 2, 3), HERE, np.array([0, 1.0, 0]), _noise(4, 3)
@@ -204,6 +195,7 @@ def test_header_parameters_are_read():
     odometry = motion_model({"model": "odometry", "way_from_way": 0.5}, GRID)
     assert isinstance(odometry, OdometryMotion)
     assert odometry.parameters == OdometryParameters(way_from_way=0.5)
+    assert MauriceParameters.from_header({"straight_bias_m": -0.02}).straight_bias_m == -0.02
 
 
 @pytest.mark.parametrize(
@@ -238,10 +230,6 @@ def test_bad_header_parameters_are_named(values, named):
         motion_model(values, GRID)
 
 
-def test_a_bias_may_be_negative():
-    assert MauriceParameters.from_header({"straight_bias_m": -0.02}).straight_bias_m == -0.02
-
-
 MANY = 200_000
 NOISE = normals(stream(9, 1), MANY)
 
@@ -259,26 +247,20 @@ def test_share_and_variance(share, widen):
     assert np.all(np.abs(found.mean(axis=0)) < 4 * np.sqrt(variance / MANY))
 
 
-def test_a_slip_is_of_the_whole_movement():
+def test_outliers_are_of_whole_movements_and_many():
     found = with_outliers(NOISE, MotionOutliers(0.1, 4.0), stream(9, 3))
     wide = (found != NOISE).any(axis=1)
     assert (found[wide] != NOISE[wide]).all()
-
-
-def test_beyond_three_deviations_lie_many_more():
     found = with_outliers(NOISE, MotionOutliers(0.05, 4.0), stream(9, 4))
     beyond = (np.abs(found[:, 2]) > 3).mean()
     expected = 0.95 * 0.0026998 + 0.05 * 0.4532547
     assert abs(beyond - expected) < 4 * np.sqrt(expected / MANY)
 
 
-def test_without_a_share_noise_is_handed_on_and_no_number_is_drawn():
+def test_outliers_keep_the_noise_they_are_given():
     rng = stream(9, 5)
     assert with_outliers(NOISE, MotionOutliers(), rng) is NOISE
     assert rng.random() == stream(9, 5).random()
-
-
-def test_noise_is_left_alone_and_a_larger_n_keeps_a_smaller_ones():
     kept = NOISE.copy()
     many = with_outliers(NOISE, MotionOutliers(0.2), stream(9, 6))
     few = with_outliers(NOISE[:100], MotionOutliers(0.2), stream(9, 6))

@@ -60,7 +60,7 @@ def test_multinomial_counts_have_filterpys_means_and_covariance(monkeypatch):
     assert np.all(np.abs(np.cov(ours.T) - np.cov(other.T)) <= 0.1 * scale)
 
 
-def test_residual_copies_the_same_whole_parts_as_filterpy(monkeypatch):
+def test_copies_are_those_of_filterpy_and_dynesty(monkeypatch):
     """Only these: filterpy 2.0 draws the rest from `w - copies`, not from `n w - copies`."""
     monkeypatch.setattr(theirs, "random", lambda count: np.zeros(count))
     for seed in range(20):
@@ -68,10 +68,7 @@ def test_residual_copies_the_same_whole_parts_as_filterpy(monkeypatch):
         chosen = theirs.residual_resample(copies / 64)
         assert np.array_equal(residual(copies / 64, 64, stream(9, seed)), chosen)
         assert np.array_equal(np.bincount(chosen, minlength=64), copies)
-
-
-def test_systematic_copies_what_dynesty_does():
-    """Its choices come in random order, so the copies of each are compared."""
+    # Its choices come in random order, so the copies of each are compared
     for seed in range(20):
         weights = _weights(200, seed)
         chosen = dynesty.utils.resample_equal(np.arange(200), weights, np.random.default_rng(seed))

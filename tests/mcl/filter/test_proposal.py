@@ -80,19 +80,13 @@ def test_evenly_is_even_within_a_cell(nearest):
     inside = (poses[:, :2] + MIDDLE - nearest.grid.corner) / nearest.grid.cell_m % 1
     for share in inside.T:
         _assert_shares(np.bincount((share * 10).astype(int), minlength=10), np.full(10, 0.1))
-
-
-def test_a_larger_number_keeps_the_smaller_ones_draws(nearest):
     few, many = (uniform_poses(nearest.grid, n, MIDDLE, stream(9, 3)) for n in (10, 300))
     assert np.array_equal(many[:10], few)
 
 
-def test_none_can_be_drawn(nearest, where):
+def test_none_can_be_drawn_and_none_fit(nearest, where):
     assert uniform_poses(nearest.grid, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
     assert likely_poses(_logs(), nearest.grid, where, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
-
-
-def test_no_free_space_is_said():
     flood = Region("flood", np.array([[-1.0, -1.0], [5.0, -1.0], [5.0, 4.0], [-1.0, 4.0]]))
     grid = make_grid(Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4)), (flood,)), _library()[:, :2])
     with pytest.raises(ValueError, match="no free space"):
@@ -161,22 +155,16 @@ def test_from_likelihood_is_even_over_what_each_entry_is_nearest_of(nearest, whe
     _assert_shares(np.bincount(rank.clip(0, 19), minlength=20), size)
 
 
-def test_an_even_likelihood_draws_evenly(nearest, where):
+def test_likely_poses_follow_the_likelihood(nearest, where):
     poses = likely_poses(np.zeros(len(_library()), np.float32), nearest.grid, where, N, MIDDLE, stream(9, 7))
     west = (poses[:, 0] < 0).mean()
     centers = nearest.grid.centers()[nearest.grid.free.ravel()]
     expected = (centers[:, 0] < 2).mean()
     assert abs(west - expected) < 4 * np.sqrt(expected * (1 - expected) / N)
-
-
-def test_one_sure_entry_takes_all_draws(nearest, where):
     logs = np.full(len(_library()), -1e6, np.float32)
     logs[9] = -1e5
     drawn = likely_poses(logs, nearest.grid, where, 1000, MIDDLE, stream(9, 8))
     assert (nearest.entries(drawn, MIDDLE) == 9).mean() > 0.998
-
-
-def test_headings_stay_in_their_range(nearest, where):
     for poses in (
         uniform_poses(nearest.grid, N, MIDDLE, stream(9, 9)),
         likely_poses(_logs(), nearest.grid, where, N, MIDDLE, stream(9, 9)),
@@ -212,21 +200,22 @@ def _mix(belief=None, share=0.3, teleport=0.05, logs=LOGS, seed=2):
     return found.belief, found.correction
 
 
-def test_the_size_stays_and_all_weigh_the_same_before_the_picture():
+def test_the_mixture_keeps_its_size_and_copies_first():
     mixed, correction = _mix()
     assert mixed.size == 1000
     assert mixed.poses.dtype == np.float32
     assert correction.shape == (1000,)
     assert mixed.weights == pytest.approx(np.full(1000, 1e-3))
-
-
-def test_the_first_are_copies_of_predicted_ones_and_the_last_share_is_new():
     belief = _belief()
     mixed, _ = _mix(belief)
     known = set(map(bytes, belief.poses))
     old = [bytes(row) in known for row in mixed.poses]
     assert all(old[:700])
     assert not any(old[700:])
+    mixed, correction = _mix(share=0.0, teleport=0.0)
+    assert correction == pytest.approx(np.zeros(1000))
+    known = set(map(bytes, _belief().poses))
+    assert all(bytes(row) in known for row in mixed.poses)
 
 
 def test_the_correction_is_predicted_density_over_the_mixtures():
@@ -251,13 +240,6 @@ def test_without_teleport_a_dual_draw_where_nobody_was_never_counts():
     assert np.isfinite(_mix(teleport=0.01)[1]).all()
 
 
-def test_a_share_of_nothing_is_resampling_alone():
-    mixed, correction = _mix(share=0.0, teleport=0.0)
-    assert correction == pytest.approx(np.zeros(1000))
-    known = set(map(bytes, _belief().poses))
-    assert all(bytes(row) in known for row in mixed.poses)
-
-
 def test_corrected_means_are_those_of_the_prediction():
     """Mean over the mixture of p / mixture times anything known by entry is the mean over the prediction."""
     belief, repeats = _belief(), 400
@@ -271,7 +253,7 @@ def test_corrected_means_are_those_of_the_prediction():
     assert abs(np.mean(found) - truth) < 4 * np.std(found) / np.sqrt(repeats)
 
 
-def test_an_entry_that_is_nearest_of_nothing_does_no_harm():
+def test_the_mixture_bears_odd_clouds():
     twice = np.vstack([_mixture_library(), _mixture_library()[:1]])  # the same pose again
     nearest = nearest_reference(twice, MIXTURE_ARENA)
     logs = np.append(LOGS, np.float32(5))
@@ -282,9 +264,6 @@ def test_an_entry_that_is_nearest_of_nothing_does_no_harm():
         mixed = mixture_proposal(_belief(), logs, nearest, where, parameters, stream(9, 2))
         assert not np.isnan(mixed.correction).any()
         assert np.isfinite(mixed.belief.poses).all()
-
-
-def test_particles_outside_are_left_to_die():
     belief = _belief()
     poses = belief.poses.copy()
     poses[:300, 0] = 50.0

@@ -73,7 +73,7 @@ def _asking(share, expand=False):
     return lambda evidence, memory: Recovery(share, memory, expand)
 
 
-def test_when_nothing_is_asked_for_the_belief_is_handed_on():
+def test_nothing_asked_for_is_nothing_done():
     belief = _belief()
     recovery, found = _next(_choosing(), belief)
     assert found.belief is belief
@@ -81,6 +81,12 @@ def test_when_nothing_is_asked_for_the_belief_is_handed_on():
     assert found.injected is None
     assert not recovery.expand
     assert recovery.state == RecoveryState(1.0, 2.0, 3.0, 4)
+    assert _next(_choosing(roughening=0.2), belief)[1].belief is belief
+    still = SimpleNamespace(step=2, motions=np.zeros((0, 3)))
+    localizer = replace(_choosing(), motion=OdometryMotion())
+    found = localizer.propose(_belief(), still, _comparison())
+    assert np.array_equal(found.belief.poses, _belief().poses)
+    assert found.correction is None
 
 
 @EACH
@@ -109,10 +115,15 @@ def test_sizes_parents_weights_and_flags(resampler, share, evenly):
         assert found.injected is None
 
 
-def test_reseeding_resamples_even_where_the_policy_would_not():
+def test_reseeding_and_expansion_are_told():
     _, found = _next(_choosing(strategy=always_some(0.1)))
     assert (found.parents == -1).sum() == 50
     assert found.belief.weights == pytest.approx(np.full(500, 1 / 500))
+    recovery, found = _next(_choosing(strategy=_asking(0.2, True)))
+    assert recovery.expand
+    assert found.injected.sum() == 100
+    _, found = _next(_choosing(strategy=_asking(1.0, True), roughening=0.2))
+    assert found.injected.all()
 
 
 def test_where_fresh_particles_are_drawn():
@@ -133,12 +144,7 @@ def test_where_fresh_particles_are_drawn():
 def test_nothing_is_changed_in_place():
     belief, comparison = _belief(), _comparison()
     kept = belief.poses.copy(), belief.log_weights.copy(), comparison.log_likelihood.copy()
-    localizer = _choosing(
-        when=always,
-        strategy=_asking(0.2, True),
-        roughening=0.2,
-        kld=KldParameters(),
-    )
+    localizer = _choosing(when=always, strategy=_asking(0.2, True), roughening=0.2, kld=KldParameters())
     _next(localizer, belief, comparison)
     mixed = replace(localizer, mixture=MixtureParameters(), motion=OdometryMotion())
     mixed.propose(belief, SimpleNamespace(step=2, motions=np.zeros((0, 3))), comparison)
@@ -147,13 +153,10 @@ def test_nothing_is_changed_in_place():
     assert np.array_equal(comparison.log_likelihood, kept[2])
 
 
-def test_the_memory_is_the_strategys():
+def test_the_strategy_keeps_the_memory_and_hears_the_evidence():
     told = RecoveryState(7.0, 8.0, 9.0, 10)
     assert _next(_choosing(strategy=lambda e, m: Recovery(0.0, told)))[0].state == told
     assert _next(_choosing(strategy=lambda e, m: Recovery(0.1, told)))[0].state == told
-
-
-def test_the_strategy_is_told_evidence_and_memory():
     heard = []
 
     def listening(evidence, memory):
@@ -175,12 +178,6 @@ def test_expansion_moves_copies_by_the_spacing():
     assert found.belief.poses.std(axis=0) == pytest.approx(sd, rel=4 / np.sqrt(40_000) + 0.005)
 
 
-def test_expansion_and_fresh_particles_together_are_both_told():
-    recovery, found = _next(_choosing(strategy=_asking(0.2, True)))
-    assert recovery.expand
-    assert found.injected.sum() == 100
-
-
 def test_roughening_moves_copies_and_leaves_fresh_ones():
     plain = _next(_choosing(when=always, strategy=_asking(0.2)))[1]
     rough = _next(_choosing(when=always, strategy=_asking(0.2), roughening=0.2))[1]
@@ -188,16 +185,6 @@ def test_roughening_moves_copies_and_leaves_fresh_ones():
     moved = (plain.belief.poses != rough.belief.poses).any(axis=1)
     assert moved[:400].all()
     assert not moved[400:].any()
-
-
-def test_a_filter_that_is_wholly_drawn_anew_needs_no_copies():
-    _, found = _next(_choosing(strategy=_asking(1.0, True), roughening=0.2))
-    assert found.injected.all()
-
-
-def test_roughening_only_where_there_was_resampling():
-    belief = _belief()
-    assert _next(_choosing(roughening=0.2), belief)[1].belief is belief
 
 
 def test_roughening_and_expansion_draw_numbers_of_their_own():
@@ -238,14 +225,6 @@ def test_purposes_have_streams_of_their_own(monkeypatch):
     monkeypatch.setattr(localizer_module, "stream", noted)
     _next(_choosing(when=always, strategy=_asking(0.1), roughening=0.2))
     assert asked == [Purpose.RESAMPLE, Purpose.ROUGHEN, Purpose.INJECT]
-
-
-def test_without_a_mixture_the_prediction_is_handed_on():
-    still = SimpleNamespace(step=2, motions=np.zeros((0, 3)))
-    localizer = replace(_choosing(), motion=OdometryMotion())
-    found = localizer.propose(_belief(), still, _comparison())
-    assert np.array_equal(found.belief.poses, _belief().poses)
-    assert found.correction is None
 
 
 STRATEGIES = {
@@ -289,11 +268,19 @@ def test_nothing_unusual_is_no_cause_for_anything(name, evidence, updates):
     assert not last.expand
 
 
-def test_none_and_always():
+def test_resets_by_hand():
     memory = RecoveryState(1.0, 2.0, 3.0, 4)
     assert (none(-math.inf, memory).share, none(-5.0, memory).state) == (0, memory)
     verdict = always_some(0.07)(-5.0, memory)
     assert (verdict.share, verdict.state, verdict.expand) == (0.07, memory, False)
+    strategy = SensorResetting(evidence=-12.0, most=0.5)
+    found = [strategy(nats, NO_HISTORY).share for nats in (-3.0, -12.0, -12.1, -12.5, -13.0, -math.inf)]
+    expected = [0, 0, 1 - math.exp(-0.1), 1 - math.exp(-0.5), 0.5, 0.5]
+    assert found == pytest.approx(expected)
+    strategy = Expansion(evidence=-14.0)
+    for nats, expand in ((-13.9, False), (-14.0, False), (-14.1, True), (-math.inf, True)):
+        verdict = strategy(nats, NO_HISTORY)
+        assert (verdict.share, verdict.expand) == (0, expand)
 
 
 def test_threshold_by_hand():
@@ -309,36 +296,20 @@ def test_threshold_by_hand():
     assert [v.state.updates for v in verdicts] == [1, 2, 3, 3, 3, 4]
 
 
-def test_the_threshold_waits_until_it_has_settled():
+def test_the_threshold_waits_and_keeps_its_bar():
     verdicts = _run(DynamicThreshold(settle=5, share=0.1), [-5.0] * 4 + [-500.0])
     assert [v.share for v in verdicts] == [0] * 5
     verdicts = _run(DynamicThreshold(settle=5, share=0.1), [-5.0] * 5 + [-500.0])
     assert verdicts[-1].share == 0.1
-
-
-def test_bad_pictures_do_not_lower_the_thresholds_bar():
     verdicts = _run(DynamicThreshold(0.1, 3.0), [-5.0] * 10 + [-30.0] * 50)
     assert all(v.share == 0.1 for v in verdicts[10:])
     assert {v.state for v in verdicts[10:]} == {verdicts[9].state}
-
-
-def test_chance_alone_stays_over_the_threshold():
-    """Three standard deviations of the least spread: 3 nats under the mean is nothing, 3.1 is."""
+    # Three standard deviations of the least spread: 3 nats under the mean is nothing, 3.1 is
     for nats, share in ((-7.99, 0), (-8.01, 0.1)):
         assert _run(DynamicThreshold(0.1, 3.0), [-5.0] * 10 + [nats])[-1].share == share
-
-
-def test_when_nobody_is_in_free_space_the_threshold_is_passed():
     memory = RecoveryState(-5.0, 0.0, 0.1, 2)
     verdict = DynamicThreshold(0.1, 3.0)(-math.inf, memory)
     assert (verdict.share, verdict.state) == (0.1, memory)
-
-
-def test_sensor_resetting_by_hand():
-    strategy = SensorResetting(evidence=-12.0, most=0.5)
-    found = [strategy(nats, NO_HISTORY).share for nats in (-3.0, -12.0, -12.1, -12.5, -13.0, -math.inf)]
-    expected = [0, 0, 1 - math.exp(-0.1), 1 - math.exp(-0.5), 0.5, 0.5]
-    assert found == pytest.approx(expected)
 
 
 def test_augmented_by_hand():
@@ -358,7 +329,7 @@ def test_augmented_by_hand():
     assert verdicts[3].share > 0.2 > verdicts[4].share
 
 
-def test_augmented_begins_anew_after_a_reset():
+def test_augmented_begins_anew_and_has_bounds():
     verdicts = _run(Augmented(), [-4.0] * 20 + [-15.0, -15.0, -4.0, -4.0])
     assert [v.share for v in verdicts[:20]] == pytest.approx([0] * 20, abs=1e-12)
     assert verdicts[20].share > 0.3
@@ -366,28 +337,12 @@ def test_augmented_begins_anew_after_a_reset():
     assert verdicts[21].share == 0, "the first of new averages"
     assert verdicts[21].state.slow == pytest.approx(math.exp(-15))
     assert [v.share for v in verdicts[22:]] == [0, 0], "what is better than lately is no reason"
-
-
-def test_augmented_never_draws_more_than_its_most():
     verdict = _run(Augmented(most=0.4, resets=0.9), [-1.0] * 10 + [-700.0] * 10)[-1]
     assert verdict.share == 0.4
     assert verdict.state.updates == 20, "not over the share that resets"
-
-
-def test_augmented_with_likelihoods_that_vanish():
     verdicts = _run(Augmented(), [-math.inf, -math.inf, -3.0, -2000.0, -2000.0])
     # anew from the third on; in the second update of averages both have the rate 1/2
     assert [v.share for v in verdicts] == pytest.approx([0, 0.5, 0, 0, 1 - 0.25 / (0.5 * 2 / 3)])
-
-
-def test_augmented_does_not_care_about_the_unit_of_likelihood():
     evidence = [-3.0, -4.0, -2.5, -6.0, -3.0, -7.0, -8.0]
     once, other = (_run(Augmented(), [e - shift for e in evidence]) for shift in (0, 20))
     assert [v.share for v in once] == pytest.approx([v.share for v in other])
-
-
-def test_expansion_spreads_and_draws_nothing():
-    strategy = Expansion(evidence=-14.0)
-    for nats, expand in ((-13.9, False), (-14.0, False), (-14.1, True), (-math.inf, True)):
-        verdict = strategy(nats, NO_HISTORY)
-        assert (verdict.share, verdict.expand) == (0, expand)

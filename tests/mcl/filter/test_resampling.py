@@ -6,24 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from maurice_mcl.filter.resampling import (
-    RESAMPLERS,
-    KldParameters,
-    adapted_size,
-    always,
-    below_effective,
-    every,
-    kld_size,
-    multinomial,
-    never,
-    occupied_bins,
-    roughen,
-    systematic,
-)
+from maurice_mcl.filter import resampling
 from maurice_mcl.randomness import normals, stream
 from maurice_mcl.records import Belief, normalize, uniform_log_weights
 
-EACH = pytest.mark.parametrize("name", sorted(RESAMPLERS))
+EACH = pytest.mark.parametrize("name", sorted(resampling.RESAMPLERS))
 WEIGHTS = np.array([0.02, 0.31, 0.0, 0.17, 0.0003, 0.4, 0.0997, 0.0])
 
 
@@ -36,7 +23,7 @@ def _counts(resampler, weights, n, rng):
 
 def _many(name, n, repeats=20_000):
     rng = stream(9, 3, n)
-    return np.array([_counts(RESAMPLERS[name], WEIGHTS, n, rng) for _ in range(repeats)])
+    return np.array([_counts(resampling.RESAMPLERS[name], WEIGHTS, n, rng) for _ in range(repeats)])
 
 
 @EACH
@@ -54,28 +41,25 @@ def test_every_particle_is_copied_in_proportion_to_its_weight(name, n):
 def test_systematic_counts_differ_by_less_than_one_from_their_share(raw, n, seed):
     total = sum(raw)
     weights = np.array(raw) / total if total > 0 else np.full(len(raw), 1 / len(raw))
-    counts = _counts(systematic, weights, n, stream(9, seed))
+    counts = _counts(resampling.systematic, weights, n, stream(9, seed))
     assert np.all(np.abs(counts - n * weights) < 1 + 1e-9)
     assert counts.sum() == n
 
 
-def test_counts_of_single_particles_scatter_less_in_systematic_than_in_multinomial():
+def test_counts_scatter_as_they_should():
     for n in (5, 8, 40):
         even, drawn = _many("systematic", n), _many("multinomial", n)
         error = np.hypot(_error_of_variance(even), _error_of_variance(drawn))
         assert np.all(even.var(axis=0) <= drawn.var(axis=0) + 4 * error)
         assert even.var(axis=0).sum() < 0.6 * drawn.var(axis=0).sum()
-
-
-def _error_of_variance(counts):
-    return np.sqrt(((counts - counts.mean(axis=0)) ** 2).var(axis=0) / len(counts))
-
-
-def test_multinomial_counts_scatter_as_a_multinomial_does():
     counts = _many("multinomial", 40)
     covariance = np.cov(counts.T)
     expected = 40 * (np.diag(WEIGHTS) - np.outer(WEIGHTS, WEIGHTS))
     assert covariance == pytest.approx(expected, abs=4 * 40 * 0.25 * np.sqrt(2 / len(counts)))
+
+
+def _error_of_variance(counts):
+    return np.sqrt(((counts - counts.mean(axis=0)) ** 2).var(axis=0) / len(counts))
 
 
 @EACH
@@ -85,7 +69,7 @@ def test_particles_of_weight_zero_are_never_chosen(name, seed):
     weights = rng.random(50) * (rng.random(50) < 0.3)
     weights[rng.integers(50)] = 1.0
     weights /= weights.sum()
-    parents = RESAMPLERS[name](weights, 37, rng)
+    parents = resampling.RESAMPLERS[name](weights, 37, rng)
     assert np.all(weights[parents] > 0)
 
 
@@ -94,20 +78,16 @@ def test_particles_of_weight_zero_are_never_chosen(name, seed):
 def test_one_particle_with_all_the_weight_gets_all_the_copies(name, where):
     weights = np.zeros(10)
     weights[where] = 1
-    assert np.all(RESAMPLERS[name](weights, 25, stream(9, 1)) == where)
+    assert np.all(resampling.RESAMPLERS[name](weights, 25, stream(9, 1)) == where)
 
 
 @EACH
 def test_extreme_weights(name):
     weights = np.array([1e-300, 1.0, 1e-17, 1e-300, 0.0])
-    assert np.all(RESAMPLERS[name](weights, 1000, stream(9, 1)) == 1)
-    assert np.array_equal(RESAMPLERS[name](np.ones(1), 3, stream(9, 1)), [0, 0, 0])
-
-
-@EACH
-def test_many_equal_weights_whose_sum_is_not_exactly_one(name):
+    assert np.all(resampling.RESAMPLERS[name](weights, 1000, stream(9, 1)) == 1)
+    assert np.array_equal(resampling.RESAMPLERS[name](np.ones(1), 3, stream(9, 1)), [0, 0, 0])
     n = 100_003
-    parents = RESAMPLERS[name](np.full(n, 1 / n), n, stream(9, 2))
+    parents = resampling.RESAMPLERS[name](np.full(n, 1 / n), n, stream(9, 2))
     assert parents.min() >= 0
     assert parents.max() < n
     assert np.all(np.diff(parents) >= 0)
@@ -132,11 +112,11 @@ def test_systematic_against_a_slow_independent_version(offset):
         raw = rng.integers(0, 5, size)
         raw[0] += 1
         slow = _slow(raw, n, offset)
-        assert systematic(raw / raw.sum(), n, _Fixed(offset)).tolist() == pytest.approx(slow)
+        assert resampling.systematic(raw / raw.sum(), n, _Fixed(offset)).tolist() == pytest.approx(slow)
 
 
 def test_systematic_at_the_very_end_of_its_range():
-    parents = systematic(np.full(7, 1 / 7), 7, _Fixed(np.nextafter(1, 0)))
+    parents = resampling.systematic(np.full(7, 1 / 7), 7, _Fixed(np.nextafter(1, 0)))
     assert np.abs(parents - np.arange(7)).max() <= 1
 
 
@@ -153,7 +133,7 @@ def _slow(raw, n, offset):
 
 def test_multinomial_against_numpys_choice():
     n, repeats = 50, 4000
-    ours = np.array([_counts(multinomial, WEIGHTS, n, stream(9, 4, k)) for k in range(repeats)])
+    ours = np.array([_counts(resampling.multinomial, WEIGHTS, n, stream(9, 4, k)) for k in range(repeats)])
     rng = np.random.default_rng(6)
     theirs = np.array(
         [
@@ -179,7 +159,7 @@ def _belief(n=N, heading=0.5, turn=0.4):
 
 
 def _off(belief, share=0.2):
-    found = roughen(belief, share, normals(stream(9, 1), belief.size))
+    found = resampling.roughen(belief, share, normals(stream(9, 1), belief.size))
     off = found.poses.astype(float) - belief.poses
     off[:, 2] = (off[:, 2] + np.pi) % (2 * np.pi) - np.pi
     return found, off
@@ -193,39 +173,30 @@ def test_the_noise_is_gordons(heading):
     assert np.all(np.abs(off.mean(axis=0)) < 4 * sd / np.sqrt(N) + 1e-6)
 
 
-def test_weights_and_origin_stay_and_headings_keep_their_range():
+def test_roughening_keeps_weights_origin_and_range():
     belief = _belief(heading=np.pi - 0.1)
     found, _ = _off(belief, 5.0)
     assert found.log_weights is belief.log_weights
     assert found.origin is belief.origin
     assert found.poses.dtype == np.float32
     assert np.all((found.poses[:, 2] >= np.float32(-np.pi)) & (found.poses[:, 2] < np.float32(np.pi)))
+    belief = _belief(100)
+    assert resampling.roughen(belief, 0.0, normals(stream(9, 1), 100)) is belief
+    poses = np.tile(np.array([[1, 2, 3]], np.float32), (50, 1))
+    belief = Belief(poses, uniform_log_weights(50), np.zeros(2))
+    assert resampling.roughen(belief, 0.2, normals(stream(9, 1), 50)).poses == pytest.approx(poses, abs=1e-5)
+    belief = _belief(1000)
+    copies = Belief(belief.poses[np.repeat(np.arange(10), 100)], normalize(np.zeros(1000))[0], belief.origin)
+    found = resampling.roughen(copies, 0.2, normals(stream(9, 2), 1000))
+    assert len(np.unique(found.poses, axis=0)) == 1000
 
 
 def test_nothing_is_changed_in_place():
     belief, noise = _belief(100), normals(stream(9, 1), 100)
     kept = belief.poses.copy(), noise.copy()
-    roughen(belief, 0.2, noise)
+    resampling.roughen(belief, 0.2, noise)
     assert np.array_equal(belief.poses, kept[0])
     assert np.array_equal(noise, kept[1])
-
-
-def test_a_share_of_nothing_changes_nothing():
-    belief = _belief(100)
-    assert roughen(belief, 0.0, normals(stream(9, 1), 100)) is belief
-
-
-def test_a_cloud_in_one_point_stays_there():
-    poses = np.tile(np.array([[1, 2, 3]], np.float32), (50, 1))
-    belief = Belief(poses, uniform_log_weights(50), np.zeros(2))
-    assert roughen(belief, 0.2, normals(stream(9, 1), 50)).poses == pytest.approx(poses, abs=1e-5)
-
-
-def test_copies_differ_afterwards():
-    belief = _belief(1000)
-    copies = Belief(belief.poses[np.repeat(np.arange(10), 100)], normalize(np.zeros(1000))[0], belief.origin)
-    found = roughen(copies, 0.2, normals(stream(9, 2), 1000))
-    assert len(np.unique(found.poses, axis=0)) == 1000
 
 
 HERE = np.zeros(2)
@@ -244,31 +215,34 @@ def _spread(poses, log_weights=None):
 def test_foxs_formula_by_hand(bins, epsilon, z, delta):
     a = 2 / (9 * (bins - 1))
     expected = math.ceil((bins - 1) / (2 * epsilon) * (1 - a + math.sqrt(a) * z) ** 3)
-    assert kld_size(bins, epsilon, delta) == expected
+    assert resampling.kld_size(bins, epsilon, delta) == expected
 
 
 @pytest.mark.parametrize("bins", [2, 10, 100, 1000])
 def test_it_approximates_the_chi_square_quantile(bins):
     exact = chi2.ppf(0.99, bins - 1) / (2 * 0.05)
-    assert kld_size(bins, 0.05, 0.01) == pytest.approx(exact, rel=0.02)
+    assert resampling.kld_size(bins, 0.05, 0.01) == pytest.approx(exact, rel=0.02)
 
 
 @pytest.mark.parametrize("bins", [-1, 0, 1])
 def test_one_bin_or_none_needs_one_sample(bins):
-    assert kld_size(bins, 0.05, 0.01) == 1
+    assert resampling.kld_size(bins, 0.05, 0.01) == 1
 
 
-def test_more_bins_more_certainty_and_less_error_need_more():
-    sizes = [kld_size(k, 0.05, 0.01) for k in range(1, 400)]
+def test_kld_sizes_grow():
+    sizes = [resampling.kld_size(k, 0.05, 0.01) for k in range(1, 400)]
     assert np.all(np.diff(sizes) > 0)
-    assert kld_size(50, 0.05, 0.001) > kld_size(50, 0.05, 0.01)
-    assert kld_size(50, 0.02, 0.01) > kld_size(50, 0.05, 0.01)
+    assert resampling.kld_size(50, 0.05, 0.001) > resampling.kld_size(50, 0.05, 0.01)
+    assert resampling.kld_size(50, 0.02, 0.01) > resampling.kld_size(50, 0.05, 0.01)
+    p = resampling.KldParameters(bin_m=1.0, heading_bins=1, least=1, most=10**6)
+    belief = _spread([[k + 0.5, 0.5, 0.0] for k in range(30)])
+    assert resampling.adapted_size(belief, p) == resampling.kld_size(30, p.epsilon, p.delta)
 
 
 def test_the_bound_holds():
     """Draw as many as it says from k bins: the distance is over epsilon about as rarely as it promises."""
     bins, epsilon, delta, repeats = 40, 0.05, 0.05, 4000
-    n = kld_size(bins, epsilon, delta)
+    n = resampling.kld_size(bins, epsilon, delta)
     p = np.random.default_rng(0).dirichlet(np.full(bins, 5.0))
     share = np.random.default_rng(1).multinomial(n, p, repeats) / n
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -277,41 +251,30 @@ def test_the_bound_holds():
 
 
 def test_bins_by_hand():
-    p = KldParameters(bin_m=0.5, heading_bins=4)
+    p = resampling.KldParameters(bin_m=0.5, heading_bins=4)
     poses = [[0.1, 0.1, 0.1], [0.4, 0.4, 1.5], [0.6, 0.1, 0.1], [0.1, -0.1, 0.1], [0.1, 0.1, -0.1]]
-    assert occupied_bins(_spread(poses), p) == 4
-    assert occupied_bins(_spread(poses[:2]), p) == 1
-    assert occupied_bins(_spread([[0.1, 0.1, -np.pi], [0.1, 0.1, np.pi - 1e-3]]), p) == 2
-
-
-def test_a_heading_of_pi_is_the_one_of_minus_pi():
-    p = KldParameters(heading_bins=24)
-    assert occupied_bins(_spread([[0.1, 0.1, np.pi], [0.1, 0.1, -np.pi]]), p) == 1
-
-
-def test_particles_without_weight_occupy_nothing():
+    assert resampling.occupied_bins(_spread(poses), p) == 4
+    assert resampling.occupied_bins(_spread(poses[:2]), p) == 1
+    assert resampling.occupied_bins(_spread([[0.1, 0.1, -np.pi], [0.1, 0.1, np.pi - 1e-3]]), p) == 2
+    p = resampling.KldParameters(heading_bins=24)
+    assert resampling.occupied_bins(_spread([[0.1, 0.1, np.pi], [0.1, 0.1, -np.pi]]), p) == 1
     logs = normalize(np.array([0.0, -np.inf, 0.0]))[0]
     poses = [[0, 0, 0], [5, 5, 0], [0.01, 0.01, 0.01]]
-    assert occupied_bins(_spread(poses, logs), KldParameters()) == 1
+    assert resampling.occupied_bins(_spread(poses, logs), resampling.KldParameters()) == 1
 
 
 def test_the_adapted_size_grows_with_the_spread_and_keeps_its_bounds():
     rng = np.random.default_rng(2)
-    p = KldParameters(least=150, most=4000)
+    p = resampling.KldParameters(least=150, most=4000)
     unit, amid = rng.normal(size=(3000, 3)), np.array([p.bin_m / 2, p.bin_m / 2, np.pi / 24])
     sizes = [
-        adapted_size(_spread(np.clip(unit * s + amid, -3, 3)), p) for s in (0.001, 0.05, 0.1, 0.3, 0.6, 3)
+        resampling.adapted_size(_spread(np.clip(unit * s + amid, -3, 3)), p)
+        for s in (0.001, 0.05, 0.1, 0.3, 0.6, 3)
     ]
     assert sizes[0] == 150
     assert sizes[-1] == 4000
     assert np.all(np.diff(sizes) >= 0)
     assert len(set(sizes)) >= 4
-
-
-def test_between_its_bounds_it_is_the_formula():
-    p = KldParameters(bin_m=1.0, heading_bins=1, least=1, most=10**6)
-    belief = _spread([[k + 0.5, 0.5, 0.0] for k in range(30)])
-    assert adapted_size(belief, p) == kld_size(30, p.epsilon, p.delta)
 
 
 def _effective(weights):
@@ -323,21 +286,15 @@ EVEN = _effective([1, 1, 1, 1])
 UNEVEN = _effective([2, 1, 1])  # 1 / (1/4 + 1/16 + 1/16) = 8/3 of 3
 
 
-def test_always_and_never():
-    assert all(always(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
-    assert not any(never(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
+def test_policies_by_hand():
+    assert all(resampling.always(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
+    assert not any(resampling.never(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
+    assert not resampling.below_effective(0.999)(EVEN, 1)
+    assert [step for step in range(1, 11) if resampling.every(3)(EVEN, step)] == [3, 6, 9]
+    assert all(resampling.every(1)(EVEN, step) for step in range(1, 5))
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.88, False), (0.89, True), (0.5, False), (1.0, True)])
 def test_below_a_share_of_effective_particles(share, expected):
     """8/3 of 3 are 0.889."""
-    assert below_effective(share)(UNEVEN, 1) is expected
-
-
-def test_even_weights_are_never_below():
-    assert not below_effective(0.999)(EVEN, 1)
-
-
-def test_every_third():
-    assert [step for step in range(1, 11) if every(3)(EVEN, step)] == [3, 6, 9]
-    assert all(every(1)(EVEN, step) for step in range(1, 5))
+    assert resampling.below_effective(share)(UNEVEN, 1) is expected

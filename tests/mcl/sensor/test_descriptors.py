@@ -13,14 +13,7 @@ from maurice_mcl.sensor.distances import DISTANCES
 EACH = pytest.mark.parametrize("name", sorted(CHANNELS))
 
 
-SIZES = {
-    "chromaticity": 256,
-    "color_grid": 288,
-    "color_layout": 48,
-    "hog": 108,
-    "moments": 9,
-    "tiny": 324,
-}
+SIZES = {"chromaticity": 256, "color_grid": 288, "color_layout": 48, "hog": 108, "moments": 9, "tiny": 324}
 
 
 def _flat(value, shape=(10, 12)):
@@ -133,9 +126,6 @@ def test_color_grid_by_hand():
     expected[0, 0] = expected[1, 1] = expected[2, 7] = 1 / 12
     assert found[0] == pytest.approx(expected)
     assert found[1:].sum() == 0, "what is darker than 16 is in no bin"
-
-
-def test_the_parts_of_a_color_grid_sum_to_the_whole():
     image = np.random.default_rng(9).integers(16, 241, (31, 43, 3), dtype=np.uint8)
     found = CHANNELS["color_grid"].describe(image).reshape(12, 3, 8)
     assert found.sum(axis=(0, 2)) == pytest.approx([1, 1, 1])
@@ -148,9 +138,6 @@ def test_cumulative_is_the_running_sum_of_color():
     slow = [[color[c, : b + 1].sum() for b in range(28)] for c in range(3)]
     assert found == pytest.approx(np.array(slow), rel=1e-5)
     assert np.all(np.diff(found, axis=1) >= 0)
-
-
-def test_cumulative_costs_a_small_shift_less_than_a_large_one():
     distances = [
         np.abs(CHANNELS["cumulative"].describe(_flat(100)) - CHANNELS["cumulative"].describe(_flat(v))).mean()
         for v in (108, 116, 180)
@@ -159,15 +146,12 @@ def test_cumulative_costs_a_small_shift_less_than_a_large_one():
     assert distances[2] == pytest.approx(10 * distances[0], rel=1e-5)
 
 
-def test_smoothing_keeps_what_there_is():
+def test_smoothing_keeps_and_spreads():
     rng = np.random.default_rng(11)
     for histogram in (rng.random(84), np.eye(84)[0], np.eye(84)[27], np.eye(84)[55], np.ones(84)):
         found = smooth(histogram.astype(np.float32)).reshape(3, 28)
         assert found.sum(axis=1) == pytest.approx(histogram.reshape(3, 28).sum(axis=1), rel=1e-5, abs=1e-7)
     assert smooth(np.ones(84, np.float32)) == pytest.approx(np.ones(84), rel=1e-6)
-
-
-def test_smoothing_spreads_a_peak_by_the_kernel_and_mirrors_it_at_an_end():
     amid = smooth(np.eye(84, dtype=np.float32)[28 + 10])
     assert amid[28 + 8 : 28 + 13] == pytest.approx(KERNEL)
     assert amid.sum() == pytest.approx(1)
@@ -175,15 +159,8 @@ def test_smoothing_spreads_a_peak_by_the_kernel_and_mirrors_it_at_an_end():
     first = smooth(np.eye(84, dtype=np.float32)[0])
     assert first[:3] == pytest.approx([0.40 + 0.24, 0.24 + 0.06, 0.06])
     assert first[3:].sum() == 0
-
-
-def test_smoothed_is_smoothed_color():
     image = _scene()
     assert np.array_equal(CHANNELS["smoothed"].describe(image), smooth(camera_histogram(image)))
-
-
-def test_a_little_more_light_moves_the_smoothed_histogram_less():
-    image = _scene()
     brighter = image + np.uint8(8)
     color, smoothed = (
         np.abs(CHANNELS[n].describe(image) - CHANNELS[n].describe(brighter)).sum()
@@ -192,12 +169,13 @@ def test_a_little_more_light_moves_the_smoothed_histogram_less():
     assert smoothed < 0.9 * color
 
 
-def test_blurring_takes_noise_away():
+def test_hog_and_blur():
     noise = np.random.default_rng(12).normal(0, 12, (144, 176, 3))
     noisy = np.clip(_flat(130, (144, 176)) + noise, 0, 255).astype(np.uint8)
     blurred, color = (np.count_nonzero(CHANNELS[n].describe(noisy)[:28]) for n in ("blurred", "color"))
     assert blurred <= 3 < 10 < color
     assert np.array_equal(CHANNELS["blurred"].describe(_flat(130)), camera_histogram(_flat(130)))
+    assert CHANNELS["hog"].describe(_flat(90)).sum() == 0
 
 
 def test_moments_by_hand():
@@ -223,24 +201,12 @@ def test_edge_color_ignores_flat_regions():
     assert 0 < found[0].sum() / 256 < 0.2
 
 
-def test_chromaticity_sums_to_one_and_finds_its_bin():
-    found = CHANNELS["chromaticity"].describe(_scene())
-    assert found.sum() == pytest.approx(1, rel=1e-5)
-    image = np.full((10, 10, 3), (24 + 50, 24 + 30, 24 + 20), np.uint8)  # r 0.5, g 0.3
-    cell = int((0.5 - 0.13) * 16 / 0.42) * 16 + int((0.3 - 0.13) * 16 / 0.42)
-    assert np.flatnonzero(CHANNELS["chromaticity"].describe(image)).tolist() == [cell]
-    assert CHANNELS["chromaticity"].describe(_flat(0)).sum() == 0, "black has no color"
-
-
-def test_color_layout_by_hand():
+def test_layouts_by_hand():
     image = np.full((40, 60, 3), (24 + 50, 24 + 30, 24 + 20), np.uint8)
     image[:10, :10] = (24 + 10, 24 + 10, 24 + 80)
     found = CHANNELS["color_layout"].describe(image).reshape(24, 2)
     assert found[0] == pytest.approx([0.1, 0.1])
     assert found[1:] == pytest.approx(np.tile([0.5, 0.3], (23, 1)))
-
-
-def test_gain_color_by_hand():
     image = np.full((20, 40, 3), 24 + 50, np.uint8)
     image[:, 20:] = 24 + 150  # half of the mean, and one and a half of it
     found = CHANNELS["gain_color"].describe(image).reshape(3, 28)
@@ -248,6 +214,12 @@ def test_gain_color_by_hand():
     # half: bin 3.5, one and a half: bin 10.5; the blur spreads a few columns between them
     assert found[:, 1:6].sum(axis=1) == pytest.approx([128] * 3, rel=0.15)
     assert found[:, 8:13].sum(axis=1) == pytest.approx([128] * 3, rel=0.15)
+    found = CHANNELS["chromaticity"].describe(_scene())
+    assert found.sum() == pytest.approx(1, rel=1e-5)
+    image = np.full((10, 10, 3), (24 + 50, 24 + 30, 24 + 20), np.uint8)  # r 0.5, g 0.3
+    cell = int((0.5 - 0.13) * 16 / 0.42) * 16 + int((0.3 - 0.13) * 16 / 0.42)
+    assert np.flatnonzero(CHANNELS["chromaticity"].describe(image)).tolist() == [cell]
+    assert CHANNELS["chromaticity"].describe(_flat(0)).sum() == 0, "black has no color"
 
 
 def test_the_tiny_image_is_off_its_mean_and_of_unit_length():
@@ -266,10 +238,6 @@ def test_hog_finds_the_direction_of_a_ramp(across, direction):
     found = CHANNELS["hog"].describe(np.repeat(plane[..., None], 3, axis=2)).reshape(12, 9)
     assert np.square(found).sum() == pytest.approx(1, rel=1e-5), "roots of shares"
     assert np.square(found)[:, direction].sum() > 0.95
-
-
-def test_a_flat_picture_has_no_gradient():
-    assert CHANNELS["hog"].describe(_flat(90)).sum() == 0
 
 
 def _even_gray(value, shape=(10, 12)):
@@ -292,21 +260,12 @@ def test_the_edge_image_of_a_step():
     assert np.array_equal(edges, np.transpose(edge_image(np.transpose(image, (1, 0, 2))), (1, 0, 2)))
 
 
-def test_an_edge_shows_only_in_the_colors_that_it_is_in():
+def test_an_edge_shows_only_where_it_is():
     image = _even_gray(50)
     image[:, 6:, 1] = 200
     edges = edge_image(image)
     assert edges[..., 1].max() > 100
     assert edges[..., (0, 2)].max() == 0
-
-
-@pytest.mark.parametrize("value", [0, 90, 255])
-def test_a_flat_picture_has_no_edges(value):
-    assert edge_image(_even_gray(value)).max() == 0
-    assert CHANNELS["edges"].describe(_even_gray(value)).sum() == 0
-
-
-def test_edges_do_not_move_with_brightness_but_color_does():
     image = cv2.GaussianBlur(
         np.random.default_rng(2).integers(40, 160, (60, 80, 3), dtype=np.uint8), (0, 0), 1
     )
@@ -314,6 +273,12 @@ def test_edges_do_not_move_with_brightness_but_color_does():
     edges, color = CHANNELS["edges"], CHANNELS["color"]
     assert np.array_equal(edges.describe(image), edges.describe(brighter))
     assert not np.array_equal(color.describe(image), color.describe(brighter))
+
+
+@pytest.mark.parametrize("value", [0, 90, 255])
+def test_a_flat_picture_has_no_edges(value):
+    assert edge_image(_even_gray(value)).max() == 0
+    assert CHANNELS["edges"].describe(_even_gray(value)).sum() == 0
 
 
 def test_the_edge_image_against_a_direct_formula():
@@ -357,7 +322,7 @@ def test_which_bin_a_value_falls_into(value, bin_number):
     assert np.array_equal(histogram, expected)
 
 
-def test_the_unit_is_256_times_the_share_of_pixels():
+def test_histograms_by_hand():
     image = _one_color(100, (16, 16))
     image[:4] = 200
     image[4:5] = 5  # in no bin, but counted as pixels
@@ -365,16 +330,10 @@ def test_the_unit_is_256_times_the_share_of_pixels():
     assert histogram[:, (200 - 16) // 8] == pytest.approx(256 * 4 / 16)
     assert histogram[:, (100 - 16) // 8] == pytest.approx(256 * 11 / 16)
     assert histogram.sum(axis=1) == pytest.approx(256 * 15 / 16)
-
-
-def test_red_comes_first_then_green_then_blue():
     image = np.zeros((4, 4, 3), np.uint8)
     image[..., 0], image[..., 1], image[..., 2] = 20, 30, 40
     filled = np.flatnonzero(camera_histogram(image))
     assert filled.tolist() == [0, 28 + 1, 56 + 3]
-
-
-def test_histogram_against_a_slow_count():
     image = np.random.default_rng(0).integers(0, 256, (31, 17, 3), dtype=np.uint8)
     slow = [
         256

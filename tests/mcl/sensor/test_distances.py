@@ -46,13 +46,7 @@ def _small():
         (l1, [9 / 4, 8 / 4]),
         (l2, [np.sqrt(27 / 4), np.sqrt(30 / 4)]),
         (chi2, [(16 / 4 + 9 / 5 + 1 / 1 + 1 / 3) / 4, (25 / 13 + 1 / 1 + 4 / 2) / 4]),
-        (
-            hellinger,
-            [
-                np.sqrt((4 + 1 + 1 + (np.sqrt(2) - 1) ** 2) / 4),
-                np.sqrt((1 + 0 + 1 + 2) / 4),
-            ],
-        ),
+        (hellinger, [np.sqrt((4 + 1 + 1 + (np.sqrt(2) - 1) ** 2) / 4), np.sqrt((1 + 0 + 1 + 2) / 4)]),
     ],
 )
 def test_by_hand(distance, expected):
@@ -73,29 +67,23 @@ def test_never_negative_finite_and_zero_to_itself(name, seed, entries, bins):
 
 
 @EACH
-def test_sample_and_reference_may_be_swapped(name):
+def test_distances_are_symmetric_and_pure(name):
     index, sample = _index(), _sample()
     there = DISTANCES[name](sample, index)
     for k, row in enumerate(index.references):
         swapped = ChannelIndex(sample[None], index.noise_floor, index.relevance)
         assert DISTANCES[name](row, swapped)[0] == pytest.approx(there[k], rel=1e-5)
-
-
-@EACH
-def test_empty_descriptors_are_alike(name):
     nothing = np.zeros((3, 8), np.float32)
     index = ChannelIndex(nothing, nothing[0], nothing[0])
     assert np.array_equal(DISTANCES[name](nothing[0], index), np.zeros(3))
-
-
-@EACH
-def test_it_leaves_its_arguments_alone(name):
     index, sample = _index(), _sample()
     kept = index.references.copy(), index.noise_floor.copy(), index.relevance.copy(), sample.copy()
     DISTANCES[name](sample, index)
     contributions(name, sample, index.references[0], index)
     now = index.references, index.noise_floor, index.relevance, sample
     assert all(np.array_equal(a, b) for a, b in zip(kept, now, strict=True))
+    index = _index()
+    assert [DISTANCES[name](row, index).argmin() for row in index.references] == list(range(20))
 
 
 @pytest.mark.parametrize("name", ["l1", "l2"])
@@ -111,13 +99,6 @@ def test_a_metric_knows_no_shorter_way_round(name):
     assert np.all(between(a, c) <= between(a, b) + between(b, c) + 1e-5)
 
 
-def test_l1_of_shares_is_twice_one_less_the_intersection():
-    rng = np.random.default_rng(4)
-    s, r = rng.dirichlet(np.ones(30), 2).astype(np.float32)
-    index = ChannelIndex(r[None], r, r)
-    assert 30 * l1(s, index)[0] == pytest.approx(2 * (1 - np.minimum(s, r).sum()), rel=1e-4)
-
-
 def _naive(sample, index):
     """The thesis's formula as it is printed, over the number of bins."""
     sums = []
@@ -131,11 +112,8 @@ def _naive(sample, index):
     return sums
 
 
-def test_the_thesiss_formula():
+def test_the_thesiss_formula_and_its_parts():
     assert thesis(_sample(), _index()) == pytest.approx(_naive(_sample(), _index()), rel=1e-5)
-
-
-def test_the_thesiss_parts_alone_are_the_thesis_with_the_other_part_taken_out():
     index = _index()
     without_floor = ChannelIndex(index.references, np.zeros_like(index.noise_floor), index.relevance)
     assert relevance_only(_sample(), index) == pytest.approx(_naive(_sample(), without_floor), rel=1e-5)
@@ -143,6 +121,10 @@ def test_the_thesiss_parts_alone_are_the_thesis_with_the_other_part_taken_out():
     assert floor_only(_sample(), index) == pytest.approx(_naive(_sample(), alike), rel=1e-5)
     plain = ChannelIndex(index.references, np.zeros_like(index.noise_floor), np.ones_like(index.relevance))
     assert l1(_sample(), index) == pytest.approx(_naive(_sample(), plain), rel=1e-5)
+    rng = np.random.default_rng(4)
+    s, r = rng.dirichlet(np.ones(30), 2).astype(np.float32)
+    index = ChannelIndex(r[None], r, r)
+    assert 30 * l1(s, index)[0] == pytest.approx(2 * (1 - np.minimum(s, r).sum()), rel=1e-4)
 
 
 def test_bins_without_relevance_count_nothing():
@@ -162,12 +144,6 @@ def test_differences_under_the_noise_floor_are_no_differences(distance):
     quiet = ChannelIndex(index.references, np.full(84, 3.0, np.float32), index.relevance)
     assert distance(index.references[4] + np.float32(2.9), quiet)[4] == 0
     assert distance(index.references[4] + np.float32(3.5), quiet)[4] > 0
-
-
-@EACH
-def test_every_entry_is_its_own_nearest(name):
-    index = _index()
-    assert [DISTANCES[name](row, index).argmin() for row in index.references] == list(range(20))
 
 
 @EACH

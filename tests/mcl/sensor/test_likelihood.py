@@ -39,19 +39,13 @@ def test_quality_lies_between_zero_and_one_and_falls_with_distance(quality, raw)
     assert np.all(found[distances == 0] == 1)
 
 
-def test_the_worst_has_a_relative_quality_of_zero_unless_all_are_perfect():
+def test_qualities_by_hand():
     assert relative_quality(np.array([0.1, 0.4, 0.2], np.float32)) == pytest.approx([0.75, 0, 0.5])
     assert np.array_equal(relative_quality(np.zeros(3, np.float32)), np.ones(3))
-
-
-def test_relative_quality_has_no_unit_and_is_of_each_row_alone():
     distances = _distances()
     assert relative_quality(distances * 84) == pytest.approx(relative_quality(distances), abs=1e-6)
     rows = np.stack([relative_quality(row) for row in distances])
     assert np.array_equal(relative_quality(distances), rows)
-
-
-def test_absolute_quality_does_not_know_the_other_entries():
     found = absolute_quality(np.array([0.0, 0.25, 1.0, 1.5], np.float32))
     assert found.tolist() == [1, 0.75, 0, 0]
 
@@ -74,16 +68,12 @@ def test_every_blend_is_finite_and_falls_where_all_distances_rise(name, quality)
 
 
 @EACH
-def test_the_order_of_channels_does_not_matter(name):
+def test_blends_do_not_care_about_order_or_silent_channels(name):
     weights, scales = np.array([0.3, 0.7]), np.array([0.01, 0.2])
     once = BLENDS[name](_distances(), weights, scales, relative_quality)
     other = BLENDS[name](_distances()[::-1], weights[::-1], scales[::-1], relative_quality)
     assert other.distance == pytest.approx(once.distance, rel=1e-5)
     assert other.quality == pytest.approx(once.quality, abs=1e-5)
-
-
-@EACH
-def test_a_channel_of_weight_zero_has_no_say(name):
     scales = np.array([0.01, 0.2])
     both = BLENDS[name](_distances(), np.array([0.0, 1.0]), scales, relative_quality)
     alone = BLENDS[name](_distances()[1:], np.ones(1), scales[1:], relative_quality)
@@ -95,9 +85,6 @@ def test_calibrated_adds_nats():
     found = calibrated(distances, np.array([2.0, 0.5]), np.array([0.1, 1.5]))
     assert found.distance == pytest.approx([2 * 1 + 0.5 * 2, 2 * 2, 0.5 * 1])
     assert found.quality == pytest.approx(1 - found.distance / 4)
-
-
-def test_calibrated_distances_do_not_depend_on_the_other_entries():
     whole = calibrated(_distances(), ONES, ONES).distance
     assert np.array_equal(calibrated(_distances()[:, :10], ONES, ONES).distance, whole[:10])
 
@@ -124,11 +111,6 @@ def test_a_channel_that_tells_nothing_apart_has_no_say_in_the_sum(dull):
     assert found.quality == pytest.approx(relative_quality(distances[0]), abs=1e-5)
 
 
-def test_when_no_channel_tells_anything_all_entries_of_the_sum_are_alike():
-    found = weighted_sum(np.full((2, 9), 0.2, np.float32), np.array([0.5, 0.5]), ONES)
-    assert np.array_equal(found.quality, np.ones(9))
-
-
 @pytest.mark.parametrize("quality", sorted(QUALITIES))
 def test_the_sum_of_one_channel_is_its_own_quality(quality):
     rule = QUALITIES[quality]
@@ -136,24 +118,20 @@ def test_the_sum_of_one_channel_is_its_own_quality(quality):
     assert np.array_equal(found.quality, rule(_distances()[0]))
 
 
-def test_the_product_is_qualities_to_their_weights():
+def test_products_by_hand():
     distances = np.array([[0.0, 0.5, 0.75], [0.4, 0.0, 0.9]], np.float32)
     found = weighted_product(distances, np.array([1.0, 2.0]), ONES, absolute_quality)
     expected = [1 * 0.6**2, 0.5 * 1, 0.25 * 0.1**2]
     assert found.quality == pytest.approx(expected, rel=1e-5)
     assert found.distance == pytest.approx(-np.log(expected), rel=1e-5, abs=1e-6)
-
-
-def test_in_a_product_one_channel_alone_can_say_no_but_not_for_ever():
     distances = np.array([[0.0, 5.0], [0.0, 0.0]], np.float32)
     found = weighted_product(distances, ONES, ONES, absolute_quality)
     assert found.quality == pytest.approx([1, LEAST_QUALITY], rel=1e-5)
-
-
-def test_a_product_tells_entries_by_the_channel_that_disagrees_more_than_a_sum_does():
     distances = np.array([[0.5, 0.0], [0.5, 0.95]], np.float32)
     product = weighted_product(distances, ONES, ONES, absolute_quality).quality
     assert product[0] > 4 * product[1], "0.5 x 0.5 against 1 x 0.05, of nearly equal sums"
+    found = weighted_sum(np.full((2, 9), 0.2, np.float32), np.array([0.5, 0.5]), ONES)
+    assert np.array_equal(found.quality, np.ones(9))
 
 
 def _of_quality(*values):
@@ -161,26 +139,22 @@ def _of_quality(*values):
     return Blended(1 - quality, quality)
 
 
-def test_sharpness_one_is_the_quality_itself():
+def test_power_and_exponential_by_hand():
     blended = _of_quality(1.0, 0.5, 0.25, 0.002)
     assert np.exp(power(blended, 1.0)) == pytest.approx(blended.quality, rel=1e-5)
     assert np.exp(power(blended, 4.0)) == pytest.approx(blended.quality**4.0, rel=1e-4)
-
-
-def test_the_worst_entry_is_unlikely_but_not_ruled_out():
     found = power(_of_quality(0.0, 1e-9, 1e-3, 1.0), 8.0)
     assert np.isfinite(found).all()
     assert found == pytest.approx([8 * np.log(1e-3)] * 3 + [0])
-
-
-def test_exponential_by_hand():
     blended = Blended(np.array([0, 0.5, 3], np.float32), np.zeros(3, np.float32))
     assert exponential(blended, 2.0).tolist() == [0, -1, -6]
 
 
 @pytest.mark.parametrize("name", sorted(LIKELIHOODS))
-def test_sharpness_zero_makes_blind(name):
+def test_sharpness_multiplies(name):
     assert np.array_equal(LIKELIHOODS[name](_of_quality(0.0, 0.4, 1.0), 0.0), np.zeros(3))
+    blended = _of_quality(0.1, 0.7, 0.9)
+    assert LIKELIHOODS[name](blended, 6.0) == pytest.approx(3 * LIKELIHOODS[name](blended, 2.0), rel=1e-5)
 
 
 @pytest.mark.parametrize("name", sorted(LIKELIHOODS))
@@ -192,9 +166,3 @@ def test_finite_never_over_one_and_rising_with_quality(name, raw, sharpness):
     assert np.isfinite(found).all()
     assert np.all(found <= 0)
     assert np.all(np.diff(found) >= 0)
-
-
-@pytest.mark.parametrize("name", sorted(LIKELIHOODS))
-def test_sharpness_multiplies(name):
-    blended = _of_quality(0.1, 0.7, 0.9)
-    assert LIKELIHOODS[name](blended, 6.0) == pytest.approx(3 * LIKELIHOODS[name](blended, 2.0), rel=1e-5)

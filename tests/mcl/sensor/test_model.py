@@ -75,14 +75,6 @@ def test_a_sighting_is_the_selections_word_on_the_comparison(world):
         assert np.isfinite(sighting.log_likelihood[~outside]).all()
 
 
-def test_particles_get_their_nearest_entrys_likelihood(world):
-    model = _model(world)
-    sighting = model.at(_compare(model, world), _poses(world))
-    inside = sighting.entries >= 0
-    expected = sighting.comparison.log_likelihood[sighting.entries[inside]]
-    assert np.array_equal(sighting.log_likelihood[inside], expected)
-
-
 @pytest.mark.parametrize("name", sorted(CHANNELS))
 @pytest.mark.parametrize("blend", ["sum", "calibrated"])
 def test_one_channel_alone_is_its_own_quality(world, name, blend):
@@ -105,13 +97,10 @@ def test_weights_matter_a_channel(world, blend):
     assert found[0] == pytest.approx(alone.quality, abs=1e-6)
 
 
-def test_a_channel_is_compared_by_its_own_distance_unless_another_is_chosen():
+def test_distances_and_scales_are_chosen_by_channel():
     parameters = SensorParameters({"tiny": 1.0, "color": 1.0}, distances={"color": "chi2"})
     assert parameters.distance_of("tiny") == CHANNELS["tiny"].distance
     assert parameters.distance_of("color") == "chi2"
-
-
-def test_a_scale_that_is_given_goes_before_the_measured_one():
     parameters = SensorParameters({"color": 1.0}, distances={"color": "l2"}, scales={"color": 0.25})
     assert parameters.scale_of("color") == 0.25
     assert replace(parameters, scales={}).scale_of("color") > 0
@@ -126,9 +115,6 @@ def test_costs_are_the_same_whatever_the_likelihood(world):
     assert np.array_equal(found[0].cost, found[1].cost)
     assert np.array_equal(found[1].cost, found[2].cost)
     assert not np.array_equal(found[1].log_likelihood, found[2].log_likelihood)
-
-
-def test_calibrated_and_exponential_at_sharpness_one_are_minus_the_cost(world):
     weights, scales = {"color": 0.6, "hog": 1.4}, {"color": 0.2, "hog": 3.0}
     parameters = SensorParameters(weights, scales=scales)
     found = _compare(_model(world, parameters), world)

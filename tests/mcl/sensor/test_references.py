@@ -110,12 +110,15 @@ def test_outside_and_in_obstacles_and_walls_is_minus_one():
     assert np.all(reference.entries(beside.astype(np.float32), HERE) >= 0)
 
 
-def test_headings_wrap():
+def test_headings_wrap_and_one_entry_serves():
     reference = nearest_reference(_grid_poses(1, 1), _arena())
     below_pi = np.nextafter(np.float32(np.pi), np.float32(0))
     headings = np.array([-np.pi, -np.pi + 0.3, below_pi, np.pi - 0.3, np.pi - 0.5, -np.pi + 0.5])
     poses = np.column_stack([np.full((6, 2), 0.25), headings]).astype(np.float32)
     assert reference.entries(poses, HERE).tolist() == [0, 0, 0, 0, 7, 1]
+    reference = nearest_reference(np.array([[1.0, 1.0, 0.5]]), _arena(SLANTED[:1]))
+    poses = np.array([[0.5, 0.5, 3.0], [3.5, 0.5, -1.0], [5.0, 0.5, 0.0]], np.float32)
+    assert reference.entries(poses, HERE).tolist() == [0, 0, -1], "behind the wall one walks there"
 
 
 def test_irregular_libraries():
@@ -130,12 +133,6 @@ def test_irregular_libraries():
     poses[:, 2] = (np.floor(np.degrees(poses[:, 2]) * 2) + 0.5) / 2 / 180 * np.pi
     found = reference.entries(poses.astype(np.float32), HERE)
     assert found.tolist() == [_brute(pose, library, []) for pose in poses]
-
-
-def test_one_entry():
-    reference = nearest_reference(np.array([[1.0, 1.0, 0.5]]), _arena(SLANTED[:1]))
-    poses = np.array([[0.5, 0.5, 3.0], [3.5, 0.5, -1.0], [5.0, 0.5, 0.0]], np.float32)
-    assert reference.entries(poses, HERE).tolist() == [0, 0, -1], "behind the wall one walks there"
 
 
 def test_a_map_500_km_away_gives_the_same_entries():
@@ -229,10 +226,7 @@ def test_as_the_width_goes_to_nothing_it_is_the_nearest_at_its_own_headings():
     odd = np.round(steps) % 2 == 0
     poses = poses[~(odd & (np.abs(steps - np.round(steps)) < 0.15)).any(axis=1)]
     inside = tables.entries(poses, ORIGIN) >= 0
-    found, nearest = (
-        tables.at(logs, poses, ORIGIN),
-        tables.nearest.at(logs, poses, ORIGIN),
-    )
+    found, nearest = (tables.at(logs, poses, ORIGIN), tables.nearest.at(logs, poses, ORIGIN))
     step = np.abs(logs).max() * 2 * (0.25 / 45)  # a quarter of a degree between headings
     assert inside.sum() > 500
     assert np.abs(found[inside] - nearest[inside]).max() < step
@@ -261,12 +255,15 @@ def test_headings_need_not_be_even():
     assert tables.at(logs, poses, ORIGIN) == pytest.approx(expected, abs=60 / 2.6 * np.radians(0.26))
 
 
-def test_one_heading_at_a_place_holds_for_all():
+def test_one_heading_or_entry_holds_for_all():
     library = np.array([[0.5, 0.5, 0.3], [1.0, 0.5, -2.0]])
     tables = _tables((), library, width=0.05)
     poses = np.array([[0.5, 0.5, h] for h in (-3.0, 0.0, 0.3, 2.9)], np.float32)
     found = tables.at(np.array([-2.0, -7.0], np.float32), poses, ORIGIN)
     assert found == pytest.approx([-2] * 4, abs=1e-4)
+    tables = _tables((), np.array([[1.0, 1.0, 0.5]]))
+    found = tables.at(np.array([-2.5], np.float32), _poses(50), ORIGIN)
+    assert found == pytest.approx([-2.5] * 50)
 
 
 def test_interpolation_is_never_across_a_wall():
@@ -330,18 +327,9 @@ def test_on_a_place_the_kernel_is_the_gaussian_by_hand():
     assert [by_place[p] for p in four] == pytest.approx(expected, rel=1e-4)
 
 
-def test_spacing():
+def test_spacing_and_arguments():
     assert spacing(_library()[::8, :2]) == pytest.approx(PITCH)
     assert spacing(np.array([[3.0, 4.0]])) == 1.0
-
-
-def test_a_library_of_one_entry():
-    tables = _tables((), np.array([[1.0, 1.0, 0.5]]))
-    found = tables.at(np.array([-2.5], np.float32), _poses(50), ORIGIN)
-    assert found == pytest.approx([-2.5] * 50)
-
-
-def test_arguments_are_left_alone():
     tables, poses, logs = _tables(), _poses(100), _logs(_library())
     kept = poses.copy(), logs.copy()
     tables.at(logs, poses, ORIGIN)

@@ -47,9 +47,6 @@ def test_ours_have_names_of_their_own():
     names = [channel.name for channel in OURS]
     assert len(set(names)) == len(names) == 13
     assert set(names) <= set(CHANNELS)
-
-
-def test_without_entry_points_there_are_ours():
     assert list(load_channels([]).channels) == [channel.name for channel in OURS]
 
 
@@ -59,9 +56,6 @@ def test_an_installed_packages_channel_is_found(tmp_path, monkeypatch):
     image = np.full((4, 5, 3), (1, 2, 3), np.uint8)
     assert channels["mean"].describe(image).tolist() == [1, 2, 3]
     assert [name for name in channels if name != "mean"] == [c.name for c in OURS]
-
-
-def test_a_function_that_makes_a_channel_will_do(tmp_path, monkeypatch):
     made = MEAN + "\ndef make():\n    channel = Mean()\n    channel.name = 'made'\n    return channel\n"
     _package(tmp_path, "making_channel", made, "making_channel:make")
     assert "made" in _channels(tmp_path, monkeypatch)

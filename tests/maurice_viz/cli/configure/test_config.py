@@ -92,7 +92,7 @@ def test_check_names_file_key_value_and_range_in_one_line(tmp_path, text):
     assert done.stdout == ""
 
 
-def test_check_leaves_the_environment_out_and_show_does_not(tmp_path):
+def test_check_reads_the_file_alone(tmp_path):
     file = tmp_path / "good.toml"
     file.write_text("particles = 5\n")
     assert _run("check", file, MAURICE_FILTER_PARTICLES="x").stdout == f"{file}: valid, 1 value set\n"
@@ -100,9 +100,6 @@ def test_check_leaves_the_environment_out_and_show_does_not(tmp_path):
     assert wrong.startswith(
         "maurice-replay: MAURICE_FILTER_PARTICLES: particles: found 'x', expected a whole"
     )
-
-
-def test_a_file_that_is_not_there(tmp_path):
     assert "cannot be read" in _run("check", tmp_path / "none.toml", expect=1).stderr
 
 

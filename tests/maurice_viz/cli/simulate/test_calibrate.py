@@ -3,16 +3,16 @@
 import json
 import sys
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
+from helpers.commands import failure, run, runs_of
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.session import SessionInfo
-from maurice_viz.cli.app import app
 
 FIGURES = {
     4: "turns",
@@ -26,15 +26,8 @@ FIGURES = {
 }
 
 
-def calibrate(*args: str | Path, expect: int = 0) -> Result:
-    done = CliRunner().invoke(app, ["calibrate", *map(str, args)])
-    assert done.exit_code == expect, (done.output, done.exception)
-    return done
-
-
-def refused(*args: str | Path) -> str:
-    (line,) = calibrate(*args, expect=1).stderr.strip().splitlines()
-    return str(line)
+calibrate = partial(run, "calibrate")
+refused = partial(failure, "calibrate")
 
 
 @pytest.fixture
@@ -54,20 +47,14 @@ def test_a_drive_is_made_fitted_and_written_for_the_filter(table: Path, tmp_path
     assert "--force" in refused("motion", table, "-o", tmp_path / "m.toml")
 
 
-def test_without_a_file_the_parameters_are_printed(table: Path) -> None:
+def test_what_is_printed_without_a_file(table: Path) -> None:
     printed = calibrate("motion", table).stdout
     assert "turn_gain" in tomllib.loads(printed[printed.index("[robot.motion]") :])["robot"]["motion"]
-
-
-def test_json_holds_fits_intervals_and_the_header(table: Path) -> None:
     facts = json.loads(calibrate("motion", table, "--json").stdout)
     gain = facts["turns"]["gain"]
     assert gain["low"] < gain["value"] < gain["high"]
     assert facts["motion"]["turn_gain"] == gain["value"]
     assert [drift["floor"] for drift in facts["drifts"]] == ["wood", "carpet"]
-
-
-def test_lengths_in_inches_are_shown_in_inches(table: Path) -> None:
     assert "straight error (in)" in calibrate("motion", table, "--unit", "in").stdout
     calibrate("motion", table, "--unit", "feet", expect=2)
 
@@ -102,7 +89,7 @@ def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path: Path) -> 
     assert len(list((tmp_path / "figures").iterdir())) == 8
 
 
-def test_slips_are_told_of(tmp_path: Path) -> None:
+def test_notes_tell_of_slips_and_events(tmp_path: Path) -> None:
     rows = [f"turn,{m},{0.73 * m + e}" for m, e in zip(range(-155, 156, 10), 16 * [1, -1], strict=True)]
     rows += ["turn,95,95", "turn,-95,-95"]  # two that slipped by 26 degrees
     rows += [f"straight,{k},{k + 0.01 * (-1) ** k}" for k in range(1, 8)]
@@ -110,9 +97,6 @@ def test_slips_are_told_of(tmp_path: Path) -> None:
     file.write_text("kind,measured,actual\n" + "\n".join(rows) + "\n")
     notes = calibrate("motion", file).stderr
     assert "2 of 34 turn residuals lie beyond 3 sd" in " ".join(notes.split())
-
-
-def test_events_of_a_session_s_log_are_told(tmp_path: Path) -> None:
     log = tmp_path / "session.log"
     with SessionWriter(log, SessionInfo("drive")) as writer:
         writer.truth(0.0, [0, 0, 0])
@@ -200,23 +184,14 @@ def test_noise_of_a_survey_and_its_figure(small_session: Path, tmp_path: Path) -
         "largest_bin_sd": None,
     }  # fmt: skip
     assert "--force" in refused("noise", survey, "--plot", tmp_path / "noise.png")
-
-
-def test_a_bright_folder_is_doubted(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "bright.png"), np.full((8, 8, 3), 180, np.uint8))
     assert "was the lens covered?" in calibrate("noise", tmp_path).stderr
 
 
-def replayed(session: Path, *args: str | Path, expect: int = 0) -> Result:
-    done = CliRunner().invoke(app, [str(session), "--no-recording", *map(str, args)])
-    assert done.exit_code == expect, (done.output, done.exception)
-    return done
-
-
 def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session: Path, tmp_path: Path) -> None:
     def error(*args: str | Path) -> float:
-        run = json.loads(replayed(small_session, "--json", *args).stdout)["runs"][0]
-        return float(run["position_error_mean_m"])
+        (found,) = runs_of(run(small_session, "--no-recording", "--json", *args).stdout)
+        return float(found["position_error_mean_m"])
 
     right, wrong = tmp_path / "right.toml", tmp_path / "wrong.toml"
     text = '[robot.motion]\nmodel = "maurice"\nturn_gain = {}\nstraight_bias_m = 0.0\nturn_sd_rad = 0.02\n'
@@ -228,7 +203,10 @@ def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session: Path,
 def test_bad_motion_files_are_named(small_session: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.toml"
     bad.write_text("[robot.motion]\nturn_gian = 1.0\n")
-    said = replayed(small_session, "--motion", bad, expect=1).stderr
-    assert f"{bad}: robot.motion.turn_gian is not known" in said
+    words = (small_session, "--no-recording", "--motion", bad)
+    assert f"{bad}: robot.motion.turn_gian is not known" in failure(*words)
     bad.write_text("turn_gain = 1.0\n")
-    assert "expected a table [robot.motion]" in replayed(small_session, "--motion", bad, expect=1).stderr
+    assert (
+        "expected a table [robot.motion]"
+        in run(small_session, "--no-recording", "--motion", bad, expect=1).stderr
+    )

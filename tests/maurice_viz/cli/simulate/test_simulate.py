@@ -1,26 +1,24 @@
 """The command itself, in processes of its own: what it prints, refuses, and how it ends."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from helpers.commands import COMMAND
 from maurice_viz.cli.app import app
 
 PATIENCE_S = 60
 
 
 def command(*args: str) -> list[str]:
-    return [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "simulate", *args]
+    return [*COMMAND, "simulate", *args]
 
 
 def environment(folder: Path) -> dict[str, str]:

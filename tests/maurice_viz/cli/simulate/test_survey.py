@@ -1,17 +1,14 @@
 """`maurice-replay survey`: a log one can build a library from, a sheet, and refusals in one line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from helpers.commands import failure, run
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_viz.cli.app import app
 from maurice_viz.cli.simulate import read_length
 
 SMALL = """
@@ -35,16 +32,10 @@ def world(tmp_path: Path) -> Path:
     return file
 
 
-def run(*args: str | Path, status: int = 0) -> str:
-    done = CliRunner().invoke(app, ["survey", *map(str, args)])
-    assert done.exit_code == status, done.output
-    return done.output
-
-
 def test_a_survey_and_a_sheet_of_one_s_own_world(world: Path, tmp_path: Path) -> None:
     out, sheet = tmp_path / "out", tmp_path / "sheet.png"
     args = ["--world", world, "--spacing", "100cm", "--headings", "2", "-o", out, "--contact-sheet", sheet]
-    told = json.loads(run(*args, "--json"))
+    told = json.loads(run("survey", *args, "--json").stdout)
     assert told["references"] == 8
     pictures = list(SessionLog(Path(told["survey"])).survey_pictures())
     assert sum(p.covered for p in pictures) == 10
@@ -54,8 +45,8 @@ def test_a_survey_and_a_sheet_of_one_s_own_world(world: Path, tmp_path: Path) ->
     drawn = cv2.imread(str(sheet))
     assert drawn is not None
     assert drawn.shape[0] > 6 * 144
-    assert "--force" in run(*args, status=1)
-    run(*args, "--force")
+    assert "--force" in failure("survey", *args)
+    run("survey", *args, "--force")
 
 
 @pytest.mark.parametrize(
@@ -72,16 +63,10 @@ def test_words_that_are_no_lengths_are_refused(text: str) -> None:
 
 
 def test_refusals(world: Path, tmp_path: Path) -> None:
-    run(status=2)
-    run("--contact-sheet", "sheet.bmp", status=2)
-    assert "no node of the grid is free" in run(
-        "--world", write_tight(world), "-o", tmp_path / "x", status=1
-    ).replace("\n", " ")
-    assert "there are office, two-rooms" in run("--world", "nowhere", "-o", tmp_path / "x", status=1)
-    assert not (tmp_path / "x").exists()
-
-
-def write_tight(world: Path) -> Path:
-    """The same world, so that nothing in it is free."""
+    run("survey", expect=2)
+    run("survey", "--contact-sheet", "sheet.bmp", expect=2)
+    out = ("-o", tmp_path / "x")
+    assert "there are office, two-rooms" in failure("survey", "--world", "nowhere", *out)
     world.write_text(SMALL.replace("spacing = 0.5", "spacing = 0.5, clearance = 1.5"), encoding="utf-8")
-    return world
+    assert "no node of the grid is free" in failure("survey", "--world", world, *out)
+    assert not (tmp_path / "x").exists()

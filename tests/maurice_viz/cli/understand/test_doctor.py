@@ -9,13 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from helpers.commands import failure, run, runs_of
 from maurice_loaders.reading import ReadingOptions, read_reading
-from maurice_viz.cli.app import app
 from maurice_viz.cli.options import reading_of, typed
-
-runner = CliRunner()
 
 
 def in_millimeters(log: Path) -> Path:
@@ -30,8 +27,7 @@ def in_millimeters(log: Path) -> Path:
 
 
 def test_a_healthy_session_is_said_to_be_so(small_session: Path) -> None:
-    done = runner.invoke(app, ["doctor", str(small_session), "--strict"])
-    assert done.exit_code == 0, done.output
+    done = run("doctor", small_session, "--strict")
     assert "14 odometry, 14 truth, 14 pictures" in done.stdout
     assert "14 pictures against the library" in done.stdout
     assert "found nothing wrong" in done.stdout
@@ -39,17 +35,12 @@ def test_a_healthy_session_is_said_to_be_so(small_session: Path) -> None:
 
 def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
     wrong = in_millimeters(small_session)
-    done = runner.invoke(app, ["doctor", str(wrong), "--no-library"])
-    assert done.exit_code == 0
+    done = run("doctor", wrong, "--no-library")
     assert "1. lengths of odometry are in millimeters [scale]" in done.stdout
     assert "why: " in done.stdout
     assert f"fix: maurice-replay {wrong} --reading odometry_scale=0.001\n" in done.stdout
-    assert runner.invoke(app, ["doctor", str(wrong), "--no-library", "--strict"]).exit_code == 1
-
-
-def test_json_has_the_numbers(small_session: Path) -> None:
-    wrong = in_millimeters(small_session)
-    done = runner.invoke(app, ["doctor", str(wrong), "--no-library", "--json"])
+    run("doctor", wrong, "--no-library", "--strict", expect=1)
+    done = run("doctor", wrong, "--no-library", "--json")
     found = json.loads(done.stdout)
     assert found["healthy"] is False
     assert [one["code"] for one in found["findings"]] == ["scale"]
@@ -60,24 +51,20 @@ def test_json_has_the_numbers(small_session: Path) -> None:
 
 def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Path) -> None:
     def replayed(*words: str) -> object:
-        done = runner.invoke(app, [*words, "--no-recording", "--json", "--particles", "200"])
-        assert done.exit_code == 0, done.output
-        run = json.loads(done.stdout)["runs"][0]
-        return {
-            name: value for name, value in run.items() if isinstance(value, float) and name != "steps_per_s"
-        }
+        (found,) = runs_of(run(*words, "--no-recording", "--json", "--particles", "200").stdout)
+        return {name: value for name, value in found.items() if isinstance(value, float)}
 
     wrong, survey = in_millimeters(small_session), small_session.with_name("survey.log")
-    said = runner.invoke(app, ["doctor", str(wrong), "--library", str(survey)]).stdout
+    said = run("doctor", wrong, "--library", survey).stdout
     lines = dict(line.strip().partition(": ")[::2] for line in said.splitlines())
     _, *fix = shlex.split(lines["fix"])
-    assert fix == [str(wrong), "--reading", "odometry_scale=0.001", "--library", str(survey)]
-    assert replayed(*fix) == pytest.approx(replayed(str(small_session)))
+    assert fix == [str(wrong), "--reading", "odometry_scale=0.001", "--library", survey]
+    assert replayed(*fix) == pytest.approx(replayed(small_session))
     _, *again = shlex.split(lines["try"])
-    assert "found nothing wrong" in runner.invoke(app, again).stdout
+    assert "found nothing wrong" in run(*again).stdout
     _, *keep = shlex.split(lines["keep"].replace("FIXED.log", str(tmp_path / "fixed.log")))
-    assert runner.invoke(app, keep).exit_code == 0
-    assert replayed(str(tmp_path / "fixed.log")) == pytest.approx(replayed(str(small_session)))
+    run(*keep)
+    assert replayed(str(tmp_path / "fixed.log")) == pytest.approx(replayed(small_session))
 
 
 def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> None:
@@ -91,20 +78,20 @@ def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> 
         "--reading",
         "min_distance_m=0.01",
     ]
-    found = json.loads(runner.invoke(app, [*words, "--json"]).stdout)
+    found = json.loads(run(*words, "--json").stdout)
     assert set(found["options"]) == {"--reading", "min_distance_m=0.01", "odometry_scale=0.001"}
 
 
 def test_fix_writes_a_reading_file(small_session: Path, tmp_path: Path) -> None:
     wrong, out = in_millimeters(small_session), tmp_path / "reading.toml"
-    words = ["--no-library", "--fix", "-o", str(out)]
-    assert runner.invoke(app, ["doctor", str(small_session), *words]).exit_code == 0
+    words = ["--no-library", "--fix", "-o", out]
+    run("doctor", small_session, *words)
     assert not out.exists()
-    done = runner.invoke(app, ["doctor", str(wrong), *words])
+    done = run("doctor", wrong, *words)
     assert f"--reading {out}" in done.stderr
     assert read_reading(out) == ReadingOptions(odometry_scale=0.001)
-    assert runner.invoke(app, ["doctor", str(wrong), *words]).exit_code == 1
-    assert runner.invoke(app, ["doctor", str(wrong), *words, "--force"]).exit_code == 0
+    run("doctor", wrong, *words, expect=1)
+    run("doctor", wrong, *words, "--force")
 
 
 def test_options_are_typed_as_they_are_read() -> None:
@@ -123,23 +110,21 @@ def test_options_are_typed_as_they_are_read() -> None:
 
 
 @pytest.mark.parametrize(
-    "words",
-    [("turn_scale", "0"), ("turn_gain", "nan"), ("picture_offset_s", "inf"), ("odometry_are", "x")],
+    "words", [("turn_scale", "0"), ("turn_gain", "nan"), ("picture_offset_s", "inf"), ("odometry_are", "x")]
 )
 def test_bad_corrections_are_usage_errors(words: tuple[str, str], small_session: Path) -> None:
-    assert runner.invoke(app, ["doctor", str(small_session), "--reading", "=".join(words)]).exit_code == 2
+    run("doctor", small_session, "--reading", "=".join(words), expect=2)
 
 
 def test_a_live_source_is_not_corrected_and_says_so(small_session: Path) -> None:
-    done = runner.invoke(app, ["replay", str(small_session), "--follow", "--reading", "turn_scale=-1"])
-    assert done.exit_code == 2
+    done = run("replay", small_session, "--follow", "--reading", "turn_scale=-1", expect=2)
     assert "--reading turn_scale=-1 needs a recording" in done.stderr.replace("\n", " ")
 
 
 def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
     wrong = in_millimeters(small_session)
-    plain = runner.invoke(app, ["inspect", str(small_session), "--json"])
-    found = runner.invoke(app, ["inspect", str(wrong), "--reading", "odometry_scale=0.001", "--json"])
+    plain = run("inspect", small_session, "--json")
+    found = run("inspect", str(wrong), "--reading", "odometry_scale=0.001", "--json")
     ways = [json.loads(one.stdout)["distance_odometry_m"] for one in (plain, found)]
     assert ways[0] == pytest.approx(ways[1])
 
@@ -148,29 +133,20 @@ def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
 def test_no_session_is_one_line(content: bytes, tmp_path: Path) -> None:
     bad = tmp_path / "bad.log"
     bad.write_bytes(content)
-    done = runner.invoke(app, ["doctor", str(bad)])
-    assert done.exit_code == 1
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1
+    done = run("doctor", bad, expect=1)
+    assert (done.stdout, done.stderr.count("\n")) == ("", 1)
 
 
-def test_library_check_draws_its_map(small_session: Path, tmp_path: Path) -> None:
+def test_library_check_prints_and_draws(small_session: Path, tmp_path: Path) -> None:
     survey, out = small_session.parent / "survey.log", tmp_path / "map.png"
-    done = runner.invoke(app, ["library", "check", str(survey), "--map", str(out)])
-    assert done.exit_code == 0, done.output
+    done = run("library", "check", survey, "--map", out)
     assert "160 at 20 places; neighbors of one heading are 0.50 m apart" in done.stdout
     assert "100% of" in done.stdout
-    image = cv2.imread(str(out))
+    image = cv2.imread(out)
     assert image is not None
     assert image.std() > 10
-    again = runner.invoke(app, ["library", "check", str(survey), "--map", str(out)])
-    assert again.exit_code == 1
-    assert "--force" in again.stderr
-
-
-def test_library_check_as_json(small_session: Path) -> None:
-    done = runner.invoke(app, ["library", "check", str(small_session.parent / "survey.log"), "--json"])
-    found = json.loads(done.stdout)
+    assert "--force" in failure("library", "check", survey, "--map", out)
+    found = json.loads(run("library", "check", survey, "--json").stdout)
     assert (found["entries"], found["places"]) == (160, 20)
     assert found["covered_share"] == 1
     assert found["spacing_m"] == pytest.approx(0.5)
@@ -181,20 +157,14 @@ def test_library_check_as_json(small_session: Path) -> None:
 
 def test_a_library_is_built_from_a_drive(small_session: Path, tmp_path: Path) -> None:
     out = tmp_path / "driven"
-    done = runner.invoke(
-        app, ["library", "build", str(small_session), "-o", str(out), "--every", "0.2m,30deg"]
-    )
-    assert done.exit_code == 0, done.output
+    done = run("library", "build", small_session, "-o", out, "--every", "0.2m,30deg")
     assert "of 14 pictures taken" in done.stderr
     assert "coverage: " in done.stdout
-    shown = json.loads(runner.invoke(app, ["library", "show", str(out), "--json"]).stdout)
+    shown = json.loads(run("library", "show", out, "--json").stdout)
     assert 5 <= shown["entries"] <= 14
     assert shown["pictures_kept"] == shown["entries"]
 
 
 @pytest.mark.parametrize("every", ["0.4", "deg", "0.4m,45"])
 def test_bad_spacing_is_a_usage_error(every: str, small_session: Path, tmp_path: Path) -> None:
-    done = runner.invoke(
-        app, ["library", "build", str(small_session), "-o", str(tmp_path / "x"), "--every", every]
-    )
-    assert done.exit_code == 2
+    run("library", "build", small_session, "-o", tmp_path / "x", "--every", every, expect=2)

@@ -5,38 +5,25 @@ import os
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from rerun.experimental import ViewerClient
-from typer.testing import CliRunner
 
+from helpers.commands import maurice, one_line
+from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders.runs.store import bookmarks_file
 from maurice_mcl.analysis.events import RunEvent
 from maurice_viz.app.events import is_named, names_in
-from maurice_viz.cli.app import app
 from maurice_viz.viewer import open_viewers, sinks
 from maurice_viz.viewer import open_viewers as viewer
 from maurice_viz.viewer.snapshot import software_driver
 
-Type = Callable[..., tuple[str, str]]
 
-
-@pytest.fixture
-def typed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Type:
-    """Type a command in the test's folder, where there is no display; give what it printed."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def _no_viewers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(open_viewers.STATE, str(tmp_path / "state"))
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*args: str | Path | int, expect: int = 0) -> tuple[str, str]:
-        done = CliRunner().invoke(app, [str(arg) for arg in args])
-        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
-        return done.stdout, done.stderr
-
-    return run
 
 
 def told(log: Path) -> None:
@@ -50,34 +37,19 @@ def told(log: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give a folder with a session, a saved run `kept` and a saved comparison `both`."""
     folder = tmp_path_factory.mktemp("made")
-    write = _helper("write_small_survey"), _helper("write_small_session")
-    write[0](folder)
-    log = write[1](folder)
+    write_small_survey(folder)
+    log = write_small_session(folder)
     told(log)
     two = ["--feature", "color", "--feature", "edges"]
     for args in (
         [log, "--particles", 200, "--run", folder / "kept"],
         ["compare", log, *two, "--particles", 100, "--run", folder / "both"],
     ):
-        done = CliRunner().invoke(app, [*map(str, args), "--no-recording"])
-        assert done.exit_code == 0, done.output
+        maurice(*args, "--no-recording")
     return folder
-
-
-def _helper(name: str) -> Callable[[Path], Path]:
-    """Find a helper of the tests' common conftest, which cannot be imported by name."""
-    import importlib.util
-
-    spec = importlib.util.spec_from_file_location("common", Path(__file__).parents[3] / "conftest.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    found: Callable[[Path], Path] = getattr(module, name)
-    return found
 
 
 @pytest.fixture
@@ -88,89 +60,74 @@ def runs(made: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def listed(typed: Type, *args: str | Path | int) -> list[dict[str, object]]:
-    (run,) = json.loads(typed("events", *args, "--json")[0])["runs"]
+def listed(*args: str | Path | int) -> list[dict[str, object]]:
+    (run,) = json.loads(maurice("events", *args, "--json")[0])["runs"]
     found: list[dict[str, object]] = run["events"]
     return found
 
 
-def one_line(err: str) -> str:
-    (line,) = err.strip().splitlines()
-    return line
-
-
-def test_events_are_a_table_without_session_or_library(runs: Path, typed: Type) -> None:
-    out, err = typed("events", "kept")
+def test_events_are_a_table_and_json(runs: Path) -> None:
+    out, err = maurice("events", "kept")
     assert err == ""
     assert "kleine Fahrt" in out
     assert "time (s)" in out
     assert "the robot was carried away" in out
     assert "resampled" not in out
-
-
-def test_json_has_the_documented_shape(runs: Path, typed: Type) -> None:
-    found = listed(typed, "kept")
+    found = listed("kept")
     assert {"step": 5, "kind": "kidnapped", "text": "the robot was carried away"}.items() <= found[
         [one["kind"] for one in found].index("kidnapped")
     ].items()
     assert [set(one) for one in found] == [{"step", "time_s", "kind", "text"}] * len(found)
     assert [one["step"] for one in found] == sorted(int(str(one["step"])) for one in found)
-
-
-def test_kinds_choose_and_all_gives_all(runs: Path, typed: Type) -> None:
-    chosen = listed(typed, "kept", "--kind", "kidnapped", "--kind", "lights-changed")
-    assert [(one["step"], one["kind"]) for one in chosen] == [(5, "kidnapped"), (10, "lights-changed")]
-    resampled = listed(typed, "kept", "--kind", "resampled")
-    assert resampled
-    everything = listed(typed, "kept", "--all")
-    assert [one for one in everything if one["kind"] == "resampled"] == resampled
-    assert "there are kidnapped, lights-changed" in typed("events", "kept", "--kind", "b", expect=2)[1]
-
-
-def test_a_kind_that_never_happened_is_said(runs: Path, typed: Type) -> None:
-    out, err = typed("events", "kept", "--kind", "expanded")
+    out, err = maurice("events", "kept", "--kind", "expanded")
     assert out == ""
     assert one_line(err) == "kept: no event of that kind"
-    assert listed(typed, "kept", "--kind", "expanded") == []
+    assert listed("kept", "--kind", "expanded") == []
 
 
-def test_a_comparison_has_a_column_for_the_run(runs: Path, typed: Type) -> None:
-    out, _ = typed("events", "both")
+def test_kinds_choose_in_runs_and_comparisons(runs: Path) -> None:
+    chosen = listed("kept", "--kind", "kidnapped", "--kind", "lights-changed")
+    assert [(one["step"], one["kind"]) for one in chosen] == [(5, "kidnapped"), (10, "lights-changed")]
+    resampled = listed("kept", "--kind", "resampled")
+    assert resampled
+    everything = listed("kept", "--all")
+    assert [one for one in everything if one["kind"] == "resampled"] == resampled
+    assert "there are kidnapped, lights-changed" in maurice("events", "kept", "--kind", "b", expect=2)[1]
+    out, _ = maurice("events", "both")
     (line,) = [line for line in out.splitlines() if "kidnapped" in line]
     assert "all" in line, "what happened to both stands once"
-    labels = [run["label"] for run in json.loads(typed("events", "both", "--json")[0])["runs"]]
+    labels = [run["label"] for run in json.loads(maurice("events", "both", "--json")[0])["runs"]]
     assert labels == ["color", "edges"]
-    assert "run" not in typed("events", "both/color")[0].splitlines()[1].split()
+    assert "run" not in maurice("events", "both/color")[0].splitlines()[1].split()
 
 
-def test_bookmarks_are_added_listed_and_removed(runs: Path, typed: Type) -> None:
-    assert "bookmark at step 12: odd turn" in one_line(typed("events", "kept", "--add", 12, " odd  turn ")[1])
-    typed("events", "kept", "--add", 3, "späte Bilder")
-    found = listed(typed, "kept", "--kind", "bookmark")
+def test_bookmarks_are_added_listed_and_removed(runs: Path) -> None:
+    assert "bookmark at step 12: odd turn" in one_line(
+        maurice("events", "kept", "--add", 12, " odd  turn ")[1]
+    )
+    maurice("events", "kept", "--add", 3, "späte Bilder")
+    found = listed("kept", "--kind", "bookmark")
     assert [(one["step"], one["text"]) for one in found] == [(3, "späte Bilder"), (12, "odd turn")]
     assert float(str(found[0]["time_s"])) > 0
-    assert "1 bookmark removed" in typed("events", "kept", "--remove", 12)[1]
-    assert "1 bookmark removed" in typed("events", "kept", "--remove", "späte Bilder")[1]
-    assert listed(typed, "kept", "--kind", "bookmark") == []
-    assert "there are at steps: none" in one_line(typed("events", "kept", "--remove", 3, expect=1)[1])
-
-
-def test_a_comparisons_bookmarks_are_for_all_its_runs(runs: Path, typed: Type) -> None:
-    typed("events", "both", "--add", 4, "shared")
-    typed("events", "both/edges", "--add", 4, "own")
-    parts = json.loads(typed("events", "both", "--kind", "bookmark", "--json")[0])["runs"]
+    assert "1 bookmark removed" in maurice("events", "kept", "--remove", 12)[1]
+    assert "1 bookmark removed" in maurice("events", "kept", "--remove", "späte Bilder")[1]
+    assert listed("kept", "--kind", "bookmark") == []
+    assert "there are at steps: none" in one_line(maurice("events", "kept", "--remove", 3, expect=1)[1])
+    maurice("events", "both", "--add", 4, "shared")
+    maurice("events", "both/edges", "--add", 4, "own")
+    parts = json.loads(maurice("events", "both", "--kind", "bookmark", "--json")[0])["runs"]
     assert [[one["text"] for one in part["events"]] for part in parts] == [["shared"], ["shared", "own"]]
-    assert [one["text"] for one in listed(typed, "both/edges", "--kind", "bookmark")] == ["own"]
+    assert [one["text"] for one in listed("both/edges", "--kind", "bookmark")] == ["own"]
 
 
-def test_broken_bookmarks_are_said_and_kept(runs: Path, typed: Type) -> None:
-    typed("events", "kept", "--add", 2, "good")
+def test_broken_bookmarks_are_said_and_kept(runs: Path) -> None:
+    maurice("events", "kept", "--add", 2, "good")
     file = bookmarks_file(runs / "kept")
     file.write_bytes(file.read_bytes() + b"{broken\n")
-    out, err = typed("events", "kept", "--kind", "bookmark")
+    out, err = maurice("events", "kept", "--kind", "bookmark")
     assert "bookmarks.jsonl:2" in one_line(err)
     assert "good" in out
-    typed("events", "kept", "--remove", 2)
+    maurice("events", "kept", "--remove", 2)
     assert file.read_bytes() == b"{broken\n"
 
 
@@ -186,31 +143,29 @@ def test_broken_bookmarks_are_said_and_kept(runs: Path, typed: Type) -> None:
         (["nowhere", "--add", 3, "a"], 1, "expected a saved run's folder"),
     ],
 )
-def test_what_is_wrong_is_said(
-    args: list[str | int], status: int, said: str, runs: Path, typed: Type
-) -> None:
-    assert said in " ".join(typed("events", *args, expect=status)[1].split())
+def test_what_is_wrong_is_said(args: list[str | int], status: int, said: str, runs: Path) -> None:
+    assert said in " ".join(maurice("events", *args, expect=status)[1].split())
     assert not bookmarks_file(runs / "kept").exists()
 
 
-def test_replay_and_verify_do_not_mind_bookmarks(runs: Path, made: Path, typed: Type) -> None:
+def test_replay_and_verify_do_not_mind_bookmarks(runs: Path, made: Path) -> None:
     for name in ("kept", "both"):
-        typed("events", name, "--add", 4, "note")
+        maurice("events", name, "--add", 4, "note")
     whole = {
-        name: json.loads(typed(name, "--no-recording", "--json")[0])["runs"] for name in ("kept", "both")
+        name: json.loads(maurice(name, "--no-recording", "--json")[0])["runs"] for name in ("kept", "both")
     }
     assert [run["updates"] for some in whole.values() for run in some] == [14, 14, 14]
     shutil.copytree(runs / "kept", made / "noted")
-    assert "the same, all 14 steps" in typed("verify", made / "noted")[0]
+    assert "the same, all 14 steps" in maurice("verify", made / "noted")[0]
 
 
-def test_without_truth_nothing_is_judged(runs: Path, made: Path, typed: Type) -> None:
+def test_without_truth_nothing_is_judged(runs: Path, made: Path) -> None:
     log = made / "no truth.log"
     lines = (made / "session.log").read_text().splitlines(keepends=True)
     log.write_text("".join(line for line in lines if '"truth"' not in line))
-    typed(log, "--particles", 50, "--run", "blind", "--no-recording")
+    maurice(log, "--particles", 50, "--run", "blind", "--no-recording")
     assert {"lost", "localized", "recovered", "beyond-three-sigma"}.isdisjoint(
-        str(one["kind"]) for one in listed(typed, "blind", "--all")
+        str(one["kind"]) for one in listed("blind", "--all")
     )
 
 
@@ -229,10 +184,8 @@ def test_without_truth_nothing_is_judged(runs: Path, made: Path, typed: Type) ->
         (["nowhere", "--step", 3], 1, "expected a saved run's folder"),
     ],
 )
-def test_what_is_wrong_with_a_jump_is_said(
-    args: list[str | int], status: int, said: str, runs: Path, typed: Type
-) -> None:
-    assert said in " ".join(typed("jump", *args, expect=status)[1].split())
+def test_what_is_wrong_with_a_jump_is_said(args: list[str | int], status: int, said: str, runs: Path) -> None:
+    assert said in " ".join(maurice("jump", *args, expect=status)[1].split())
 
 
 @pytest.fixture
@@ -271,16 +224,13 @@ def settled(port: int, place: tuple[str, int]) -> bool:
 
 @pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
 def test_jump_moves_the_viewer_that_replay_opened(
-    runs: Path,
-    typed: Type,
-    screen: list[subprocess.Popen[bytes]],
-    monkeypatch: pytest.MonkeyPatch,
+    runs: Path, screen: list[subprocess.Popen[bytes]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sinks, "has_display", lambda: True)
-    typed("kept")
+    maurice("kept")
     (open_one,) = open_viewers.open_viewers()
     assert (open_one.pid, open_one.name) == (screen[0].pid, "kleine Fahrt")
-    typed("events", "kept", "--add", 12, "odd turn")
+    maurice("events", "kept", "--add", 12, "odd turn")
     for args, place in (
         (("--to", "kidnapped"), ("step", 5)),
         (("--to", "lights-changed", "--phase", "weight"), ("phase", 62)),
@@ -288,39 +238,39 @@ def test_jump_moves_the_viewer_that_replay_opened(
         (("--step", 7), ("step", 7)),
         (("--step", 3, "--phase", "predict", "--port", open_one.port), ("phase", 18)),
     ):
-        out, err = typed("jump", "kept", *args)
+        out, err = maurice("jump", "kept", *args)
         assert (out.count("\n"), err) == (1, "")
         assert settled(open_one.port, place), args
     screen[0].kill()
     screen[0].wait()
-    assert "no viewer is open" in one_line(typed("jump", "kept", "--step", 7, expect=1)[1])
+    assert "no viewer is open" in one_line(maurice("jump", "kept", "--step", 7, expect=1)[1])
 
 
-def test_a_viewer_of_another_session_is_not_moved(runs: Path, typed: Type) -> None:
+def test_a_viewer_of_another_session_is_not_moved(runs: Path) -> None:
     import socket
 
     with socket.create_server((viewer.HOST, 0)) as listener:
         port = int(listener.getsockname()[1])
         open_viewers.remember(os.getpid(), port)
         open_viewers.remember_recording(port, "another drive", "an id")
-        line = one_line(typed("jump", "kept", "--step", 7, expect=1)[1])
+        line = one_line(maurice("jump", "kept", "--step", 7, expect=1)[1])
     assert "the open viewers show 'another drive', not 'kleine Fahrt'" in line
 
 
-def test_a_run_that_ended_early_does_not_cut_the_others_short(runs: Path, made: Path, typed: Type) -> None:
-    whole = json.loads(typed("events", "both", "--all", "--json")[0])["runs"]
+def test_a_run_that_ended_early_does_not_cut_the_others_short(runs: Path, made: Path) -> None:
+    whole = json.loads(maurice("events", "both", "--all", "--json")[0])["runs"]
     for table in ("particles", "renewed", "steps"):
         (part,) = (runs / "both" / "edges" / table).glob("*.parquet")
         part.unlink()
     manifest = runs / "both" / "edges" / "manifest.json"
     held = json.loads(manifest.read_text()) | {"state": "writing", "steps": None}
     manifest.write_text(json.dumps(held))
-    cut = json.loads(typed("events", "both", "--all", "--json")[0])["runs"]
+    cut = json.loads(maurice("events", "both", "--all", "--json")[0])["runs"]
     assert cut[0] == whole[0]
     assert cut[1] == {"label": "edges", "events": []}
 
 
-def test_parted_runs_say_so_at_the_second(runs: Path, typed: Type) -> None:
+def test_parted_runs_say_so_at_the_second(runs: Path) -> None:
     """Moved apart by hand: from step 6 on the second run's estimate is a metre away."""
     import polars as pl
 
@@ -329,7 +279,7 @@ def test_parted_runs_say_so_at_the_second(runs: Path, typed: Type) -> None:
     table, first = pl.read_parquet(file), pl.read_parquet(other)
     moved = first["estimate_x_m"] + pl.Series([0.0] * 5 + [1.0] * 9)
     table.with_columns(moved.alias("estimate_x_m"), first["estimate_y_m"]).write_parquet(file)
-    parts = json.loads(typed("events", "both", "--kind", "parted", "--json")[0])["runs"]
+    parts = json.loads(maurice("events", "both", "--kind", "parted", "--json")[0])["runs"]
     (event,) = parts[1]["events"]
     assert parts[0]["events"] == []
     assert event["step"] == 7

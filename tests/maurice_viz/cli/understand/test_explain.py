@@ -1,51 +1,29 @@
 """`maurice-replay explain` as a person uses it."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner
 
-from maurice_viz.cli.app import app
+from helpers.commands import maurice, one_line, run
 from maurice_viz.viewer.snapshot import software_driver
-
-Explain = Callable[..., tuple[str, str]]
 
 
 @pytest.fixture
-def saved(small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def saved(small_session: Path, tmp_path: Path) -> Path:
     """Save a run to a folder with a name in another script."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
     kept = tmp_path / "gefüllt 東"
-    options = ["--particles", "200", "--run", str(kept), "--no-recording", "--json"]
-    done = CliRunner().invoke(app, [str(small_session), *options])
-    assert done.exit_code == 0, done.stderr
+    run(small_session, "--particles", 200, "--run", kept, "--no-recording")
     return kept
 
 
-@pytest.fixture
-def ask() -> Explain:
-    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
-        done = CliRunner().invoke(app, ["explain", *(str(arg) for arg in args)])
-        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
-        return done.stdout, done.stderr
-
-    return run
+def ask(*words: object, expect: int = 0) -> tuple[str, str]:
+    return maurice("explain", *words, expect=expect)
 
 
-def one_line(err: str) -> str:
-    (line,) = err.strip().splitlines()
-    return line
-
-
-def test_it_says_why_and_writes_a_recording_named_after_run_and_step(saved: Path, ask: Explain) -> None:
+def test_it_says_why_and_writes_a_recording(saved: Path) -> None:
     out, err = ask(saved, "--step", "4")
     assert out.startswith("blended, step 4\n")
     assert "matches the picture best" in out
@@ -60,14 +38,11 @@ def test_it_says_why_and_writes_a_recording_named_after_run_and_step(saved: Path
     assert steps == {4}
     assert "--force" in one_line(ask(saved, "--step", "4", "--json", expect=1)[1])
     ask(saved, "--step", "4", "--force")
-
-
-def test_the_last_step_is_the_default(saved: Path, ask: Explain) -> None:
     assert ask(saved, "--no-recording")[0].startswith("blended, step 14\n")
     assert not list(Path().glob("*.rrd"))
 
 
-def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved: Path, ask: Explain) -> None:
+def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved: Path) -> None:
     def asked(*options: str) -> dict[str, object]:
         found = json.loads(ask(saved, "--step", "3", "--no-recording", "--json", *options)[0])
         first: dict[str, object] = found["runs"][0]["explained"][0]
@@ -96,39 +71,31 @@ def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved: Path, ask: Expla
         (("-o", "out.jpg"), 1, "a picture's name ends in .png"),
     ],
 )
-def test_what_cannot_be_is_said(
-    saved: Path, ask: Explain, options: tuple[str, ...], status: int, words: str
-) -> None:
+def test_what_cannot_be_is_said(saved: Path, options: tuple[str, ...], status: int, words: str) -> None:
     _, err = ask(saved, *options, expect=status)
     assert words in " ".join(err.replace("│", " ").split())
 
 
-def test_a_run_whose_library_is_gone_cannot_be_explained(saved: Path, ask: Explain, tmp_path: Path) -> None:
+def test_a_run_whose_library_is_gone_cannot_be_explained(saved: Path, tmp_path: Path) -> None:
     shutil.move(tmp_path / "survey.log", tmp_path / "elsewhere.log")
     _, err = ask(saved, expect=1)
     assert "cannot be explained without its session and library" in err.strip().splitlines()[-1]
     assert "Traceback" not in err
 
 
-def test_no_saved_run_is_one_line(ask: Explain, tmp_path: Path) -> None:
+def test_no_saved_run_is_one_line(tmp_path: Path) -> None:
     assert "Traceback" not in one_line(ask(tmp_path, expect=1)[1])
 
 
-def test_of_a_comparison_one_run_is_chosen(
-    small_session: Path, ask: Explain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(
-        app, ["compare", str(small_session), "--particles", "50", "--run", "both", "--no-recording"]
-    )
-    assert done.exit_code == 0, done.stderr
+def test_of_a_comparison_one_run_is_chosen(small_session: Path) -> None:
+    run("compare", small_session, "--particles", 50, "--run", "both", "--no-recording")
     words = one_line(ask("both", "--no-recording", expect=1)[1])
     assert "holds the runs color, blended; choose one with --run-label" in words
     assert ask("both", "--run-label", "color", "--no-recording")[0].startswith("color, step 14")
 
 
 @pytest.mark.skipif(software_driver() is None, reason="pictures need Mesa's software Vulkan driver")
-def test_a_picture_is_the_real_viewers(saved: Path, ask: Explain) -> None:
+def test_a_picture_is_the_real_viewers(saved: Path) -> None:
     import cv2
 
     _, err = ask(saved, "--step", "2", "-o", "warum.png")
@@ -141,8 +108,6 @@ def test_a_picture_is_the_real_viewers(saved: Path, ask: Explain) -> None:
     assert "--force" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])
 
 
-def test_without_a_driver_a_line_names_the_package(
-    saved: Path, ask: Explain, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_driver_a_line_names_the_package(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     assert "mesa-vulkan-drivers" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])

@@ -1,42 +1,19 @@
 """`maurice-replay snapshot`, as a person types it; with the real viewer where a renderer is there."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from PIL import Image
-from typer.testing import CliRunner
 
-from maurice_viz.cli.app import app
+from helpers.commands import maurice, one_line
 from maurice_viz.viewer.snapshot import software_driver
 
 needs_renderer = pytest.mark.skipif(
     software_driver() is None,
     reason="no software Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1",
 )
-Maurice = Callable[..., tuple[str, str]]
-
-
-@pytest.fixture
-def maurice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Maurice:
-    """Run a command in the test's folder, where there is no display; give what it printed."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*args: str | Path, expect: int = 0) -> tuple[str, str]:
-        done = CliRunner().invoke(app, [str(arg) for arg in args])
-        assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
-        return done.stdout, done.stderr
-
-    return run
-
-
-def one_line(err: str) -> str:
-    (line,) = err.strip().splitlines()
-    return line
 
 
 def shape(file: Path) -> tuple[int, ...]:
@@ -63,11 +40,11 @@ def shape(file: Path) -> tuple[int, ...]:
         ("-o", "a.png", "--layout", "none-such"),
     ],
 )
-def test_what_contradicts_itself_is_a_usage_error(maurice: Maurice, words: tuple[str, ...]) -> None:
+def test_what_contradicts_itself_is_a_usage_error(words: tuple[str, ...]) -> None:
     assert "Usage" in maurice("snapshot", "kept", *words, expect=2)[1]
 
 
-def test_bad_sources_are_a_line(maurice: Maurice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_sources_are_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maurice_viz.viewer.snapshot.software_driver", lambda: Path("driver.json"))
     assert "no such recording" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert "found no manifest.json" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
@@ -76,14 +53,14 @@ def test_bad_sources_are_a_line(maurice: Maurice, tmp_path: Path, monkeypatch: p
     assert (tmp_path / "a.png").read_bytes() == b"earlier"
 
 
-def test_without_a_driver_the_package_is_named(maurice: Maurice, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_driver_the_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "--movie", "a.gif", expect=1)[1])
 
 
 @needs_renderer
-def test_pictures_of_a_saved_run(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+def test_pictures_of_a_saved_run(small_session: Path, tmp_path: Path) -> None:
     maurice(small_session, "--particles", "100", "--run", "kept", "--no-recording")
     out, err = maurice("snapshot", "kept", "-o", "belief.png", "--step", "7", "--view", "belief",
                        "--size", "900x600")  # fmt: skip
@@ -96,7 +73,7 @@ def test_pictures_of_a_saved_run(small_session: Path, maurice: Maurice, tmp_path
 
 @pytest.mark.slow
 @needs_renderer
-def test_pictures_and_a_movie_of_a_recording(small_session: Path, maurice: Maurice, tmp_path: Path) -> None:
+def test_pictures_and_a_movie_of_a_recording(small_session: Path, tmp_path: Path) -> None:
     maurice(small_session, "--particles", "100", "--save", "a.rrd")
     maurice(
         "snapshot", "a.rrd", "-o", "weight.png", "--step", "7", "--phase", "weight", "--layout", "overview"

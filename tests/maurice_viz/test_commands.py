@@ -1,21 +1,17 @@
 """The commands as a person runs them: what they print, what they write, how they fail."""
 
-import contextlib
 import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner
 
-from maurice_viz.cli.app import app
+from helpers.commands import COMMAND, failure, no_display, process, run, runs_of
 
-COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
     "position_error_final_m", "heading_error_mean_rad", "localized_at_update", "localized_share", "lost",
@@ -23,72 +19,28 @@ RUN_KEYS = {
 }  # fmt: skip
 
 
-def no_display() -> dict[str, str]:
-    return {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-
-
-def process(*args: str | Path, cwd: Path, expect: int = 0, **env: str) -> subprocess.CompletedProcess[str]:
-    """Run the command in a folder, as in a terminal without a display; this takes seconds to start."""
-    done = subprocess.run(
-        [*COMMAND, *map(str, args)],
-        cwd=cwd,
-        env=no_display() | env,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == expect, (done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done
-
-
-def maurice(*args: str | Path, cwd: Path, expect: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run the command as `process` does, in this one."""
-    words = [str(arg) for arg in args]
-    with contextlib.chdir(cwd):
-        done = CliRunner(env={"DISPLAY": None, "WAYLAND_DISPLAY": None}).invoke(app, words)
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    assert done.exit_code == expect, (done.stdout, done.stderr)
-    return subprocess.CompletedProcess(words, done.exit_code, done.stdout, done.stderr)
-
-
-def one_line(done: subprocess.CompletedProcess[str]) -> str:
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, done.stderr
-    return lines[0]
-
-
 def test_a_session_alone_writes_a_recording_and_a_table(small_session: Path, tmp_path: Path) -> None:
-    done = process(small_session, cwd=tmp_path)
+    done = process(small_session)
     assert "session.rrd written; open it with:" in done.stderr
     assert "position error, mean (m)" in done.stdout
     assert "blended" in done.stdout
     assert RrdReader(tmp_path / "session.rrd").recordings()[0].application_id == "maurice-replay"
-    again = process(small_session, cwd=tmp_path, expect=1)
-    assert "--force" in one_line(again)
-    maurice(small_session, "--force", cwd=tmp_path)
+    assert "--force" in failure(small_session)
+    run(small_session, "--force")
 
 
-def test_json_has_the_documented_keys_and_nothing_else_is_on_stdout(
-    small_session: Path, tmp_path: Path
-) -> None:
-    done = maurice("--json", "--seed", "3", small_session, "--no-recording", cwd=tmp_path)
-    (run,) = json.loads(done.stdout)["runs"]
-    assert set(run) >= RUN_KEYS
-    assert run["label"] == "blended"
-    assert run["updates"] == 14
-    assert 0 < run["position_error_mean_m"] < 0.5
-    assert run["lost"] is False
+def test_json_has_the_documented_keys_and_repeats(small_session: Path, tmp_path: Path) -> None:
+    done = run("--json", "--seed", "3", small_session, "--no-recording")
+    (found,) = json.loads(done.stdout)["runs"]
+    assert set(found) >= RUN_KEYS
+    assert found["label"] == "blended"
+    assert found["updates"] == 14
+    assert 0 < found["position_error_mean_m"] < 0.5
+    assert found["lost"] is False
     assert not list(tmp_path.glob("*.rrd"))
 
-
-def test_the_same_seed_prints_the_same_figures(small_session: Path, tmp_path: Path) -> None:
-    def figures(seed: str) -> dict[str, object]:
-        done = maurice(small_session, "--json", "--no-recording", "--seed", seed, cwd=tmp_path)
-        run = json.loads(done.stdout)["runs"][0]
-        del run["steps_per_s"]
-        return dict(run)
+    def figures(seed: str) -> list[dict[str, object]]:
+        return runs_of(run(small_session, "--json", "--no-recording", "--seed", seed).stdout)
 
     assert figures("1") == figures("1")
     assert figures("1") != figures("2")
@@ -106,7 +58,7 @@ def test_compare_has_a_column_and_a_branch_for_each_run(small_session: Path, tmp
         "both.rrd",
         "--json",
     ]
-    done = maurice(*args, cwd=tmp_path)
+    done = run(*args)
     assert [run["label"] for run in json.loads(done.stdout)["runs"]] == ["edges", "edges-2"]
     paths = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}
     assert any(path.startswith("/edges/") for path in paths)
@@ -118,58 +70,55 @@ def test_without_truth_figures_are_null_and_the_replay_still_draws(
 ) -> None:
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(line for line in lines if '"truth"' not in line))
-    done = maurice(small_session, "--json", cwd=tmp_path)
-    (run,) = json.loads(done.stdout)["runs"]
-    assert run["position_error_mean_m"] is None
-    assert run["lost"] is None
-    assert run["distance_m"] == pytest.approx(14 * 0.12)
+    (found,) = runs_of(run(small_session, "--json").stdout)
+    assert found["position_error_mean_m"] is None
+    assert found["lost"] is None
+    assert found["distance_m"] == pytest.approx(14 * 0.12)
     assert (tmp_path / "session.rrd").exists()
 
 
 def test_one_picture_is_enough(small_session: Path, tmp_path: Path) -> None:
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(lines[:4]))
-    (run,) = json.loads(maurice(small_session, "--json", cwd=tmp_path).stdout)["runs"]
-    assert run["updates"] == 1
-    assert run["position_error_mean_m"] is None  # scored from the fourth update on
+    (found,) = runs_of(run(small_session, "--json").stdout)
+    assert found["updates"] == 1
+    assert found["position_error_mean_m"] is None  # scored from the fourth update on
 
 
 def test_starts(small_session: Path, tmp_path: Path) -> None:
-    maurice(small_session, "--no-recording", "--start", "global", cwd=tmp_path)
-    maurice(small_session, "--no-recording", "--start", "1.6,0.6,17", cwd=tmp_path)
-    wrong = maurice(small_session, "--no-recording", "--start", "somewhere", cwd=tmp_path, expect=2)
+    run(small_session, "--no-recording", "--start", "global")
+    run(small_session, "--no-recording", "--start", "1.6,0.6,17")
+    wrong = run(small_session, "--no-recording", "--start", "somewhere", expect=2)
     assert "X,Y,HEADING in m and degrees" in " ".join(wrong.stderr.replace("│", " ").split())
 
 
 def test_library_build_show_and_use(small_session: Path, tmp_path: Path) -> None:
-    maurice("library", "build", "survey.log", "-o", "kept", cwd=tmp_path)
-    assert "--force" in one_line(
-        maurice("library", "build", "survey.log", "-o", "kept", cwd=tmp_path, expect=1)
-    )
-    facts = json.loads(maurice("library", "show", "kept", "--json", cwd=tmp_path).stdout)
+    run("library", "build", "survey.log", "-o", "kept")
+    assert "--force" in failure("library", "build", "survey.log", "-o", "kept")
+    facts = json.loads(run("library", "show", "kept", "--json").stdout)
     assert facts["entries"] == 160
     assert facts["places"] == 20
     assert set(facts["channels"]) >= {"color", "edges", "chromaticity"}
-    assert "160 pictures" in maurice("library", "show", "survey.log", cwd=tmp_path).stdout
-    kept = maurice(small_session, "--json", "--no-recording", "--library", "kept", cwd=tmp_path)
-    named = maurice(small_session, "--json", "--no-recording", cwd=tmp_path)
+    assert "160 pictures" in run("library", "show", "survey.log").stdout
+    kept = run(small_session, "--json", "--no-recording", "--library", "kept")
+    named = run(small_session, "--json", "--no-recording")
     errors = [json.loads(d.stdout)["runs"][0]["position_error_mean_m"] for d in (kept, named)]
     assert errors[0] == errors[1]
 
 
 def test_inspect(small_session: Path, tmp_path: Path) -> None:
-    facts = json.loads(maurice("inspect", small_session, "--json", cwd=tmp_path).stdout)
+    facts = json.loads(run("inspect", small_session, "--json").stdout)
     assert facts["records"]["image"] == 14
     assert facts["truth_share"] == 1.0
-    assert "kleine Fahrt" in maurice("inspect", small_session, cwd=tmp_path).stdout
+    assert "kleine Fahrt" in run("inspect", small_session).stdout
 
 
 def test_keep_going_skips_counts_and_says_so(small_session: Path, tmp_path: Path) -> None:
     lines = small_session.read_text().splitlines(keepends=True)
     lines[4] = "{broken\n"
     small_session.write_text("".join(lines))
-    assert "session.log:5:" in one_line(maurice(small_session, "--no-recording", cwd=tmp_path, expect=1))
-    done = maurice(small_session, "--no-recording", "--keep-going", cwd=tmp_path)
+    assert "session.log:5:" in failure(small_session, "--no-recording")
+    done = run(small_session, "--no-recording", "--keep-going")
     assert "skipped 1 broken record" in done.stderr
 
 
@@ -190,22 +139,21 @@ def test_keep_going_skips_counts_and_says_so(small_session: Path, tmp_path: Path
 def test_bad_sessions_give_one_line_and_status_1(make: object, said: str, tmp_path: Path) -> None:
     bad = tmp_path / "bad.log"
     make(bad)  # type: ignore[operator]  # a lambda of the table above
-    assert said in one_line(maurice(bad, cwd=tmp_path, expect=1))
+    assert said in failure(bad)
 
 
-def test_a_mistyped_command_is_named(tmp_path: Path) -> None:
-    assert "did you mean the command compare" in one_line(maurice("compair", cwd=tmp_path, expect=1))
-
-
-def test_bad_options_are_status_2(small_session: Path, tmp_path: Path) -> None:
+def test_mistakes_are_one_line(tmp_path: Path, small_session: Path) -> None:
+    assert "did you mean the command compare" in failure("compair")
+    assert "found a survey log" in failure("survey.log")
     for option in (
         ["--feature", "smell"],
         ["--resampler", "fair"],
         ["--sharpness", "nan"],
         ["--particles", "0"],
     ):
-        maurice(small_session, *option, cwd=tmp_path, expect=2)
-    maurice("compare", small_session, "--feature", "color", cwd=tmp_path, expect=2)
+        run(small_session, *option, expect=2)
+    run("compare", small_session, "--feature", "color", expect=2)
+    run(small_session, "--no-recording", "--save", "x.rrd", expect=2)
 
 
 def test_bad_motion_parameters_name_the_header(small_session: Path, tmp_path: Path) -> None:
@@ -213,7 +161,7 @@ def test_bad_motion_parameters_name_the_header(small_session: Path, tmp_path: Pa
     header = json.loads(lines[0])
     header["robot"] = {"name": "Maurice", "motion": {"model": "maurice", "turn_gian": 0.7}}
     small_session.write_text("".join([json.dumps(header) + "\n", *lines[1:]]))
-    said = one_line(maurice(small_session, cwd=tmp_path, expect=1))
+    said = failure(small_session)
     assert "session.log:1:" in said
     assert "turn_gian" in said
 
@@ -224,9 +172,7 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(
 ) -> None:
     """Stop a replay that is slow because it has very many particles."""
     args = [*COMMAND, str(small_session), "--particles", "300000", "--run", "kept", "--json"]
-    with subprocess.Popen(
-        args, cwd=tmp_path, env=no_display(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as going:
+    with subprocess.Popen(args, env=no_display(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as going:
         while not any((tmp_path / "kept" / "steps").glob("0*.parquet")):  # one a step, as these are large
             assert going.poll() is None, "it should still be running"
             time.sleep(0.02)
@@ -234,8 +180,8 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(
         out, err = going.communicate(timeout=120)
     assert going.returncode == status, err.decode()
     assert b"Traceback" not in err
-    (run,) = json.loads(out)["runs"]
-    assert 0 < run["updates"] < 14
+    (found,) = json.loads(out)["runs"]
+    assert 0 < found["updates"] < 14
     assert RrdReader(tmp_path / "session.rrd").recordings()
 
 
@@ -243,9 +189,9 @@ def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(
     small_session: Path, tmp_path: Path
 ) -> None:
     args = [small_session, "--no-recording", "--start"]
-    assert "outside the map" in one_line(maurice(*args, "-100,-100,0", cwd=tmp_path, expect=1))
-    maurice(*args, "1e300,0,0", cwd=tmp_path, expect=2)
-    on_a_wall = maurice(*args, "0,1,180", cwd=tmp_path)
+    assert "outside the map" in failure(*args, "-100,-100,0")
+    run(*args, "1e300,0,0", expect=2)
+    on_a_wall = run(*args, "0,1,180")
     assert "not in the map's free space" in on_a_wall.stderr
     assert "all weights were zero" in on_a_wall.stderr
 
@@ -259,33 +205,25 @@ def test_a_map_without_free_space_is_refused(small_session: Path, tmp_path: Path
     (tmp_path / "survey.log").write_text("\n".join([json.dumps(info), *rest]) + "\n")
     (tmp_path / "c.toml").write_text(f'recovery.strategy = "{strategy}"\n')
     args = [small_session, "--no-recording", "--config", "c.toml"]
-    assert "has no free space" in one_line(maurice(*args, cwd=tmp_path, expect=1))
-
-
-def test_a_survey_is_no_session(small_session: Path, tmp_path: Path) -> None:
-    assert "found a survey log" in one_line(maurice("survey.log", cwd=tmp_path, expect=1))
+    assert "has no free space" in failure(*args)
 
 
 def test_a_dead_display_counts_as_none(small_session: Path, tmp_path: Path) -> None:
-    done = process(small_session, cwd=tmp_path, DISPLAY=":987")
+    done = process(small_session, DISPLAY=":987")
     assert "writing a file instead" in done.stderr
     assert (tmp_path / "session.rrd").exists()
-
-
-def test_save_and_no_recording_exclude_each_other(small_session: Path, tmp_path: Path) -> None:
-    maurice(small_session, "--no-recording", "--save", "x.rrd", cwd=tmp_path, expect=2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("section", ["Your first five minutes", "A robot of ours"])
 def test_the_commands_of_the_readme(section: str, tmp_path: Path) -> None:
     """Type its commands one after the other in one folder, as a newcomer does."""
-    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
     block = text.split(f"## {section}")[1].split("```")[1]
     typed = [line.split("#")[0].split() for line in block.splitlines() if line.startswith("maurice-replay ")]
     assert len(typed) >= 4
     for words in typed:
-        process(*words[1:], cwd=tmp_path)
+        process(*words[1:])
     assert (tmp_path / "session.rrd").exists()
 
 
@@ -293,7 +231,7 @@ def test_every_command_and_option_is_documented() -> None:
     """docs/commands.md names every command and every option that --help shows."""
     from maurice_viz.cli.app import COMMANDS, load
 
-    text = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "commands.md").read_text(encoding="utf-8")
     for name, listed in COMMANDS.items():
         assert f"maurice-replay {name}" in text, name
         for parameter in load(listed).params:
