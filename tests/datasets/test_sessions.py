@@ -37,11 +37,8 @@ def test_a_seed_decides_every_byte(demo: SimulationPaths, tmp_path: Path) -> Non
 
 def test_the_session_reads_back(demo: SimulationPaths) -> None:
     log = SessionLog(demo.session)
-    assert log.info.display_units == "in"
-    assert log.info.survey == demo.survey
-    assert log.info.motion is not None
+    assert (log.info.display_units, log.info.survey) == ("in", demo.survey)
     assert log.info.motion["model"] == "maurice"
-    assert log.info.arena is not None
     assert {floor.name for floor in log.info.arena.floors} == {"wood", "carpet"}
     assert log.info.start is not None
     (camera,) = log.info.cameras
@@ -137,5 +134,4 @@ def test_progress_is_told(tmp_path: Path) -> None:
         surveyor=QUICK,
         progress=lambda done, total, what: told.append((done, total, what)),
     )
-    assert told[77] == (78, 78, "survey")
-    assert told[-1] == (2, 2, "session")
+    assert (told[77], told[-1]) == ((78, 78, "survey"), (2, 2, "session"))

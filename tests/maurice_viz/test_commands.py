@@ -33,8 +33,7 @@ def test_json_has_the_documented_keys_and_repeats(small_session: Path, tmp_path:
     done = run("--json", "--seed", "3", small_session, "--no-recording")
     (found,) = json.loads(done.stdout)["runs"]
     assert set(found) >= RUN_KEYS
-    assert found["label"] == "blended"
-    assert found["updates"] == 14
+    assert (found["label"], found["updates"]) == ("blended", 14)
     assert 0 < found["position_error_mean_m"] < 0.5
     assert found["lost"] is False
     assert not list(tmp_path.glob("*.rrd"))
@@ -96,8 +95,7 @@ def test_library_build_show_and_use(small_session: Path, tmp_path: Path) -> None
     run("library", "build", "survey.log", "-o", "kept")
     assert "--force" in failure("library", "build", "survey.log", "-o", "kept")
     facts = json.loads(run("library", "show", "kept", "--json").stdout)
-    assert facts["entries"] == 160
-    assert facts["places"] == 20
+    assert (facts["entries"], facts["places"]) == (160, 20)
     assert set(facts["channels"]) >= {"color", "edges", "chromaticity"}
     assert "160 pictures" in run("library", "show", "survey.log").stdout
     kept = run(small_session, "--json", "--no-recording", "--library", "kept")
@@ -108,8 +106,7 @@ def test_library_build_show_and_use(small_session: Path, tmp_path: Path) -> None
 
 def test_inspect(small_session: Path, tmp_path: Path) -> None:
     facts = json.loads(run("inspect", small_session, "--json").stdout)
-    assert facts["records"]["image"] == 14
-    assert facts["truth_share"] == 1.0
+    assert (facts["records"]["image"], facts["truth_share"]) == (14, 1.0)
     assert "kleine Fahrt" in run("inspect", small_session).stdout
 
 

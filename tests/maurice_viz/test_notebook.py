@@ -16,6 +16,7 @@ import maurice_viz as mv
 from helpers.commands import maurice
 from maurice_loaders.errors import InputError
 
+VIEWER = rerun.notebook.Viewer
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "notebook.ipynb"
 
 
@@ -102,6 +103,8 @@ def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: py
 
 
 def test_a_recording_is_shown_whole(small_session: Path, tmp_path: Path, widget: None) -> None:
+    # not public: a Rerun without it must fail here, not in somebody's notebook
+    assert callable(VIEWER._flush_hook)
     maurice(small_session, "--particles", "50", "--save", "a.rrd")
     shown: Any = mv.show("a.rrd", width=800, height=600)
     assert shown.size == (800, 600)

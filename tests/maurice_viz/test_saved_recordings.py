@@ -29,7 +29,6 @@ def views(session: Path, folder: Path) -> tuple[Path, Path]:
         cv2.imwrite(str(folder / f"v{number}.png"), moment.frame.image[..., ::-1])
         for motion in moment.frame.motions:
             pose = motion * 0 if pose is None else compose(pose, motion)
-        assert pose is not None
         rows.append(f"{500 * number};{pose[0]};{pose[1]};{pose[2]}")
     table = folder.with_name("beside.csv")
     table.write_text("\n".join(rows))

@@ -63,12 +63,12 @@ def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["a.log", "a"])
 def test_other_endings_are_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(sinks.SinkError, match=r"\.rrd"):
+    with pytest.raises(sinks.SinkError, match=r"^[^\n]*\.rrd[^\n]*$"):
         write(tmp_path / name)
 
 
 def test_places_that_cannot_be_written_are_named(tmp_path: Path) -> None:
-    with pytest.raises(sinks.SinkError, match="nowhere"):
+    with pytest.raises(sinks.SinkError, match=r"^[^\n]*nowhere[^\n]*$"):
         write(tmp_path / "nowhere" / "a.rrd")
     (tmp_path / "a.rrd").mkdir()
     with pytest.raises(sinks.SinkError, match="folder"):

@@ -1,12 +1,18 @@
-"""A request to stop waits for the end of an update, and no longer."""
+"""A request to stop waits for the end of an update, and no longer; other failures are one line."""
 
+import errno
 import json
+import os
 import signal
+import subprocess
+import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
@@ -14,6 +20,7 @@ from maurice_loaders.runs.manifest import read_manifest
 from maurice_loaders.runs.writer import RunWriter
 from maurice_viz.app.run import stops_between
 from maurice_viz.cli.app import app
+from maurice_viz.cli.errors import errors_end_the_command
 from maurice_viz.viewer import sinks
 
 
@@ -121,3 +128,69 @@ def test_stopping_while_the_recording_is_written_out_leaves_the_figures(
     assert "14" in done.stdout.replace(" ", "")
     if options:
         assert json.loads(done.stdout)["runs"][0]["updates"] == 14
+
+
+FULL = "maurice-replay: a/b.log: No space left on device"
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (
+            errno.ENOSPC,
+            "maurice-replay: a/b.log: No space left on device; free some space, or write to another disk",
+        ),
+        (errno.EACCES, "maurice-replay: a/b.log: Permission denied"),
+    ],
+)
+def test_an_error_of_the_system_is_one_line(
+    number: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit) as end, errors_end_the_command():
+        raise OSError(number, os.strerror(number), "a/b.log")
+    assert end.value.exit_code == 1
+    assert capsys.readouterr().err == f"{said}\n"
+
+
+LOST = """
+import os, signal, time, maurice_viz.cli.app, maurice_viz.cli.main
+class Lost:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(0.2)
+def app():
+    Lost()
+    time.sleep(60)
+maurice_viz.cli.app.app = app
+maurice_viz.cli.main.main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are otherwise on Windows")
+@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_a_signal_that_comes_in_a_callback_is_not_overheard(name: str, status: int) -> None:
+    began = time.monotonic()
+    code = LOST.format(name=name)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (status, "maurice-replay: stopped\n")
+    assert time.monotonic() - began < 50
+
+
+IGNORED = """
+import os, signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for a job in the background, and nohup
+import maurice_viz.cli.app, maurice_viz.cli.main
+from maurice_viz.app.run import stops_between
+def app():
+    with stops_between() as stops, stops.wait():
+        os.kill(os.getpid(), signal.SIGINT)
+    print("went on")
+maurice_viz.cli.app.app = app
+maurice_viz.cli.main.main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are otherwise on Windows")
+def test_a_job_in_the_background_keeps_ignoring_ctrl_c() -> None:
+    done = subprocess.run([sys.executable, "-c", IGNORED], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "went on\n", "")

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from maurice_mcl.map import Arena
 from maurice_viz import style
+from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels.traces import ALL_TOGETHER, COLORS, EVIDENCE_COLORS
 
 INCHES = style.Scale(style.UNITS["in"])
@@ -77,3 +78,19 @@ def test_colors_follow_weights_and_copies() -> None:
     assert brightness == sorted(brightness)
     assert colors[0] == colors[1] == style.LUT[0]
     assert style.copy_colors(np.array([1, 8])).tolist() == [style.LUT[127], style.LUT[255]]
+
+
+def test_phases_of_a_step_follow_each_other_and_steps_do_not_overlap() -> None:
+    numbers = [phase_number(step, slot) for step in (1, 2) for slot in Phase]
+    assert numbers == list(range(6, 18))
+
+
+def test_paths_stand_under_the_label() -> None:
+    assert RunPaths("color").particles == "/color/belief/particles"
+    assert RunPaths("color").histogram("edges", "sample") == "/color/histogram/edges/sample"
+
+
+@pytest.mark.parametrize("label", ["", "world", "session", "a/b"])
+def test_labels_that_would_collide_are_refused(label: str) -> None:
+    with pytest.raises(ValueError, match="label"):
+        RunPaths(label)

@@ -39,8 +39,7 @@ def smooth(poses: F64) -> F64:
 
 def test_looks_that_follow_the_place_have_no_look_alikes() -> None:
     found = checked(library_of(grid(), smooth(grid())))
-    assert len(found.aliased) == 0
-    assert found.retrieved_right == 1
+    assert (len(found.aliased), found.retrieved_right) == (0, 1)
     assert found.error_m.max() <= STEP_M * 1.5
     assert np.all(np.diff(found.similarity[np.isfinite(found.similarity)]) > 0)
 
@@ -86,8 +85,7 @@ def test_places_are_apart() -> None:
 def test_coverage_finds_the_hole() -> None:
     poses = grid()
     whole = coverage_of(library_of(poses, smooth(poses)), STEP_M)
-    assert whole.covered == 1
-    assert whole.gaps == ()
+    assert (whole.covered, whole.gaps) == (1, ())
     assert whole.directions == pytest.approx(1 / 8)
     left = poses[(poses[:, 0] < 1.5) | (poses[:, 0] > 3.5)]
     holed = coverage_of(library_of(left, smooth(left)), STEP_M)
@@ -104,8 +102,7 @@ def mapless(poses: F64) -> Library:
 def test_without_a_map_only_holes_are_gaps() -> None:
     whole = coverage_of(mapless(grid()), STEP_M)
     assert not whole.mapped
-    assert whole.covered == 1
-    assert whole.gaps == ()
+    assert (whole.covered, whole.gaps) == (1, ())
     assert whole.free_m2 == pytest.approx((COLUMNS - 1) * (ROWS - 1) * STEP_M**2, rel=0.1)
     poses = grid()
     found = coverage_of(mapless(poses[(poses[:, 0] < 1.5) | (poses[:, 0] > 3.0)]), STEP_M)
@@ -116,8 +113,7 @@ def test_without_a_map_only_holes_are_gaps() -> None:
 @pytest.mark.parametrize("count", [1, 2, 8])
 def test_without_a_map_a_way_straight_on_is_covered(count: int) -> None:
     found = coverage_of(mapless(grid()[:count]), STEP_M)
-    assert found.covered == 1
-    assert found.gaps == ()
+    assert (found.covered, found.gaps) == (1, ())
 
 
 def test_a_drive_thinned_by_place_or_heading_has_neighbors_that_look_the_same_way() -> None:

@@ -25,8 +25,7 @@ def test_a_word_out_of_range_is_refused(address):
 
 def test_more_normals_keep_the_first_ones():
     few, many = (normals(stream(1, 5), n) for n in (100, 1000))
-    assert few.shape == (100, 3)
-    assert few.dtype == np.float32
+    assert (few.shape, few.dtype) == ((100, 3), np.float32)
     assert np.array_equal(many[:100], few)
 
 

@@ -107,7 +107,6 @@ def test_a_kidnapped_robot_goes_on_far_away_and_its_wheels_know_nothing(world: W
         _, updates = drive_in(world.arena, seed, 6, kidnap_at=3)
         assert [u.kidnapped_to is not None for u in updates] == [False, False, True, False, False, False]
         there = updates[2].kidnapped_to
-        assert there is not None
         assert np.hypot(*(there - updates[2].pose)[:2]) >= KIDNAP_M
         assert is_free(map_, there[:2])
         assert updates[3].turn.path[0] == pytest.approx(there)
@@ -116,7 +115,6 @@ def test_a_kidnapped_robot_goes_on_far_away_and_its_wheels_know_nothing(world: W
 
 def test_a_given_start_is_where_it_starts(world: World) -> None:
     map_ = raster(world.arena)
-    assert map_ is not None
     here = np.array([*map_.centers[7], 0.5])
     start, updates = drive(Robot(world.arena, 3), map_, 1, start=here)
     assert np.array_equal(start, here)

@@ -74,10 +74,8 @@ def test_a_path_is_fitted_as_large_as_it_can_be_or_not_at_all() -> None:
     found = rastered(room())
     line = np.stack([np.linspace(0, 1, 50), np.zeros(50)], axis=1)
     small = fit(found, line, np.random.default_rng(1))
-    assert small is not None
     assert small.scale == 1
     assert (clearance(found.arena, small.points(line)) > KEEP_M / 2).all()
     large = fit(found, 3 * line, np.random.default_rng(1))
-    assert large is not None
     assert 0.3 <= large.scale <= 0.7
     assert fit(found, 30 * line, np.random.default_rng(1)) is None

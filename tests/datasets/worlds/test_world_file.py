@@ -64,7 +64,6 @@ def refusal(file: Path) -> str:
 
 def test_the_example_of_the_documentation_loads(tmp_path: Path) -> None:
     text = re.search(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
-    assert text is not None
     cv2.imwrite(str(tmp_path / "poster.png"), np.full((40, 30, 3), 200, np.uint8))
     for seed in range(5):
         world = load_world(write(tmp_path, text[1]), seed)

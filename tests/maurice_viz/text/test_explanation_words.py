@@ -47,7 +47,6 @@ def test_it_names_where_most_is_lost() -> None:
     reference[56 + 10 : 56 + 13] = 8.0
     mine, best = channel("color", nats, nothing, reference), channel("color", nothing, nothing, nothing)
     where = where_lost(mine, best)
-    assert where is not None
     assert where.name == "blue 96 to 119"  # 16 + 8 * 10 to 16 + 8 * 12 + 7
     assert where.nats == pytest.approx(3.0)
     assert (where.picture, where.reference) == (0, 8)
@@ -56,7 +55,6 @@ def test_it_names_where_most_is_lost() -> None:
     nats[5:12] = (1, 1, 1, 2, 2, 2, 2)
     mine, best = channel("color", nats, sample, reference), channel("color", 0 * nats, sample, sample)
     where = where_lost(mine, best)
-    assert where is not None
     assert (where.picture, where.reference) == (0, 15)
     same = np.ones(84, np.float32)
     assert where_lost(channel("color", same, same, same), channel("color", same, same, same)) is None
@@ -85,7 +83,6 @@ def test_the_sentences_name_winner_truth_and_estimate(library: Library) -> None:
     for who, words in (("truth", "nearest to the truth"), ("estimate", "nearest to the estimate")):
         found = step.of(who)
         assert words in text
-        assert found is not None
         assert found.entry is None or str(found.entry.rank) in text
     assert "Particles are weighed by the references around them" in text
 

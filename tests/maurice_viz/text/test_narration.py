@@ -1,12 +1,19 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from rich.console import Console
 
 from helpers import viz_fakes as fakes
+from maurice_mcl.analysis.metrics import Scorer, Success
 from maurice_mcl.records import Belief, Estimate, uniform_log_weights
+from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase
-from maurice_viz.style import UNITS, Scale
+from maurice_viz.playback import RunResult
+from maurice_viz.style import UNITS, Scale, units_named
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
+from maurice_viz.text.summary import to_json
 
 INCHES = Scale(UNITS["in"])
 INCH = 0.0254
@@ -100,3 +107,41 @@ def test_who_gained_and_who_lost_is_told_with_places() -> None:
         f"doubled their weight; 2 particles about (-0.5, 0.0) in, most of them compared with entry 3 "
         f"({quality[3]:.3f}), lost more than half of theirs. "
     )
+
+
+ROWS = ("localized (thesis, sd < 10 %)", "localized (thesis, one foot)")
+
+
+def _result(*success):
+    return RunResult("one", replace(Scorer().result(), success=success), None)
+
+
+def _cells(result):
+    console = Console(width=100)
+    with console.capture() as capture:
+        console.print(to_table([result], units_named("in"), "drive"))
+    lines = [[c.strip() for c in line.strip("│").split("│")] for line in capture.get().splitlines()]
+    found = {line[0]: line[1] for line in lines if len(line) == 2}
+    return [found[row] for row in ROWS]
+
+
+SHOWN = {
+    "update 24, 100.0 in, 215 s": Success("circle", 24, 2.54, 215.2),
+    "left the truth at 30": Success("circle", 24, 2.54, 215.2, "left", 30),
+    "no, 5 min over": Success("circle", failed="time", failed_at_update=40),
+    "no": Success("circle"),
+}
+
+
+@pytest.mark.parametrize("shown", SHOWN)
+def test_the_row_says_when_or_how_it_failed(shown):
+    assert _cells(_result(Success("tenth"), SHOWN[shown])) == ["no", shown]
+
+
+def test_json_has_all_of_it():
+    assert _cells(_result()) == ["-", "-"]
+    assert to_json([_result()])["runs"][0]["thesis_success"] == {}
+    found = to_json([_result(Success("tenth"), SHOWN["left the truth at 30"])])["runs"][0]["thesis_success"]
+    nothing = dict.fromkeys(("at_update", "at_m", "at_s", "failed", "failed_at_update"))
+    expected = {"at_update": 24, "at_m": 2.54, "at_s": 215.2, "failed": "left", "failed_at_update": 30}
+    assert found == {"tenth": nothing, "circle": expected}

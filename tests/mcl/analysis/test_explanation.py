@@ -78,8 +78,7 @@ def test_what_channels_cost_against_the_winner_is_the_whole_gap(world):
     model = _model(world)
     comparison = _compare(model, world)
     winner = explain(comparison, model, int(comparison.quality.argmax()))
-    assert winner.behind == 0
-    assert winner.rank == 1
+    assert (winner.behind, winner.rank) == (0, 1)
     assert not winner.lost_to(winner).any()
     for entry in (0, 40, 300):
         found = explain(comparison, model, entry)
@@ -113,8 +112,7 @@ def test_a_picture_equal_to_a_reference_costs_nothing(world):
     model = _model(world)
     exact = {name: world.library.index[name].references[17] for name in WEIGHTS}
     found = explain(model.compare(exact), model, 17)
-    assert found.rank == 1
-    assert found.behind == 0
+    assert (found.rank, found.behind) == (1, 0)
     for channel in found.channels:
         assert channel.loses == pytest.approx(0, abs=1e-4)
         assert channel.rank == 1

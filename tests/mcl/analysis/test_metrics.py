@@ -145,8 +145,7 @@ def test_updates_without_truth_are_in_no_share():
 
 def test_short_runs_have_few_figures():
     run = Scorer().result()
-    assert run.updates == 0
-    assert run.distance_m == 0
+    assert (run.updates, run.distance_m) == (0, 0)
     assert run.position_error_mean_m is None
     run = _score([_truth(1)] * 3)
     assert run.position_error_mean_m is None

@@ -96,10 +96,6 @@ def test_an_effect_is_found_and_none_where_there_is_none() -> None:
     first = noisy(0.1, 0)
     _, worse = paired(first, noisy(0.2, 1))
     _, alike = paired(first, noisy(0.1, 1))
-    assert worse.position is not None
-    assert alike.position is not None
-    assert worse.position.interval is not None
-    assert alike.position.interval is not None
     assert 0.05 < worse.position.interval[0] < worse.position.mean < worse.position.interval[1] < 0.15
     assert alike.position.interval[0] < 0 < alike.position.interval[1]
     assert worse.position.worse > worse.position.better
@@ -107,7 +103,6 @@ def test_an_effect_is_found_and_none_where_there_is_none() -> None:
 
 def test_the_first_updates_are_left_to_settle_as_in_every_figure() -> None:
     _, result = paired([0.0] * 5, [9.0, 9.0, 9.0, 1.0, 2.0])
-    assert result.position is not None
     assert result.position.updates == 5 - FIRST_SCORED + 1
     assert result.position.mean == pytest.approx(1.5)
     assert result.position.interval is None

@@ -158,7 +158,6 @@ def test_agreement_of_a_perfect_drive_is_perfect() -> None:
     drive = dense_drive(noise=0.0)
     legs = segments_of(drive.truth)
     best = agreement(drive.odometry, legs, readings(drive.odometry)[0])
-    assert best is not None
     assert best.unexplained < 1e-3
     assert best.scale == pytest.approx(1, abs=0.01)
     assert best.gain == pytest.approx(1, abs=0.02)

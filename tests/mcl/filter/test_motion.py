@@ -104,8 +104,7 @@ def test_each_model_keeps_its_inputs_and_the_range_of_headings(model):
     moved = model.move(poses, HERE, np.array([0.3, 0.1, 0.4]), noise)
     assert np.array_equal(poses, kept[0])
     assert np.array_equal(noise, kept[1])
-    assert moved.dtype == np.float32
-    assert moved.shape == poses.shape
+    assert (moved.dtype, moved.shape) == (np.float32, poses.shape)
     assert np.all((moved[:, 2] >= np.float32(-np.pi)) & (moved[:, 2] < np.float32(np.pi)))
     assert (moved[:, 2] < 0).any()
     assert (moved[:, 2] > 0).any()

@@ -60,8 +60,7 @@ def _in_free_space(grid, poses):
 
 def test_evenly_is_even_over_free_space_and_headings(nearest):
     poses = uniform_poses(nearest.grid, N, MIDDLE, stream(9, 1))
-    assert poses.shape == (N, 3)
-    assert poses.dtype == np.float32
+    assert (poses.shape, poses.dtype) == ((N, 3), np.float32)
     assert _in_free_space(nearest.grid, poses)
     free = nearest.grid.free
     block = np.arange(free.size).reshape(free.shape)
@@ -129,8 +128,7 @@ def test_from_likelihood_has_every_entry_in_its_share(nearest, where):
     weight = np.exp(logs.astype(float) + 50) * where.sizes()
     assert shares_of(logs, where) == pytest.approx(weight / weight.sum())
     poses = likely_poses(logs, nearest.grid, where, N, MIDDLE, stream(9, 5))
-    assert poses.shape == (N, 3)
-    assert poses.dtype == np.float32
+    assert (poses.shape, poses.dtype) == ((N, 3), np.float32)
     assert _in_free_space(nearest.grid, poses)
     entries = nearest.entries(poses, MIDDLE)
     entries = entries[entries >= 0]
@@ -202,8 +200,7 @@ def _mix(belief=None, share=0.3, teleport=0.05, logs=LOGS, seed=2):
 
 def test_the_mixture_keeps_its_size_and_copies_first():
     mixed, correction = _mix()
-    assert mixed.size == 1000
-    assert mixed.poses.dtype == np.float32
+    assert (mixed.size, mixed.poses.dtype) == (1000, np.float32)
     assert correction.shape == (1000,)
     assert mixed.weights == pytest.approx(np.full(1000, 1e-3))
     belief = _belief()

@@ -97,12 +97,10 @@ def test_sizes_parents_weights_and_flags(resampler, share, evenly):
     localizer = _choosing(scheme=resampler, when=always, strategy=_asking(share), draw_evenly=evenly)
     _, found = _next(localizer, belief)
     fresh = round(share * 500)
-    assert found.belief.size == 500
-    assert found.belief.poses.dtype == np.float32
+    assert (found.belief.size, found.belief.poses.dtype) == (500, np.float32)
     assert found.belief.weights == pytest.approx(np.full(500, 1 / 500))
     assert found.belief.origin is belief.origin
-    assert found.parents.shape == (500,)
-    assert found.parents.dtype == np.int32
+    assert (found.parents.shape, found.parents.dtype) == ((500,), np.int32)
     assert (found.parents == -1).sum() == fresh
     copied = found.parents >= 0
     assert np.array_equal(found.belief.poses[copied], belief.poses[found.parents[copied]])

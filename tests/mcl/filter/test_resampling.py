@@ -16,8 +16,7 @@ WEIGHTS = np.array([0.02, 0.31, 0.0, 0.17, 0.0003, 0.4, 0.0997, 0.0])
 
 def _counts(resampler, weights, n, rng):
     parents = resampler(weights, n, rng)
-    assert parents.dtype == np.int32
-    assert parents.shape == (n,)
+    assert (parents.dtype, parents.shape) == (np.int32, (n,))
     return np.bincount(parents, minlength=len(weights))
 
 
@@ -271,8 +270,7 @@ def test_the_adapted_size_grows_with_the_spread_and_keeps_its_bounds():
         resampling.adapted_size(_spread(np.clip(unit * s + amid, -3, 3)), p)
         for s in (0.001, 0.05, 0.1, 0.3, 0.6, 3)
     ]
-    assert sizes[0] == 150
-    assert sizes[-1] == 4000
+    assert (sizes[0], sizes[-1]) == (150, 4000)
     assert np.all(np.diff(sizes) >= 0)
     assert len(set(sizes)) >= 4
 

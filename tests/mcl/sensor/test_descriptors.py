@@ -248,8 +248,7 @@ def test_the_edge_image_of_a_step():
     image = _even_gray(50, (20, 40))
     image[:, 20:] = 150
     edges = edge_image(image)
-    assert edges.shape == image.shape
-    assert edges.dtype == np.uint8
+    assert (edges.shape, edges.dtype) == (image.shape, np.uint8)
     profile = edges[10, :, 0].astype(int)
     assert profile.argmax() in (19, 20)
     assert profile[19] == profile[20]

@@ -58,8 +58,7 @@ def test_by_hand(distance, expected):
 def test_never_negative_finite_and_zero_to_itself(name, seed, entries, bins):
     index = _index(seed, entries, bins)
     found = DISTANCES[name](_sample(seed + 1, bins), index)
-    assert found.shape == (entries,)
-    assert found.dtype == np.float32
+    assert (found.shape, found.dtype) == ((entries,), np.float32)
     assert np.isfinite(found).all()
     assert (found >= 0).all()
     itself = [DISTANCES[name](row, index)[k] for k, row in enumerate(index.references)]

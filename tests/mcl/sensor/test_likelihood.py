@@ -58,8 +58,7 @@ def test_every_blend_is_finite_and_falls_where_all_distances_rise(name, quality)
     found = BLENDS[name](distances, np.array([0.3, 0.7]), np.array([0.01, 0.2]), QUALITIES[quality])
     assert np.array_equal(distances, kept)
     for values in (found.distance, found.quality):
-        assert values.shape == (500,)
-        assert values.dtype == np.float32
+        assert (values.shape, values.dtype) == ((500,), np.float32)
         assert np.isfinite(values).all()
     assert np.all(found.distance >= 0)
     assert np.all((found.quality >= 0) & (found.quality <= 1))

@@ -73,7 +73,6 @@ def test_ctrl_c_ends_the_live_robot_with_its_account(tmp_path: Path) -> None:
         text=True,
         env=environment(tmp_path),
     ) as robot:
-        assert robot.stdout is not None
         address = robot.stdout.readline().strip()
         with socket.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE_S) as reader:
             header = json.loads(reader.makefile("rb").readline())

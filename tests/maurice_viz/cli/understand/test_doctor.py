@@ -143,7 +143,6 @@ def test_library_check_prints_and_draws(small_session: Path, tmp_path: Path) -> 
     assert "160 at 20 places; neighbors of one heading are 0.50 m apart" in done.stdout
     assert "100% of" in done.stdout
     image = cv2.imread(out)
-    assert image is not None
     assert image.std() > 10
     assert "--force" in failure("library", "check", survey, "--map", out)
     found = json.loads(run("library", "check", survey, "--json").stdout)

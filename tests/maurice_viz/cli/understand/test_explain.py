@@ -101,7 +101,6 @@ def test_a_picture_is_the_real_viewers(saved: Path) -> None:
     _, err = ask(saved, "--step", "2", "-o", "warum.png")
     assert one_line(err) == "warum.png written"
     picture = cv2.imread("warum.png")
-    assert picture is not None
     assert picture.shape == (1000, 1600, 3)
     assert len(set(map(tuple, picture[::7, ::7].reshape(-1, 3)))) > 200
     assert not list(Path().glob("*.rrd"))

@@ -1,11 +1,14 @@
-"""The ground of a map, keys and texts on pixel images."""
+"""Drawn on pixels or as bars: grounds of maps, keys, texts, histograms and their tensors."""
 
 import numpy as np
 import pytest
+from rerun.components import TensorDataBatch
 
 from helpers import viz_fakes as fakes
+from maurice_mcl.library import ChannelIndex
 from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
+from maurice_viz.drawing.bars import tensor_of, usual_difference
 from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, ascii_of, draw_ground, text_size, ticks
 from maurice_viz.style import OBSTACLE, scale_for
 
@@ -56,3 +59,37 @@ def test_keys_and_texts() -> None:
     assert keys.weight_key(True).shape[1] > keys.weight_key(False).shape[1]
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
+
+
+@pytest.mark.parametrize("length", [1, 2, 84, 168])
+def test_the_short_way_gives_what_rerun_gives(length: int) -> None:
+    values = np.random.default_rng(length).random(length, np.float32)
+    short = tensor_of(values)
+    short.validate(full=True)
+    assert short.equals(TensorDataBatch(values).as_arrow_array())
+
+
+def test_tensors_are_copies() -> None:
+    first = tensor_of(np.array([1, 2], np.float32))
+    second = tensor_of(np.array([3, 4], np.float32))
+    assert not first.equals(second)
+    assert first.equals(TensorDataBatch(np.array([1, 2], np.float32)).as_arrow_array())
+    values = np.arange(8, dtype=np.float32)[::2]
+    assert tensor_of(values).equals(TensorDataBatch(values.copy()).as_arrow_array())
+
+
+def _index(references: list[list[float]]) -> ChannelIndex:
+    held = np.array(references, np.float32)
+    return ChannelIndex(held, np.zeros(held.shape[1], np.float32), held.max(axis=0))
+
+
+@pytest.mark.parametrize(
+    ("references", "distance", "low", "high"),
+    [
+        ([[1, 4], [100, 900], [1.5, 4], [100, 900.5]], "l1", 0.4, 0.5),  # to the most similar reference
+        ([[1, 2]], "hellinger", 1.0, 1.0),  # a single one has nothing to differ from
+        ([[3, 3], [3, 3]], "hellinger", 1e-9, 1.0),  # equal ones still give a visible band
+    ],
+)
+def test_height_of_bands(references: list[list[float]], distance: str, low: float, high: float) -> None:
+    assert low <= usual_difference(_index(references), distance) <= high
