@@ -43,8 +43,8 @@ def test_scored_figures_are_those_of_the_table(saved: Path, tmp_path: Path) -> N
     assert exported["label"] == shown["label"]
     for name in ("mean", "median"):
         assert exported["position_error_m"][name] == pytest.approx(shown[f"position_error_{name}_m"])
-    done = run("export", saved, "--tum", tmp_path / "t.tum", "--only", "truth")
-    assert [file.name for file in tmp_path.glob("*.tum")] == ["t.tum"]
+    run("export", saved, "--tum", tmp_path / "t.tum", "--only", "truth")
+    assert [file.name for file in tmp_path.glob("t*.tum")] == ["t.tum"]
 
 
 def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session: Path, tmp_path: Path) -> None:
@@ -129,9 +129,8 @@ def test_convert_keeps_the_clock_unless_told(small_session: Path, tmp_path: Path
     for option, expected in ((("--t-offset", "100"), first[0] + 100), ((), first[0])):
         run("convert", small_session, tmp_path / "b.log", "--force", *option)
         assert json.loads((tmp_path / "b.log").read_text().splitlines()[1])["t"] == expected
-    asked = ("convert", small_session, tmp_path / "b.log", "--t-offset", "1e15")
-    assert "expected" in failure(*asked)
-    assert not (tmp_path / "b.log").exists()
+    assert "expected" in failure("convert", small_session, tmp_path / "c.log", "--t-offset", "1e15")
+    assert not (tmp_path / "c.log").exists()
 
 
 def test_convert_keeps_going_when_told_so(small_session: Path, tmp_path: Path) -> None:
