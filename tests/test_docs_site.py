@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
     importlib.util.find_spec("mkdocstrings") is None,
     reason="the site's packages are not installed: pip install 'maurice-replay[docs]'",
 )
-def test_the_site_builds_and_has_the_api(tmp_path: Path) -> None:
+def test_the_site_builds_and_has_the_api(tmp_path):
     target = ["--site-dir", str(tmp_path / "site")]
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", *target]  # --quiet counts no warnings
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

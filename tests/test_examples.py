@@ -55,7 +55,7 @@ def _export(page: str, name: str) -> object:
 
 
 @pytest.mark.parametrize(("page", "name"), EXAMPLES)
-def test_every_export_has_a_docstring_whose_example_runs(page: str, name: str) -> None:
+def test_every_export_has_a_docstring_whose_example_runs(page, name):
     export = _export(page, name)
     if not isinstance(export, type) and not callable(export):
         return  # a table: its names are its documentation
@@ -71,6 +71,6 @@ def test_every_export_has_a_docstring_whose_example_runs(page: str, name: str) -
 
 
 @pytest.mark.parametrize("page", FRONT_PAGES)
-def test_unknown_names_are_refused(page: str) -> None:
+def test_unknown_names_are_refused(page):
     with pytest.raises(AttributeError, match="no_such_name"):
         _ = importlib.import_module(page).no_such_name

@@ -152,7 +152,7 @@ def cycle(edges: dict[str, set[str]]) -> list[str]:
 SOURCES = [(folder, file) for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
 
 
-def test_there_is_something_to_check() -> None:
+def test_there_is_something_to_check():
     assert {folder for folder, _ in SOURCES} == set(FOLDERS)
     assert sum(len(targets) for targets in graph().values()) > 300
     assert cycle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
@@ -160,7 +160,7 @@ def test_there_is_something_to_check() -> None:
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_packages_import_one_way(folder: str) -> None:
+def test_packages_import_one_way(folder):
     package = FOLDERS[folder]
     above = set(ORDER[: ORDER.index(package)])
     for file in sorted((ROOT / folder).rglob("*.py")):
@@ -173,12 +173,12 @@ def test_packages_import_one_way(folder: str) -> None:
             assert library not in names or package in allowed, f"{file} imports {library}"
 
 
-def test_no_cycle_between_modules() -> None:
+def test_no_cycle_between_modules():
     assert cycle({name: set(targets) for name, targets in graph().items()}) == []
 
 
 @pytest.mark.parametrize("package", ROOMS)
-def test_rooms_import_one_way(package: str) -> None:
+def test_rooms_import_one_way(package):
     floor = {name: number for number, row in enumerate(ROOMS[package]) for name in row}
     top = len(floor)  # what is not listed stands above all that is
     wrong = defaultdict(set)
@@ -193,7 +193,7 @@ def test_rooms_import_one_way(package: str) -> None:
 
 
 @pytest.mark.parametrize("package", ROOMS)
-def test_no_cycle_between_rooms(package: str) -> None:
+def test_no_cycle_between_rooms(package):
     edges: dict[str, set[str]] = defaultdict(set)
     for name, targets in graph().items():
         if name.startswith(package) and room(name):
@@ -201,20 +201,20 @@ def test_no_cycle_between_rooms(package: str) -> None:
     assert cycle(edges) == []
 
 
-def test_only_the_command_line_knows_the_console() -> None:
+def test_only_the_command_line_knows_the_console():
     for file in sorted((ROOT / "maurice_viz").rglob("*.py")):
         if "cli" not in file.parts:
             assert not outside(file) & {"typer", "rich", "click"}, file
 
 
-def test_only_the_command_line_prints() -> None:
+def test_only_the_command_line_prints():
     for _, file in SOURCES:
         calls = [node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call)]
         printing = any(isinstance(call, ast.Name) and call.id == "print" for call in calls)
         assert not printing or "cli" in file.parts, file
 
 
-def test_files_are_chapters_and_folders_have_room() -> None:
+def test_files_are_chapters_and_folders_have_room():
     for folder, file in SOURCES:
         assert file.read_text(encoding="utf-8").count("\n") <= 400, file
         assert (ROOT / folder) in file.parents
@@ -222,7 +222,7 @@ def test_files_are_chapters_and_folders_have_room() -> None:
     assert {str(folder): count for folder, count in folders.items() if count > 16} == {}
 
 
-def test_a_class_name_has_one_meaning() -> None:
+def test_a_class_name_has_one_meaning():
     defined = defaultdict(set)
     for _, file in SOURCES:
         for node in tree(file).body:
@@ -231,7 +231,7 @@ def test_a_class_name_has_one_meaning() -> None:
     assert {name: files for name, files in defined.items() if len(files) > 1} == {}
 
 
-def test_package_list_is_complete() -> None:
+def test_package_list_is_complete():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
     found = {
         ".".join([FOLDERS[folder], *file.parent.relative_to(ROOT / folder).parts]) for folder, file in SOURCES
@@ -240,7 +240,7 @@ def test_package_list_is_complete() -> None:
     assert settings["package-dir"] == {package: folder for folder, package in FOLDERS.items()}
 
 
-def test_constraints_name_versions_and_nothing_else() -> None:
+def test_constraints_name_versions_and_nothing_else():
     lines = (ROOT / "constraints.txt").read_text().split("\n")
     pins = [line for line in lines if line and not line.startswith("#")]
     assert pins
@@ -251,7 +251,7 @@ def test_constraints_name_versions_and_nothing_else() -> None:
         assert " " not in pin, pin
 
 
-def test_files_that_the_architecture_names_exist() -> None:
+def test_files_that_the_architecture_names_exist():
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     names = {file.name for _, file in SOURCES} | {file.name for file in (ROOT / "tests").glob("*.py")}
     files = set(re.findall(r"`(?:[\w/]+/)?(\w+\.py)`", text))

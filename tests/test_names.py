@@ -23,7 +23,7 @@ def stub_datasets(folder: Path) -> Path:
     return folder
 
 
-def test_an_installed_datasets_is_not_hidden(tmp_path: Path) -> None:
+def test_an_installed_datasets_is_not_hidden(tmp_path):
     stub = stub_datasets(tmp_path)
     assert python("import datasets; print(datasets.OWNER)", ROOT, stub) == "somebody else"
     (stub / "datasets" / "features.py").write_text("KIND = 'theirs'\n")
@@ -31,7 +31,7 @@ def test_an_installed_datasets_is_not_hidden(tmp_path: Path) -> None:
     assert python(code, ROOT, stub) == "somebody else theirs"
 
 
-def test_without_it_the_folder_is_no_package_of_that_name(tmp_path: Path) -> None:
+def test_without_it_the_folder_is_no_package_of_that_name(tmp_path):
     code = """
 try:
     import datasets
@@ -41,13 +41,13 @@ except ModuleNotFoundError as problem:
     assert "maurice_datasets" in python(code, ROOT, tmp_path)
 
 
-def test_ours_works_beside_it(tmp_path: Path) -> None:
+def test_ours_works_beside_it(tmp_path):
     stub = stub_datasets(tmp_path)
     code = "import datasets, maurice_datasets.sessions as ours; print(datasets.OWNER, bool(ours.__doc__))"
     assert python(code, tmp_path, stub) == "somebody else True"
 
 
-def test_the_command_starts_without_importing_rerun(tmp_path: Path) -> None:
+def test_the_command_starts_without_importing_rerun(tmp_path):
     """Nor whatever else is slow to import, and that few commands need."""
     slow = {"rerun", "matplotlib", "scipy.signal", "scipy.stats", "scipy.optimize"}
     code = f"import sys, maurice_viz.cli.app; print(sorted({slow} & set(sys.modules)))"

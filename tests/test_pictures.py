@@ -140,7 +140,7 @@ def assert_looks_as_stored(image: U8, layout: str) -> None:
 
 @pytest.mark.slow
 @needs_renderer
-def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session: Path, tmp_path: Path) -> None:
+def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session, tmp_path):
     out = recorded(tmp_path / "one.rrd", str(small_session))
     with headless_viewer(out) as viewer:
         for layout in ("overview", "inside-a-step", "explain", "traces"):
@@ -152,7 +152,7 @@ def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session: Pa
 
 @pytest.mark.slow
 @needs_renderer
-def test_steps_and_phases_are_different_pictures(small_session: Path, tmp_path: Path) -> None:
+def test_steps_and_phases_are_different_pictures(small_session, tmp_path):
     out = recorded(tmp_path / "one.rrd", str(small_session))
     with headless_viewer(out) as viewer:
         first, last, resampled = (
@@ -167,7 +167,7 @@ def test_steps_and_phases_are_different_pictures(small_session: Path, tmp_path: 
 
 @pytest.mark.slow
 @needs_renderer
-def test_a_comparison_is_filled_and_looks_as_it_did(small_session: Path, tmp_path: Path) -> None:
+def test_a_comparison_is_filled_and_looks_as_it_did(small_session, tmp_path):
     out = recorded(tmp_path / "two.rrd", "compare", str(small_session))
     with headless_viewer(out) as viewer:
         image = taken(viewer, "step", 10)
@@ -177,14 +177,14 @@ def test_a_comparison_is_filled_and_looks_as_it_did(small_session: Path, tmp_pat
 
 @pytest.mark.slow
 @needs_renderer
-def test_every_panel_of_four_runs_is_filled(small_session: Path, tmp_path: Path) -> None:
+def test_every_panel_of_four_runs_is_filled(small_session, tmp_path):
     seeds = [f"--seed={seed}" for seed in range(4)]
     out = recorded(tmp_path / "four.rrd", "compare", str(small_session), *seeds)
     with headless_viewer(out) as viewer:
         assert_filled(taken(viewer, "step", 10), FOUR)
 
 
-def test_another_picture_is_not_as_stored(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_picture_is_not_as_stored(monkeypatch):
     """The tolerance is none for a panel that is gone."""
     monkeypatch.delenv(REMAKE, raising=False)
     for layout, panels in PANELS.items():
@@ -199,14 +199,14 @@ def test_another_picture_is_not_as_stored(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @needs_renderer
-def test_what_is_no_recording_is_an_error_and_no_hang(tmp_path: Path) -> None:
+def test_what_is_no_recording_is_an_error_and_no_hang(tmp_path):
     broken = tmp_path / "broken.rrd"
     broken.write_bytes(b"RRF2 but no more")
     with pytest.raises(InputError), headless_viewer(broken, patience_s=6.0):
         pass
 
 
-def test_without_a_driver_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_driver_the_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     with pytest.raises(InputError, match="mesa-vulkan-drivers"), headless_viewer(tmp_path / "any.rrd"):
         pass

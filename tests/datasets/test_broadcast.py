@@ -4,7 +4,6 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -37,7 +36,7 @@ def let_in(connection: socket.socket) -> io.BufferedReader:
     return file
 
 
-def test_readers_come_and_go() -> None:
+def test_readers_come_and_go():
     robot = Broadcast(HERE, HEADER)
     with reader(robot.address) as first, reader(robot.address) as second:
         early = let_in(first)
@@ -63,7 +62,7 @@ def test_readers_come_and_go() -> None:
     assert robot.close() == Tally()
 
 
-def test_slow_and_deaf_readers_stop_nobody() -> None:
+def test_slow_and_deaf_readers_stop_nobody():
     robot = Broadcast(HERE, HEADER)
     said = 4 * WAITING
     with reader(robot.address, 4096) as slow:
@@ -88,7 +87,9 @@ def test_slow_and_deaf_readers_stop_nobody() -> None:
         assert time.monotonic() - begun < PATIENCE_S
 
 
-def test_a_port_in_use_is_told_with_its_address() -> None:
+def test_addresses_and_ports_in_use():
+    assert parse_address("tcp://127.0.0.1:5005") == Address("127.0.0.1", 5005)
+    assert str(parse_address("tcp://[::1]:0")) == "tcp://[::1]:0"
     robot = Broadcast(HERE, HEADER)
     try:
         with pytest.raises(OSError, match="choose another port") as refused:
@@ -98,21 +99,16 @@ def test_a_port_in_use_is_told_with_its_address() -> None:
         robot.close()
 
 
-def test_addresses() -> None:
-    assert parse_address("tcp://127.0.0.1:5005") == Address("127.0.0.1", 5005)
-    assert str(parse_address("tcp://[::1]:0")) == "tcp://[::1]:0"
-
-
 @pytest.mark.parametrize(
     "text",
     ["", "127.0.0.1:1", "udp://a:1", "tcp://a", "tcp://:1", "tcp://a:b", "tcp://a:70000", "tcp://a:1/x"],
 )
-def test_other_addresses_are_refused_in_one_line(text: str) -> None:
+def test_other_addresses_are_refused_in_one_line(text):
     with pytest.raises(ValueError, match=r"^found .*, expected tcp://HOST:PORT.*$"):
         parse_address(text)
 
 
-def test_pace_waits_for_what_is_early_and_not_for_what_is_late() -> None:
+def test_pace_waits_for_what_is_early_and_not_for_what_is_late():
     now, slept = [100.0], list[float]()
 
     def sleep(seconds: float) -> None:
@@ -148,9 +144,7 @@ def live(world: World, monkeypatch: pytest.MonkeyPatch, truth: bool) -> list[byt
     return b"".join(heard).splitlines(keepends=True)
 
 
-def test_the_live_robot_speaks_a_session_log(
-    world: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_live_robot_speaks_a_session_log(world, monkeypatch, tmp_path):
     log = tmp_path / "session.log"
     log.write_bytes(b"".join(live(world, monkeypatch, truth=True)))
     moments = list(SessionLog(log).moments())
@@ -159,7 +153,7 @@ def test_the_live_robot_speaks_a_session_log(
     assert SessionLog(log).info.survey == tmp_path / "survey" / "survey.log"
 
 
-def test_without_truth_it_says_only_what_it_measures(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_truth_it_says_only_what_it_measures(world, monkeypatch):
     header, *lines = [json.loads(line) for line in live(world, monkeypatch, truth=False)]
     assert header["kind"] == "session"
     assert {key for r in lines for key in r} == {"t", "odometry", "encoders_m", "image", "camera"}

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from maurice_datasets.folders import cached, copy_whole, fingerprint, is_whole, seal
-from maurice_datasets.worlds.world import Box, World
+from maurice_datasets.worlds.world import Box
 from maurice_loaders.errors import InputError
 
 
-def test_a_sealed_folder_is_whole_until_anything_changes(tmp_path: Path) -> None:
+def test_a_sealed_folder_is_whole_until_anything_changes(tmp_path):
     (tmp_path / "a").write_text("one")
     assert not is_whole(tmp_path, "key")
     seal(tmp_path, "key")
@@ -19,7 +19,7 @@ def test_a_sealed_folder_is_whole_until_anything_changes(tmp_path: Path) -> None
     assert not is_whole(tmp_path, "key")
 
 
-def test_a_full_disk_is_one_short_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_one_short_line(tmp_path, monkeypatch):
     for name in ("a", "b", "c"):
         (tmp_path / "from" / "pictures").mkdir(parents=True, exist_ok=True)
         (tmp_path / "from" / "pictures" / name).write_text(name)
@@ -37,7 +37,7 @@ def test_a_full_disk_is_one_short_line(tmp_path: Path, monkeypatch: pytest.Monke
     assert str(caught.value) == f"{said}; choose another place"
 
 
-def test_the_cache_makes_once_and_again_when_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_makes_once_and_again_when_damaged(tmp_path, monkeypatch):
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
     made: list[Path] = []
 
@@ -56,7 +56,7 @@ def test_the_cache_makes_once_and_again_when_damaged(tmp_path: Path, monkeypatch
     assert (first / "file").read_text() == "text"
 
 
-def test_fingerprints_tell_worlds_apart_by_anything_in_them(world: World) -> None:
+def test_fingerprints_tell_worlds_apart_by_anything_in_them(world):
     same = replace(world, nodes=world.nodes.copy())
     assert fingerprint(same) == fingerprint(world)
     moved = world.nodes + np.array([0, 1e-9])

@@ -8,7 +8,7 @@ from maurice_datasets import sessions
 from maurice_datasets.robot.segments import crossings
 from maurice_datasets.sessions import SimulationPaths, demo_paths, write_demo
 from maurice_datasets.surveys import Surveyor
-from maurice_datasets.worlds.world import World, floor_at
+from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.geometry import INCH_M
@@ -28,14 +28,14 @@ def contents(paths: SimulationPaths) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_a_seed_decides_every_byte(demo: SimulationPaths, tmp_path: Path) -> None:
+def test_a_seed_decides_every_byte(demo, tmp_path):
     again = write_demo(tmp_path / "again", updates=UPDATES, surveyor=QUICK)
     other = write_demo(tmp_path / "other", 1, updates=1, surveyor=QUICK)
     assert contents(again) == contents(demo)
     assert not (set(contents(other).values()) & set(contents(demo).values()))
 
 
-def test_the_session_reads_back(demo: SimulationPaths) -> None:
+def test_the_session_reads_back(demo):
     log = SessionLog(demo.session)
     assert (log.info.display_units, log.info.survey) == ("in", demo.survey)
     assert log.info.motion["model"] == "maurice"
@@ -63,7 +63,7 @@ def test_the_session_reads_back(demo: SimulationPaths) -> None:
     assert first.events[0] == f"floor {floor_at(log.info.arena, x, y)}"
 
 
-def test_the_survey_reads_back_with_nominal_poses_and_covered_pictures(demo: SimulationPaths) -> None:
+def test_the_survey_reads_back_with_nominal_poses_and_covered_pictures(demo):
     pictures = list(SessionLog(demo.survey).survey_pictures())
     assert sum(p.covered for p in pictures) == 2
     poses = np.array([p.pose for p in pictures if p.pose is not None])
@@ -72,7 +72,7 @@ def test_the_survey_reads_back_with_nominal_poses_and_covered_pictures(demo: Sim
     assert np.allclose((inches - 8) / 18, np.rint((inches - 8) / 18))
 
 
-def test_floors_are_named_where_they_change(world: World) -> None:
+def test_floors_are_named_where_they_change(world):
     border = min(
         f.polygon[:, 0].min() for f in world.arena.floors if f.name == "carpet" and f.polygon[0, 1] == 0
     )
@@ -84,7 +84,7 @@ def test_floors_are_named_where_they_change(world: World) -> None:
     assert crossings(path[::-1], world.arena)[0][1] == "wood"
 
 
-def test_a_demo_leaves_other_folders_alone_and_nothing_half(tmp_path: Path) -> None:
+def test_a_demo_leaves_other_folders_alone_and_nothing_half(tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
     with pytest.raises(InputError):
         write_demo(tmp_path, updates=1, surveyor=QUICK)
@@ -100,9 +100,7 @@ def test_a_demo_leaves_other_folders_alone_and_nothing_half(tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_the_cache_is_made_once_and_made_again_when_damaged(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cache_is_made_once_and_made_again_when_damaged(tmp_path, monkeypatch):
     made: list[Path] = []
 
     def quick(folder: Path, seed: int, **options: object) -> SimulationPaths:
@@ -126,7 +124,7 @@ def test_the_cache_is_made_once_and_made_again_when_damaged(
     assert [f.name for f in (tmp_path / "demos").iterdir()] == [first.session.parent.name]
 
 
-def test_progress_is_told(tmp_path: Path) -> None:
+def test_progress_is_told(tmp_path):
     told: list[tuple[int, int, str]] = []
     write_demo(
         tmp_path / "demo",

@@ -42,7 +42,7 @@ def records(paths: SimulationPaths) -> list[dict[str, Any]]:
     return [json.loads(line) for line in paths.session.read_text(encoding="utf-8").splitlines()]
 
 
-def test_seeds_decide_what_they_name(tmp_path: Path) -> None:
+def test_seeds_decide_what_they_name(tmp_path):
     write_simulation(tmp_path / "a", SHORT)
     write_simulation(tmp_path / "b", SHORT)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
@@ -68,7 +68,7 @@ def test_seeds_decide_what_they_name(tmp_path: Path) -> None:
     assert told.count("session") == 8
 
 
-def test_tasks_hide_the_start_or_carry_the_robot(tmp_path: Path) -> None:
+def test_tasks_hide_the_start_or_carry_the_robot(tmp_path):
     known = SessionLog(write_simulation(tmp_path / "a", SHORT).session)
     hidden = SessionLog(write_simulation(tmp_path / "b", replace(SHORT, task=TASKS["global"])).session)
     assert known.info.start is not None
@@ -87,7 +87,7 @@ def test_tasks_hide_the_start_or_carry_the_robot(tmp_path: Path) -> None:
     assert [("kidnapped" in m.events) for m in log.moments()] == [False, False, True, False]
 
 
-def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
+def test_light_changes_are_told_where_they_happen(tmp_path):
     plan = replace(SHORT, lights=parse_lights("dim:0.3@3"))
     log = SessionLog(write_simulation(tmp_path / "a", plan).session)
     moments = list(log.moments())
@@ -98,7 +98,7 @@ def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
     assert max(ratio[2:]) < 0.95
 
 
-def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_path: Path) -> None:
+def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_path):
     plan = replace(SHORT, half_resolution=True)
     paths, plain = write_simulation(tmp_path / "a", plan), write_simulation(tmp_path / "b", SHORT)
     for log in (paths.session, paths.survey):
@@ -110,7 +110,7 @@ def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_p
     assert max(apart[:2]) < 0.7 * apart[2]  # JPEG keeps twins from being quite equal
 
 
-def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world: World) -> None:
+def test_a_recorded_session_is_driven_again_in_free_space(tmp_path, world):
     first = write_simulation(tmp_path / "a", replace(SHORT, updates=6))
     plan = replace(SHORT, task=TASKS["global"], seed=9, recording=first.session)
     again = write_simulation(tmp_path / "b", plan)
@@ -126,7 +126,7 @@ def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world:
 
 
 @needs_data
-def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
+def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path):
     plan = replace(SHORT, recording=DATA / "random_long")
     log = SessionLog(write_simulation(tmp_path / "a", plan).session)
     recording = read_recording(DATA / "random_long", 4)
@@ -138,7 +138,7 @@ def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
     assert any("recorded" in text for text in log.info.notes)
 
 
-def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> None:
+def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path):
     x = np.arange(60) * 0.04  # 1 cm a row more than it could jump
     rows = np.stack([x, np.zeros(60), np.zeros(60)], axis=1)
     np.savetxt(tmp_path / "odom_pose.txt", rows[:, :2])
@@ -156,7 +156,7 @@ def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> 
     assert len(trials_from_session(paths.session).straights.actual_m) == len(moments) - 1
 
 
-def test_paths_that_cannot_be_driven_are_refused(tmp_path: Path) -> None:
+def test_paths_that_cannot_be_driven_are_refused(tmp_path):
     for name, columns in (("gt.txt", (0, 1, 2)), ("odom_pose.txt", (0, 1))):
         rows = np.stack([np.linspace(0, 90, 400), np.zeros(400), np.zeros(400)], axis=1)
         np.savetxt(tmp_path / name, rows[:, columns])
@@ -189,12 +189,12 @@ def test_paths_that_cannot_be_driven_are_refused(tmp_path: Path) -> None:
         {"lights": parse_lights("dim@5")},
     ],
 )
-def test_a_plan_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:
+def test_a_plan_that_cannot_be_is_refused(wrong):
     with pytest.raises(ValueError, match=r"found|no |nobody"):
         replace(SHORT, **wrong)
 
 
-def test_a_simulation_that_fails_leaves_nothing(tmp_path: Path) -> None:
+def test_a_simulation_that_fails_leaves_nothing(tmp_path):
     def stop(done: int, total: int, what: str) -> None:
         if what == "session":
             raise KeyboardInterrupt

@@ -3,13 +3,12 @@ import pytest
 
 from maurice_datasets.render.camera_session import session_camera, survey_camera
 from maurice_datasets.surveys import Surveyor, placed_poses, reference_poses, references
-from maurice_datasets.worlds.world import World
 from maurice_mcl.geometry import INCH_M
 
 NODES = np.array([[1.0, 2.0], [3.0, 4.0], [0.5, 0.25]])
 
 
-def test_references_have_headings_and_errors() -> None:
+def test_references_have_headings_and_errors():
     poses = reference_poses(NODES, 8)
     assert poses.shape == (24, 3)
     assert np.degrees(poses[:8, 2]) % 360 == pytest.approx([0, 45, 90, 135, 180, 225, 270, 315])
@@ -25,7 +24,7 @@ def test_references_have_headings_and_errors() -> None:
     assert not np.array_equal(off, placed_poses(nominal, 5, Surveyor()))
 
 
-def test_pictures_are_taken_where_the_robot_was(world: World) -> None:
+def test_surveys_have_their_own_lights_and_poses(world):
     camera, surveyor = survey_camera(world, 0), Surveyor(headings=1)
     nodes = np.array([[1.2, 1.9], [1.65, 1.9]])
     made = list(references(nodes, camera, surveyor))
@@ -34,9 +33,6 @@ def test_pictures_are_taken_where_the_robot_was(world: World) -> None:
     assert np.array_equal(made[1][1], camera.take(1, actual[1]))
     camera = survey_camera(world, 0)
     assert not np.array_equal(camera.take_covered(0), camera.take_covered(1))
-
-
-def test_survey_and_session_have_lights_and_noise_of_their_own(world: World) -> None:
     survey, session = survey_camera(world, 0), session_camera(world, 0)
     assert survey.exposure != session.exposure
     pose = np.array([1.2, 1.9, 0.4])

@@ -161,7 +161,7 @@ def draw(case: Case, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_any_session_is_drawn(name: str, tmp_path: Path) -> None:
+def test_any_session_is_drawn(name, tmp_path):
     case, paths = CASES[name], RunPaths(CASES[name].label)
     out = draw(case, tmp_path)
     found = recordings.entities_of(out)
@@ -187,7 +187,7 @@ def assert_finite(out: Path, paths: RunPaths) -> None:
             assert np.isfinite(np.array(row.values[component])).all(), path
 
 
-def test_whatever_is_written_has_signs_in_the_viewers_font(tmp_path: Path) -> None:
+def test_whatever_is_written_has_signs_in_the_viewers_font(tmp_path):
     """Without a screen the viewer stops at the first letter that it has no sign for."""
     out, paths = draw(CASES["not in ASCII"], tmp_path), RunPaths("Lauf ä 走")
     texts = [row.values["TextDocument:text"][0] for row in recordings.rows(out, paths.text)]
@@ -208,14 +208,14 @@ def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View | rrb.Container]:
             yield from views(inner)
 
 
-def test_letters_the_viewer_has_stay() -> None:
+def test_letters_the_viewer_has_stay():
     for text in ("plain", "Büro, première, Ωμέγα, Жук · − → ≤ °\nx", "a\u0308"):
         assert len(font_safe(text)) <= len(text)
     assert font_safe("Büro · Ωμέγα Жук") == "Büro · Ωμέγα Жук"
     assert font_safe("東") == "u6771"
 
 
-def test_the_close_view_holds_most_of_the_cloud(tmp_path: Path) -> None:
+def test_the_close_view_holds_most_of_the_cloud(tmp_path):
     case = Case(columns=9, rows=8, steps=9, particles=200, start=np.array([1.6, 1.1, 0.2]))
     out, paths = draw(case, tmp_path), RunPaths("run")
     frames = recordings.having(recordings.rows(out, paths.closeup), "Transform3D:translation")

@@ -22,9 +22,7 @@ def python(code: str) -> str:
     return done.stdout.strip()
 
 
-def test_the_python_of_the_readme_runs(
-    small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_python_of_the_readme_runs(small_session, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.chdir(tmp_path)
@@ -38,9 +36,7 @@ def test_the_python_of_the_readme_runs(
     assert Path("out.rrd").exists()
 
 
-def test_a_comparison_in_python_gives_the_numbers_of_the_command(
-    small_session: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_comparison_in_python_gives_the_numbers_of_the_command(small_session, tmp_path, capfd):
     session = ml.open_session(small_session)
     library = ml.open_library(small_session.with_name("survey.log"))
     found = mv.compare(
@@ -57,7 +53,7 @@ def test_a_comparison_in_python_gives_the_numbers_of_the_command(
     assert ours == theirs
 
 
-def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session: Path, tmp_path: Path) -> None:
+def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session, tmp_path):
     settings = {"sensor.sharpness": 2, "resampling.scheme": "residual"}
     found = mv.replay(small_session, particles=50, seed=3, settings=settings, run=tmp_path / "kept")
     assert found.saved_run == tmp_path / "kept"
@@ -70,7 +66,7 @@ def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session: Path, 
         mv.replay(small_session, settings={"sensor.sharpnes": 1})
 
 
-def test_little_is_imported_for_help_and_replay() -> None:
+def test_little_is_imported_for_help_and_replay():
     for word in ("--help", "--version"):
         code = (
             f"import sys\nsys.argv = ['maurice-replay', '{word}']\nfrom maurice_viz.cli.main import main\n"
@@ -94,7 +90,7 @@ def test_little_is_imported_for_help_and_replay() -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_commands_are_listed_as_they_are(name: str) -> None:
+def test_commands_are_listed_as_they_are(name):
     command = load(COMMANDS[name])
     shown = [one for one in command.params if one.param_type_name == "option" and not one.hidden]  # type: ignore[attr-defined]
     assert command.help

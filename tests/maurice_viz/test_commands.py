@@ -19,7 +19,7 @@ RUN_KEYS = {
 }  # fmt: skip
 
 
-def test_a_session_alone_writes_a_recording_and_a_table(small_session: Path, tmp_path: Path) -> None:
+def test_a_session_alone_writes_a_recording_and_a_table(small_session, tmp_path):
     done = process(small_session)
     assert "session.rrd written; open it with:" in done.stderr
     assert "position error, mean (m)" in done.stdout
@@ -29,7 +29,7 @@ def test_a_session_alone_writes_a_recording_and_a_table(small_session: Path, tmp
     run(small_session, "--force")
 
 
-def test_json_has_the_documented_keys_and_repeats(small_session: Path, tmp_path: Path) -> None:
+def test_json_has_the_documented_keys_and_repeats(small_session, tmp_path):
     done = run("--json", "--seed", "3", small_session, "--no-recording")
     (found,) = json.loads(done.stdout)["runs"]
     assert set(found) >= RUN_KEYS
@@ -45,7 +45,7 @@ def test_json_has_the_documented_keys_and_repeats(small_session: Path, tmp_path:
     assert figures("1") != figures("2")
 
 
-def test_compare_has_a_column_and_a_branch_for_each_run(small_session: Path, tmp_path: Path) -> None:
+def test_compare_has_a_column_and_a_branch_for_each_run(small_session, tmp_path):
     args = [
         "compare",
         small_session,
@@ -64,9 +64,7 @@ def test_compare_has_a_column_and_a_branch_for_each_run(small_session: Path, tmp
     assert any(path.startswith("/edges-2/") for path in paths)
 
 
-def test_without_truth_figures_are_null_and_the_replay_still_draws(
-    small_session: Path, tmp_path: Path
-) -> None:
+def test_without_truth_figures_are_null_and_the_replay_still_draws(small_session, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(line for line in lines if '"truth"' not in line))
     (found,) = runs_of(run(small_session, "--json").stdout)
@@ -76,22 +74,32 @@ def test_without_truth_figures_are_null_and_the_replay_still_draws(
     assert (tmp_path / "session.rrd").exists()
 
 
-def test_one_picture_is_enough(small_session: Path, tmp_path: Path) -> None:
+def test_one_picture_or_broken_records(small_session, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(lines[:4]))
     (found,) = runs_of(run(small_session, "--json").stdout)
     assert found["updates"] == 1
     assert found["position_error_mean_m"] is None  # scored from the fourth update on
+    facts = json.loads(run("inspect", small_session, "--json").stdout)
+    assert (facts["records"]["image"], facts["truth_share"]) == (14, 1.0)
+    assert "kleine Fahrt" in run("inspect", small_session).stdout
 
 
-def test_starts(small_session: Path, tmp_path: Path) -> None:
+def test_starts_and_motion_are_checked(small_session, tmp_path):
     run(small_session, "--no-recording", "--start", "global")
     run(small_session, "--no-recording", "--start", "1.6,0.6,17")
     wrong = run(small_session, "--no-recording", "--start", "somewhere", expect=2)
     assert "X,Y,HEADING in m and degrees" in " ".join(wrong.stderr.replace("│", " ").split())
+    lines = small_session.read_text().splitlines(keepends=True)
+    header = json.loads(lines[0])
+    header["robot"] = {"name": "Maurice", "motion": {"model": "maurice", "turn_gian": 0.7}}
+    small_session.write_text("".join([json.dumps(header) + "\n", *lines[1:]]))
+    said = failure(small_session)
+    assert "session.log:1:" in said
+    assert "turn_gian" in said
 
 
-def test_library_build_show_and_use(small_session: Path, tmp_path: Path) -> None:
+def test_library_build_show_and_use(small_session, tmp_path):
     run("library", "build", "survey.log", "-o", "kept")
     assert "--force" in failure("library", "build", "survey.log", "-o", "kept")
     facts = json.loads(run("library", "show", "kept", "--json").stdout)
@@ -104,13 +112,7 @@ def test_library_build_show_and_use(small_session: Path, tmp_path: Path) -> None
     assert errors[0] == errors[1]
 
 
-def test_inspect(small_session: Path, tmp_path: Path) -> None:
-    facts = json.loads(run("inspect", small_session, "--json").stdout)
-    assert (facts["records"]["image"], facts["truth_share"]) == (14, 1.0)
-    assert "kleine Fahrt" in run("inspect", small_session).stdout
-
-
-def test_keep_going_skips_counts_and_says_so(small_session: Path, tmp_path: Path) -> None:
+def test_keep_going_skips_counts_and_says_so(small_session, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     lines[4] = "{broken\n"
     small_session.write_text("".join(lines))
@@ -133,13 +135,13 @@ def test_keep_going_skips_counts_and_says_so(small_session: Path, tmp_path: Path
     ],
     ids=["missing", "directory", "empty", "random bytes", "unknown version"],
 )
-def test_bad_sessions_give_one_line_and_status_1(make: object, said: str, tmp_path: Path) -> None:
+def test_bad_sessions_give_one_line_and_status_1(make, said, tmp_path):
     bad = tmp_path / "bad.log"
     make(bad)  # type: ignore[operator]  # a lambda of the table above
     assert said in failure(bad)
 
 
-def test_mistakes_are_one_line(tmp_path: Path, small_session: Path) -> None:
+def test_mistakes_are_one_line(tmp_path, small_session):
     assert "did you mean the command compare" in failure("compair")
     assert "found a survey log" in failure("survey.log")
     for option in (
@@ -153,20 +155,8 @@ def test_mistakes_are_one_line(tmp_path: Path, small_session: Path) -> None:
     run(small_session, "--no-recording", "--save", "x.rrd", expect=2)
 
 
-def test_bad_motion_parameters_name_the_header(small_session: Path, tmp_path: Path) -> None:
-    lines = small_session.read_text().splitlines(keepends=True)
-    header = json.loads(lines[0])
-    header["robot"] = {"name": "Maurice", "motion": {"model": "maurice", "turn_gian": 0.7}}
-    small_session.write_text("".join([json.dumps(header) + "\n", *lines[1:]]))
-    said = failure(small_session)
-    assert "session.log:1:" in said
-    assert "turn_gian" in said
-
-
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_being_stopped_leaves_a_recording_and_the_figures_so_far(
-    small_session: Path, tmp_path: Path, sent: signal.Signals, status: int
-) -> None:
+def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, tmp_path, sent, status):
     """Stop a replay that is slow because it has very many particles."""
     args = [*COMMAND, str(small_session), "--particles", "300000", "--run", "kept", "--json"]
     with subprocess.Popen(args, env=no_display(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as going:
@@ -182,9 +172,7 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(
     assert RrdReader(tmp_path / "session.rrd").recordings()
 
 
-def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(
-    small_session: Path, tmp_path: Path
-) -> None:
+def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(small_session, tmp_path):
     args = [small_session, "--no-recording", "--start"]
     assert "outside the map" in failure(*args, "-100,-100,0")
     run(*args, "1e300,0,0", expect=2)
@@ -194,7 +182,7 @@ def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(
 
 
 @pytest.mark.parametrize("strategy", ["none", "always", "dual"])
-def test_a_map_without_free_space_is_refused(small_session: Path, tmp_path: Path, strategy: str) -> None:
+def test_a_map_without_free_space_is_refused(small_session, tmp_path, strategy):
     header, *rest = (tmp_path / "survey.log").read_text().splitlines()
     info = json.loads(header)
     everywhere = [[-9.0, -9.0], [99.0, -9.0], [99.0, 99.0], [-9.0, 99.0]]
@@ -205,7 +193,7 @@ def test_a_map_without_free_space_is_refused(small_session: Path, tmp_path: Path
     assert "has no free space" in failure(*args)
 
 
-def test_a_dead_display_counts_as_none(small_session: Path, tmp_path: Path) -> None:
+def test_a_dead_display_counts_as_none(small_session, tmp_path):
     done = process(small_session, DISPLAY=":987")
     assert "writing a file instead" in done.stderr
     assert (tmp_path / "session.rrd").exists()
@@ -213,7 +201,7 @@ def test_a_dead_display_counts_as_none(small_session: Path, tmp_path: Path) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("section", ["Your first five minutes", "A robot of ours"])
-def test_the_commands_of_the_readme(section: str, tmp_path: Path) -> None:
+def test_the_commands_of_the_readme(section, tmp_path):
     """Type its commands one after the other in one folder, as a newcomer does."""
     text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
     block = text.split(f"## {section}")[1].split("```")[1]
@@ -224,7 +212,7 @@ def test_the_commands_of_the_readme(section: str, tmp_path: Path) -> None:
     assert (tmp_path / "session.rrd").exists()
 
 
-def test_every_command_and_option_is_documented() -> None:
+def test_every_command_and_option_is_documented():
     """docs/commands.md names every command and every option that --help shows."""
     from maurice_viz.cli.app import COMMANDS, load
 

@@ -47,9 +47,7 @@ def labels_of(out: str) -> list[str]:
     ],
     ids=str,
 )
-def test_exactly_one_kind_of_option_differs_and_names_the_runs(
-    small_session: Path, tmp_path: Path, options: list[str], labels: list[str]
-) -> None:
+def test_exactly_one_kind_of_option_differs_and_names_the_runs(small_session, tmp_path, options, labels):
     (tmp_path / "b").mkdir()
     for name, sharpness in (("a", 1), ("b/a", 2), ("tür", 3)):
         (tmp_path / f"{name}.toml").write_text(f"sensor.sharpness = {sharpness}\n")
@@ -70,22 +68,12 @@ def test_exactly_one_kind_of_option_differs_and_names_the_runs(
     ],
     ids=str,
 )
-def test_what_is_ambiguous_is_a_usage_error(small_session: Path, options: list[str], said: str) -> None:
+def test_what_is_ambiguous_is_a_usage_error(small_session, options, said):
     _, err = maurice("compare", small_session, *options, *FEW, expect=2)
     assert said in " ".join(err.split())
 
 
-def test_every_value_reaches_its_run(small_session: Path) -> None:
-    """What a comparison gives for a run is what the run gives alone."""
-    for kind, values in {"seed": ("3", "4"), "resampler": ("residual", "multinomial")}.items():
-        together, _ = maurice("compare", small_session, *(f"--{kind}={value}" for value in values), *FEW)
-        alone = [runs_of(maurice(small_session, f"--{kind}", value, *FEW)[0])[0] for value in values]
-        for run, lone in zip(runs_of(together), alone, strict=True):
-            assert {k: run[k] for k in lone if k != "label"} == {k: lone[k] for k in lone if k != "label"}
-        assert alone[0] != alone[1]
-
-
-def test_runs_that_are_compared_have_the_same_noise(small_session: Path) -> None:
+def test_runs_that_are_compared_have_the_same_noise(small_session):
     session = SessionLog(small_session)
     library = open_library_for(session, None, keep_going=False)
     wanted = [RunSpec(feature="color"), RunSpec(feature="blended"), RunSpec(feature="color", seed=1)]
@@ -102,7 +90,7 @@ def test_runs_that_are_compared_have_the_same_noise(small_session: Path) -> None
         assert np.array_equal(records[blended].weighted.log_weights, records[again].weighted.log_weights)
 
 
-def test_json_says_how_runs_compare(small_session: Path) -> None:
+def test_json_says_how_runs_compare(small_session):
     first, other = runs_of(maurice("compare", small_session, *FEW)[0])
     assert first["against_first"] is None
     against = other["against_first"]
@@ -123,14 +111,21 @@ def test_json_says_how_runs_compare(small_session: Path) -> None:
     assert (against["apart_most_m"], against["parted_at_update"]) == (0, None)
 
 
-def test_the_table_has_the_paired_rows(small_session: Path) -> None:
+def test_one_picture_without_truth(small_session):
     out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "--no-recording")
     for row in ("error against seed 1", "closer to the truth than seed 1", "parts from seed 1", "of 11"):
         assert row in out
     assert "against" not in maurice(small_session, "--no-recording")[0]
+    # What a comparison gives for a run is what the run gives alone
+    for kind, values in {"seed": ("3", "4"), "resampler": ("residual", "multinomial")}.items():
+        together, _ = maurice("compare", small_session, *(f"--{kind}={value}" for value in values), *FEW)
+        alone = [runs_of(maurice(small_session, f"--{kind}", value, *FEW)[0])[0] for value in values]
+        for run, lone in zip(runs_of(together), alone, strict=True):
+            assert {k: run[k] for k in lone if k != "label"} == {k: lone[k] for k in lone if k != "label"}
+        assert alone[0] != alone[1]
 
 
-def test_without_truth_only_places_are_compared(small_session: Path, tmp_path: Path) -> None:
+def test_without_truth_only_places_are_compared(small_session, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(line for line in lines if '"truth"' not in line))
     against = runs_of(maurice("compare", small_session, *FEW)[0])[1]["against_first"]
@@ -139,9 +134,7 @@ def test_without_truth_only_places_are_compared(small_session: Path, tmp_path: P
     maurice("compare", small_session, "--particles", "50", "--save", "no-truth.rrd")
 
 
-def test_saved_runs_are_compared_as_if_they_had_gone_together(
-    small_session: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_saved_runs_are_compared_as_if_they_had_gone_together(small_session, monkeypatch):
     together = runs_of(maurice("compare", small_session, *FEW)[0])
     for label in ("color", "blended"):
         maurice(small_session, "--feature", label, "--run", f"kept {label}", *FEW)
@@ -160,7 +153,7 @@ def test_saved_runs_are_compared_as_if_they_had_gone_together(
     maurice("compare", "kept color", "kept blended", "--save", "saved.rrd")
 
 
-def test_a_saved_comparison_is_shown_with_its_differences(small_session: Path) -> None:
+def test_a_saved_comparison_is_shown_with_its_differences(small_session):
     then, _ = maurice("compare", small_session, "--run", "both", *FEW)
     assert maurice("compare", "both", "--no-recording", "--json")[0] == then
     out, _ = maurice("compare", "both/blended", "both/color", "--no-recording", "--json")
@@ -176,9 +169,7 @@ def test_a_saved_comparison_is_shown_with_its_differences(small_session: Path) -
     maurice("compare", "both/color", "both/blended", "--seed", "1", expect=2)
 
 
-def test_saved_runs_with_another_library_or_map_are_refused_in_one_line(
-    small_session: Path, tmp_path: Path
-) -> None:
+def test_saved_runs_with_another_library_or_map_are_refused_in_one_line(small_session, tmp_path):
     maurice(small_session, "--run", "one", *FEW)
     header, *rest = (tmp_path / "survey.log").read_text().splitlines(keepends=True)
     (tmp_path / "survey.log").write_text("".join([header, *rest[:-1]]))
@@ -203,7 +194,7 @@ def second_session(small_session: Path, tmp_path: Path, updates: int = 10) -> Pa
     return other
 
 
-def test_two_sessions_go_side_by_side_as_far_as_the_shorter(small_session: Path, tmp_path: Path) -> None:
+def test_two_sessions_go_side_by_side_as_far_as_the_shorter(small_session, tmp_path):
     other = second_session(small_session, tmp_path)
     out, err = maurice("compare", small_session, other, *FEW)
     assert "compared over the first 10 updates" in one_line(err)
@@ -217,7 +208,7 @@ def test_two_sessions_go_side_by_side_as_far_as_the_shorter(small_session: Path,
     assert {**alone, "label": "other"} == shorter
 
 
-def test_saved_runs_of_two_sessions_are_compared_too(small_session: Path, tmp_path: Path) -> None:
+def test_saved_runs_of_two_sessions_are_compared_too(small_session, tmp_path):
     other = second_session(small_session, tmp_path)
     live = runs_of(maurice("compare", small_session, other, *FEW)[0])
     maurice(small_session, "--run", "session-run", *FEW)
@@ -229,7 +220,7 @@ def test_saved_runs_of_two_sessions_are_compared_too(small_session: Path, tmp_pa
     ]
 
 
-def test_sessions_of_different_libraries_are_refused_in_one_line(small_session: Path, tmp_path: Path) -> None:
+def test_sessions_of_different_libraries_are_refused_in_one_line(small_session, tmp_path):
     away = tmp_path / "away"
     shutil.copytree(tmp_path / "pictures", away / "pictures")
     shutil.copyfile(small_session, away / "session.log")
@@ -254,15 +245,13 @@ def test_sessions_of_different_libraries_are_refused_in_one_line(small_session: 
         (["größe/я", "ひと/я"], ["größe", "ひと"]),
     ],
 )
-def test_paths_are_named_by_what_tells_them_apart(
-    paths: list[str], names: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_paths_are_named_by_what_tells_them_apart(paths, names, tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     assert names_of([Path(path) for path in paths]) == names
 
 
-def test_a_session_of_one_picture_is_compared(small_session: Path) -> None:
+def test_a_session_of_one_picture_is_compared(small_session):
     lines = small_session.read_text().splitlines(keepends=True)
     pictures = [number for number, line in enumerate(lines) if '"image"' in line]
     small_session.write_text("".join(lines[: pictures[1]]))
@@ -272,9 +261,7 @@ def test_a_session_of_one_picture_is_compared(small_session: Path) -> None:
     assert against["parted_at_update"] is None
 
 
-def test_a_stopped_run_is_compared_as_far_as_it_got(
-    small_session: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_run_is_compared_as_far_as_it_got(small_session, monkeypatch):
     maurice(small_session, "--run", "whole", *FEW)
     add = RunWriter.add
 
@@ -292,9 +279,7 @@ def test_a_stopped_run_is_compared_as_far_as_it_got(
     assert stopped["against_first"]["apart_most_m"] == 0
 
 
-def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(
-    small_session: Path, tmp_path: Path
-) -> None:
+def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(small_session, tmp_path):
     maurice("compare", small_session, "--particles", "40", "--run", "both", "--no-recording")
     draw_saved(Path("both"), tmp_path / "both.rrd")
     there = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}

@@ -44,12 +44,12 @@ def entities(reader: RrdReader) -> set[str]:
         ("quoted.txt", b'see "maurice-session-log"\n'),
     ],
 )
-def test_files_of_others_are_given_back(tmp_path: Path, name: str, data: bytes) -> None:
+def test_files_of_others_are_given_back(tmp_path, name, data):
     (tmp_path / name).write_bytes(data)
     assert not is_ours(tmp_path / name)
 
 
-def test_other_files_are_given_back(tmp_path: Path) -> None:
+def test_other_files_are_given_back(tmp_path):
     assert not is_ours(tmp_path)
     assert not is_ours(tmp_path / "nothing")
     os.mkfifo(tmp_path / "pipe.log")
@@ -63,7 +63,7 @@ def test_other_files_are_given_back(tmp_path: Path) -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session: Path, tmp_path: Path) -> None:
+def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session, tmp_path):
     words = ("--application-id", "session", "--recording-id", "rec_1", "--opened-recording-id", "rec_0")
     reader = recording(importer(small_session, *words), tmp_path)
     (found,) = reader.recordings()
@@ -74,7 +74,7 @@ def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session: Pa
     assert any(path.startswith("/blended/") and "particles" in path for path in shown)
 
 
-def test_without_a_library_drive_or_survey_are_shown(small_session: Path, tmp_path: Path) -> None:
+def test_without_a_library_drive_or_survey_are_shown(small_session, tmp_path):
     (small_session.parent / "survey.log").unlink()
     done = importer(small_session)
     assert b"only the drive itself is shown" in done.stderr
@@ -85,7 +85,7 @@ def test_without_a_library_drive_or_survey_are_shown(small_session: Path, tmp_pa
     assert "/session/camera" in shown
 
 
-def test_a_broken_session_is_one_line(small_session: Path) -> None:
+def test_a_broken_session_is_one_line(small_session):
     small_session.write_text(
         small_session.read_text().splitlines()[0].replace('"version": 1', '"version": 9')
     )
@@ -93,7 +93,7 @@ def test_a_broken_session_is_one_line(small_session: Path) -> None:
     assert "expected 1" in line
 
 
-def test_rerun_itself_opens_a_session_through_it(small_session: Path, tmp_path: Path) -> None:
+def test_rerun_itself_opens_a_session_through_it(small_session, tmp_path):
     script = tmp_path / "bin" / "rerun-importer-maurice"
     script.parent.mkdir()
     script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{CODE}" "$@"\n')
@@ -122,7 +122,7 @@ def test_rerun_itself_opens_a_session_through_it(small_session: Path, tmp_path: 
     assert len(ours) == 1
 
 
-def test_a_viewer_that_goes_away_is_no_defect_of_ours(small_session: Path) -> None:
+def test_a_viewer_that_goes_away_is_no_defect_of_ours(small_session):
     command = [sys.executable, "-c", CODE, str(small_session)]
     reading, writing = os.pipe()
     with subprocess.Popen(command, stdout=writing, stderr=subprocess.PIPE) as going:

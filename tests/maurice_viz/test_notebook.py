@@ -48,7 +48,7 @@ def rows_of(reader: RrdReader) -> int:
     return sum(chunk.to_record_batch().num_rows for chunk in reader.stream())
 
 
-def test_results_are_those_of_the_command(small_session: Path) -> None:
+def test_results_are_those_of_the_command(small_session):
     printed, _ = maurice(
         "compare", small_session, "--particles", "150", "--run", "both", "--no-recording", "--json"
     )
@@ -61,7 +61,7 @@ def test_results_are_those_of_the_command(small_session: Path) -> None:
         assert row["thesis_success_tenth_at_update"] == run["thesis_success"]["tenth"]["at_update"]
 
 
-def test_traces_are_those_of_the_run(small_session: Path) -> None:
+def test_traces_are_those_of_the_run(small_session):
     maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
     frame = mv.traces(Path("kept"))
     steps = pl.read_parquet("kept/steps/*.parquet")
@@ -76,16 +76,19 @@ def test_traces_are_those_of_the_run(small_session: Path) -> None:
     assert (frame["effective_share"] * 150 - frame["effective_sample_size"]).abs().max() < 1e-9
 
 
-def test_what_is_not_known_is_null(tmp_path: Path, small_session: Path) -> None:
+def test_extras_and_unknown_values(tmp_path, small_session, monkeypatch):
     lines = [line for line in small_session.read_text().splitlines() if '"truth"' not in line]
     small_session.write_text("\n".join(lines) + "\n")
     maurice(small_session, "--particles", "50", "--run", "kept", "--no-recording")
     frame = mv.traces("kept")
     assert frame["position_error_m"].null_count() == frame.height == frame["truth_x_m"].null_count()
     assert mv.results("kept")["position_error_mean_m"].to_list() == [None]
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"pip install 'maurice-replay\[notebook\]'"):
+        mv.show("kept")
 
 
-def test_what_cannot_be_shown_is_an_input_error(tmp_path: Path, widget: None) -> None:
+def test_what_cannot_be_shown_is_an_input_error(tmp_path, widget):
     with pytest.raises(InputError, match="expected a saved run"):
         mv.results(tmp_path)
     with pytest.raises(InputError, match="no such recording"):
@@ -96,13 +99,7 @@ def test_what_cannot_be_shown_is_an_input_error(tmp_path: Path, widget: None) ->
         mv.show(tmp_path / "no.log")
 
 
-def test_without_the_extra_the_command_that_installs_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(ImportError, match=r"pip install 'maurice-replay\[notebook\]'"):
-        mv.show("kept")
-
-
-def test_a_recording_is_shown_whole(small_session: Path, tmp_path: Path, widget: None) -> None:
+def test_a_recording_is_shown_whole(small_session, tmp_path, widget):
     # not public: a Rerun without it must fail here, not in somebody's notebook
     assert callable(VIEWER._flush_hook)
     maurice(small_session, "--particles", "50", "--save", "a.rrd")
@@ -112,9 +109,7 @@ def test_a_recording_is_shown_whole(small_session: Path, tmp_path: Path, widget:
     assert shown.sent == (tmp_path / "a.rrd").read_bytes()
 
 
-def test_a_saved_run_and_a_session_are_drawn_and_shown(
-    small_session: Path, tmp_path: Path, widget: None, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_saved_run_and_a_session_are_drawn_and_shown(small_session, tmp_path, widget, capsys):
     maurice(small_session, "--particles", "50", "--feature", "color", "--run", "kept", "--no-recording")
     kept: Any = mv.show("kept", layout="overview")
     live: Any = mv.show(small_session, feature="color", particles=50)
@@ -126,7 +121,7 @@ def test_a_saved_run_and_a_session_are_drawn_and_shown(
 
 
 @pytest.mark.slow
-def test_the_notebook_of_the_documentation_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_notebook_of_the_documentation_runs(monkeypatch):
     """Execute its cells one after the other, all but the widget."""
     monkeypatch.setattr(mv, "show", lambda *args, **options: None, raising=False)
     notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
@@ -139,7 +134,7 @@ def test_the_notebook_of_the_documentation_runs(monkeypatch: pytest.MonkeyPatch)
     assert space["errors"].height == 40
 
 
-def test_the_notebook_is_executed_and_says_nothing_of_where() -> None:
+def test_the_notebook_is_executed_and_says_nothing_of_where():
     text = NOTEBOOK.read_text(encoding="utf-8")
     notebook = json.loads(text)
     outputs = [cell["outputs"] for cell in notebook["cells"] if cell["cell_type"] == "code"]

@@ -46,7 +46,7 @@ def kept_and_shown(run: Path, recording: Path, survey: Path, options: Sequence[o
 
 
 @pytest.mark.parametrize("name", ["tum", "rosbag1", "rosbag2", "euroc", "cmucam"])
-def test_a_run_of_a_recording_is_shown_and_verified(name: str, small_session: Path, tmp_path: Path) -> None:
+def test_a_run_of_a_recording_is_shown_and_verified(name, small_session, tmp_path):
     recording = format_samples.sample(name, tmp_path / "made")
     kept_and_shown(
         tmp_path / "kept", recording, small_session.with_name("survey.log"), ("--reading", "max_dt_s=0.2")
@@ -55,9 +55,7 @@ def test_a_run_of_a_recording_is_shown_and_verified(name: str, small_session: Pa
     assert (manifest.reading.format, manifest.reading.max_dt_s) == (name, 0.2)
 
 
-def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(
-    small_session: Path, tmp_path: Path
-) -> None:
+def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(small_session, tmp_path):
     folder, table = views(small_session, tmp_path / "views")
     columns = "time=ms:ms,odometry_x=px,odometry_y=py,odometry_heading=yaw:rad"
     options = (
@@ -79,7 +77,7 @@ def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(
     assert "beside.csv: the table was changed after the run was made" in failure("verify", tmp_path / "kept")
 
 
-def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: Path, tmp_path: Path) -> None:
+def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session, tmp_path):
     recording = format_samples.sample("tum", tmp_path / "made")
     survey = small_session.with_name("survey.log")
     kept_and_shown(recording / "kept", recording, survey, ())
@@ -87,7 +85,7 @@ def test_a_run_inside_the_recordings_folder_leaves_it_as_it_was(small_session: P
     assert "the session was changed" in failure("verify", recording / "kept")
 
 
-def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_path: Path) -> None:
+def test_poses_beside_a_kitti_sequence_belong_to_it(small_session, tmp_path):
     (tmp_path / "made").mkdir()
     recording = format_samples.sample("kitti", tmp_path / "made")
     (poses,) = tmp_path.rglob("poses/*.txt")
@@ -98,7 +96,7 @@ def test_poses_beside_a_kitti_sequence_belong_to_it(small_session: Path, tmp_pat
     assert "the session was changed" in failure("verify", tmp_path / "kept")
 
 
-def test_recording_and_run_may_be_moved_together(small_session: Path, tmp_path: Path) -> None:
+def test_recording_and_run_may_be_moved_together(small_session, tmp_path):
     (tmp_path / "a").mkdir()
     recording = format_samples.sample("tum", tmp_path / "a" / "made")
     for name in ("survey.log", "pictures"):
@@ -108,7 +106,7 @@ def test_recording_and_run_may_be_moved_together(small_session: Path, tmp_path: 
     maurice("verify", tmp_path / "b" / "kept")
 
 
-def test_another_camera_of_a_session_log_is_saved(small_session: Path, tmp_path: Path) -> None:
+def test_another_camera_of_a_session_log_is_saved(small_session, tmp_path):
     """Pictures that name no camera are everybody's."""
     kept_and_shown(
         tmp_path / "kept", small_session, small_session.with_name("survey.log"), ("--reading", "camera=left")
@@ -116,7 +114,7 @@ def test_another_camera_of_a_session_log_is_saved(small_session: Path, tmp_path:
     assert read_manifest(tmp_path / "kept").reading.camera == "left"
 
 
-def test_a_manifest_of_the_version_before_is_read(small_session: Path, tmp_path: Path) -> None:
+def test_a_manifest_of_the_version_before_is_read(small_session, tmp_path):
     maurice(small_session, *COMMON, "--run", tmp_path / "kept")
     file = tmp_path / "kept" / "manifest.json"
     found = json.loads(file.read_text())
@@ -131,7 +129,7 @@ def test_a_manifest_of_the_version_before_is_read(small_session: Path, tmp_path:
         read_manifest(tmp_path / "kept")
 
 
-def test_options_of_reading_are_kept_and_strange_ones_refused() -> None:
+def test_options_of_reading_are_kept_and_strange_ones_refused():
     options = ReadingOptions(
         "table", "left", columns={"x": "px:mm"}, time_unit="ms", min_angle_rad=0.25, odometry_seed=7
     )
@@ -150,7 +148,7 @@ def test_options_of_reading_are_kept_and_strange_ones_refused() -> None:
         reading_from_json({"time_unit": "days"})
 
 
-def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path: Path) -> None:
+def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path):
     (tmp_path / "rgb").mkdir()
     (tmp_path / "rgb.txt").write_text("1 a.png")
     (tmp_path / "rgb" / "a.png").write_bytes(b"123")
@@ -164,7 +162,7 @@ def test_the_hash_of_a_folder_sees_tables_and_pictures_and_nothing_else(tmp_path
     assert source_hash(tmp_path) not in (before, other)
 
 
-def test_a_session_read_with_another_table_is_another_drive() -> None:
+def test_a_session_read_with_another_table_is_another_drive():
     def drive(table: str | None, reading: ReadingOptions) -> str:
         source = None if table is None else SimpleNamespace(sha256=table)
         manifest = SimpleNamespace(session=SimpleNamespace(sha256="s"), reading=reading, table=source)

@@ -36,15 +36,13 @@ def content(recording: Path) -> dict[tuple[str, str], list[str]]:
     return {key: sorted(values) for key, values in found.items()}
 
 
-def test_the_console_writes_to_what_is_standard_output_now(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_console_writes_to_what_is_standard_output_now(capsys):
     """What these tests rest on: output can be captured within the process."""
     console.results.print("here")
     assert capsys.readouterr().out == "here\n"
 
 
-def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(
-    saved: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(saved, monkeypatch):
     assert maurice("kept", "--no-recording", "--json") == (saved, "")
     assert json.loads(saved)["runs"][0]["updates"] == 14
     from maurice_mcl.filter.localizer import Localizer
@@ -62,7 +60,7 @@ def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(
     }  # fmt: skip
 
 
-def test_a_saved_run_draws_the_same_recording(small_session: Path, tmp_path: Path) -> None:
+def test_a_saved_run_draws_the_same_recording(small_session, tmp_path):
     maurice(small_session, "--particles", "60", "--run", "kept", "--save", "then.rrd")
     maurice("kept", "--save", "now.rrd")
     then, now = content(tmp_path / "then.rrd"), content(tmp_path / "now.rrd")
@@ -70,9 +68,7 @@ def test_a_saved_run_draws_the_same_recording(small_session: Path, tmp_path: Pat
     assert now == then
 
 
-def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_empty(
-    saved: str, tmp_path: Path
-) -> None:
+def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_empty(saved, tmp_path):
     (tmp_path / "survey.log").rename(tmp_path / "away.log")
     out, err = maurice("kept", "--save", "a.rrd", "--json")
     assert out == saved
@@ -87,7 +83,7 @@ def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_em
     assert "session.log" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_a_changed_picture_empties_the_panels_from_there_on(saved: str, tmp_path: Path) -> None:
+def test_a_changed_picture_empties_the_panels_from_there_on(saved, tmp_path):
     pictures = sorted((tmp_path / "pictures").glob("session*"))
     shutil.copyfile(pictures[0], pictures[6])
     out, err = maurice("kept", "--no-recording", "--json")
@@ -108,15 +104,13 @@ def test_a_changed_picture_empties_the_panels_from_there_on(saved: str, tmp_path
     ],
     ids=["thesis", "robust", "options"],
 )
-def test_verify_puts_any_filter_together_again(
-    small_session: Path, options: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_verify_puts_any_filter_together_again(small_session, options, monkeypatch):
     maurice(small_session, "--particles", "100", *options, "--run", "kept", "--no-recording")
     monkeypatch.setenv("MAURICE_FILTER_SENSOR__SHARPNESS", "3")  # does not reach into a saved run
     assert "the same" in maurice("verify", "kept")[0]
 
 
-def test_verify_names_changes(saved: str, tmp_path: Path) -> None:
+def test_verify_names_changes(saved, tmp_path):
     file = tmp_path / "kept" / "particles" / "00000001.parquet"
     chosen = (pl.col("step") == 5) & (pl.col("index") == 17)
     x = pl.when(chosen).then(pl.col("x_m") + 1e-6).otherwise(pl.col("x_m")).cast(pl.Float32).alias("x_m")
@@ -132,19 +126,19 @@ def test_verify_names_changes(saved: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["session.log", "survey.log"])
-def test_verify_says_when_an_input_was_changed(saved: str, tmp_path: Path, what: str) -> None:
+def test_verify_says_when_an_input_was_changed(saved, tmp_path, what):
     with (tmp_path / what).open("a") as log:
         log.write("\n")
     assert "was changed after the run was made" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_verify_sees_other_survey_pictures(saved: str, tmp_path: Path) -> None:
+def test_verify_sees_other_survey_pictures(saved, tmp_path):
     pictures = sorted((tmp_path / "pictures").glob("survey*"))
     shutil.copyfile(pictures[3], pictures[100])
     assert "other measurements" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_compare_saves_one_folder_a_run(small_session: Path, tmp_path: Path) -> None:
+def test_compare_saves_one_folder_a_run(small_session, tmp_path):
     then, _ = maurice("compare", small_session, "--run", "both", "--no-recording", "--json")
     now, err = maurice("both", "--no-recording", "--json")
     assert (now, err) == (then, "")
@@ -158,9 +152,7 @@ def test_compare_saves_one_folder_a_run(small_session: Path, tmp_path: Path) -> 
     assert not (tmp_path / "both" / "color").exists()
 
 
-def test_a_folder_that_is_taken_is_refused_before_anything_is_done(
-    saved: str, small_session: Path, tmp_path: Path
-) -> None:
+def test_a_folder_that_is_taken_is_refused_before_anything_is_done(saved, small_session, tmp_path):
     _, err = maurice(small_session, "--run", "kept", "--save", "x.rrd", expect=1)
     assert "--force" in one_line(err)
     assert not list(tmp_path.glob("x.*"))
@@ -171,12 +163,9 @@ def test_a_folder_that_is_taken_is_refused_before_anything_is_done(
     assert (mine / "thesis.txt").read_text() == "all of it"
 
 
-def test_options_of_the_filter_do_not_apply_to_a_saved_run(saved: str) -> None:
+def test_what_is_no_saved_run_is_refused(saved, small_session, tmp_path):
     for options in (["--particles", "3"], ["--feature", "color"], ["--run", "x"], ["--seed", "1"]):
         maurice("kept", *options, expect=2)
-
-
-def test_what_is_no_saved_run_is_one_line(small_session: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     assert "found no manifest.json" in one_line(maurice("verify", "empty", expect=1)[1])
     assert "folder" in one_line(maurice("empty", expect=1)[1])
@@ -184,9 +173,7 @@ def test_what_is_no_saved_run_is_one_line(small_session: Path, tmp_path: Path) -
     assert "'maurice-library', expected 'maurice-run'" in one_line(maurice("lib", expect=1)[1])
 
 
-def test_a_full_disk_prints_the_figures_so_far_and_one_line(
-    small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_prints_the_figures_so_far_and_one_line(small_session, tmp_path, monkeypatch):
     add = RunWriter.add
 
     def full(self: RunWriter, moment: Any, record: Any) -> None:
@@ -214,7 +201,7 @@ def start_slow(small_session: Path, tmp_path: Path) -> subprocess.Popen[bytes]:
     raise AssertionError("no part was written")
 
 
-def test_a_killed_run_keeps_what_was_written(small_session: Path, tmp_path: Path) -> None:
+def test_a_killed_run_keeps_what_was_written(small_session, tmp_path):
     with start_slow(small_session, tmp_path) as going:
         os.kill(going.pid, signal.SIGKILL)
     assert read_manifest(tmp_path / "kept").state == "writing"
@@ -228,9 +215,7 @@ def test_a_killed_run_keeps_what_was_written(small_session: Path, tmp_path: Path
     )
 
 
-def test_a_run_without_a_step_is_shown_and_not_verified(
-    small_session: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_without_a_step_is_shown_and_not_verified(small_session, monkeypatch):
     def stop(self: RunWriter, moment: Any, record: Any) -> None:
         raise KeyboardInterrupt
 
@@ -242,7 +227,7 @@ def test_a_run_without_a_step_is_shown_and_not_verified(
     assert "nothing to verify" in one_line(maurice("verify", "kept", expect=1)[1])
 
 
-def test_a_stopped_run_keeps_every_step_and_says_so(small_session: Path, tmp_path: Path) -> None:
+def test_a_stopped_run_keeps_every_step_and_says_so(small_session, tmp_path):
     with start_slow(small_session, tmp_path) as going:
         going.send_signal(signal.SIGINT)
         out, err = going.communicate(timeout=60)

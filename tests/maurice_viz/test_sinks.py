@@ -26,22 +26,19 @@ def write_in_vain(path: Path, remark: sinks.Remark) -> None:
         raise KeyboardInterrupt
 
 
-def test_a_recording_is_whole_and_has_its_layout(tmp_path: Path) -> None:
+def test_recordings_are_whole_or_live(tmp_path):
     write(tmp_path / "a.rrd")
     assert [p.name for p in tmp_path.iterdir()] == ["a.rrd"]
     reader = RrdReader(tmp_path / "a.rrd")
     assert reader.recordings()[0].application_id == "maurice-replay"
     assert len(reader.blueprints()) == 1
-
-
-def test_a_live_recording_holds_no_list_of_its_chunks(tmp_path: Path) -> None:
     with sinks.to_file(tmp_path / "a.rrd", "a", LAYOUT, serve=viewer.free_port()) as rec:
         rec.log("/a", rr.TextDocument("hello"))
     write(tmp_path / "b.rrd")
     assert [check_for_rrd_footer(tmp_path / name) for name in ("a.rrd", "b.rrd")] == [False, True]
 
 
-def test_existing_files_need_force(tmp_path: Path) -> None:
+def test_existing_files_need_force(tmp_path):
     (tmp_path / "a.rrd").write_bytes(b"mine")
     with pytest.raises(sinks.SinkError, match="--force"):
         write(tmp_path / "a.rrd")
@@ -51,7 +48,7 @@ def test_existing_files_need_force(tmp_path: Path) -> None:
     assert RrdReader(tmp_path / "a.rrd").recordings()
 
 
-def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path: Path) -> None:
+def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path):
     path, said = tmp_path / "a.rrd", list[str]()
     path.write_bytes(b"mine")
     with pytest.raises(KeyboardInterrupt):
@@ -62,12 +59,12 @@ def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", ["a.log", "a"])
-def test_other_endings_are_refused(tmp_path: Path, name: str) -> None:
+def test_other_endings_are_refused(tmp_path, name):
     with pytest.raises(sinks.SinkError, match=r"^[^\n]*\.rrd[^\n]*$"):
         write(tmp_path / name)
 
 
-def test_places_that_cannot_be_written_are_named(tmp_path: Path) -> None:
+def test_places_that_cannot_be_written_are_named(tmp_path):
     with pytest.raises(sinks.SinkError, match=r"^[^\n]*nowhere[^\n]*$"):
         write(tmp_path / "nowhere" / "a.rrd")
     (tmp_path / "a.rrd").mkdir()
@@ -75,9 +72,7 @@ def test_places_that_cannot_be_written_are_named(tmp_path: Path) -> None:
         write(tmp_path / "a.rrd", force=True)
 
 
-def test_a_disk_that_ran_full_is_an_error_and_not_a_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_ran_full_is_an_error_and_not_a_recording(tmp_path, monkeypatch):
     monkeypatch.setattr(sinks, "LEAST_FREE", 1 << 62)
     with pytest.raises(sinks.SinkError, match="space"):
         write(tmp_path / "a.rrd")
@@ -85,14 +80,14 @@ def test_a_disk_that_ran_full_is_an_error_and_not_a_recording(
 
 
 @pytest.mark.parametrize("display", ["", ":0"])
-def test_a_display_is_what_the_environment_says(monkeypatch: pytest.MonkeyPatch, display: str) -> None:
+def test_a_display_is_what_the_environment_says(monkeypatch, display):
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", display)
     assert sinks.has_display() == bool(display)
 
 
-def test_a_viewer_that_fails_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_viewer_that_fails_is_one_line(monkeypatch, tmp_path):
     monkeypatch.setattr("maurice_viz.viewer.open_viewers.viewer_binary", lambda: tmp_path / "no such viewer")
     with pytest.raises(sinks.SinkError, match="No such file"):
         sinks.bring_up_viewer()
@@ -102,9 +97,7 @@ def test_a_viewer_that_fails_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
 
 @pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
-def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(monkeypatch, tmp_path):
     """The real viewer, without its window: everything else is as where there is a display."""
     monkeypatch.setenv("MAURICE_STATE", str(tmp_path))
     started = []
@@ -128,9 +121,7 @@ def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(
             process.wait()
 
 
-def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(tmp_path, monkeypatch):
     """What a full disk does to the file's writer."""
 
     def flush(self: rr.RecordingStream, **options: object) -> None:
@@ -142,7 +133,7 @@ def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(
     assert not (tmp_path / "a.rrd").exists()
 
 
-def test_drawing_quicker_than_the_disk_waits_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drawing_quicker_than_the_disk_waits_for_it(tmp_path, monkeypatch):
     waited = []
     monkeypatch.setattr(sinks.FileRecording, "flush", lambda self, **how: waited.append(how))
     with sinks.to_file(tmp_path / "a.rrd", "a", LAYOUT) as rec:
@@ -151,9 +142,7 @@ def test_drawing_quicker_than_the_disk_waits_for_it(tmp_path: Path, monkeypatch:
         assert len(waited) == 2
 
 
-def test_a_disk_that_fails_meanwhile_is_told_at_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_fails_meanwhile_is_told_at_the_end(tmp_path, monkeypatch):
     def fail(self: sinks.FileRecording, **how: float) -> None:
         raise RuntimeError("the disk is gone")
 

@@ -46,14 +46,14 @@ def updates(done: list[str], *, within: int = 0, between: int = 0) -> None:
     [(1, 0, ["update 1"]), (0, 1, ["update 1"]), (2, 0, [])],
     ids=["waits for the end", "is heard at once between", "does not wait where it is the second"],
 )
-def test_a_request_to_stop(within: int, between: int, expected: list[str]) -> None:
+def test_a_request_to_stop(within, between, expected):
     done: list[str] = []
     with pytest.raises(KeyboardInterrupt):
         updates(done, within=within, between=between)
     assert done == expected
 
 
-def test_nothing_stops_or_is_hidden_unasked() -> None:
+def test_nothing_stops_or_is_hidden_unasked():
     done: list[str] = []
     updates(done)
     assert done == ["update 1", "after 1", "update 2", "after 2"]
@@ -77,7 +77,7 @@ def test_nothing_stops_or_is_hidden_unasked() -> None:
     assert done == [0]
 
 
-def test_handlers_are_put_back_and_what_is_ignored_stays_ignored() -> None:
+def test_handlers_are_put_back_and_what_is_ignored_stays_ignored():
     terminate, interrupt = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
@@ -90,9 +90,7 @@ def test_handlers_are_put_back_and_what_is_ignored_stays_ignored() -> None:
         signal.signal(signal.SIGTERM, terminate)
 
 
-def test_figures_recording_and_saved_run_go_equally_far(
-    small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_figures_recording_and_saved_run_go_equally_far(small_session, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     add = RunWriter.add
 
@@ -114,8 +112,8 @@ def test_figures_recording_and_saved_run_go_equally_far(
 
 @pytest.mark.parametrize("options", [["--json"], []])
 def test_stopping_while_the_recording_is_written_out_leaves_the_figures(
-    options: list[str], small_session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    options, small_session, tmp_path, monkeypatch
+):
     """A disk may be slow, and then somebody loses patience."""
     monkeypatch.chdir(tmp_path)
 
@@ -143,9 +141,7 @@ FULL = "maurice-replay: a/b.log: No space left on device"
         (errno.EACCES, "maurice-replay: a/b.log: Permission denied"),
     ],
 )
-def test_an_error_of_the_system_is_one_line(
-    number: int, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_error_of_the_system_is_one_line(number, said, capsys):
     with pytest.raises(typer.Exit) as end, errors_end_the_command():
         raise OSError(number, os.strerror(number), "a/b.log")
     assert end.value.exit_code == 1
@@ -168,7 +164,7 @@ maurice_viz.cli.main.main()
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are otherwise on Windows")
 @pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
-def test_a_signal_that_comes_in_a_callback_is_not_overheard(name: str, status: int) -> None:
+def test_a_signal_that_comes_in_a_callback_is_not_overheard(name, status):
     began = time.monotonic()
     code = LOST.format(name=name)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -191,6 +187,6 @@ maurice_viz.cli.main.main()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are otherwise on Windows")
-def test_a_job_in_the_background_keeps_ignoring_ctrl_c() -> None:
+def test_a_job_in_the_background_keeps_ignoring_ctrl_c():
     done = subprocess.run([sys.executable, "-c", IGNORED], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "went on\n", "")

@@ -31,17 +31,17 @@ def contrast(one: style.RGB, other: style.RGB) -> float:
 @pytest.mark.parametrize(
     "color", {*style.RUN_COLORS, *EVIDENCE_COLORS, *COLORS.values(), ALL_TOGETHER, style.BAR}
 )
-def test_lines_and_bars_of_plots_are_seen_in_both_themes(color: style.RGB, ground: style.RGB) -> None:
+def test_lines_and_bars_of_plots_are_seen_in_both_themes(color, ground):
     assert contrast(color, ground) >= LEAST_CONTRAST
 
 
-def test_colors_that_stand_beside_each_other_differ() -> None:
+def test_colors_that_stand_beside_each_other_differ():
     for colors in (style.RUN_COLORS, EVIDENCE_COLORS, style.MODE_COLORS):
         for k, one in enumerate(colors):
             assert all(np.abs(np.subtract(one, other)).max() > 50 for other in colors[:k])
 
 
-def test_places_are_scaled_and_turned() -> None:
+def test_places_are_scaled_and_turned():
     drawn = INCHES.screen(np.array([[0.0254, 0.0508], [-0.254, -0.0254]]))
     np.testing.assert_array_equal(drawn, np.array([[1, -2], [-10, 1]], np.float32))
     np.testing.assert_allclose(style.heading_vector(np.pi / 2, 3.0), [[0, -3]], atol=1e-6)
@@ -51,13 +51,13 @@ def test_places_are_scaled_and_turned() -> None:
 
 
 @given(st.floats(-100, 100), st.floats(-100, 100))
-def test_drawn_points_are_within_a_rounding_step(x: float, y: float) -> None:
+def test_drawn_points_are_within_a_rounding_step(x, y):
     for units in style.UNITS.values():
         drawn = style.Scale(units).screen(np.array([[x, y]]))[0]
         assert drawn == pytest.approx([x * units.per_m, -y * units.per_m], abs=units.fine)
 
 
-def test_units_are_written_and_known() -> None:
+def test_units_are_written_and_known():
     assert INCHES.say(0.254) == "10.0 in"
     assert INCHES.say_area(0.3048**2 * 3) == "3.0 ft2"
     assert style.Scale(style.UNITS["m"]).say_area(2.5) == "2.5 m2"
@@ -67,7 +67,7 @@ def test_units_are_written_and_known() -> None:
         style.units_named("furlong")
 
 
-def test_colors_follow_weights_and_copies() -> None:
+def test_colors_follow_weights_and_copies():
     assert style.packed((1, 2, 3)) == 0x010203FF
     for n in (1, 10, 5000):
         assert (style.weight_colors(np.full(n, -np.log(n))) == style.LUT[127]).all()
@@ -80,17 +80,14 @@ def test_colors_follow_weights_and_copies() -> None:
     assert style.copy_colors(np.array([1, 8])).tolist() == [style.LUT[127], style.LUT[255]]
 
 
-def test_phases_of_a_step_follow_each_other_and_steps_do_not_overlap() -> None:
+def test_phases_and_paths_follow_the_label():
     numbers = [phase_number(step, slot) for step in (1, 2) for slot in Phase]
     assert numbers == list(range(6, 18))
-
-
-def test_paths_stand_under_the_label() -> None:
     assert RunPaths("color").particles == "/color/belief/particles"
     assert RunPaths("color").histogram("edges", "sample") == "/color/histogram/edges/sample"
 
 
 @pytest.mark.parametrize("label", ["", "world", "session", "a/b"])
-def test_labels_that_would_collide_are_refused(label: str) -> None:
+def test_labels_that_would_collide_are_refused(label):
     with pytest.raises(ValueError, match="label"):
         RunPaths(label)

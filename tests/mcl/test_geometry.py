@@ -62,7 +62,7 @@ def test_compose(pose, motion, moved):
     assert compose(np.array(pose), np.array(motion)) == pytest.approx(np.array(moved))
 
 
-def test_circular_means_by_hand():
+def test_circular_means_agree_with_the_resultant():
     mean, sd = circular_mean(np.array([np.pi - 0.1, -np.pi + 0.1]), np.array([1.0, 1.0]))
     assert abs(mean) == pytest.approx(np.pi)
     assert sd == pytest.approx(np.sqrt(-2 * np.log(np.cos(0.1))))
@@ -70,9 +70,6 @@ def test_circular_means_by_hand():
     assert mean == pytest.approx(1.234, abs=1e-6)
     assert sd < 1e-5
     assert circular_mean(np.array([0.0, np.pi]), np.array([0.5, 0.5]))[1] > 5
-
-
-def test_circular_mean_agrees_with_the_resultant():
     rng = np.random.default_rng(1)
     angles, weights = rng.normal(3.0, 0.7, 500), rng.random(500)
     resultant = (weights * np.exp(1j * angles)).sum() / weights.sum()

@@ -37,14 +37,14 @@ def smooth(poses: F64) -> F64:
     return np.column_stack([poses[:, 0] + 1, poses[:, 1] + 1]) ** 2 * 5
 
 
-def test_looks_that_follow_the_place_have_no_look_alikes() -> None:
+def test_looks_that_follow_the_place_have_no_look_alikes():
     found = checked(library_of(grid(), smooth(grid())))
     assert (len(found.aliased), found.retrieved_right) == (0, 1)
     assert found.error_m.max() <= STEP_M * 1.5
     assert np.all(np.diff(found.similarity[np.isfinite(found.similarity)]) > 0)
 
 
-def test_two_places_that_look_the_same_are_each_others_look_alikes() -> None:
+def test_two_places_that_look_the_same_are_each_others_look_alikes():
     poses = grid()
     looks = smooth(poses)
     looks[COLUMNS - 1] = looks[0]
@@ -56,7 +56,7 @@ def test_two_places_that_look_the_same_are_each_others_look_alikes() -> None:
     assert found.retrieved_right < 1
 
 
-def test_ambiguity_at_its_ends() -> None:
+def test_ambiguity_at_its_ends():
     poses = grid()
     found = checked(library_of(poses, np.full((len(poses), 2), 7.0)))
     assert found.ambiguity == pytest.approx(np.full(len(poses), len(poses) - 1))
@@ -68,7 +68,7 @@ def test_ambiguity_at_its_ends() -> None:
     assert (found.ambiguity == 1).all()
 
 
-def test_places_are_apart() -> None:
+def test_places_are_apart():
     poses = np.repeat(grid(), 8, axis=0)
     places, place_of = places_of(poses[:, :2], STEP_M)
     assert len(places) == COLUMNS * ROWS
@@ -82,7 +82,7 @@ def test_places_are_apart() -> None:
     assert apart.min() > 0.3
 
 
-def test_coverage_finds_the_hole() -> None:
+def test_coverage_finds_the_hole():
     poses = grid()
     whole = coverage_of(library_of(poses, smooth(poses)), STEP_M)
     assert (whole.covered, whole.gaps) == (1, ())
@@ -99,7 +99,7 @@ def mapless(poses: F64) -> Library:
     return replace(library_of(poses, smooth(poses)), arena=open_arena(poses))
 
 
-def test_without_a_map_only_holes_are_gaps() -> None:
+def test_without_a_map_only_holes_are_gaps():
     whole = coverage_of(mapless(grid()), STEP_M)
     assert not whole.mapped
     assert (whole.covered, whole.gaps) == (1, ())
@@ -111,12 +111,12 @@ def test_without_a_map_only_holes_are_gaps() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 8])
-def test_without_a_map_a_way_straight_on_is_covered(count: int) -> None:
+def test_without_a_map_a_way_straight_on_is_covered(count):
     found = coverage_of(mapless(grid()[:count]), STEP_M)
     assert (found.covered, found.gaps) == (1, ())
 
 
-def test_a_drive_thinned_by_place_or_heading_has_neighbors_that_look_the_same_way() -> None:
+def test_a_drive_thinned_by_place_or_heading_has_neighbors_that_look_the_same_way():
     """There and back again, half a step aside: the nearest entries look the other way."""
     there = np.array([[0.5 * k, 0.0, 0.0] for k in range(16)])
     back = there + np.array([0.25, 0.1, np.pi])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from maurice_datasets.render.camera import Lens, LitFace, LitScene, halvings, orientation, radiance, scene_of
+from maurice_datasets.render.camera import Lens, LitFace, halvings, orientation, radiance, scene_of
 
 LEVEL = Lens(pitch_rad=0.0, height_m=1.0)
 FOCAL = LEVEL.width_px / 2 / np.tan(LEVEL.horizontal_fov_rad / 2)
@@ -29,7 +29,7 @@ def span(picture: np.ndarray, channel: int) -> tuple[float, float, float, float]
     return columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
 
 
-def test_the_picture_is_upright_level_and_not_mirrored() -> None:
+def test_the_picture_is_upright_level_and_not_mirrored():
     assert radiance(scene_of((board(2, 1, -1, 0, 2, RED),)), EAST).shape == (144, 176, 3)
     right, down, forward = orientation(0.0, 0.0)
     assert right == pytest.approx([0, -1, 0])
@@ -46,16 +46,13 @@ def test_the_picture_is_upright_level_and_not_mirrored() -> None:
     assert top < 50
 
 
-def test_a_known_board_falls_on_the_right_pixels() -> None:
+def test_boards_fall_on_the_right_pixels():
     picture = look(board(2.0, 0.4, -0.2, 0.9, 1.3, RED))
     left, right, top, bottom = span(picture, 0)
     assert left == pytest.approx(88 - FOCAL * 0.4 / 2, abs=0.8)
     assert right == pytest.approx(88 + FOCAL * 0.2 / 2, abs=0.8)
     assert top == pytest.approx(72 - FOCAL * 0.3 / 2, abs=0.8)
     assert bottom == pytest.approx(72 + FOCAL * 0.1 / 2, abs=0.8)
-
-
-def test_things_move_and_grow_as_the_camera_does() -> None:
     far, near = look(board(4, 0.4, -0.4, 0.8, 1.2, RED)), look(board(2, 0.4, -0.4, 0.8, 1.2, RED))
     wide = [span(p, 0)[1] - span(p, 0)[0] for p in (far, near)]
     assert wide[1] == pytest.approx(2 * wide[0], abs=2.1)
@@ -66,14 +63,14 @@ def test_things_move_and_grow_as_the_camera_does() -> None:
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_nearer_face_hides_the_farther_whatever_their_order(order: tuple[int, int]) -> None:
+def test_the_nearer_face_hides_the_farther_whatever_their_order(order):
     faces = [board(1, 0.1, -0.1, 0.9, 1.1, RED), board(3, 1, -1, 0, 2, GREEN)]
     picture = look(*(faces[k] for k in order))
     assert picture[72, 88] == pytest.approx(RED)
     assert picture[72, 88 + int(FOCAL * 0.1) + 2] == pytest.approx(GREEN)
 
 
-def test_faces_that_cross_or_turn_their_back_are_hidden() -> None:
+def test_faces_that_cross_or_turn_their_back_are_hidden():
     slanted = LitFace(
         np.array([1.0, 0.5, 2.0]),
         np.array([2.0, -1.0, 0]),
@@ -88,7 +85,7 @@ def test_faces_that_cross_or_turn_their_back_are_hidden() -> None:
     assert look(face, behind).max() == 0
 
 
-def test_textures_reach_far_and_are_averaged() -> None:
+def test_textures_reach_far_and_are_averaged():
     texture = np.ones((64, 64, 3), np.float32)
     floor = LitFace(
         np.array([-50.0, 50, 0]), np.array([100.0, 0, 0]), np.array([0, -100.0, 0]), halvings(texture)
@@ -103,7 +100,7 @@ def test_textures_reach_far_and_are_averaged() -> None:
     assert picture[70:74, 80:96] == pytest.approx(0.5, abs=0.06)
 
 
-def test_rooms_are_closed_and_the_door_gap_shows_the_other(scene: LitScene) -> None:
+def test_rooms_are_closed_and_the_door_gap_shows_the_other(scene):
     for pose in ([0.5, 1.8, 0.3], [2.7, 1.8, 3.0], [4.6, 1.6, -1.2], [0.25, 0.7, -2.6]):
         assert radiance(scene, np.array(pose)).min() > 0
     # From the dim room, what is seen through the gap is brighter than the wall beside it

@@ -4,7 +4,6 @@ import pytest
 from maurice_datasets.render.camera import Lens
 from maurice_datasets.render.camera_session import session_camera, survey_camera
 from maurice_datasets.render.conditions import Conditions, parse_lights
-from maurice_datasets.worlds.world import World
 
 POSE = np.array([1.2, 1.9, 0.4])
 POSES = [POSE, np.array([4.0, 2.5, 2.0]), np.array([2.7, 1.8, 3.0])]
@@ -14,7 +13,7 @@ ALL = Conditions(
 
 
 @pytest.mark.parametrize("conditions", [Conditions(), ALL], ids=["nominal", "everything"])
-def test_a_picture_is_a_function_of_seed_number_and_pose_alone(world: World, conditions: Conditions) -> None:
+def test_a_picture_is_a_function_of_seed_number_and_pose_alone(world, conditions):
     one, same = session_camera(world, 3, conditions), session_camera(world, 3, conditions)
     forward = [one.take(k, POSE) for k in (5, 6, 7)]
     backward = [same.take(k, POSE) for k in (7, 6, 5)]
@@ -22,7 +21,7 @@ def test_a_picture_is_a_function_of_seed_number_and_pose_alone(world: World, con
     assert not np.array_equal(forward[0], session_camera(world, 4, conditions).take(5, POSE))
 
 
-def test_taking_a_picture_moves_nobody(world: World) -> None:
+def test_taking_a_picture_moves_nobody(world):
     pose = POSE.copy()
     obstacles = [region.polygon.copy() for region in world.arena.obstacles]
     session_camera(world, 3, ALL).take(5, pose)
@@ -31,7 +30,7 @@ def test_taking_a_picture_moves_nobody(world: World) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(obstacles, after, strict=True))
 
 
-def test_nothing_changes_before_the_first_change_and_on_gives_it_back(world: World) -> None:
+def test_nothing_changes_before_the_first_change_and_on_gives_it_back(world):
     plain = session_camera(world, 3)
     changing = session_camera(world, 3, Conditions(parse_lights("dim@4,off@4,daylight@5-6")))
     off = np.abs(plain.take(3, POSE).astype(int) - changing.take(3, POSE))
@@ -41,7 +40,7 @@ def test_nothing_changes_before_the_first_change_and_on_gives_it_back(world: Wor
     assert np.array_equal(changing.take(4, POSE), session_camera(world, 3).take(4, POSE))
 
 
-def test_automatic_gain_brings_every_mean_near_the_target(world: World) -> None:
+def test_automatic_gain_brings_every_mean_near_the_target(world):
     fixed, auto = session_camera(world, 3), session_camera(world, 3, Conditions(gain="auto"))
     want = auto.sensor.target + np.mean(auto.sensor.black)
     means = {
@@ -56,7 +55,7 @@ def test_automatic_gain_brings_every_mean_near_the_target(world: World) -> None:
     assert np.abs(bright.take(2, pose).astype(int) - dim.take(2, pose)).mean() < 1
 
 
-def test_half_resolution_doubles_every_other_column(world: World) -> None:
+def test_half_resolution_doubles_every_other_column(world):
     picture = session_camera(world, 3, Conditions(half_resolution=True)).take(1, POSE)
     whole = session_camera(world, 3).take(1, POSE)
     assert picture.shape == whole.shape == (144, 176, 3)
@@ -65,7 +64,7 @@ def test_half_resolution_doubles_every_other_column(world: World) -> None:
 
 
 @pytest.mark.parametrize("size", [(88, 143), (176, 144), (352, 288), (640, 480)])
-def test_every_size_shows_the_same_view(world: World, size: tuple[int, int]) -> None:
+def test_every_size_shows_the_same_view(world, size):
     """At 88 x 143 pixels are twice as wide as high."""
     width, height = size
     lens = Lens(width, height, pixel_aspect=2.0 if width < height else 1.0)
@@ -90,7 +89,7 @@ def test_every_size_shows_the_same_view(world: World, size: tuple[int, int]) -> 
     assert np.corrcoef(mosaic(picture).ravel(), mosaic(usual).ravel())[0, 1] > 0.95
 
 
-def test_events_and_notes_tell_what_happens(world: World) -> None:
+def test_events_and_notes_tell_what_happens(world):
     camera = session_camera(world, 3, ALL)
     lamp = world.sources[0]
     assert camera.events(4) == (f"lights off {lamp}",)

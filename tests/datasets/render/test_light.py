@@ -25,7 +25,7 @@ def f32(*rows: tuple[float, float, float]) -> np.ndarray:
     return np.array(rows, np.float32)
 
 
-def test_rays_meet_a_box_where_they_should() -> None:
+def test_light_falls_as_geometry_says():
     start = f32((-3, 0, 0), (-3, 0, 0), (-3, 2, 0), (0, 0, 0), (0, 0, 5))
     toward = f32((1, 0, 0), (-1, 0, 0), (1, 0, 0), (1, 0, 0), (0, 0, -1))
     assert hit_distance(start, toward, (UNIT,)) == pytest.approx([2, np.inf, np.inf, 0, 4])
@@ -34,9 +34,6 @@ def test_rays_meet_a_box_where_they_should() -> None:
     assert far[0] == pytest.approx(3 - np.sqrt(2), abs=0.01)
     behind = Box((4.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     assert hit_distance(f32((-3, 0, 0)), f32((1, 0, 0)), (behind, UNIT))[0] == pytest.approx(2)
-
-
-def test_a_floor_is_open_far_from_a_wall_and_half_closed_at_its_foot() -> None:
     wall = Box((0.0, 0.0, 5.0), (0.05, 50.0, 5.0))
     points, up = np.array([[5.0, 0, 0.01], [0.06, 0, 0.01]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     far, near = openness(points, up, (wall,), Baking(directions=200))
@@ -66,7 +63,7 @@ def world_with(lamps: tuple[Lamp, ...], boxes: tuple[Box, ...] = (), ambient: fl
     )
 
 
-def test_lamps_and_boxes_make_light_and_shadow() -> None:
+def test_lamps_and_boxes_make_light_and_shadow():
     lamp = Lamp("lamp", np.array([[0.0, 0, 2]]), np.ones(3))
     points, up = np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([[0.0, 0, 1], [0, 0, 1]])
     light = irradiance(world_with((lamp,)), points, up, Baking())
@@ -83,7 +80,7 @@ def test_lamps_and_boxes_make_light_and_shadow() -> None:
     assert light[1, 0] == 0
 
 
-def test_baking_of_plain_light() -> None:
+def test_baking_of_plain_light():
     (lit,) = bake(world_with((), ambient=0.8)).faces
     assert lit.levels[0] == pytest.approx(np.full((64, 64, 3), 0.4), abs=1e-5)
     assert [level.shape[0] for level in lit.levels] == [64, 32, 16, 8, 4]
@@ -107,16 +104,14 @@ def view(world: World, bare: LitScene, weights: np.ndarray, pose: np.ndarray) ->
 
 
 @pytest.mark.slow
-def test_weights_of_one_give_the_picture_that_is_lit_for_good(
-    world: World, scene: LitScene, bare: LitScene
-) -> None:
+def test_weights_of_one_give_the_picture_that_is_lit_for_good(world, scene, bare):
     ones = np.ones((len(lighting_of(world).parts), 3))
     for pose in POSES:
         fixed, live = radiance(scene, pose), view(world, bare, ones, pose)
         assert np.abs(fixed - live).mean() < 0.01 * fixed.mean()
 
 
-def test_light_is_the_sum_over_its_sources(world: World, bare: LitScene) -> None:
+def test_light_is_the_sum_over_its_sources(world, bare):
     parts = len(lighting_of(world).parts)
     weights = np.random.default_rng(5).uniform(0.2, 2, (parts, 3))
     alone = [view(world, bare, weights * (np.arange(parts) == k)[:, None], POSES[1]) for k in range(parts)]
@@ -124,7 +119,7 @@ def test_light_is_the_sum_over_its_sources(world: World, bare: LitScene) -> None
     assert view(world, bare, np.zeros((len(lighting_of(world).parts), 3)), POSES[0]).max() < 1e-5
 
 
-def test_a_lamp_that_goes_out_changes_shading_and_not_only_brightness(world: World, bare: LitScene) -> None:
+def test_a_lamp_that_goes_out_changes_shading_and_not_only_brightness(world, bare):
     lighting = lighting_of(world)
     source = windows_of(world) and next(iter(windows_of(world)))
     off = np.array([[0.0 if part.source == source else 1.0] * 3 for part in lighting.parts])
@@ -137,7 +132,7 @@ def test_a_lamp_that_goes_out_changes_shading_and_not_only_brightness(world: Wor
     assert np.quantile(ratio, 0.95) - np.quantile(ratio, 0.05) > 0.3
 
 
-def test_what_glows_goes_out_with_the_lamp_that_is_nearest(world: World) -> None:
+def test_what_glows_goes_out_with_the_lamp_that_is_nearest(world):
     lighting, first = lighting_of(world), 0
     glowing = 0
     for face, (rows, columns) in zip(world.faces, lighting.shapes, strict=True):
@@ -153,6 +148,6 @@ def test_what_glows_goes_out_with_the_lamp_that_is_nearest(world: World) -> None
 
 
 @pytest.mark.slow
-def test_survey_and_session_of_one_world_bake_once(world: World) -> None:
+def test_survey_and_session_of_one_world_bake_once(world):
     assert lighting_of(world) is lighting_of(world)
     assert len(bake(world).faces) == len(world.faces)

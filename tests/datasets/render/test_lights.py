@@ -17,7 +17,6 @@ from maurice_datasets.render.conditions import (
 from maurice_datasets.render.image_sensor import Exposure, drifted, swings
 from maurice_datasets.render.light import LightPart, parts_of, windows_of
 from maurice_datasets.tasks import TIERS
-from maurice_datasets.worlds.world import World
 
 PARTS = (LightPart("lamp"), LightPart("other lamp"), LightPart("window", 1), LightPart("window", -1))
 WINDOWS = frozenset({"window"})
@@ -27,13 +26,13 @@ def weights(text: str, number: int) -> np.ndarray:
     return weights_at(PARTS, WINDOWS, parse_lights(text), number)
 
 
-def test_dimming_lasts_until_the_lights_are_on_again() -> None:
+def test_dimming_lasts_until_the_lights_are_on_again():
     lights = parse_lights("dim@10,dim:0.2@20,on@30")
     assert [brightness_at(lights, k) for k in (1, 9, 10, 19, 20, 29, 30)] == [1, 1, 0.6, 0.6, 0.2, 0.2, 1]
     assert brightness_at((LightChange("dim", 3),), 3) == brightness_at(parse_lights("dim@3"), 3)
 
 
-def test_lamps_and_windows_go_out_alone() -> None:
+def test_lamps_and_windows_go_out_alone():
     lights = parse_lights("off:a@2,off:b@3,on:a@4,on@5")
     assert [sorted(sources_off(lights, k)) for k in range(1, 6)] == [[], ["a"], ["a", "b"], ["b"], []]
     assert (weights("off:lamp@5,daylight@6-9", 4) == 1).all()
@@ -41,7 +40,7 @@ def test_lamps_and_windows_go_out_alone() -> None:
     assert weights("off:window@5", 5)[:, 0].tolist() == [1, 1, 0, 0]
 
 
-def test_daylight_moves_and_ends_weaker_warmer_and_from_one_side() -> None:
+def test_daylight_moves_and_ends_weaker_warmer_and_from_one_side():
     lights = parse_lights("daylight@20-100")
     moved = np.array([daylight_at(lights, k) for k in range(1, 121)])
     assert (moved[:20] == 0).all()
@@ -56,7 +55,7 @@ def test_daylight_moves_and_ends_weaker_warmer_and_from_one_side() -> None:
     assert together[0] > together[1] > together[2]
 
 
-def test_events_tell_what_begins_and_where_daylight_rests() -> None:
+def test_changes_begin_rest_and_reshade():
     lights = parse_lights("dim@3,off:lamp@3,on@5,daylight@4-9")
     told = {k: events_at(lights, k) for k in range(1, 11)}
     assert told.pop(3) == ("lights dim to 60%", "lights off lamp")
@@ -64,15 +63,12 @@ def test_events_tell_what_begins_and_where_daylight_rests() -> None:
     assert told.pop(5) == ("lights on",)
     assert told.pop(9) == ("lights daylight rests",)
     assert set(told.values()) == {()}
-
-
-def test_only_what_changes_shadows_needs_shading_anew() -> None:
     assert not reshades(Conditions(parse_lights("dim@3,on@5")))
     assert reshades(Conditions(parse_lights("off@3")))
     assert reshades(Conditions(parse_lights("daylight@3-4")))
 
 
-def test_lights_are_named(world: World) -> None:
+def test_lights_are_named(world):
     lamp = next(source for source in world.sources if source not in windows_of(world))
     assert named_lights(world, parse_lights("off@3"))[0].source == lamp
     with pytest.raises(ValueError, match="no light called 'attic'") as caught:
@@ -80,7 +76,7 @@ def test_lights_are_named(world: World) -> None:
     assert world.sources[0] in str(caught.value)
 
 
-def test_parts_of_a_source_share_it_out_without_rest(world: World) -> None:
+def test_parts_of_a_source_share_it_out_without_rest(world):
     for source in world.sources:
         parts = [part for part in parts_of(world) if part.source == source]
         assert sum(part.whole for part in parts) == pytest.approx(1)
@@ -89,7 +85,7 @@ def test_parts_of_a_source_share_it_out_without_rest(world: World) -> None:
                 assert sum(part.shares(lamp) for part in parts) == pytest.approx(np.ones(len(lamp.points)))
 
 
-def test_drift_is_smooth_seeded_and_bounded() -> None:
+def test_drift_is_smooth_seeded_and_bounded():
     conditions, plain = Conditions(drift=0.2, tint=0.1), Exposure((1.1, 1.0, 0.9))
     seen = []
     for seed in range(40):
@@ -104,16 +100,13 @@ def test_drift_is_smooth_seeded_and_bounded() -> None:
     assert drifted(Exposure((1.1, 1.0, 0.9), True), Conditions(), 3, 50) == Exposure((1.1, 1.0, 0.9), True)
 
 
-def test_the_example_of_the_docs_is_read() -> None:
+def test_the_notation_is_read():
     assert parse_lights("dim@40,off@60,daylight@20-100,on@80") == (
         LightChange("daylight", 20, until=100),
         LightChange("dim", 40, amount=0.6),
         LightChange("off", 60),
         LightChange("on", 80),
     )
-
-
-def test_shares_lamps_and_spaces_are_read() -> None:
     assert parse_lights(" dim:0.4@7 , off:west room lamp@8,bright@9, drift:0.1") == (
         LightChange("drift", amount=0.1),
         LightChange("dim", 7, amount=0.4),
@@ -123,7 +116,7 @@ def test_shares_lamps_and_spaces_are_read() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "  "])
-def test_nothing_is_no_change(text: str) -> None:
+def test_nothing_is_no_change(text):
     assert parse_lights(text) == ()
 
 
@@ -148,7 +141,7 @@ def test_nothing_is_no_change(text: str) -> None:
         ("dim@4,", "one of dim"),
     ],
 )
-def test_what_cannot_be_read_ends_in_one_line_with_an_example(text: str, wanted: str) -> None:
+def test_what_cannot_be_read_ends_in_one_line_with_an_example(text, wanted):
     with pytest.raises(ValueError, match="expected") as caught:
         parse_lights(text)
     assert wanted in str(caught.value)
@@ -156,7 +149,7 @@ def test_what_cannot_be_read_ends_in_one_line_with_an_example(text: str, wanted:
     assert "\n" not in str(caught.value)
 
 
-def test_a_tier_and_the_user_both_count_and_the_stronger_drift_wins() -> None:
+def test_a_tier_and_the_user_both_count_and_the_stronger_drift_wins():
     made = conditions_for(TIERS["hard"], parse_lights("drift:0.1,off@3"), gain="auto")
     assert made == Conditions((LightChange("off", 3),), 0.2, 0.1, 0.3, "auto")
     assert conditions_for(TIERS["nominal"], parse_lights("drift")).drift == 0.2
@@ -166,6 +159,6 @@ def test_a_tier_and_the_user_both_count_and_the_stronger_drift_wins() -> None:
 @pytest.mark.parametrize(
     "bad", [{"drift": -0.1}, {"occluded": 1.1}, {"tint": float("nan")}, {"gain": "manual"}]
 )
-def test_senseless_conditions_are_refused(bad: dict[str, object]) -> None:
+def test_senseless_conditions_are_refused(bad):
     with pytest.raises(ValueError, match="expected"):
         Conditions(**bad)  # type: ignore[arg-type]  # that is the point

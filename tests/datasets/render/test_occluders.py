@@ -22,7 +22,7 @@ ORIGIN = np.zeros(3)
 POSE = np.array([4.0, 2.0, np.pi])
 
 
-def test_people_come_as_often_as_asked() -> None:
+def test_people_come_as_often_as_asked():
     frames = 2000
     share = np.mean([bool(stands_at(OPEN, ORIGIN, 7, k, 0.3)) for k in range(1, frames + 1)])
     assert abs(share - 0.3) < 4 * np.sqrt(0.3 * 0.7 / frames)
@@ -35,7 +35,7 @@ def test_people_come_as_often_as_asked() -> None:
     assert stands_at(OPEN, ORIGIN, 7, 1, 1.0) != stands_at(OPEN, ORIGIN, 8, 1, 1.0)
 
 
-def test_people_stand_ahead_at_free_places_that_can_be_seen(world: World) -> None:
+def test_people_stand_ahead_at_free_places_that_can_be_seen(world):
     rng = np.random.default_rng(2)
     found = 0
     for k in range(1, 150):
@@ -52,7 +52,7 @@ def test_people_stand_ahead_at_free_places_that_can_be_seen(world: World) -> Non
     assert found > 75
 
 
-def test_walls_and_boxes_hide_what_is_behind() -> None:
+def test_walls_and_boxes_hide_what_is_behind():
     eye, places = np.zeros(2), np.array([[2.0, 0.0], [0.5, 0.0], [2.0, 3.0]])
     starts, ends = np.array([[1.0, -1.0]]), np.array([[1.0, 1.0]])
     assert crossed(eye, places, starts, ends).tolist() == [True, False, False]
@@ -67,7 +67,7 @@ def person(world: World, stand: StandingPerson, dim: float = 1.0) -> LitScene:
     return people(world, parts, np.full((len(parts), 3), dim), (stand,), 7)
 
 
-def test_a_person_is_people_sized_and_lit_by_the_place(world: World) -> None:
+def test_a_person_is_people_sized_and_lit_by_the_place(world):
     made = person(world, StandingPerson(3.0, 2.0, 0.7, 2))
     corners = np.concatenate([made.corner + a * made.across + b * made.down for a in (0, 1) for b in (0, 1)])
     assert corners[:, 2].min() == pytest.approx(0, abs=1e-9)
@@ -81,7 +81,7 @@ def test_a_person_is_people_sized_and_lit_by_the_place(world: World) -> None:
     assert max(west, east) > 2 * min(west, east)  # one room is bright, the other dim
 
 
-def test_furniture_in_front_hides_a_person(world: World) -> None:
+def test_furniture_in_front_hides_a_person(world):
     """What a picture with somebody in it differs in is hidden where something nearer stands."""
     ahead, beyond = (
         StandingPerson(3.0, 2.0, 0.0, 0),
@@ -93,7 +93,7 @@ def test_furniture_in_front_hides_a_person(world: World) -> None:
     assert np.array_equal(radiance(joined(scene, person(world, beyond)), POSE), empty)
 
 
-def test_pictures_without_people_are_as_if_none_had_been_asked_for(world: World) -> None:
+def test_pictures_without_people_are_as_if_none_had_been_asked_for(world):
     some, none = session_camera(world, 3, Conditions(occluded=0.3)), session_camera(world, 3)
     seen = {bool(some.stands(k, POSE)) for k in range(1, 30)}
     assert seen == {True, False}

@@ -27,7 +27,7 @@ def gray(level: float) -> np.ndarray:
     return np.full((*SIZE, 3), level, np.float32)
 
 
-def test_covered_pictures_peak_near_80_in_the_lowest_bins_of_each_channel() -> None:
+def test_covered_pictures_peak_near_80_in_the_lowest_bins_of_each_channel():
     """Thesis figure 14."""
     bins = histogram([covered(Sensor(), SIZE, np.random.default_rng(k)) for k in range(10)])
     assert (bins.max(axis=1) > 60).all()
@@ -36,7 +36,7 @@ def test_covered_pictures_peak_near_80_in_the_lowest_bins_of_each_channel() -> N
     assert bins[:, 8:].sum() < 1
 
 
-def test_values_rise_with_light_and_stay_within() -> None:
+def test_values_rise_with_light_and_stay_within():
     rng = np.random.default_rng(0)
     for level in (0.0, 0.2, 50.0):
         picture = photograph(gray(level), Sensor(), Exposure(), rng)
@@ -48,7 +48,7 @@ def test_values_rise_with_light_and_stay_within() -> None:
     assert (np.diff(means) > 10).all()
 
 
-def test_gain_and_falloff_by_hand() -> None:
+def test_gain_and_falloff_by_hand():
     plain = photograph(gray(0.2), Sensor(), Exposure(), np.random.default_rng(0))
     warm = photograph(gray(0.2), Sensor(), Exposure((1.2, 1.0, 0.8)), np.random.default_rng(0))
     red, green, blue = (warm.astype(float) - plain).mean(axis=(0, 1))
@@ -61,7 +61,7 @@ def test_gain_and_falloff_by_hand() -> None:
     assert light[0, 50] == pytest.approx(1 - 0.35 / 2)
 
 
-def test_exposures_differ_by_a_few_percent() -> None:
+def test_exposures_differ_by_a_few_percent():
     gains = np.array([draw_exposure(np.random.default_rng(k)).gain for k in range(2000)])
     assert gains.mean() == pytest.approx(1, abs=4 * 0.0513 / np.sqrt(2000))
     assert gains.mean(axis=1).std() == pytest.approx(0.0513, rel=0.1)
@@ -73,7 +73,7 @@ def test_exposures_differ_by_a_few_percent() -> None:
     assert np.array_equal(picture[:, 0:30:2], picture[:, 1:30:2])
 
 
-def test_fixed_gain_is_linear_below_white_whatever_the_curve() -> None:
+def test_fixed_gain_is_linear_below_white_whatever_the_curve():
     """Half the light gives the signal of half the light: dimming by x is radiance times x."""
     sensor = Sensor()
     levels = np.array([0.1, 0.3, 0.9], np.float32)
@@ -83,7 +83,7 @@ def test_fixed_gain_is_linear_below_white_whatever_the_curve() -> None:
 
 
 @pytest.mark.parametrize("level", [0.03, 0.1, 0.2])
-def test_automatic_gain_meets_its_target_and_keeps_white_balance(level: float) -> None:
+def test_automatic_gain_meets_its_target_and_keeps_white_balance(level):
     sensor, light = (Sensor(), gray(level) * np.linspace(0.5, 1.5, SIZE[1], dtype=np.float32)[None, :, None])
     gain = metered(light, sensor, Exposure((1.1, 1.0, 0.9), automatic=True))
     assert signal_of(light, sensor, gain).mean() == pytest.approx(sensor.target, rel=0.02)
@@ -92,5 +92,5 @@ def test_automatic_gain_meets_its_target_and_keeps_white_balance(level: float) -
 
 
 @pytest.mark.parametrize(("level", "limit"), [(0.0, 4.0), (0.001, 4.0), (50.0, 0.4)])
-def test_automatic_gain_ends_at_its_limits(level: float, limit: float) -> None:
+def test_automatic_gain_ends_at_its_limits(level, limit):
     assert metered(gray(level), Sensor(), Exposure(automatic=True)) == pytest.approx((limit,) * 3)

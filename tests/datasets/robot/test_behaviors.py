@@ -34,7 +34,7 @@ def around(**near_in: float) -> Proximity:
     return Proximity(BEARINGS, ranges, RING.reach_m)
 
 
-def test_commands_and_priorities() -> None:
+def test_commands_and_priorities():
     pressed = Senses(around(s0=4.0), MIDDLE, bumped=True, unseen=True, goal_rad=0.1, command=(1.0, 1.0))
     chosen = choose(BEHAVIORS, pressed)
     assert chosen.look
@@ -57,20 +57,14 @@ def test_commands_and_priorities() -> None:
     assert Teleoperate().propose(Senses(around(), MIDDLE)) is None
 
 
-def test_avoidance_turns_away_from_what_is_near_and_is_silent_otherwise() -> None:
-    proposal = AvoidCollision().propose(Senses(around(s0=5.1, s1=5.3, s23=5.3), MIDDLE))
-    assert abs(proposal.turn_rad) > np.pi / 2
-    assert AvoidCollision().propose(Senses(around(s0=7.0), MIDDLE)) is None
-
-
 @pytest.mark.parametrize("die", [0.0, 0.2, 0.5, 0.8, 0.999])
-def test_after_contact_it_goes_back(die: float) -> None:
+def test_after_contact_it_goes_back(die):
     dice = np.full(DICE, die)
     proposal = AvoidCollision().propose(Senses(around(), dice, bumped=True))
     assert np.pi >= abs(proposal.turn_rad) >= np.radians(120) - 1e-9
 
 
-def test_goals_are_approached_in_even_strides() -> None:
+def test_goals_are_approached_in_even_strides():
     wall = around(s0=8.0, s1=8.3, s23=8.3, s2=9.2, s22=9.2, s3=11.3, s21=11.3)
     assert GoToPoint().propose(Senses(wall, MIDDLE, goal_rad=0.0)) is None
     clear = GoToPoint().propose(Senses(wall, MIDDLE, goal_rad=np.pi))
@@ -89,7 +83,7 @@ def test_goals_are_approached_in_even_strides() -> None:
     assert Stride().length(0.0, 9.0) == pytest.approx(5 * INCH_M)
 
 
-def test_wandering_takes_any_open_way() -> None:
+def test_wandering_and_avoidance():
     rng = np.random.default_rng(6)
     turns = [Wander().propose(Senses(around(), rng.random(DICE))) for _ in range(500)]
     assert (np.histogram([p.turn_rad for p in turns if p], 4, (-np.pi, np.pi))[0] > 80).all()
@@ -97,6 +91,9 @@ def test_wandering_takes_any_open_way() -> None:
     stuck = Wander().propose(Senses(boxed, MIDDLE))
     assert stuck.forward_m < 2 * INCH_M
     assert Localize().propose(Senses(around(), MIDDLE)) is None
+    proposal = AvoidCollision().propose(Senses(around(s0=5.1, s1=5.3, s23=5.3), MIDDLE))
+    assert abs(proposal.turn_rad) > np.pi / 2
+    assert AvoidCollision().propose(Senses(around(s0=7.0), MIDDLE)) is None
 
 
 BOX = Region("box", np.array([[2.0, -0.5], [3.0, -0.5], [3.0, 0.5], [2.0, 0.5]]))
@@ -105,7 +102,7 @@ ARENA = Arena((-1, -5, 5, 5), WALL, (BOX,))
 ORIGIN = np.zeros(3)
 
 
-def test_readings_are_those_of_geometry() -> None:
+def test_readings_are_those_of_geometry():
     found = distances(ARENA, ORIGIN[:2], np.array([0.0, np.pi, 3 * np.pi / 4, np.pi / 2, np.pi / 4]))
     assert found[:3] == pytest.approx([2.0, 1.0, np.sqrt(2)])
     assert np.isinf(found[3:]).all()
@@ -123,7 +120,7 @@ def test_readings_are_those_of_geometry() -> None:
     assert np.std(reads) == pytest.approx(0.1, abs=4 * 0.1 / np.sqrt(1600))
 
 
-def test_a_disc_stops_where_it_touches() -> None:
+def test_a_disc_stops_where_it_touches():
     read = Proximity(np.array([0.0, 0.2]), np.array([2.0, 3.0]), 3.0)
     assert read.open_m(0.0, 0.5) == pytest.approx(1.5)
     assert read.open_m(np.pi, 0.5) == pytest.approx(2.5)  # nothing there: as far as it sees

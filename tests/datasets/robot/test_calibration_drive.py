@@ -46,7 +46,7 @@ def check_coverage(fits: list[Calibration]) -> None:
 
 
 @pytest.mark.slow
-def test_the_thesis_s_trials_give_the_constants_back() -> None:
+def test_the_thesis_s_trials_give_the_constants_back():
     fits = [calibrate(calibration_drive(seed)) for seed in range(SEEDS)]
     assert set(held(fits[0])) >= set(CONSTANTS)
     check_coverage(fits)
@@ -67,7 +67,7 @@ def legs(seed: int, updates: int = 40) -> Iterator[MotionSegment]:
         pose = straight.path[-1]
 
 
-def test_a_session_s_legs_give_the_constants_back() -> None:
+def test_a_session_s_legs_give_the_constants_back():
     def fit(seed: int) -> Calibration:
         floors = iter([name for name in CHASSIS.drifts for _ in range(20)])
         return calibrate(trials_of(legs(seed), lambda a, b: next(floors)))
@@ -75,7 +75,7 @@ def test_a_session_s_legs_give_the_constants_back() -> None:
     check_coverage([fit(seed) for seed in range(SEEDS)])
 
 
-def test_trials_follow_their_seed_and_are_not_wrapped() -> None:
+def test_trials_follow_their_seed_and_are_not_wrapped():
     plan = TrialPlan(5, 4)
     one, again, other = (calibration_drive(seed, plan) for seed in (1, 1, 2))
     assert np.array_equal(one.turns.actual_rad, again.turns.actual_rad)

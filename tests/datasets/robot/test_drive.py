@@ -36,7 +36,7 @@ def drives() -> Drives:
     return found
 
 
-def test_it_drives_far_and_never_through_anything(drives: Drives) -> None:
+def test_it_drives_far_and_never_through_anything(drives):
     for world, _, updates in drives:
         path = np.concatenate([u.straight.path[:, :2] for u in updates])
         assert clearance(world.arena, path).min() >= Chassis().radius_m
@@ -57,7 +57,7 @@ def test_it_drives_far_and_never_through_anything(drives: Drives) -> None:
         assert 0.05 < wood < 0.95
 
 
-def test_offsets_and_headings_are_uniform(drives: Drives) -> None:
+def test_offsets_and_headings_are_uniform(drives):
     """Nobody steers to nodes or to their headings: chi-square over all drives together."""
     poses = np.array([u.pose for _, _, updates in drives for u in updates])
     offsets = (poses[:, :2] - 8 * INCH_M) / CELL_M % 1
@@ -71,7 +71,7 @@ def test_offsets_and_headings_are_uniform(drives: Drives) -> None:
     assert (np.histogram(turns, bins=4, range=(0, np.pi))[0] > 0.01 * len(turns)).all()
 
 
-def test_luck_is_the_seeds(drives: Drives) -> None:
+def test_luck_is_the_seeds(drives):
     chassis = Chassis()
     for seed, (_, _, updates) in zip(SEEDS, drives, strict=True):
         for step, update in enumerate(updates, start=1):
@@ -89,7 +89,7 @@ def test_luck_is_the_seeds(drives: Drives) -> None:
     assert 0 < slipped < 0.1 * crossed + 4 * np.sqrt(0.09 * crossed)
 
 
-def test_a_longer_drive_begins_with_the_shorter_one(world: World) -> None:
+def test_a_longer_drive_begins_with_the_shorter_one(world):
     short, long = (drive_in(world.arena, 5, n)[1] for n in (6, 12))
     for a, b in zip(short, long[:6], strict=True):
         assert np.array_equal(a.pose, b.pose)
@@ -100,7 +100,7 @@ def test_a_longer_drive_begins_with_the_shorter_one(world: World) -> None:
         assert np.array_equal(a.pose, b.pose)
 
 
-def test_a_kidnapped_robot_goes_on_far_away_and_its_wheels_know_nothing(world: World) -> None:
+def test_a_kidnapped_robot_goes_on_far_away_and_its_wheels_know_nothing(world):
     map_ = raster(world.arena)
     assert map_ is not None
     for seed in range(4):
@@ -113,7 +113,7 @@ def test_a_kidnapped_robot_goes_on_far_away_and_its_wheels_know_nothing(world: W
         assert np.abs(updates[3].straight.measured[0]) < 20 * INCH_M
 
 
-def test_a_given_start_is_where_it_starts(world: World) -> None:
+def test_a_given_start_is_where_it_starts(world):
     map_ = raster(world.arena)
     here = np.array([*map_.centers[7], 0.5])
     start, updates = drive(Robot(world.arena, 3), map_, 1, start=here)
@@ -121,7 +121,7 @@ def test_a_given_start_is_where_it_starts(world: World) -> None:
     assert np.array_equal(next(updates).turn.path[0], here)
 
 
-def test_commands_are_driven_and_end_at_walls() -> None:
+def test_commands_are_driven_and_end_at_walls():
     arena = Arena((-5, -5, 5, 5), np.zeros((0, 4)))
     commands = [(0.5, 0.2), (-1.0, 0.0), (0.0, 0.4)]
     updates = list(steer(Robot(arena, 1), np.zeros(3), commands))
@@ -134,7 +134,7 @@ def test_commands_are_driven_and_end_at_walls() -> None:
     assert update.pose[0] < 1.0
 
 
-def test_a_robot_that_nobody_guides_wanders(world: World) -> None:
+def test_a_robot_that_nobody_guides_wanders(world):
     map_ = raster(world.arena)
     assert map_ is not None
     robot = Robot(world.arena, 1, behaviors=(Localize(), Wander()))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from maurice_datasets.robot.planner import KEEP_M, Placement, Raster, fit, free_pose, is_free, raster
-from maurice_datasets.worlds.world import World, clearance
+from maurice_datasets.worlds.world import clearance
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena, Region
 
@@ -18,7 +18,7 @@ def rastered(arena: Arena) -> Raster:
     return found
 
 
-def test_cells_keep_their_distance_where_there_is_room() -> None:
+def test_cells_keep_their_distance_where_there_is_room():
     split = Region("wall to wall", np.array([[1.4, -0.1], [1.5, -0.1], [1.5, 2.1], [1.4, 2.1]]))
     found = rastered(room(2, 2, split))
     assert (clearance(found.arena, found.centers) > KEEP_M).all()
@@ -26,7 +26,7 @@ def test_cells_keep_their_distance_where_there_is_room() -> None:
     assert raster(room(0.3, 0.3)) is None
 
 
-def test_the_next_point_goes_around_an_obstacle_and_ends_at_the_goal(world: World) -> None:
+def test_the_next_point_goes_around_an_obstacle_and_ends_at_the_goal(world):
     found = rastered(world.arena)
     rng = np.random.default_rng(3)
     for _ in range(5):
@@ -40,7 +40,7 @@ def test_the_next_point_goes_around_an_obstacle_and_ends_at_the_goal(world: Worl
         assert np.hypot(*(here - goal)) < 4.5 * INCH_M
 
 
-def test_free_poses_are_even_far_and_free() -> None:
+def test_free_poses_are_even_far_and_free():
     found = rastered(room())
     rng = np.random.default_rng(4)
     poses = np.array([free_pose(found, rng) for _ in range(1200)])
@@ -61,16 +61,13 @@ def test_free_poses_are_even_far_and_free() -> None:
     assert is_free(found, np.array([0.4, 0.4]))
 
 
-def test_a_placement_keeps_distances_times_its_scale() -> None:
+def test_placements_keep_scale_and_fit():
     at = Placement(0.5, 1.1, np.array([3.0, -2.0]))
     points = np.array([[0.0, 0], [3, 4]])
     a, b = at.points(points)
     assert np.hypot(*(b - a)) == pytest.approx(2.5)
     assert at.pose(np.array([0.0, 0, 0.2])) == pytest.approx([3.0, -2.0, 1.3])
     assert at.points(np.array([1.0, 0])) == pytest.approx([3 + 0.5 * np.cos(1.1), -2 + 0.5 * np.sin(1.1)])
-
-
-def test_a_path_is_fitted_as_large_as_it_can_be_or_not_at_all() -> None:
     found = rastered(room())
     line = np.stack([np.linspace(0, 1, 50), np.zeros(50)], axis=1)
     small = fit(found, line, np.random.default_rng(1))

@@ -30,7 +30,7 @@ def check_normal(values: np.ndarray, mean: float, sd: float) -> None:
 
 
 @pytest.mark.parametrize("told_deg", [90.0, -40.0, 0.0, 170.0])
-def test_a_turn_is_measured_over_the_gain_plus_the_residual_of_figure_8(told_deg: float) -> None:
+def test_a_turn_is_measured_over_the_gain_plus_the_residual_of_figure_8(told_deg):
     moves = [turn_by(START, np.radians(told_deg), luck, CHASSIS) for luck in lucks()]
     actual = wrap(np.array([m.path[-1, 2] - START[2] for m in moves]) - np.radians(told_deg))
     measured = np.array([m.measured[2] for m in moves])
@@ -40,7 +40,7 @@ def test_a_turn_is_measured_over_the_gain_plus_the_residual_of_figure_8(told_deg
 
 
 @pytest.mark.parametrize("told_in", [6.0, 24.0])
-def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in: float) -> None:
+def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in):
     moves = [drive_by(START, told_in * INCH_M, luck, plain("wood"), CHASSIS) for luck in lucks()[:1000]]
     length = [np.linalg.norm(np.diff(m.path[:, :2], axis=0), axis=1).sum() for m in moves]
     check_normal(np.array(length) / INCH_M - told_in, -0.6978, 0.6356)
@@ -50,9 +50,7 @@ def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in: float) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("floor", "bias_deg", "sd_deg"), [("wood", 0.0, 1.0), ("carpet", 8.0, 3.0)])
-def test_heading_drifts_by_floor_in_proportion_to_distance(
-    floor: str, bias_deg: float, sd_deg: float
-) -> None:
+def test_heading_drifts_by_floor_in_proportion_to_distance(floor, bias_deg, sd_deg):
     for yards in (0.5, 1.0):
         told = yards * 36 * INCH_M - CHASSIS.straight_bias_m  # so that it really goes that far
         lucky = [Luck(0, 0, luck.drift, (0, 0)) for luck in lucks()[:1000]]
@@ -60,7 +58,7 @@ def test_heading_drifts_by_floor_in_proportion_to_distance(
         check_normal(np.degrees(ends[:, 2] - START[2]), bias_deg * yards, sd_deg * yards)
 
 
-def test_drift_pulls_left_and_sums_over_floors() -> None:
+def test_drift_pulls_left_and_sums_over_floors():
     end = drive_by(np.zeros(3), 1.0, NO_LUCK, plain("carpet"), CHASSIS).path[-1]
     assert end[2] > 0
     assert end[1] > 0
@@ -70,7 +68,7 @@ def test_drift_pulls_left_and_sums_over_floors() -> None:
     assert end[2] == pytest.approx(0.5 * CHASSIS.drifts["carpet"].bias_rad_per_m, rel=0.03)
 
 
-def test_movements_agree_with_encoders_and_change_nothing_given() -> None:
+def test_movements_agree_with_encoders_and_change_nothing_given():
     for luck in lucks()[:50]:
         for move in (turn_by(START, 0.7, luck, CHASSIS), drive_by(START, 0.4, luck, plain("wood"), CHASSIS)):
             front_left, front_right, rear_left, rear_right = move.encoders_m
@@ -87,7 +85,7 @@ def test_movements_agree_with_encoders_and_change_nothing_given() -> None:
     assert turn_by(START, 1.0, NO_LUCK, CHASSIS).measured[2] == pytest.approx(1.3695)
 
 
-def test_the_header_names_what_a_filter_needs_in_its_units() -> None:
+def test_the_header_names_what_a_filter_needs_in_its_units():
     header = CHASSIS.motion_header()
     assert header["turn_gain"] == pytest.approx(1 / 1.3695)
     assert np.degrees(header["turn_sd_rad"]) == pytest.approx(4.916)
@@ -99,7 +97,7 @@ def test_the_header_names_what_a_filter_needs_in_its_units() -> None:
     }
 
 
-def test_contact_stops_it_and_it_can_leave() -> None:
+def test_contact_stops_it_and_it_can_leave():
     walled = Arena((-9, -9, 9, 9), np.array([[0.6, -9.0, 0.6, 9.0]]))
     move = drive_by(np.zeros(3), 2.0, NO_LUCK, walled, CHASSIS)
     assert move.bumped
@@ -115,7 +113,7 @@ def test_contact_stops_it_and_it_can_leave() -> None:
     assert into.measured[0] <= CHASSIS.stall_m
 
 
-def test_slips_come_as_often_as_said_where_the_floor_changes() -> None:
+def test_slips_come_as_often_as_said_where_the_floor_changes():
     chassis = Chassis(slip_chance=0.1)
     slips = np.array([draw_slip(np.random.default_rng(k), chassis) for k in range(DRAWS)])
     hit = slips[slips != 0]

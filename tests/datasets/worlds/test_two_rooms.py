@@ -15,17 +15,17 @@ def worlds() -> list[World]:
     return [load_world("two-rooms", seed) for seed in SEEDS]
 
 
-def test_the_thesiss_nodes_remain_for_every_seed(worlds: list[World], world: World) -> None:
-    for world in worlds:
-        assert len(grid_nodes(LIBRARY, world.arena)) == 88
-        assert len(world.nodes) == 78, world.name
-        assert len(reference_poses(world.nodes, world.headings)) == 624
+def test_the_thesiss_nodes_remain_for_every_seed(worlds, world):
+    for one in worlds:
+        assert len(grid_nodes(LIBRARY, one.arena)) == 88
+        assert len(one.nodes) == 78, one.name
+        assert len(reference_poses(one.nodes, one.headings)) == 624
     inches = grid_nodes(LIBRARY, world.arena) / INCH_M
     assert np.allclose((inches - 8) / 18, np.rint((inches - 8) / 18))
     assert np.isclose(inches, [80, 8]).all(axis=1).any()  # figure 19
 
 
-def test_the_seeds_draw_all_layouts_and_both_rooms_as_the_bright_one(worlds: list[World]) -> None:
+def test_the_seeds_draw_all_layouts_and_both_rooms_as_the_bright_one(worlds):
     layouts = {tuple(piece.name for piece in world.furniture) for world in worlds}
     assert len(layouts) > 2
     assert {s for world in worlds for s in world.sources if "window" in s} == {
@@ -38,18 +38,17 @@ def test_the_seeds_draw_all_layouts_and_both_rooms_as_the_bright_one(worlds: lis
         assert bright.ambient.sum() > 2 * dim
 
 
-def test_furniture_stands_inside_and_nodes_are_clear(worlds: list[World]) -> None:
+def test_furniture_stands_inside_and_nodes_are_clear(worlds):
     for world in worlds:
         plans = [piece.plan for piece in world.furniture]
         for k, plan in enumerate(plans):
             assert any(inside(room.polygon, plan).all() for room in world.arena.rooms)
             assert not any(touching(plan, other) for other in plans[:k])
-    for world in worlds:
         room = clearance(world.arena, grid_nodes(LIBRARY, world.arena)) / INCH_M
         assert ((room > 4.6) | (room < 1.5)).all(), world.name
 
 
-def test_the_map_is_the_thesiss_and_the_door_is_open(world: World) -> None:
+def test_the_map_is_the_thesiss_and_the_door_is_open(world):
     assert world.arena.size_m == pytest.approx((17 * 12 * INCH_M, 13 * 12 * INCH_M))
     assert {floor.name for floor in world.arena.floors} == {"wood", "carpet"}
     assert len(world.arena.rooms) == 2
@@ -61,7 +60,7 @@ def test_the_map_is_the_thesiss_and_the_door_is_open(world: World) -> None:
     assert clearance(world.arena, solid)[0] == pytest.approx(2 * INCH_M)
 
 
-def test_worlds_follow_their_seed_and_tier(world: World) -> None:
+def test_worlds_follow_their_seed_and_tier(world):
     again, other = load_world("two-rooms", 0), load_world("two-rooms", 1)
     assert len(again.faces) == len(world.faces)
     for a, b in zip(again.faces, world.faces, strict=True):
@@ -79,7 +78,7 @@ def test_worlds_follow_their_seed_and_tier(world: World) -> None:
     assert len(hard.shell) < len(world.shell) - 3
 
 
-def test_surfaces_give_back_no_more_light_than_they_get(world: World) -> None:
+def test_surfaces_give_back_no_more_light_than_they_get(world):
     for face in world.faces:
         assert face.albedo.dtype == np.float32
         assert float(face.albedo.min()) > 0

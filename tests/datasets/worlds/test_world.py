@@ -19,7 +19,7 @@ def arena() -> Arena:
     )
 
 
-def test_inside_tells_points_whichever_way_round() -> None:
+def test_inside_tells_points_whichever_way_round():
     points = np.array([[2, 1.5], [0.5, 1.5], [2, 2.5], [3.5, 1.5]])
     assert inside(SQUARE, points).tolist() == [True, False, False, False]
     notched = np.array([[0.0, 0], [4, 0], [4, 4], [2, 1], [0, 4]])
@@ -28,7 +28,7 @@ def test_inside_tells_points_whichever_way_round() -> None:
     assert (inside(SQUARE, points) == inside(SQUARE[::-1], points)).all()
 
 
-def test_distances_and_floors_by_hand() -> None:
+def test_distances_and_floors_by_hand():
     start, end = np.array([[0.0, 0], [9, 9]]), np.array([[4.0, 0], [9, 9]])
     points = np.array([[2, 3], [7, 4], [-3, -4], [9, 8]])
     assert segment_distance(points, start, end) == pytest.approx([3, 5, 5, 1])
@@ -50,7 +50,7 @@ def moves(before: World, after: World) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_so_many_pieces_move_far_and_stand_free(world: World, seed: int) -> None:
+def test_so_many_pieces_move_far_and_stand_free(world, seed):
     after = move_things(world, 3, seed)
     far = moves(world, after)
     assert (far > 0).sum() == 3
@@ -64,7 +64,7 @@ def test_so_many_pieces_move_far_and_stand_free(world: World, seed: int) -> None
             assert not any(touching(plan, gap) for gap in door_middles(world.arena))
 
 
-def test_map_boxes_and_faces_follow_and_nodes_stay(world: World) -> None:
+def test_map_boxes_and_faces_follow_and_nodes_stay(world):
     after = move_things(world, 2, 1)
     for piece, obstacle in zip(after.furniture, after.arena.obstacles, strict=True):
         assert np.array_equal(piece.plan, obstacle.polygon)
@@ -81,7 +81,7 @@ def test_map_boxes_and_faces_follow_and_nodes_stay(world: World) -> None:
             assert a.albedo is b.albedo
 
 
-def test_the_seed_decides_and_limits_are_kept(world: World) -> None:
+def test_the_seed_decides_and_limits_are_kept(world):
     first, again, other = (move_things(world, 2, seed) for seed in (5, 5, 6))
     assert np.array_equal(moves(world, first), moves(world, again))
     assert not np.array_equal(moves(world, first), moves(world, other))

@@ -62,16 +62,23 @@ def refusal(file: Path) -> str:
     return str(caught.value)
 
 
-def test_the_example_of_the_documentation_loads(tmp_path: Path) -> None:
+def test_the_documented_world_loads_in_any_units(tmp_path):
     text = re.search(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
     cv2.imwrite(str(tmp_path / "poster.png"), np.full((40, 30, 3), 200, np.uint8))
     for seed in range(5):
         world = load_world(write(tmp_path, text[1]), seed)
         assert len(world.arena.rooms) == 2
         assert world.start is not None
+    in_m = load_world(write(tmp_path), 3)
+    scaled = re.sub(r"\[([\d., ]+)\]", lambda m: "[" + ", ".join(
+        f"{100 * float(v):g}" for v in m[1].split(",")) + "]", SMALL)  # fmt: skip
+    scaled = scaled.replace("= 0.5\n", "= 50\n").replace("= 2.5\n", "= 250\n").replace("= 0.3\n", "= 30\n")
+    in_cm = load_world(write(tmp_path, scaled.replace('"m"', '"cm"')), 3)
+    assert np.allclose(in_m.arena.walls, in_cm.arena.walls)
+    assert np.allclose(in_m.nodes, in_cm.nodes)
 
 
-def test_a_small_world_has_its_map_and_walls(tmp_path: Path) -> None:
+def test_a_small_world_has_its_map_and_walls(tmp_path):
     world = load_world(write(tmp_path), 0)
     assert world.arena.size_m == pytest.approx((4, 3))
     assert world.arena.obstacles[0].polygon.mean(axis=0) == pytest.approx([3.5, 2.5])
@@ -82,16 +89,6 @@ def test_a_small_world_has_its_map_and_walls(tmp_path: Path) -> None:
     assert length == pytest.approx(2 * (2 + 3) + 2 * (1.9 + 3) - 2 * 1 + 2 * 0.1)
     assert clearance(world.arena, np.array([[2.05, 1.5]]))[0] == pytest.approx(0.5)
     assert clearance(world.arena, np.array([[2.05, 0.5]]))[0] == pytest.approx(0.05)
-
-
-def test_units_do_not_change_the_world(tmp_path: Path) -> None:
-    in_m = load_world(write(tmp_path), 3)
-    scaled = re.sub(r"\[([\d., ]+)\]", lambda m: "[" + ", ".join(
-        f"{100 * float(v):g}" for v in m[1].split(",")) + "]", SMALL)  # fmt: skip
-    scaled = scaled.replace("= 0.5\n", "= 50\n").replace("= 2.5\n", "= 250\n").replace("= 0.3\n", "= 30\n")
-    in_cm = load_world(write(tmp_path, scaled.replace('"m"', '"cm"')), 3)
-    assert np.allclose(in_m.arena.walls, in_cm.arena.walls)
-    assert np.allclose(in_m.nodes, in_cm.nodes)
 
 
 @pytest.mark.parametrize(
@@ -141,16 +138,14 @@ def test_units_do_not_change_the_world(tmp_path: Path) -> None:
         ('[[floor]]\nname = "wood"', "", "floor: found none"),
     ],
 )  # fmt: skip
-def test_bad_worlds_are_refused_with_file_key_and_reason(
-    tmp_path: Path, old: str, new: str, said: str
-) -> None:
+def test_bad_worlds_are_refused_with_file_key_and_reason(tmp_path, old, new, said):
     assert old in SMALL
     problem = refusal(write(tmp_path, SMALL.replace(old, new, 1)))
     assert problem.startswith(str(tmp_path / "mine.toml"))
     assert said in problem
 
 
-def test_other_refusals(tmp_path: Path) -> None:
+def test_other_refusals(tmp_path):
     more = '[[furniture]]\nkind = "plant"\nat = [3.4, 2.4]\nsize = [0.3, 0.3]\n'
     assert "furniture[1]: the plant stands in the block of furniture[0]" in refusal(
         write(tmp_path, SMALL + more)
@@ -161,7 +156,7 @@ def test_other_refusals(tmp_path: Path) -> None:
         load_world("two-rooms", 0, "easy")
 
 
-def test_images_are_upright_and_made_smaller(tmp_path: Path) -> None:
+def test_images_are_upright_and_made_smaller(tmp_path):
     image = np.zeros((20, 20, 3), np.uint8)
     image[:10] = (0, 0, 255)  # the upper half red, as OpenCV has it
     cv2.imwrite(str(tmp_path / "half.png"), image)
@@ -173,7 +168,7 @@ def test_images_are_upright_and_made_smaller(tmp_path: Path) -> None:
     assert read_image(tmp_path / "large.png").shape == (1024, 512, 3)
 
 
-def test_a_poster_takes_one_place_and_nothing_else_hangs_there(tmp_path: Path) -> None:
+def test_a_poster_takes_one_place_and_nothing_else_hangs_there(tmp_path):
     """Its place is drawn once: what is drawn for it keeps the rest of the wall's things away."""
     cv2.imwrite(str(tmp_path / "red.png"), np.full((9, 9, 3), (0, 0, 255), np.uint8))
     drawn = poster("west", 0, (0.5, 0.5)).replace("at = 0", "at = { from = 0.5, to = 2.5 }")
@@ -198,7 +193,7 @@ def office() -> World:
     return load_world("office", 0)
 
 
-def test_the_office_is_large_with_rooms_alike_and_can_be_driven_through(office: World) -> None:
+def test_the_office_is_large_with_rooms_alike_and_can_be_driven_through(office):
     assert office.arena.size_m >= (12, 8)
     assert len(office.arena.rooms) >= 8
     for room in office.arena.rooms:
@@ -209,6 +204,6 @@ def test_the_office_is_large_with_rooms_alike_and_can_be_driven_through(office: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_worlds())
-def test_shipped_worlds_stand_for_many_seeds(name: str) -> None:
+def test_shipped_worlds_stand_for_many_seeds(name):
     for seed in range(20, 24):
         assert len(load_world(name, seed).nodes) > 50

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -21,7 +20,7 @@ WIDTH = BEST * (CELL_PX + GAP_PX) - GAP_PX
 FIVE = tuple(Match(rank, 3 * rank, 0.9) for rank in range(1, 6))
 
 
-def test_the_sheet_keeps_its_size(tmp_path: Path) -> None:
+def test_the_sheet_keeps_its_size(tmp_path):
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES).draw(FIVE)
     assert sheet.shape == (round(CELL_PX * 36 / 44) + CAPTION_PX, WIDTH, 3)
     sheet = ContactSheet(fakes.make_library(tmp_path, 1, 1, 2), INCHES)
@@ -37,7 +36,7 @@ def test_the_sheet_keeps_its_size(tmp_path: Path) -> None:
     assert mixed.shape == sheet.draw(FIVE).shape
 
 
-def test_the_pictures_shown_are_those_of_the_entries(tmp_path: Path) -> None:
+def test_the_pictures_shown_are_those_of_the_entries(tmp_path):
     library = fakes.make_library(tmp_path)
     sheet = ContactSheet(library, INCHES).draw(FIVE)
     for column, match in enumerate(FIVE):
@@ -47,7 +46,7 @@ def test_the_pictures_shown_are_those_of_the_entries(tmp_path: Path) -> None:
         np.testing.assert_allclose(shown, taken, atol=8)
 
 
-def test_missing_and_broken_pictures_are_said_to_be(tmp_path: Path) -> None:
+def test_missing_and_broken_pictures_are_said_to_be(tmp_path):
     (tmp_path / "broken.jpg").write_bytes(b"no picture")
     (tmp_path / "empty.jpg").write_bytes(b"")
     library = fakes.make_library()
@@ -58,7 +57,7 @@ def test_missing_and_broken_pictures_are_said_to_be(tmp_path: Path) -> None:
     assert all((drawn[0, column * (CELL_PX + GAP_PX)] == MISSING).all() for column in range(5))
 
 
-def test_drawing_again_is_the_same_in_bounded_memory(tmp_path: Path) -> None:
+def test_drawing_again_is_the_same_in_bounded_memory(tmp_path):
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
     first = sheet.draw(FIVE)
     kept = first.copy()
@@ -73,7 +72,7 @@ def test_drawing_again_is_the_same_in_bounded_memory(tmp_path: Path) -> None:
     assert len(sheet._cells) <= KEPT
 
 
-def test_matches_are_the_best_in_order() -> None:
+def test_matches_are_the_best_in_order():
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 5)
     quality = record.sighting.comparison.quality
     matches = best_matches(record.sighting.comparison)

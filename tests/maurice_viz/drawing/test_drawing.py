@@ -22,17 +22,17 @@ from maurice_viz.style import OBSTACLE, scale_for
         (10.2, 10.4, 0.5, []),
     ],
 )
-def test_ticks(low: float, high: float, smallest: float, expected: list[float]) -> None:
+def test_ticks(low, high, smallest, expected):
     assert ticks(low, high, smallest) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("side", [0.7, 5, 42, 333, 9_999, 1e6])
-def test_ticks_are_never_too_many(side: float) -> None:
+def test_ticks_are_never_too_many(side):
     assert len(ticks(0, side, 0.5)) <= MOST_TICKS
     assert len(ticks(0, side, 0.5)) >= min(MOST_TICKS // 3, int(side / 0.5))
 
 
-def test_ground_shows_obstacles_and_floors() -> None:
+def test_ground_shows_obstacles_and_floors():
     arena = fakes.arena(5, 4)
     scale = scale_for("in", arena)
     ground = draw_ground(arena, scale)
@@ -49,33 +49,30 @@ def test_ground_shows_obstacles_and_floors() -> None:
 @pytest.mark.parametrize(
     "bounds", [(0, 0, 5, 0.5), (0, 0, 0.5, 5), (500_000, 0, 500_020, 10), (0, 0, 0.01, 0.01)]
 )
-def test_any_shape_of_arena_can_be_drawn(bounds: tuple[float, float, float, float]) -> None:
+def test_any_shape_of_arena_can_be_drawn(bounds):
     arena = Arena(bounds, np.zeros((0, 4)))
     image = draw_ground(arena, scale_for("m", arena)).image
     assert max(image.shape) == LONG_SIDE_PX
 
 
-def test_keys_and_texts() -> None:
+def test_keys_and_tensors():
     assert keys.weight_key(True).shape[1] > keys.weight_key(False).shape[1]
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
-
-
-@pytest.mark.parametrize("length", [1, 2, 84, 168])
-def test_the_short_way_gives_what_rerun_gives(length: int) -> None:
-    values = np.random.default_rng(length).random(length, np.float32)
-    short = tensor_of(values)
-    short.validate(full=True)
-    assert short.equals(TensorDataBatch(values).as_arrow_array())
-
-
-def test_tensors_are_copies() -> None:
     first = tensor_of(np.array([1, 2], np.float32))
     second = tensor_of(np.array([3, 4], np.float32))
     assert not first.equals(second)
     assert first.equals(TensorDataBatch(np.array([1, 2], np.float32)).as_arrow_array())
     values = np.arange(8, dtype=np.float32)[::2]
     assert tensor_of(values).equals(TensorDataBatch(values.copy()).as_arrow_array())
+
+
+@pytest.mark.parametrize("length", [1, 2, 84, 168])
+def test_the_short_way_gives_what_rerun_gives(length):
+    values = np.random.default_rng(length).random(length, np.float32)
+    short = tensor_of(values)
+    short.validate(full=True)
+    assert short.equals(TensorDataBatch(values).as_arrow_array())
 
 
 def _index(references: list[list[float]]) -> ChannelIndex:
@@ -91,5 +88,5 @@ def _index(references: list[list[float]]) -> ChannelIndex:
         ([[3, 3], [3, 3]], "hellinger", 1e-9, 1.0),  # equal ones still give a visible band
     ],
 )
-def test_height_of_bands(references: list[list[float]], distance: str, low: float, high: float) -> None:
+def test_height_of_bands(references, distance, low, high):
     assert low <= usual_difference(_index(references), distance) <= high

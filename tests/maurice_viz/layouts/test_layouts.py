@@ -38,13 +38,13 @@ def titles(layout: rrb.Blueprint) -> list[str]:
 
 @pytest.mark.parametrize("has_truth", [True, False])
 @pytest.mark.parametrize("runs", [[BLENDED], [COLOR, BLENDED], [COLOR, BLENDED, EDGES]])
-def test_every_view_has_a_title_of_its_own(runs: list[RunView], has_truth: bool) -> None:
+def test_every_view_has_a_title_of_its_own(runs, has_truth):
     found = titles(runs_blueprint(runs, shown(has_truth)))
     assert all(found)
     assert any("error" in title for title in found) == has_truth
 
 
-def test_titles_have_units_and_are_unique() -> None:
+def test_titles_have_units_and_are_unique():
     found = titles(overview_of(BLENDED, shown()))
     assert len(found) == len(set(found))
     for title in titles(runs_blueprint([COLOR, BLENDED], shown())):
@@ -59,7 +59,7 @@ def test_titles_have_units_and_are_unique() -> None:
     assert found.count("Position error (in)") == 1
 
 
-def test_map_views_hold_the_arena_and_leave_keys_out() -> None:
+def test_map_views_hold_the_arena_and_leave_keys_out():
     limits = arena_extent(ARENA, scale_for("in", ARENA))
     extent = map_extent(ARENA, scale_for("in", ARENA))
     assert extent.left < limits.left < limits.right < extent.right
@@ -73,7 +73,7 @@ def test_map_views_hold_the_arena_and_leave_keys_out() -> None:
 
 
 @pytest.mark.parametrize("has_truth", [True, False])
-def test_a_run_without_channels_has_no_views_of_comparisons(has_truth: bool) -> None:
+def test_a_run_without_channels_has_no_views_of_comparisons(has_truth):
     """As another localizer's, of which nothing was compared here."""
     found = titles(runs_blueprint([RunView("amcl", ())], shown(has_truth)))
     assert all(found)

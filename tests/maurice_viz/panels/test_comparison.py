@@ -62,7 +62,7 @@ def values(row: read.Row) -> list[float]:
     return [float(value) for value in row.values["Scalars:scalars"]]
 
 
-def test_difference_traces_are_the_pairs_in_display_units(usual: tuple[Path, Seen]) -> None:
+def test_difference_traces_are_the_pairs_in_display_units(usual):
     path, seen = usual
     for entity, unit, field in (
         (paths.POSITION_DIFFERENCE, 1 / INCH_M, "position_m"),
@@ -75,7 +75,7 @@ def test_difference_traces_are_the_pairs_in_display_units(usual: tuple[Path, See
         assert [values(row) for row in rows] == [pytest.approx(one) for one in expected]
 
 
-def test_lines_are_named_and_colored_as_their_runs(usual: tuple[Path, Seen]) -> None:
+def test_lines_are_named_and_colored_as_their_runs(usual):
     path, _ = usual
     style = read.static(path, paths.APART)
     assert style["SeriesLines:names"] == [f"{label}: distance against seed 0" for label in LABELS[1:]]
@@ -83,7 +83,7 @@ def test_lines_are_named_and_colored_as_their_runs(usual: tuple[Path, Seen]) -> 
     assert [cloud["Points2D:colors"][0] for cloud in clouds[1:]] == style["SeriesLines:colors"]
 
 
-def test_the_dots_are_few_and_as_dense_as_the_weight(usual: tuple[Path, Seen]) -> None:
+def test_the_dots_are_few_and_as_dense_as_the_weight(usual):
     path, seen = usual
     scale = scale_for("in", fakes.arena(5, 4))
     for label in LABELS:
@@ -102,7 +102,7 @@ def test_the_dots_are_few_and_as_dense_as_the_weight(usual: tuple[Path, Seen]) -
     assert np.array_equal(by_weight(np.ones(7) / 7, 200), np.arange(7))
 
 
-def test_where_runs_part_is_marked_once_and_said(usual: tuple[Path, Seen]) -> None:
+def test_where_runs_part_is_marked_once_and_said(usual):
     path, seen = usual
     events = {label: pair.event for _, pairs in seen for label, pair in pairs.items() if pair.event}
     assert events, "runs of different seeds that start anywhere part"
@@ -116,7 +116,7 @@ def test_where_runs_part_is_marked_once_and_said(usual: tuple[Path, Seen]) -> No
         assert not read.having(read.rows(path, paths.parted_of(label)), "Scalars:scalars")
 
 
-def test_words_have_a_row_a_run_and_the_end_says_how_they_compare(usual: tuple[Path, Seen]) -> None:
+def test_words_have_a_row_a_run_and_the_end_says_how_they_compare(usual):
     path, _ = usual
     text = read.rows(path, paths.TEXT)[-1].values["TextDocument:text"][0]
     for label, color in zip(LABELS, ("orange", "sky blue", "pink"), strict=True):
@@ -129,16 +129,24 @@ def test_words_have_a_row_a_run_and_the_end_says_how_they_compare(usual: tuple[P
     assert "one drive" in result
 
 
-def test_a_drive_of_its_own_has_its_own_truth_and_camera(tmp_path: Path) -> None:
+def test_own_drives_have_their_own_truth(tmp_path):
     drawn(tmp_path / "c.rrd", others={"c"})
     there = read.entities_of(tmp_path / "c.rrd")
     assert {paths.truth_of("c"), paths.camera_of("c")} <= there
     assert not {paths.truth_of("größe"), paths.camera_of("größe")} & there
     for row in read.rows(tmp_path / "c.rrd", paths.APART):
         assert np.isnan(values(row)[1])
+    runs = [RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)]
+    found = list(views(several_runs.compare(runs, shown())))
+    assert {"a: camera (px)", "b: camera (px)"} <= {str(view.name) for view in found}
+    assert not any("Apart" in str(view.name) for view in found)
+    belief = {str(view.name)[0]: list(view.contents) for view in found if "belief" in str(view.name)}
+    assert f"{entities.TRUTH}/**" in belief["a"]
+    assert f"{paths.truth_of('b')}/**" in belief["b"]
+    assert f"{entities.TRUTH}/**" not in belief["b"]
 
 
-def test_without_truth_nothing_is_said_of_errors(tmp_path: Path) -> None:
+def test_without_truth_nothing_is_said_of_errors(tmp_path):
     drawn(tmp_path / "c.rrd", has_truth=False)
     assert not read.rows(tmp_path / "c.rrd", paths.POSITION_DIFFERENCE)
     assert "error" not in read.rows(tmp_path / "c.rrd", paths.TEXT)[-1].values["TextDocument:text"][0]
@@ -159,7 +167,7 @@ def shown(has_truth: bool = True) -> SceneInfo:
 
 @pytest.mark.parametrize("has_truth", [True, False])
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_truth: bool) -> None:
+def test_the_layout_has_a_column_a_run_and_one_that_they_share(count, has_truth):
     runs = [RunView(f"seed {k}", ("color", "edges")) for k in range(count)]
     body = several_runs.compare(runs, shown(has_truth))
     assert len(body.contents) == count + 1
@@ -172,7 +180,7 @@ def test_the_layout_has_a_column_a_run_and_one_that_they_share(count: int, has_t
     assert [column[0] for column in columns] == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
 
 
-def test_titles_are_short() -> None:
+def test_titles_and_labels_are_short():
     """At 1600 pixels a column of four has room for 28 letters beside the view's buttons."""
     runs = [RunView(label, ("color",)) for label in ("color", "edges", "blended", "best")]
     for column in several_runs.compare(runs, shown()).contents:
@@ -181,21 +189,12 @@ def test_titles_are_short() -> None:
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
     middle = several_runs.compare(runs, shown()).contents[1]
     assert "Error minus the first's (in)" in [str(view.name) for view in views(middle)]
-
-
-def test_drives_of_their_own_show_their_own_camera_and_truth() -> None:
-    runs = [RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)]
-    found = list(views(several_runs.compare(runs, shown())))
-    assert {"a: camera (px)", "b: camera (px)"} <= {str(view.name) for view in found}
-    assert not any("Apart" in str(view.name) for view in found)
-    belief = {str(view.name)[0]: list(view.contents) for view in found if "belief" in str(view.name)}
-    assert f"{entities.TRUTH}/**" in belief["a"]
-    assert f"{paths.truth_of('b')}/**" in belief["b"]
-    assert f"{entities.TRUTH}/**" not in belief["b"]
+    assert np.array_equal(runs_key(["ひと", "b"], False), runs_key(["orange", "b"], False))
+    assert np.array_equal(runs_key(["é", "b"], False), runs_key(["e", "b"], False))
 
 
 @pytest.mark.parametrize("labels", [["a", "b"], ["a long label", "another one", "größe", "ひと"]])
-def test_keys_stand_above_the_map_and_hold_every_label(labels: list[str]) -> None:
+def test_keys_stand_above_the_map_and_hold_every_label(labels):
     where = shown()
     for key in (runs_key(labels, True), belief_key(len(labels), True), narrow_circle_key(len(labels))):
         extent = key_extent(key, where.arena, where.scale)
@@ -203,8 +202,3 @@ def test_keys_stand_above_the_map_and_hold_every_label(labels: list[str]) -> Non
         assert (key.max(axis=2) > 100).any()
     long = [f"{label}, with many words" for label in labels]
     assert runs_key(long * 2, True).shape[0] > runs_key(["a"], True).shape[0]
-
-
-def test_a_label_that_cannot_be_drawn_is_named_by_its_color() -> None:
-    assert np.array_equal(runs_key(["ひと", "b"], False), runs_key(["orange", "b"], False))
-    assert np.array_equal(runs_key(["é", "b"], False), runs_key(["e", "b"], False))

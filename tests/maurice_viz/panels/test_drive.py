@@ -55,7 +55,7 @@ def carmen(folder: Path) -> Path:
     return path
 
 
-def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare: Path, tmp_path: Path) -> None:
+def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare, tmp_path):
     done = run(bare, "--save", tmp_path / "a.rrd")
     assert f"maurice-replay library build {bare}" in done.output
     found = drawn(tmp_path / "a.rrd")
@@ -67,14 +67,12 @@ def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare: P
 
 
 @pytest.mark.parametrize("asked", [["--feature", "color"], ["--no-recording"], ["--json"], ["--seed", "3"]])
-def test_who_asks_for_a_filter_or_figures_is_told_that_a_library_is_missing(
-    bare: Path, tmp_path: Path, asked: list[str]
-) -> None:
+def test_who_asks_for_a_filter_or_figures_is_told_that_a_library_is_missing(bare, tmp_path, asked):
     assert "--library" in run(bare, *asked, expect=1).output
     assert not list(tmp_path.glob("*.rrd"))
 
 
-def test_odometry_alone_has_moments_where_the_robot_moved(tmp_path: Path) -> None:
+def test_odometry_alone_has_moments_where_the_robot_moved(tmp_path):
     path = carmen(tmp_path)
     moments = list(RecordedSession(Placeholders(open_recording(path))).moments())
     assert {moment.frame.picture for moment in moments} == {PLACEHOLDER}
@@ -88,7 +86,7 @@ def test_odometry_alone_has_moments_where_the_robot_moved(tmp_path: Path) -> Non
     assert "/session/histogram/color/0" not in found
 
 
-def test_little_movement_is_one_moment_and_nothing_is_refused(tmp_path: Path) -> None:
+def test_little_movement_is_one_moment_and_nothing_is_refused(tmp_path):
     rows = [f"ODOM 0 0 {k % 2}e-6 0 0 0 {k}.0 robot {k}.0" for k in range(20_000)]  # as gyros tremble
     path = tmp_path / "still.log"
     path.write_text("\n".join(rows) + "\n")
@@ -99,7 +97,7 @@ def test_little_movement_is_one_moment_and_nothing_is_refused(tmp_path: Path) ->
     assert "nothing to show" in done.output
 
 
-def test_pictures_alone_are_drawn(tmp_path: Path) -> None:
+def test_pictures_alone_are_drawn(tmp_path):
     folder = tmp_path / "pictures"
     folder.mkdir()
     rows = ["t,file"]
@@ -114,9 +112,7 @@ def test_pictures_alone_are_drawn(tmp_path: Path) -> None:
     assert "/world/floors" not in found
 
 
-def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(
-    bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(bare, tmp_path, monkeypatch):
     monkeypatch.setattr(drive_alone, "MOST_DRAWN", 5)
     done = run(bare, "--save", tmp_path / "a.rrd")
     assert "drawing one of every" in done.output
@@ -132,7 +128,7 @@ def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(
 
 
 @given(start=Poses, steps=st.lists(Poses, min_size=1, max_size=8), known=st.integers(0, 8))
-def test_perfect_odometry_lies_on_the_truth(start: np.ndarray, steps: list[np.ndarray], known: int) -> None:
+def test_perfect_odometry_lies_on_the_truth(start, steps, known):
     """Wherever the truth begins to be known."""
     poses = [start]
     for step in steps:
@@ -147,7 +143,7 @@ def test_perfect_odometry_lies_on_the_truth(start: np.ndarray, steps: list[np.nd
     np.testing.assert_allclose(ways.true, [pose[:2] for pose in poses[known:]], atol=1e-9)
 
 
-def test_ways_are_few_points_in_a_roomy_map(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ways_are_few_points_in_a_roomy_map(monkeypatch):
     monkeypatch.setattr(drive_ways, "MOST", 100)
     glances = (Glance(np.array([[1.0, 0.0, 0.0]]), None, ()) for _ in range(10_000))
     ways = drive_paths(glances, SessionInfo("a"))
@@ -169,7 +165,7 @@ def test_ways_are_few_points_in_a_roomy_map(monkeypatch: pytest.MonkeyPatch) -> 
     assert seen.top < -2 < 0 < seen.bottom
 
 
-def test_glances_are_moments_without_their_pictures(small_session: Path) -> None:
+def test_glances_are_moments_without_their_pictures(small_session):
     session = RecordedSession(open_recording(small_session))
     for glance, moment in zip(session.glances(ReadingNotes(False)), session.moments(), strict=True):
         np.testing.assert_array_equal(glance.motions, moment.frame.motions)

@@ -39,14 +39,14 @@ def lane_of(path: Path, entity: str) -> list[tuple[int | None, str | None]]:
     return [(row.step, (row.values.get(STATE) or [None])[0]) for row in found]
 
 
-def test_the_state_is_logged_where_it_changes(tmp_path: Path) -> None:
+def test_the_state_is_logged_where_it_changes(tmp_path):
     states = ["searching", "searching", "localized", "localized", "lost"]
     path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
     assert lane_of(path, draw_events.status_path(PATHS)) == [(1, "searching"), (3, "localized"), (5, "lost")]
     assert lane_of(path, draw_events.noticed_path(PATHS)) == []
 
 
-def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path: Path) -> None:
+def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path):
     steps: list[Step] = [("localized", []) for _ in range(12)]
     steps[1] = ("localized", [("ess-dip", "a")])
     steps[6] = ("localized", [("reseeded", "a")])
@@ -61,7 +61,7 @@ def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path: Path) -> None
     ]
 
 
-def test_of_several_marks_the_gravest_is_shown(tmp_path: Path) -> None:
+def test_of_several_marks_the_gravest_is_shown(tmp_path):
     several = [("bookmark", "a"), ("reseeded", "a"), ("lost", "a"), ("ess-dip", "a")]
     path = drawn(tmp_path / "a.rrd", [("lost", several)])
     assert lane_of(path, draw_events.noticed_path(PATHS)) == [(1, "lost")]
@@ -70,7 +70,7 @@ def test_of_several_marks_the_gravest_is_shown(tmp_path: Path) -> None:
     assert lane_of(path, draw_events.LOG_LANE) == []
 
 
-def test_the_log_has_a_lane_that_one_run_draws(tmp_path: Path) -> None:
+def test_the_log_has_a_lane_that_one_run_draws(tmp_path):
     said = [("kidnapped", "the robot was carried away"), ("session", "slip +18.3 deg")]
     steps: list[Step] = [
         ("localized", said),
@@ -83,7 +83,7 @@ def test_the_log_has_a_lane_that_one_run_draws(tmp_path: Path) -> None:
     assert draw_events.LOG_LANE not in recordings.entities_of(other)
 
 
-def test_every_state_and_kind_has_a_color_and_a_name(tmp_path: Path) -> None:
+def test_every_state_and_kind_has_a_color_and_a_name(tmp_path):
     assert set(draw_events.STATUS_COLORS) == set(STATES)
     shown = set(draw_events.NOTICED_COLORS) | set(draw_events.LOG_COLORS)
     assert set(KINDS) - shown == {RESAMPLED}
@@ -98,7 +98,7 @@ def test_every_state_and_kind_has_a_color_and_a_name(tmp_path: Path) -> None:
         assert len(values) == len(set(values)) > 0
 
 
-def test_marks_have_room_and_views_tell_their_colors() -> None:
+def test_marks_have_room_and_views_tell_their_colors():
     assert draw_events.hold_for(1) == draw_events.hold_for(20) == 2
     assert draw_events.hold_for(120) == 15
     assert 12_000 / draw_events.hold_for(12_000) == 8

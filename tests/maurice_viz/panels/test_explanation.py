@@ -74,7 +74,7 @@ def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return path, played
 
 
-def test_pictures_stand_over_references_and_cost(drawn: tuple[Path, Played]) -> None:
+def test_pictures_stand_over_references_and_cost(drawn):
     path, (sensor, updates) = drawn
     found = recordings.rows(path, PATHS.explain("chart", "cost"))
     assert len(found) == len(updates)
@@ -90,9 +90,7 @@ def test_pictures_stand_over_references_and_cost(drawn: tuple[Path, Played]) -> 
         assert np.array_equal(blocks[0], blocks[2])
 
 
-def test_cards_show_the_references_pictures_and_are_logged_when_they_change(
-    drawn: tuple[Path, Played],
-) -> None:
+def test_cards_show_the_references_pictures_and_are_logged_when_they_change(drawn):
     path, (sensor, updates) = drawn
     entries = [explain_step(r, sensor, m.truth).winner.entry for m, r in updates]
     changes = [k for k, entry in enumerate(entries) if k == 0 or entry != entries[k - 1]]
@@ -110,7 +108,7 @@ def test_cards_show_the_references_pictures_and_are_logged_when_they_change(
         assert f"winner: entry {entry} |" in row.values["TextDocument:text"][0]
 
 
-def test_table_and_arrows_are_there_at_every_update(drawn: tuple[Path, Played]) -> None:
+def test_table_and_arrows_are_there_at_every_update(drawn):
     path, (sensor, updates) = drawn
     tables, marks = (recordings.rows(path, p) for p in (PATHS.explain("table"), PATHS.explain("marks")))
     assert len(tables) == len(marks) == len(updates)
@@ -126,7 +124,7 @@ def test_table_and_arrows_are_there_at_every_update(drawn: tuple[Path, Played]) 
     assert f"Step {updates[0][0].frame.step}" in tables[0].values["TextDocument:text"][0]
 
 
-def test_without_truth_there_are_two_columns(library: Library, tmp_path: Path) -> None:
+def test_without_truth_there_are_two_columns(library, tmp_path):
     played = play(library, has_truth=False)
     draw(tmp_path / "out.rrd", played, has_truth=False)
     found = recordings.entities_of(tmp_path / "out.rrd")
@@ -134,7 +132,7 @@ def test_without_truth_there_are_two_columns(library: Library, tmp_path: Path) -
     assert {PATHS.explain("card", "estimate"), PATHS.explain("card", "winner")} <= found
 
 
-def test_a_truth_that_is_missing_for_a_while_says_so_in_its_column(library: Library, tmp_path: Path) -> None:
+def test_a_truth_that_is_missing_for_a_while_says_so_in_its_column(library, tmp_path):
     sensor, updates = play(library)
     some = [
         (moment if k else replace(moment, truth=None), record) for k, (moment, record) in enumerate(updates)
@@ -147,7 +145,7 @@ def test_a_truth_that_is_missing_for_a_while_says_so_in_its_column(library: Libr
     assert "truth" not in first_table.values["TextDocument:text"][0]
 
 
-def test_one_entry_and_no_pictures(tmp_path: Path) -> None:
+def test_one_entry_and_no_pictures(tmp_path):
     draw(tmp_path / "out.rrd", play(fakes.make_library()))
     row = recordings.rows(tmp_path / "out.rrd", PATHS.explain("card", "winner"))[0]
     card = cv2.imdecode(np.array(row.values["EncodedImage:blob"][0], np.uint8), cv2.IMREAD_COLOR)
@@ -158,7 +156,7 @@ def test_one_entry_and_no_pictures(tmp_path: Path) -> None:
         assert "entry 0 matches best of 1" in row.values["TextDocument:text"][0]
 
 
-def test_a_saved_run_without_its_library_says_so(library: Library, tmp_path: Path) -> None:
+def test_a_saved_run_without_its_library_says_so(library, tmp_path):
     panel = ExplanationPanel(recordings.drawn_run(PATHS, library))
     _, updates = play(library)
     with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
@@ -168,9 +166,7 @@ def test_a_saved_run_without_its_library_says_so(library: Library, tmp_path: Pat
     assert found == {PATHS.explain("table")}
 
 
-def test_an_update_that_is_left_out_shows_nothing_and_the_next_one_everything(
-    library: Library, tmp_path: Path
-) -> None:
+def test_an_update_that_is_left_out_shows_nothing_and_the_next_one_everything(library, tmp_path):
     sensor, updates = play(library)
     again = [updates[0], updates[1], (updates[2][0], replace(updates[0][1], frame=updates[2][1].frame))]
     draw(tmp_path / "out.rrd", (sensor, again), left_out=2)
@@ -196,7 +192,7 @@ def with_all_channels(library: Library) -> tuple[Library, FilterParameters]:
     return many, FilterParameters(sensor=SensorParameters(weights), particles=40)
 
 
-def test_twelve_channels_have_no_more_bars_than_one(library: Library, tmp_path: Path) -> None:
+def test_twelve_channels_have_no_more_bars_than_one(library, tmp_path):
     many, parameters = with_all_channels(library)
     bars = bars_for(tuple(parameters.sensor.weights), many)
     assert len(bars.starts) <= MOST
@@ -205,7 +201,7 @@ def test_twelve_channels_have_no_more_bars_than_one(library: Library, tmp_path: 
     draw(tmp_path / "out.rrd", play(many, parameters))
 
 
-def test_bars_fill_their_place_and_keep_their_sum(library: Library) -> None:
+def test_bars_fill_their_place_and_keep_their_sum(library):
     bars = bars_for(("color", "edges"), library)
     for number, (first, count) in enumerate(zip(bars.firsts, bars.counts, strict=True)):
         some = slice(first, first + count)
@@ -221,9 +217,7 @@ def test_bars_fill_their_place_and_keep_their_sum(library: Library) -> None:
 
 @pytest.mark.parametrize("asked", [None, Asked(entry=2), Asked(pose=np.array([-5.0, 0.0, 0.0]))])
 @pytest.mark.parametrize("has_truth", [True, False])
-def test_the_full_panel_has_every_chart(
-    library: Library, tmp_path: Path, asked: Asked | None, has_truth: bool
-) -> None:
+def test_the_full_panel_has_every_chart(library, tmp_path, asked, has_truth):
     sensor, updates = play(library, has_truth=has_truth)
     moment, record = updates[-1]
     step = explain_step(record, sensor, moment.truth, asked, weigh=True)

@@ -44,7 +44,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, recordings.Pl
     return folder / "run.rrd", played, session.library
 
 
-def test_moves_go_from_where_particles_were_to_where_they_are(drawn: Any) -> None:
+def test_moves_go_from_where_particles_were_to_where_they_are(drawn):
     path, played, _ = drawn
     found = recordings.rows(path, RUN.moves)
     assert {row.step for row in found} == {None}, "on the phase timeline alone"
@@ -59,7 +59,7 @@ def test_moves_go_from_where_particles_were_to_where_they_are(drawn: Any) -> Non
         assert cleared.values["LineStrips2D:strips"] == []
 
 
-def test_families_are_the_ancestors_ways(drawn: Any) -> None:
+def test_families_are_the_ancestors_ways(drawn):
     path, played, _ = drawn
     tree = Ancestry()
     for step, (_, record) in enumerate(played, start=1):
@@ -70,7 +70,7 @@ def test_families_are_the_ancestors_ways(drawn: Any) -> None:
         assert [len(strip) for strip in found[0].values["LineStrips2D:strips"]] == [len(w) for w in ways]
 
 
-def test_headings_have_a_histogram() -> None:
+def test_headings_have_a_histogram():
     headings = np.radians([5.0, 5.0, 95.0, -5.0])
     poses = np.column_stack([np.zeros(4), np.zeros(4), headings]).astype(np.float32)
     belief = Belief(poses, np.log([0.1, 0.2, 0.3, 0.4]), np.zeros(2))
@@ -85,7 +85,7 @@ def test_headings_have_a_histogram() -> None:
     assert shares(belief).max() == pytest.approx(1)
 
 
-def test_likelihood_maps_are_brightest_at_the_likeliest_reference(drawn: Any) -> None:
+def test_likelihood_maps_are_brightest_at_the_likeliest_reference(drawn):
     path, played, library = drawn
     for name in map_names(("color", "edges")):
         (row, *_) = recordings.rows(path, RUN.likelihood(name))
@@ -105,7 +105,7 @@ def _mode(identity: int, mass: float) -> TrackedMode:
     return TrackedMode(identity, fakes.changed(weighted_mean(cloud), mass=mass))
 
 
-def test_modes_over_time_are_stacked_by_age_and_keep_their_colors() -> None:
+def test_modes_are_stacked_and_detail_needs_room():
     image = bands([(_mode(1, 1.0),), (_mode(2, 0.5), _mode(1, 0.25))])
     assert image.shape == (ROWS, UPDATES_SEEN, 3)
     assert (image[:, UPDATES_SEEN - 2] == MODE_COLORS[1]).all()
@@ -113,9 +113,15 @@ def test_modes_over_time_are_stacked_by_age_and_keep_their_colors() -> None:
     assert (image[ROWS // 4 : -ROWS // 4, UPDATES_SEEN - 1] == MODE_COLORS[2]).all()
     assert (image[: ROWS // 4, UPDATES_SEEN - 1] == EMPTY).all()
     assert (image[:, 0] == EMPTY).all()
+    light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
+    assert light < some < full
+    assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
+    lines = evidence_lines(tuple("abcdefghijkl"))
+    assert len({(color, width) for _, color, width in lines}) == len(lines) == 13
+    assert map_names(("color",)) == ("all",)
 
 
-def test_the_films_newest_column_stands_at_the_right(drawn: Any) -> None:
+def test_the_films_newest_column_stands_at_the_right(drawn):
     path, _, _ = drawn
     shift = [r.values["Transform3D:translation"][0][0] for r in recordings.rows(path, RUN.columns)]
     for step in range(1, STEPS + 1):
@@ -125,7 +131,7 @@ def test_the_films_newest_column_stands_at_the_right(drawn: Any) -> None:
         assert at == pytest.approx((COLUMNS - 1) * 150)
 
 
-def test_the_truths_rank_and_ratio(drawn: Any) -> None:
+def test_the_truths_rank_and_ratio(drawn):
     path, played, library = drawn
     places = EntryFinder.of(library)
     ranks = recordings.rows(path, RUN.trace(TRUTH_RANK))
@@ -140,7 +146,7 @@ def test_the_truths_rank_and_ratio(drawn: Any) -> None:
         )
 
 
-def test_evidence_and_ancestors_are_those_of_the_records(drawn: Any) -> None:
+def test_evidence_and_ancestors_are_those_of_the_records(drawn):
     path, played, _ = drawn
     tree = Ancestry()
     found = recordings.rows(path, RUN.trace(ANCESTORS))
@@ -159,7 +165,7 @@ def test_evidence_and_ancestors_are_those_of_the_records(drawn: Any) -> None:
 
 
 @pytest.mark.parametrize("at", [1, 5, 9])
-def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None:
+def test_around_events_everything_is_drawn_and_elsewhere_little(at):
     filter_, given = DetailFilter(Detail.EVENTS), []
     session = fakes.make_session(fakes.make_library(), 9)
     for moment, record in fakes.play(session, "color", 5):
@@ -174,24 +180,15 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at: int) -> None
 
 
 @pytest.mark.parametrize(("detail", "whole"), [(Detail.FULL, True), (Detail.LIGHT, False)])
-def test_full_and_light_do_not_wait(detail: Detail, whole: bool) -> None:
+def test_full_and_light_do_not_wait(detail, whole):
     session = fakes.make_session(fakes.make_library(), 1)
     ((moment, record),) = fakes.play(session, "color", 5)
     (update,) = DetailFilter(detail).see(StepUpdate(moment, record))
     assert update.whole is whole
 
 
-def test_more_detail_needs_more_room() -> None:
-    light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
-    assert light < some < full
-    assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
-    lines = evidence_lines(tuple("abcdefghijkl"))
-    assert len({(color, width) for _, color, width in lines}) == len(lines) == 13
-    assert map_names(("color",)) == ("all",)
-
-
 @pytest.mark.parametrize(
     ("most", "top"), [(0.0, 0.0), (8.8, 10.0), (0.93, 1.0), (4.0, 4.0), (12.0, 12.0), (47.0, 100.0)]
 )
-def test_scales_reach_a_number_that_the_viewer_labels(most: float, top: float) -> None:
+def test_scales_reach_a_number_that_the_viewer_labels(most, top):
     assert round_top(most, 4.5) == pytest.approx(top)

@@ -9,16 +9,13 @@ from maurice_viz.panels.world import clipped, distinct_places
 from maurice_viz.style import scale_for
 
 
-def test_circles_stand_off_their_node_along_their_heading() -> None:
+def test_circles_places_and_likelihoods():
     library = fakes.make_library()
     scale = scale_for("in", library.arena)
     circles = MatchCircles(library, scale)
     assert circles.spacing == pytest.approx(18)
     off = (circles.centers - scale.screen(library.poses)) * (1, -1)
     np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
-
-
-def test_places_and_likelihoods_are_relative() -> None:
     poses = np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]], float)
     assert len(distinct_places(poses)) == 2
     assert node_spacing(poses) == 2
@@ -28,7 +25,7 @@ def test_places_and_likelihoods_are_relative() -> None:
     np.testing.assert_array_equal(relative_likelihood(np.full(3, -np.inf, np.float32)), [0, 0, 0])
 
 
-def test_walls_are_cut_at_the_bounds() -> None:
+def test_walls_are_cut_at_the_bounds():
     bounds = (0.0, 0.0, 4.0, 3.0)
     walls = np.array(
         [

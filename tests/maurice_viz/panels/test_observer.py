@@ -41,7 +41,7 @@ def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return path, played
 
 
-def test_every_entity_is_there(drawn: tuple[Path, recordings.Played]) -> None:
+def test_every_entity_is_on_three_timelines(drawn):
     found = recordings.entities_of(drawn[0])
     charts = {RUN.histogram(c, k) for c in ("color", "edges") for k in ("sample", "reference", "difference")}
     traces = ("position_error", "heading_error", "spread", "confidence", "effective_sample")
@@ -49,19 +49,13 @@ def test_every_entity_is_there(drawn: tuple[Path, recordings.Played]) -> None:
     expected = {entities.CAMERA, entities.EDGES, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
     expected |= {RUN.circles, RUN.best, RUN.contact_sheet} | charts | world | {RUN.trace(t) for t in traces}
     assert expected <= found
-
-
-def test_there_are_three_timelines_and_no_wall_clock(drawn: tuple[Path, recordings.Played]) -> None:
     names = {n for chunk in RrdReader(drawn[0]).stream() for n in chunk.to_record_batch().schema.names}
     assert {"step", "session", "phase"} <= names
     assert not {"log_time", "log_tick"} & names
-
-
-def test_the_name_of_the_session_is_kept_whatever_its_script(drawn: tuple[Path, recordings.Played]) -> None:
     assert recordings.static(drawn[0], "/__properties")["RecordingInfo:name"] == ["Büro 東京"]
 
 
-def test_particles_walk_through_the_phases(drawn: tuple[Path, recordings.Played], library: Library) -> None:
+def test_particles_walk_through_the_phases(drawn, library):
     path, played = drawn
     found = recordings.rows(path, RUN.particles)
     slots = (Phase.PREDICT, Phase.WEIGHT, Phase.RESAMPLE)
@@ -84,18 +78,23 @@ def test_particles_walk_through_the_phases(drawn: tuple[Path, recordings.Played]
             assert row.session_s == pytest.approx(moment.frame.time_s)
 
 
-def test_weighing_logs_colors_alone(drawn: tuple[Path, recordings.Played]) -> None:
+def test_phases_log_what_changes(drawn):
     for row in recordings.rows(drawn[0], RUN.particles)[1::3]:
         assert set(row.values) == {"Points2D:colors"}
-
-
-def test_resampled_particles_do_not_hide_the_weighted_ones(drawn: tuple[Path, recordings.Played]) -> None:
     for row in recordings.rows(drawn[0], RUN.particles)[2::3]:
         assert row.step is None
         assert row.session_s is None
+    found = recordings.rows(drawn[0], RUN.estimate)
+    so_far = [row.values["Points2D:positions"][0] for row in found]
+    assert found[-1].values["LineStrips2D:strips"] == [so_far]
+    for entity in (entities.CAMERA, entities.EDGES, RUN.contact_sheet):
+        rows = recordings.rows(drawn[0], entity)
+        assert [row.step for row in rows] == [None, *range(1, STEPS + 1)]  # first: nothing taken yet
+        assert rows[0].phase == entities.phase_number(1, Phase.PREDICT)
+        assert all(bytes(row.values["EncodedImage:blob"][0][:2]) == b"\xff\xd8" for row in rows)
 
 
-def test_truth_and_estimate_are_drawn_with_y_down(drawn: tuple[Path, recordings.Played]) -> None:
+def test_truth_and_estimate_are_drawn_with_y_down(drawn):
     path, played = drawn
     poses = {entities.TRUTH: [m.truth for m, _ in played], RUN.estimate: [r.estimate.pose for _, r in played]}
     for entity, expected in poses.items():
@@ -107,13 +106,7 @@ def test_truth_and_estimate_are_drawn_with_y_down(drawn: tuple[Path, recordings.
             assert np.arctan2(-y, x) == pytest.approx(pose[2], abs=1e-5)
 
 
-def test_trails_hold_the_poses_so_far(drawn: tuple[Path, recordings.Played]) -> None:
-    found = recordings.rows(drawn[0], RUN.estimate)
-    so_far = [row.values["Points2D:positions"][0] for row in found]
-    assert found[-1].values["LineStrips2D:strips"] == [so_far]
-
-
-def test_traces_are_those_of_the_records(drawn: tuple[Path, recordings.Played]) -> None:
+def test_traces_are_those_of_the_records(drawn):
     path, played = drawn
     expected: dict[str, list[float]] = {
         "position_error": [],
@@ -136,9 +129,7 @@ def test_traces_are_those_of_the_records(drawn: tuple[Path, recordings.Played]) 
         ]
 
 
-def test_histograms_are_those_of_the_picture_and_its_best_match(
-    drawn: tuple[Path, recordings.Played], library: Library
-) -> None:
+def test_histograms_are_those_of_the_picture_and_its_best_match(drawn, library):
     path, played = drawn
     for channel in ("color", "edges"):
         rows = {
@@ -160,7 +151,7 @@ def test_histograms_are_those_of_the_picture_and_its_best_match(
                 np.testing.assert_allclose(np.asarray(buffer, np.float32), values, rtol=1e-6)
 
 
-def test_circles_grow_with_likelihood(drawn: tuple[Path, recordings.Played]) -> None:
+def test_circles_grow_with_likelihood(drawn):
     path, played = drawn
     for row, (_, record) in zip(recordings.rows(path, RUN.circles), played, strict=True):
         radii = np.array(row.values["Points2D:radii"])
@@ -170,9 +161,7 @@ def test_circles_grow_with_likelihood(drawn: tuple[Path, recordings.Played]) -> 
         assert (np.diff(radii[order]) >= 0).all()
 
 
-def test_the_last_words_on_a_step_are_the_summary(
-    drawn: tuple[Path, recordings.Played], library: Library
-) -> None:
+def test_the_last_words_on_a_step_are_the_summary(drawn, library):
     path, played = drawn
     words = recordings.rows(path, RUN.text)
     assert len(words) == 5 * STEPS
@@ -181,15 +170,7 @@ def test_the_last_words_on_a_step_are_the_summary(
         assert words[5 * k + 4].values["TextDocument:text"] == [narrate.summary(moment, record, scale)]
 
 
-def test_pictures_are_jpeg_and_logged_once_a_step(drawn: tuple[Path, recordings.Played]) -> None:
-    for entity in (entities.CAMERA, entities.EDGES, RUN.contact_sheet):
-        rows = recordings.rows(drawn[0], entity)
-        assert [row.step for row in rows] == [None, *range(1, STEPS + 1)]  # first: nothing taken yet
-        assert rows[0].phase == entities.phase_number(1, Phase.PREDICT)
-        assert all(bytes(row.values["EncodedImage:blob"][0][:2]) == b"\xff\xd8" for row in rows)
-
-
-def test_two_runs_share_world_camera_and_truth(library: Library, tmp_path: Path) -> None:
+def test_two_runs_share_world_camera_and_truth(library, tmp_path):
     path = tmp_path / "two.rrd"
     recordings.draw(path, fakes.make_session(library, 3), ["color", "blended"])
     assert [row.step for row in recordings.rows(path, entities.CAMERA)] == [None, 1, 2, 3]
@@ -200,7 +181,7 @@ def test_two_runs_share_world_camera_and_truth(library: Library, tmp_path: Path)
     assert len(RrdReader(path).blueprints()) == 1
 
 
-def test_without_truth_there_are_no_errors_and_no_marker(library: Library, tmp_path: Path) -> None:
+def test_without_truth_there_are_no_errors_and_no_marker(library, tmp_path):
     path = tmp_path / "blind.rrd"
     recordings.draw(path, fakes.make_session(library, 2, has_truth=False), ["blended"])
     found = recordings.entities_of(path)
@@ -210,7 +191,7 @@ def test_without_truth_there_are_no_errors_and_no_marker(library: Library, tmp_p
     assert len(recordings.rows(path, RUN.trace("heading_error"))) == 0
 
 
-def test_one_frame_and_one_entry_in_metres_without_a_picture(tmp_path: Path) -> None:
+def test_one_frame_and_one_entry_in_metres_without_a_picture(tmp_path):
     library = fakes.make_library(columns=1, rows=1, headings=1, units="m")
     path = tmp_path / "small.rrd"
     ((pair,),) = recordings.draw(path, fakes.make_session(library, 1), ["color"])
@@ -221,7 +202,7 @@ def test_one_frame_and_one_entry_in_metres_without_a_picture(tmp_path: Path) -> 
     np.testing.assert_allclose(recordings.positions(predict), expected, atol=1e-3)
 
 
-def test_a_step_that_was_not_resampled_leaves_the_cloud(library: Library, tmp_path: Path) -> None:
+def test_a_step_that_was_not_resampled_leaves_the_cloud(library, tmp_path):
     session = fakes.make_session(library, 1)
     ((moment, record),) = fakes.play(session, "color", 20)
     kept = fakes.changed(record, parents=None, belief=record.weighted, events=())
@@ -236,7 +217,7 @@ def test_a_step_that_was_not_resampled_leaves_the_cloud(library: Library, tmp_pa
     assert "Not resampled" in words[Phase.RESAMPLE].values["TextDocument:text"][0]
 
 
-def test_seeing_before_beginning_is_refused(library: Library) -> None:
+def test_seeing_before_beginning_is_refused(library):
     ((moment, record),) = fakes.play(fakes.make_session(library, 1), "color", 5)
     with pytest.raises(RuntimeError, match="begin"):
         RerunObserver(recording("x"), "color", {"color": "hellinger"}).see(moment, record)
@@ -256,7 +237,7 @@ def _records(session: fakes.FakeSession) -> recordings.Played:
     return list(run(build_localizer(session.library, session, parameters), session, None))
 
 
-def test_fresh_particles_stand_out_in_their_own_phase(tmp_path: Path) -> None:
+def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
     session = fakes.make_session(fakes.make_library(), 3)
     library, played = session.library, _records(session)
     path = tmp_path / "reseeded.rrd"

@@ -1,7 +1,6 @@
 """The map of expected ambiguity shows the walls, and its lines end at the dots."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -24,7 +23,7 @@ def pixels_of(image: U8, color: tuple[int, int, int]) -> int:
     return int((image == np.array(color, np.uint8)).all(axis=2).sum())
 
 
-def test_walls_are_drawn_where_there_are_some(small_session: Path) -> None:
+def test_walls_are_drawn_where_there_are_some(small_session):
     library = build_library(small_session.parent / "survey.log", ["color"])
     scale = scale_for(library.display_units, library.arena)
     bare = replace(library, arena=replace(library.arena, walls=np.zeros((0, 4))))
@@ -33,7 +32,7 @@ def test_walls_are_drawn_where_there_are_some(small_session: Path) -> None:
     assert drawn[1] > drawn[0] + 300
 
 
-def test_a_pair_of_look_alikes_is_a_line_from_dot_to_dot(small_session: Path) -> None:
+def test_a_pair_of_look_alikes_is_a_line_from_dot_to_dot(small_session):
     library = build_library(small_session.parent / "survey.log", ["color"])
     found, scale = checked(library), scale_for(library.display_units, library.arena)
     margin = np.full(library.size, np.nan)

@@ -84,7 +84,7 @@ def check(page: str, runs: int = 1) -> Outline:
     return found
 
 
-def test_every_section_is_there_and_filled(small_session: Path) -> None:
+def test_every_section_is_there_and_filled(small_session):
     found = check(reported(small_session))
     assert found.headings[0] == "kleine Fahrt"
     labels = [value for value in found.values("svg", "aria-label") if value]
@@ -97,14 +97,14 @@ def test_every_section_is_there_and_filled(small_session: Path) -> None:
     assert found.counts["img"] >= 4
 
 
-def test_the_same_run_gives_the_same_bytes(small_session: Path) -> None:
+def test_the_same_run_gives_the_same_bytes(small_session):
     first = reported(small_session)
     assert "exists already" in one_line(maurice("report", "kept", "-o", "r.html", expect=1)[1])
     maurice("report", "kept", "-o", "r.html", "--force")
     assert Path("r.html").read_text(encoding="utf-8") == first
 
 
-def test_a_comparison_is_one_page(small_session: Path) -> None:
+def test_a_comparison_is_one_page(small_session):
     maurice("compare", small_session, "--particles", "150", "--run", "both", "--no-recording")
     maurice("report", "both", "-o", "r.html")
     page = Path("r.html").read_text(encoding="utf-8")
@@ -117,7 +117,7 @@ def test_a_comparison_is_one_page(small_session: Path) -> None:
     assert "blended: estimate" in text
 
 
-def test_without_truth_the_errors_are_left_out_and_said(tmp_path: Path) -> None:
+def test_without_truth_the_errors_are_left_out_and_said(tmp_path):
     from_survey = session_of(tmp_path, truth=False)
     page = reported(from_survey)
     found = check(page)
@@ -126,7 +126,7 @@ def test_without_truth_the_errors_are_left_out_and_said(tmp_path: Path) -> None:
     assert len([label for label in found.values("svg", "aria-label") if label]) == 1 + 4
 
 
-def test_without_session_and_library_it_says_so(small_session: Path, tmp_path: Path) -> None:
+def test_without_session_and_library_it_says_so(small_session, tmp_path):
     maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
     small_session.unlink()
     (tmp_path / "survey.log").unlink()
@@ -136,14 +136,14 @@ def test_without_session_and_library_it_says_so(small_session: Path, tmp_path: P
     assert "not available" in found.text
 
 
-def test_one_picture_one_reference_and_hostile_names(tmp_path: Path) -> None:
+def test_one_picture_one_reference_and_hostile_names(tmp_path):
     session = session_of(tmp_path, name=EVIL, updates=1, references=1)
     found = check(reported(session))
     assert found.headings[0] == EVIL
     assert "1 at 1 places" in " ".join(found.text)
 
 
-def test_bookmarks_are_events_with_a_picture(small_session: Path, tmp_path: Path) -> None:
+def test_bookmarks_are_events_with_a_picture(small_session, tmp_path):
     maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
     (tmp_path / "kept" / "bookmarks.jsonl").write_text('{"step": 5, "note": "odd <turn>"}\nbroken\n')
     assert "bookmarks.jsonl:2" in one_line(maurice("report", "kept", "-o", "r.html")[1])
@@ -152,7 +152,7 @@ def test_bookmarks_are_events_with_a_picture(small_session: Path, tmp_path: Path
     assert any("step 5" in alt for alt in found.values("img", "alt"))
 
 
-def test_what_is_no_run_is_a_line(tmp_path: Path) -> None:
+def test_what_is_no_run_is_a_line(tmp_path):
     assert "expected a saved run's folder" in one_line(maurice("report", "none", expect=1)[1])
     assert "ends in .html" in maurice("report", "none", "-o", "r.pdf", expect=2)[1]
     assert not list(tmp_path.iterdir())
@@ -198,7 +198,7 @@ def browse(page: Path, *options: str) -> tuple[str, str]:
 
 
 @needs_browser
-def test_a_browser_shows_it_without_a_complaint(small_session: Path, tmp_path: Path) -> None:
+def test_a_browser_shows_it_without_a_complaint(small_session, tmp_path):
     reported(small_session)
     page = tmp_path / "r.html"
     dom, console = browse(page, "--dump-dom")
@@ -219,7 +219,7 @@ def test_a_browser_shows_it_without_a_complaint(small_session: Path, tmp_path: P
 
 
 @needs_browser
-def test_on_a_phone_nothing_is_wider_than_the_screen(small_session: Path, tmp_path: Path) -> None:
+def test_on_a_phone_nothing_is_wider_than_the_screen(small_session, tmp_path):
     import html
 
     inner = html.escape(reported(small_session))

@@ -14,7 +14,7 @@ from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
 
 
-def test_text_is_escaped_in_tables_and_attributes() -> None:
+def test_text_is_escaped_in_tables_and_attributes():
     drawings = _environment().get_template("drawings.html").module
     row = ("a < b & 'c'", '"q"')
     table = drawings.table('<b> "title"', [""], [row], 'x" y')  # type: ignore[attr-defined]  # a macro
@@ -26,14 +26,14 @@ def test_text_is_escaped_in_tables_and_attributes() -> None:
 @pytest.mark.parametrize(
     ("value", "text"), [(1.0, "1"), (-0.001, "0"), (2.345, "2.35"), (10.5, "10.5"), (0, "0")]
 )
-def test_numbers_are_short(value: float, text: str) -> None:
+def test_numbers_are_short(value, text):
     assert px(value) == text
 
 
 @given(
     st.floats(-1e6, 1e6).flatmap(lambda low: st.tuples(st.just(low), st.floats(1e-3, 1e6))), st.integers(3, 9)
 )
-def test_ticks_are_round_within_the_axis_and_enough(span: tuple[float, float], most: int) -> None:
+def test_ticks_are_round_within_the_axis_and_enough(span, most):
     low, high = span[0], span[0] + span[1]
     found = ticks(low, high, most)
     assert len(found) <= most + 1
@@ -43,7 +43,7 @@ def test_ticks_are_round_within_the_axis_and_enough(span: tuple[float, float], m
 
 
 @given(st.integers(1, 4000), st.integers(0, 2**32 - 1))
-def test_thinning_keeps_every_peak(size: int, seed: int) -> None:
+def test_thinning_keeps_every_peak(size, seed):
     rng = np.random.default_rng(seed)
     x, y = np.arange(float(size)), rng.normal(size=size)
     y[rng.random(size) < 0.1] = np.nan
@@ -56,16 +56,13 @@ def test_thinning_keeps_every_peak(size: int, seed: int) -> None:
         assert np.nanmin(few_y) == np.nanmin(y)
 
 
-def test_a_path_is_broken_at_a_jump_and_where_it_is_not_known() -> None:
+def test_paths_are_broken_at_jumps_and_keep_their_ends():
     places = np.array([[0.0, 0], [0.3, 0], [5.0, 0], [5.2, 0], [np.nan, np.nan], [5.4, 0], [5.6, 0]])
     parts = unbroken(places, np.full(7, 0.3))
     assert [len(part) for part in parts] == [2, 2, 2]
     joined = unbroken(places[:4], np.full(4, 2.0))  # the robot itself measured two meters in a step
     assert [len(part) for part in joined] == [4]
     assert [len(part) for part in unbroken(np.zeros((1, 2)), np.zeros(1))] == [1]
-
-
-def test_a_long_path_keeps_its_ends() -> None:
     places = np.random.default_rng(0).normal(size=(20_000, 2))
     few = thin_path(places)
     assert len(few) == MAX_PLACES
@@ -90,7 +87,7 @@ def happened(kind: str, *steps: int) -> list[ReportedEvent]:
     return [ReportedEvent(RunEvent(step, float(step), kind, "text"), ("a",)) for step in steps]
 
 
-def test_every_kind_gets_a_picture_before_one_gets_two() -> None:
+def test_every_kind_gets_a_picture_before_one_gets_two():
     events = sorted(
         happened("mode-switch", *range(10, 40)) + happened("lost", 41) + happened("session", 5, 6),
         key=lambda one: one.event.step,
@@ -104,7 +101,7 @@ def test_every_kind_gets_a_picture_before_one_gets_two() -> None:
     assert "lost: text" in next(scene for scene in scenes if scene.step == 41).reasons
 
 
-def test_quiet_runs_have_a_worst_and_a_last_step() -> None:
+def test_quiet_runs_have_a_worst_and_a_last_step():
     (one,) = choose(collected(track("a", [3.0])), [])
     assert one.reasons == ("largest position error", "last step")
     assert [s.step for s in choose(collected(track("a", [1.0, 3.0, 2.0])), happened("resampled", 1))] == [
@@ -121,5 +118,5 @@ def test_quiet_runs_have_a_worst_and_a_last_step() -> None:
 @pytest.mark.parametrize(
     ("steps", "text"), [([], ""), ([3], "3"), ([4, 3, 3], "3, 4"), ([1, 2, 3, 7, 9, 10, 11], "1-3, 7, 9-11")]
 )
-def test_steps_are_written_as_ranges(steps: list[int], text: str) -> None:
+def test_steps_are_written_as_ranges(steps, text):
     assert step_ranges(steps) == text

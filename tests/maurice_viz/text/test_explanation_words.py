@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +39,7 @@ def channel(name: str, nats: F32, sample: F32, reference: F32) -> ChannelExplana
     )
 
 
-def test_it_names_where_most_is_lost() -> None:
+def test_it_names_where_most_is_lost():
     nothing = np.zeros(84, np.float32)
     nats, reference = nothing.copy(), nothing.copy()
     nats[56 + 10 : 56 + 13] = 1.0
@@ -61,7 +60,7 @@ def test_it_names_where_most_is_lost() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(KNOWN))
-def test_every_element_of_a_known_channel_has_a_name(name: str) -> None:
+def test_every_element_of_a_known_channel_has_a_name(name):
     size, planes = KNOWN[name]
     assert size == len(CHANNELS[name].describe(np.zeros((30, 40, 3), np.uint8)))
     length = size // planes.count
@@ -70,12 +69,12 @@ def test_every_element_of_a_known_channel_has_a_name(name: str) -> None:
     assert len(names) == planes.count
 
 
-def test_a_channel_of_somebody_else_has_numbered_elements() -> None:
+def test_a_channel_of_somebody_else_has_numbered_elements():
     assert planes_of("theirs", 17).name(0, 2, 4) == "elements 3 to 5"
     assert planes_of("color", 17).name(0, 2, 2) == "elements 3"
 
 
-def test_the_sentences_name_winner_truth_and_estimate(library: Library) -> None:
+def test_the_sentences_name_winner_truth_and_estimate(library):
     step = explained(library)
     text = " ".join(say_step(step, scale_for("in", library.arena)))
     assert f"entry {step.winner.entry}" in text
@@ -87,7 +86,7 @@ def test_the_sentences_name_winner_truth_and_estimate(library: Library) -> None:
     assert "Particles are weighed by the references around them" in text
 
 
-def test_what_is_unknown_or_outside_is_not_told(library: Library, tmp_path: Path) -> None:
+def test_what_is_unknown_or_outside_is_not_told(library, tmp_path):
     step = explained(library, truth=False, weigh=False)
     scale = scale_for("in", library.arena)
     assert "truth" not in " ".join(say_step(step, scale)) + markdown_table(step, scale)
@@ -100,7 +99,7 @@ def test_what_is_unknown_or_outside_is_not_told(library: Library, tmp_path: Path
     assert says[0].startswith("The only reference at")
 
 
-def test_table_and_json_have_every_reference(library: Library) -> None:
+def test_table_and_json_have_every_reference(library):
     step = explained(library, asked=Asked(entry=3))
     lines = markdown_table(step, scale_for("in", library.arena)).splitlines()
     assert {line.count("|") for line in lines} == {6}
@@ -117,7 +116,7 @@ def test_table_and_json_have_every_reference(library: Library) -> None:
 @pytest.mark.parametrize(
     ("number", "word"), [(1, "1st"), (2, "2nd"), (3, "3rd"), (11, "11th"), (112, "112th"), (621, "621st")]
 )
-def test_ordinals(number: int, word: str) -> None:
+def test_ordinals(number, word):
     assert ordinal(number) == word
 
 
@@ -130,5 +129,5 @@ def test_ordinals(number: int, word: str) -> None:
         (5e3, "million"),
     ],
 )
-def test_a_gap_in_nats_is_said_as_a_factor(nats: float, words: str) -> None:
+def test_a_gap_in_nats_is_said_as_a_factor(nats, words):
     assert words in say_behind(nats)

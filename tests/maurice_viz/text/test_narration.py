@@ -36,11 +36,11 @@ def estimate(x_in: float, y_in: float, heading_deg: float) -> Estimate:
         ([[INCH, 0.04 * INCH, np.radians(0.4)]], "drove 1.0 in forward"),  # what would be written as 0
     ],
 )
-def test_motion(motions: list[list[float]], said: str) -> None:
+def test_motion(motions, said):
     assert narrate_parts.motion(np.array(motions), INCHES) == said
 
 
-def test_spread_and_errors_by_hand() -> None:
+def test_spread_errors_and_reseeding_by_hand():
     poses = np.array([[3, 0, 0], [-3, 0, 0], [0, 4, 0], [0, -4, 0]], np.float32)
     assert narrate_parts.spread_m(Belief(poses, uniform_log_weights(4), np.zeros(2))) == pytest.approx(
         np.sqrt(12.5)
@@ -48,9 +48,15 @@ def test_spread_and_errors_by_hand() -> None:
     apart, angle = narrate_parts.errors(estimate(3, 4, 179), np.array([0, 0, np.radians(-179)]))
     assert apart == pytest.approx(5 * INCH)
     assert np.degrees(angle) == pytest.approx(2)
+    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
+    fresh = np.array([0, 0, 0, 0, 1, 1], bool)
+    said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
+    assert said.startswith("Reseeded: 2 of 6 particles were drawn anew.")
+    assert "free space" in said
+    assert "inf " not in said
 
 
-def test_summaries_have_units_and_no_unknown_error() -> None:
+def test_summaries_have_units_and_no_unknown_error():
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 50)
     truth = np.array([10 * INCH, 20 * INCH, 0.0])
     moment = fakes.changed(moment, truth=truth, events=("kidnapped",))
@@ -69,7 +75,7 @@ def test_summaries_have_units_and_no_unknown_error() -> None:
     assert "error" not in said
 
 
-def test_events_and_phases_are_told() -> None:
+def test_events_and_phases_are_told():
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     copied = fakes.changed(record, parents=np.array([0, 0, 0, 4, 4, 5], np.int32))
     said = narrate.resampled(copied)
@@ -85,16 +91,7 @@ def test_events_and_phases_are_told() -> None:
     assert narrate.gains(same, INCHES) == ""
 
 
-def test_reseeding_of_a_cloud_outside_free_space_names_no_infinite_evidence() -> None:
-    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
-    fresh = np.array([0, 0, 0, 0, 1, 1], bool)
-    said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
-    assert said.startswith("Reseeded: 2 of 6 particles were drawn anew.")
-    assert "free space" in said
-    assert "inf " not in said
-
-
-def test_who_gained_and_who_lost_is_told_with_places() -> None:
+def test_who_gained_and_who_lost_is_told_with_places():
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 4)
     poses = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 0], [-1, 0, 0]], np.float32) * np.float32(INCH)
     before = Belief(poses, uniform_log_weights(4), np.zeros(2))

@@ -41,7 +41,7 @@ def gif(path: Path) -> list[U8]:
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_a_movie_holds_its_pictures_in_order(tmp_path: Path, suffix: str) -> None:
+def test_a_movie_holds_its_pictures_in_order(tmp_path, suffix):
     path = tmp_path / f"m{suffix}"
     with film(path, 4.0) as frames:
         for k in range(FRAMES):
@@ -53,7 +53,7 @@ def test_a_movie_holds_its_pictures_in_order(tmp_path: Path, suffix: str) -> Non
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
-def test_gifs_loop_and_keep_rare_colors(tmp_path: Path) -> None:
+def test_gifs_loop_and_keep_rare_colors(tmp_path):
     with film(tmp_path / "m.gif", 4.0) as frames:
         frames.add(picture(0))
         frames.add(picture(0))
@@ -62,13 +62,13 @@ def test_gifs_loop_and_keep_rare_colors(tmp_path: Path) -> None:
     # The brightest weights are a handful of pixels; a palette by frequency alone would lose them
     image = np.random.default_rng(0).integers(0, 90, (200, 200, 3)).astype(np.uint8)
     image[100:103, 100:103] = (253, 231, 37)
-    with film(tmp_path / "m.gif", 4.0) as frames:
+    with film(tmp_path / "rare.gif", 4.0) as frames:
         frames.add(image)
-    (found,) = gif(tmp_path / "m.gif")
+    (found,) = gif(tmp_path / "rare.gif")
     assert np.abs(found[101, 101].astype(int) - (253, 231, 37)).max() < 20
 
 
-def test_sizes_are_even_and_png_is_exact(tmp_path: Path) -> None:
+def test_sizes_are_even_and_png_is_exact(tmp_path):
     with film(tmp_path / "m.mp4", 4.0) as frames:
         frames.add(picture(1, rows=121, columns=161))
     assert mp4(tmp_path / "m.mp4")[0].shape == (120, 160, 3)
@@ -76,14 +76,14 @@ def test_sizes_are_even_and_png_is_exact(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_a_movie_that_is_stopped_leaves_nothing(tmp_path: Path, suffix: str) -> None:
+def test_a_movie_that_is_stopped_leaves_nothing(tmp_path, suffix):
     with pytest.raises(KeyboardInterrupt), film(tmp_path / f"m{suffix}", 4.0) as frames:  # noqa: PT012
         frames.add(picture(0))
         raise KeyboardInterrupt
     assert not list(tmp_path.iterdir())
 
 
-def test_earlier_movies_and_missing_folders(tmp_path: Path) -> None:
+def test_earlier_movies_and_missing_folders(tmp_path):
     path = tmp_path / "m.gif"
     path.write_bytes(b"earlier")
     with pytest.raises(InputError, match="--force"), film(path, 4.0):

@@ -40,7 +40,7 @@ def ports() -> list[int]:
     return [viewer.port for viewer in open_viewers.open_viewers()]
 
 
-def test_strange_states_are_no_error(state: Path) -> None:
+def test_strange_states_are_no_error(state):
     assert ports() == []
     assert not state.exists()
     state.write_text("a file stands in its place")
@@ -48,7 +48,7 @@ def test_strange_states_are_no_error(state: Path) -> None:
     assert ports() == []
 
 
-def test_open_viewers_are_listed_with_what_they_show(listen: Listen) -> None:
+def test_open_viewers_are_listed_with_what_they_show(listen):
     first, second = listen(), listen()
     remember(os.getpid(), first)
     remember(os.getpid(), second)
@@ -60,22 +60,19 @@ def test_open_viewers_are_listed_with_what_they_show(listen: Listen) -> None:
     assert set(held) == {"pid", "port", "opened_s", "name", "recording"}
 
 
-def test_a_viewer_that_is_not_ours_is_not_noted(listen: Listen) -> None:
-    remember_recording(listen(), "a session", "an id")
-    assert ports() == []
-
-
-def test_one_that_listens_no_longer_is_forgotten(state: Path) -> None:
+def test_one_that_listens_no_longer_is_forgotten(state, listen):
     with socket.create_server((HOST, 0)) as gone:
         port = int(gone.getsockname()[1])
         remember(os.getpid(), port)
         assert ports() == [port]
     assert ports() == []
     assert list((state / "viewers").iterdir()) == []
+    remember_recording(listen(), "a session", "an id")
+    assert ports() == []
 
 
 @pytest.mark.skipif(os.name == "nt", reason="whether a process is there cannot be asked on Windows")
-def test_one_whose_process_ended_is_forgotten_though_another_has_its_port(listen: Listen) -> None:
+def test_one_whose_process_ended_is_forgotten_though_another_has_its_port(listen):
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     remember(ended.pid, listen())
@@ -85,7 +82,7 @@ def test_one_whose_process_ended_is_forgotten_though_another_has_its_port(listen
 @pytest.mark.parametrize(
     "content", [b"", b"\xff", b"[]", b"{}", b'{"pid": "a", "port": "b", "opened_s": null}', b'{"port": 1}']
 )
-def test_a_broken_file_is_forgotten(content: bytes, listen: Listen) -> None:
+def test_a_broken_file_is_forgotten(content, listen):
     port = listen()
     remember(os.getpid(), port)
     (state_folder() / "1.json").write_bytes(content)
@@ -93,7 +90,7 @@ def test_a_broken_file_is_forgotten(content: bytes, listen: Listen) -> None:
     assert [file.name for file in state_folder().iterdir()] == [f"{port}.json"]
 
 
-def test_without_the_variable_it_is_the_users_own_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_variable_it_is_the_users_own_folder(monkeypatch):
     monkeypatch.delenv(open_viewers.STATE)
     assert state_folder().name == "viewers"
     assert "maurice-replay" in str(state_folder())

@@ -24,7 +24,7 @@ def blueprint() -> dict[str, Any]:
     }
 
 
-def test_a_layout_comes_to_the_front() -> None:
+def test_a_layout_comes_to_the_front():
     before = blueprint()
     after = with_layout(before, "traces")
     assert before == blueprint()
@@ -44,7 +44,7 @@ def test_a_layout_comes_to_the_front() -> None:
 @pytest.mark.parametrize(
     ("name", "view"), [("belief", "b"), ("Edges", "e"), ("edges d", "d"), ("CAMERA (PX)", "c")]
 )
-def test_a_view_is_found_by_its_title_or_how_that_begins(name: str, view: str) -> None:
+def test_a_view_is_found_by_its_title_or_how_that_begins(name, view):
     before = blueprint()
     after = maximized(copy.deepcopy(before), VIEWS, name)
     assert after["/viewport"]["ViewportBlueprint"].pop("maximized") == view
@@ -52,7 +52,7 @@ def test_a_view_is_found_by_its_title_or_how_that_begins(name: str, view: str) -
 
 
 @pytest.mark.parametrize(("name", "message"), [("map", "no views"), ("e", "2 views"), ("", "4 views")])
-def test_no_view_or_several_are_refused_with_their_titles(name: str, message: str) -> None:
+def test_no_view_or_several_are_refused_with_their_titles(name, message):
     with pytest.raises(LayoutError, match=message) as problem:
         maximized(blueprint(), VIEWS, name)
     assert "'Edges'" in str(problem.value)

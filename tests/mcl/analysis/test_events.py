@@ -45,7 +45,7 @@ def watch(
     return found
 
 
-def test_localized_is_said_when_four_of_five_are_known() -> None:
+def test_localized_is_said_when_four_of_five_are_known():
     assert kinds(watch([HERE] * 4)) == []
     assert kinds(watch([HERE] * 9)) == [(5, "localized")]
     assert "since step 1" in watch([HERE] * 9)[0].text
@@ -54,7 +54,7 @@ def test_localized_is_said_when_four_of_five_are_known() -> None:
     assert kinds(watch([HERE, FAR, HERE, FAR, HERE])) == [], "three of five are too few"
 
 
-def test_lost_is_four_running_and_said_once() -> None:
+def test_lost_is_four_running_and_said_once():
     assert (8, "lost") not in kinds(watch([HERE] * 5 + [FAR] * 3))
     found = watch([HERE] * 5 + [FAR] * 10)
     assert [one for one in kinds(found) if one[1] == "lost"] == [(9, "lost")]
@@ -66,7 +66,7 @@ def test_lost_is_four_running_and_said_once() -> None:
     assert "57 deg off" in found[0].text
 
 
-def test_recovery_comes_after_loss_or_kidnapping() -> None:
+def test_recovery_comes_after_loss_or_kidnapping():
     found = watch([HERE] * 5 + [FAR] * 6 + [HERE] * 6)
     assert [kind for _, kind in kinds(found) if kind != "beyond-three-sigma"] == [
         "localized",
@@ -91,7 +91,7 @@ def test_recovery_comes_after_loss_or_kidnapping() -> None:
 
 @settings(max_examples=60)
 @given(st.lists(st.sampled_from([0, 1, 2, 3]), min_size=1, max_size=24))
-def test_events_agree_with_the_table_of_figures(letters: list[int]) -> None:
+def test_events_agree_with_the_table_of_figures(letters):
     """Whatever happens: first localized and lost at the updates that the scores name; 3: no truth."""
     clouds, scorer, detector = (HERE, FAR, SPREAD, HERE), Scorer(), EventDetector()
     found = list[RunEvent]()
@@ -112,12 +112,12 @@ def test_events_agree_with_the_table_of_figures(letters: list[int]) -> None:
         assert localized.text == f"since step {score.localized_at_update}"
 
 
-def test_without_truth_what_needs_it_never_happens() -> None:
+def test_without_truth_what_needs_it_never_happens():
     found = watch([HERE] * 6 + [FAR] * 8 + [SPREAD] * 3, None, {3: "kidnapped"})
     assert kinds(found) == [(3, "kidnapped")]
 
 
-def test_states() -> None:
+def test_states():
     def states(clouds: Sequence[Cloud], truth: tuple[float, float, float] | None = TRUTH) -> list[str]:
         detector, said = EventDetector(), list[str]()
         for step, cloud in enumerate(clouds, start=1):
@@ -131,7 +131,7 @@ def test_states() -> None:
     assert states([SPREAD, HERE], None) == ["spread", "converged"]
 
 
-def test_the_log_is_sorted_by_its_first_word() -> None:
+def test_the_log_is_sorted_by_its_first_word():
     said = {
         1: "kidnapped",
         2: "lights off west room lamp",
@@ -153,7 +153,7 @@ def test_the_log_is_sorted_by_its_first_word() -> None:
     assert (found.kind, found.text, found.is_routine) == ("session", "", False)
 
 
-def test_an_excursion_is_one_event() -> None:
+def test_an_excursion_is_one_event():
     limits = EventThresholds()
 
     def steps(distances: Sequence[float]) -> list[int]:
@@ -170,7 +170,7 @@ def test_an_excursion_is_one_event() -> None:
     assert kinds(watch([most] * 3, (0, 5, 0))) == [(2, "beyond-three-sigma")]
 
 
-def test_deviations_are_mahalanobis_distances_of_the_cluster() -> None:
+def test_deviations_are_mahalanobis_distances_of_the_cluster():
     rng = np.random.default_rng(0)
     points = rng.multivariate_normal([2, 1], [[0.01, 0.006], [0.006, 0.01]], 400)
     weights = rng.uniform(0.5, 1.5, 400)
@@ -186,7 +186,7 @@ def test_deviations_are_mahalanobis_distances_of_the_cluster() -> None:
     assert deviations(made([(1, 1, 1)]), np.array([1.0508, 1, 0]), 0.0254) == pytest.approx(2, rel=1e-3)
 
 
-def test_dips_and_bursts_are_one_event() -> None:
+def test_dips_and_bursts_are_one_event():
     watcher, limits = Dip(), EventThresholds()
     shares = [0.5, 0.09, 0.05, 0.2, 0.09, 0.31, 0.099, 0.1]
     assert [watcher.see(share, limits) for share in shares] == [
@@ -213,7 +213,7 @@ def test_dips_and_bursts_are_one_event() -> None:
         ("expanded", "expanded", "the whole cloud was spread (evidence -13.2 nats)"),
     ],
 )
-def test_what_the_filter_noticed(said: str, kind: str, text: str) -> None:
+def test_what_the_filter_noticed(said, kind, text):
     injected = [False, False, True, True]
     record = made(HERE, injected=injected, events=("resampled", said), evidence=-13.21)
     found = EventDetector().see(moment(record), record)
@@ -239,7 +239,7 @@ def two(left: float, right: float) -> Cloud:
     return [*at(0, 0, left), *at(4, 0, right)]
 
 
-def test_a_mode_switch_needs_a_lead_and_a_distance(switches: Switch) -> None:
+def test_a_mode_switch_needs_a_lead_and_a_distance(switches):
     assert switches([two(0.6, 0.4), two(0.3, 0.7)]) == [(2, "mode 2 (70%) leads, 4.00 m from mode 1 (30%)")]
     assert switches([two(0.6, 0.4), two(0.46, 0.54), two(0.6, 0.4)]) == [], "by 8 % only"
     assert len(switches([two(0.6, 0.4), two(0.3, 0.7), two(0.7, 0.3)])) == 2
@@ -259,7 +259,7 @@ def test_a_mode_switch_needs_a_lead_and_a_distance(switches: Switch) -> None:
     ]
 
 
-def test_events_of_one_step_come_in_the_order_of_the_kinds() -> None:
+def test_every_kind_is_documented_and_in_order():
     record = made(HERE, events=("resampled", "reseeded", "all weights zero"))
     found = EventDetector(bookmarks={1: ["a", "b"]}).see(moment(record, None, "bump", "kidnapped"), record)
     order = list(KINDS)
@@ -267,9 +267,6 @@ def test_events_of_one_step_come_in_the_order_of_the_kinds() -> None:
     assert [event.text for event in found if event.kind == "bookmark"] == ["a", "b"]
     assert {event.kind for event in found} <= set(KINDS)
     assert {(event.step, event.time_s) for event in found} == {(1, 2.5)}
-
-
-def test_every_kind_and_state_is_documented() -> None:
     text = (Path(__file__).parents[3] / "docs" / "events.md").read_text(encoding="utf-8")
     for name in KINDS:
         assert f"| `{name}` |" in text
@@ -277,13 +274,10 @@ def test_every_kind_and_state_is_documented() -> None:
         assert name in text
 
 
-def test_lengths_are_written_as_asked() -> None:
+def test_texts_and_runs_repeat():
     inches = EventDetector(say=lambda length_m: f"{length_m / 0.0254:.0f} in")
     found = watch([HERE] * 5 + [FAR] * 4, detector=inches)
     assert "118 in" in next(event.text for event in found if event.kind == "lost")
-
-
-def test_the_same_run_gives_the_same_events_and_records_stay_as_they_are() -> None:
     clouds = [HERE, FAR, SPREAD, NEAR] * 6
     assert watch(clouds) == watch(clouds)
     record = made(SPREAD)

@@ -71,12 +71,25 @@ def test_localized_and_wrong_and_confident(share, off_in, localized, wrong):
     assert (score.localized, score.wrong_and_confident) == (localized, wrong)
 
 
-def test_without_truth_nothing_but_convergence_is_known():
+def test_what_has_no_truth_has_no_figure():
     score = score_step(_estimate(), None)
     assert score.converged
     known = (score.position_error_m, score.heading_error_rad, score.correct, score.lost, score.localized)
     assert known == (None,) * 5
     assert score.wrong_and_confident is None
+    run = _score([None] * 3, motions=np.array([[0.3, 0.4, 1.0], [-0.5, 0.0, 0.0]]))
+    assert run.distance_m == pytest.approx(3 * 1.0)
+    assert run.updates == 3
+    unknown = (run.position_error_mean_m, run.position_error_median_m, run.position_error_final_m, run.lost)
+    assert unknown == (None,) * 4
+    assert (run.reached, run.localized_share, run.wrong_confident_share, run.right_at_end) == (None,) * 4
+    assert (run.localized_at_update, run.lost_at_update, run.heading_error_mean_rad) == (None,) * 3
+    run = _score([_truth(), None, None, None, _truth(20), None])
+    assert run.localized_share == pytest.approx(0.5)
+    assert run.wrong_confident_share == pytest.approx(0.5)
+    assert run.position_error_mean_m == pytest.approx(20 * INCH_M)
+    assert run.position_error_final_m == pytest.approx(20 * INCH_M)
+    assert run.distance_m == pytest.approx(20 * INCH_M)
 
 
 def test_errors_are_counted_from_the_fourth_update():
@@ -122,25 +135,6 @@ def test_reached_is_a_thousand_true_inches_before_going_astray():
     assert not _drive(ways, off_from=11).reached
     assert not _drive(ways, off_from=1).reached
     assert _drive(ways, off_from=19).lost is False, "three updates off are not lost yet"
-
-
-def test_distance_is_by_odometry_where_there_is_no_truth():
-    run = _score([None] * 3, motions=np.array([[0.3, 0.4, 1.0], [-0.5, 0.0, 0.0]]))
-    assert run.distance_m == pytest.approx(3 * 1.0)
-    assert run.updates == 3
-    unknown = (run.position_error_mean_m, run.position_error_median_m, run.position_error_final_m, run.lost)
-    assert unknown == (None,) * 4
-    assert (run.reached, run.localized_share, run.wrong_confident_share, run.right_at_end) == (None,) * 4
-    assert (run.localized_at_update, run.lost_at_update, run.heading_error_mean_rad) == (None,) * 3
-
-
-def test_updates_without_truth_are_in_no_share():
-    run = _score([_truth(), None, None, None, _truth(20), None])
-    assert run.localized_share == pytest.approx(0.5)
-    assert run.wrong_confident_share == pytest.approx(0.5)
-    assert run.position_error_mean_m == pytest.approx(20 * INCH_M)
-    assert run.position_error_final_m == pytest.approx(20 * INCH_M)
-    assert run.distance_m == pytest.approx(20 * INCH_M)
 
 
 def test_short_runs_have_few_figures():

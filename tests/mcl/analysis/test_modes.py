@@ -17,7 +17,7 @@ def seen(tracker: ModeTracker, cloud: Cloud, parents: Sequence[int] | None = Non
     return {one.identity: round(one.estimate.mass, 6) for one in tracked}
 
 
-def test_modes_keep_their_identity() -> None:
+def test_modes_keep_their_identity():
     tracker = ModeTracker()
     for step in range(20):  # 2 m a step: further than a mode is wide
         assert seen(tracker, [*at(2.0 * step, 0, 0.7), *at(2.0 * step, 9, 0.3)]) == {1: 0.7, 2: 0.3}
@@ -31,17 +31,23 @@ def test_modes_keep_their_identity() -> None:
     assert list(now.items()) == [(2, 0.8), (1, 0.2)]
 
 
-def test_resampling_hands_identities_to_the_copies() -> None:
+def test_identities_follow_copies_not_strays():
     tracker = ModeTracker()
     seen(tracker, [*at(0, 0, 0.5), *at(5, 0, 0.5)], parents=[0, 4, 5, 6, 7, 1, 2, 3])
     shuffled = [*at(1, 0, 0.25, 1), *at(6, 0, 0.5), *at(1, 0, 0.25, 3)]
     tracked = tracker.see(made(shuffled))
     place = {one.identity: round(float(one.estimate.pose[0])) for one in tracked}
     assert place == {1: 1, 2: 6}, "equally heavy: the one further left was named first"
+    # A fifth of a mode's weight descends from another that is gone; a quarter is asked for
+    tracker = ModeTracker()
+    seen(tracker, [*at(0, 0, 0.5, 2), *at(5, 0, 0.3, 2), *at(9, 9, 0.2, 6)], [2, 2, 3, 3, 0, *[-1] * 5])
+    cloud = [*at(0, 5, 0.3, 4), *at(5, 5, 0.7, 6)]
+    cloud = [(x, y, 0.14 if k == 4 else 0.112 if k > 4 else share) for k, (x, y, share) in enumerate(cloud)]
+    assert seen(tracker, cloud) == {4: 0.7, 2: 0.3}
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_equal_modes_are_named_alike_however_weights_are_rounded(seed: int) -> None:
+def test_equal_modes_are_named_alike_however_weights_are_rounded(seed):
     """Two join and part again in halves; sums of weights differ from processor to processor."""
     rng, tracker = np.random.default_rng(seed), ModeTracker()
 
@@ -59,7 +65,7 @@ def test_equal_modes_are_named_alike_however_weights_are_rounded(seed: int) -> N
     assert see((0, 4), (0, 0)) == {1: (0, 0), 3: (0, 4)}, "in the half that is named first"
 
 
-def test_modes_split_and_join() -> None:
+def test_modes_split_and_join():
     tracker = ModeTracker()
     seen(tracker, at(0, 0, 1, 10))
     assert seen(tracker, [*at(0, 0, 0.3, 5), *at(4, 0, 0.7, 5)]) == {1: 0.7, 2: 0.3}
@@ -75,7 +81,7 @@ def test_modes_split_and_join() -> None:
     assert seen(tracker, [*at(0, 0, 0.4), *at(5, 0, 0.6)]) == {2: 0.6, 1: 0.4}
 
 
-def test_new_modes_have_new_names() -> None:
+def test_new_modes_have_new_names():
     tracker = ModeTracker()
     first = made(at(0, 0, 1, 8), parents=[0, 1, 2, 3, -1, -1, -1, -1], injected=[False] * 4 + [True] * 4)
     tracker.see(first)
@@ -88,17 +94,8 @@ def test_new_modes_have_new_names() -> None:
     assert seen(tracker, at(0, 0, 1, 5)) == {2: 1.0}
 
 
-def test_a_few_strays_do_not_hand_their_identity_on() -> None:
-    """A fifth of a mode's weight descends from another that is gone; a quarter is asked for."""
-    tracker = ModeTracker()
-    seen(tracker, [*at(0, 0, 0.5, 2), *at(5, 0, 0.3, 2), *at(9, 9, 0.2, 6)], [2, 2, 3, 3, 0, *[-1] * 5])
-    cloud = [*at(0, 5, 0.3, 4), *at(5, 5, 0.7, 6)]
-    cloud = [(x, y, 0.14 if k == 4 else 0.112 if k > 4 else share) for k, (x, y, share) in enumerate(cloud)]
-    assert seen(tracker, cloud) == {4: 0.7, 2: 0.3}
-
-
 @pytest.mark.parametrize("seed", range(6))
-def test_modes_are_those_of_the_estimate_each_named_once(seed: int) -> None:
+def test_modes_are_those_of_the_estimate_each_named_once(seed):
     """Whatever the cloud: the same modes as without names, and no name twice, now or ever."""
     rng, tracker, ever = np.random.default_rng(seed), ModeTracker(), set[int]()
     cloud = rng.uniform(0, 6, (60, 2))
@@ -114,7 +111,7 @@ def test_modes_are_those_of_the_estimate_each_named_once(seed: int) -> None:
         ever |= names
 
 
-def test_far_from_zero_places_are_the_same() -> None:
+def test_far_from_zero_places_are_the_same():
     near, far = ModeTracker(), ModeTracker()
     for step in range(3):
         cloud = [*at(step, 0, 0.6), *at(step + 3, 4, 0.4)]

@@ -56,7 +56,7 @@ def paired(
     return seen, pairing.result()
 
 
-def test_errors_are_compared_with_their_sign() -> None:
+def test_errors_are_compared_with_their_sign():
     (seen, *_), _ = paired([0.30], [-0.10])
     assert seen.position_m == pytest.approx(-0.20)
     assert seen.apart_m == pytest.approx(0.40)
@@ -67,7 +67,7 @@ def test_errors_are_compared_with_their_sign() -> None:
     assert pairing.see(step(2, 0, 2 * np.pi + 0.1), step(2, 0, -0.4)).heading_rad == pytest.approx(0.3)
 
 
-def test_runs_part_once_where_they_are_apart_for_two_steps() -> None:
+def test_runs_part_once_where_they_are_apart_for_two_steps():
     near, far = 11.9 * INCH_M, 12.1 * INCH_M
     seen, result = paired([0.0] * 8, [near, far, near, near, far, far, near, far])
     assert result.parted_at == 5
@@ -91,7 +91,7 @@ def noisy(mean: float, seed: int, count: int = 120) -> list[float]:
     return list(mean + np.abs(walk[1:]))
 
 
-def test_an_effect_is_found_and_none_where_there_is_none() -> None:
+def test_effects_are_found_after_the_first_updates():
     """The interval of a run against its own copy with other noise holds zero; of a worse one it does not."""
     first = noisy(0.1, 0)
     _, worse = paired(first, noisy(0.2, 1))
@@ -99,9 +99,6 @@ def test_an_effect_is_found_and_none_where_there_is_none() -> None:
     assert 0.05 < worse.position.interval[0] < worse.position.mean < worse.position.interval[1] < 0.15
     assert alike.position.interval[0] < 0 < alike.position.interval[1]
     assert worse.position.worse > worse.position.better
-
-
-def test_the_first_updates_are_left_to_settle_as_in_every_figure() -> None:
     _, result = paired([0.0] * 5, [9.0, 9.0, 9.0, 1.0, 2.0])
     assert result.position.updates == 5 - FIRST_SCORED + 1
     assert result.position.mean == pytest.approx(1.5)
@@ -111,7 +108,7 @@ def test_the_first_updates_are_left_to_settle_as_in_every_figure() -> None:
     assert result.apart_mean_m == pytest.approx(30 / 5)
 
 
-def test_without_truth_only_places_are_compared() -> None:
+def test_without_truth_only_places_are_compared():
     pairing = RunComparison("a", "b", inches)
     for number in range(1, 9):
         seen = pairing.see(step(number, 0.0, truth=None), step(number, 1.0, truth=None))
@@ -122,7 +119,7 @@ def test_without_truth_only_places_are_compared() -> None:
     assert RunComparison("a", "b", inches).result() == ComparisonResult(None, None, None, None, None)
 
 
-def test_runs_of_different_drives_are_compared_by_error_alone() -> None:
+def test_runs_of_different_drives_are_compared_by_error_alone():
     """Robots at different places are no news."""
     elsewhere = TRUTH + np.array([50.0, 0.0, 0.0])
     pairing = RunComparison("a", "b", inches, same_drive=False)
@@ -147,14 +144,14 @@ def series(alike: float, seed: int, count: int = UPDATES) -> F64:
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.5, 0.8])
-def test_the_interval_holds_the_mean_in_95_of_100_series(alike: float) -> None:
+def test_the_interval_holds_the_mean_in_95_of_100_series(alike):
     drives = 400
     ends = [mean_interval(series(alike, seed)) for seed in range(drives)]
     held = np.mean([low <= 0 <= high for low, high in filter(None, ends)])
     assert abs(held - 0.95) < 4 * np.sqrt(0.95 * 0.05 / drives)
 
 
-def test_the_interval_needs_the_memory_of_the_series() -> None:
+def test_the_interval_needs_the_memory_of_the_series():
     """What the blocks are for: with neighbors this much alike it holds the mean in half of all series."""
     drives = [series(0.8, seed) for seed in range(200)]
     held = [abs(one.mean()) < 1.96 * one.std(ddof=1) / np.sqrt(len(one)) for one in drives]
@@ -167,7 +164,7 @@ def test_the_interval_needs_the_memory_of_the_series() -> None:
     assert autocorrelation(np.full(9, 2.5)) == 0.0
 
 
-def test_the_interval_is_steady() -> None:
+def test_the_interval_is_steady():
     one = series(0.5, 3)
     low, high = mean_interval(one) or (0.0, 0.0)
     assert (low + high) / 2 == pytest.approx(one.mean())

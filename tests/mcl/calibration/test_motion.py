@@ -60,9 +60,7 @@ def fits() -> list[Calibration]:
         ("drift sd", DRIFT_SD),
     ],
 )
-def test_every_constant_is_unbiased_and_lies_in_19_of_20_intervals(
-    fits: list[Calibration], name: str, true: float
-) -> None:
+def test_every_constant_is_unbiased_and_lies_in_19_of_20_intervals(fits, name, true):
     found = [constants(fit)[name] for fit in fits]
     values = np.array([f.value for f in found])
     slack = 0.01 * true if "sd" in name else 0.0  # the root of an unbiased variance is a little small
@@ -83,7 +81,7 @@ def constants(fit: Calibration) -> dict[str, Fitted]:
     }
 
 
-def test_figure_5_regressed_the_other_way_gives_a_gain_that_is_too_large() -> None:
+def test_figure_5_regressed_the_other_way_gives_a_gain_that_is_too_large():
     """Noise in x pulls a slope toward zero, so that 1 / C exceeds the gain; clearest with much noise."""
     fits = [fit_turns(turns_of(seed, sd=8 * SD)) for seed in range(60)]
     gains = np.array([fit.gain.value for fit in fits])
@@ -99,7 +97,7 @@ def test_figure_5_regressed_the_other_way_gives_a_gain_that_is_too_large() -> No
     assert fit.sd_if_multiplied_rad > 10 * fit.residual.sd.value
 
 
-def test_exact_turns_and_straights_come_back_exactly() -> None:
+def test_exact_and_unwrapped_trials_come_back():
     measured = np.array([1.0, -2.0, 0.5])
     fit = fit_turns(Turns(measured, 0.75 * measured))
     assert fit.gain == Fitted(0.75, 0.75, 0.75)
@@ -108,9 +106,14 @@ def test_exact_turns_and_straights_come_back_exactly() -> None:
     assert fit.residual.normal_p is None
     way = fit_straights(Straights(np.ones(3), np.full(3, 0.5), np.zeros(3), ("",) * 3))
     assert (way.error.mean.value, way.error.sd.value, way.scale.value) == (-0.5, 0.0, 0.5)
+    measured = np.array([0.3, -1.0, 4.6, -4.4, 9.5])
+    actual = 0.73 * measured
+    wrapped = (actual + np.pi) % (2 * np.pi) - np.pi
+    assert unwrapped(measured, wrapped) == pytest.approx(actual)
+    assert unwrapped(np.zeros(0), np.zeros(0)).shape == (0,)
 
 
-def test_one_sided_turns_are_told() -> None:
+def test_one_sided_turns_are_told():
     both = turns_of(0)
     assert not fit_turns(both).one_sided
     assert fit_turns(Turns(np.abs(both.measured_rad), np.abs(both.actual_rad))).one_sided
@@ -123,7 +126,7 @@ def test_one_sided_turns_are_told() -> None:
     assert fit_turns(Turns(np.array([1.0, 2, -1]), np.array([1.0, 2, -2]))).right_gain is None
 
 
-def test_drift_goes_by_floor_leaves_out_what_is_unknown_and_needs_two_straights() -> None:
+def test_drift_goes_by_floor_leaves_out_what_is_unknown_and_needs_two_straights():
     floors = ("wood", "carpet", "wood", None, "tiles", "wood")
     drift = np.array([0.1, 0.4, 0.3, 9.0, 0.2, np.nan])
     fits = fit_drifts(Straights(np.full(6, 2.0), np.array([1.0, 2, 1, 1, 1, 1]), drift, floors))
@@ -131,7 +134,7 @@ def test_drift_goes_by_floor_leaves_out_what_is_unknown_and_needs_two_straights(
     assert fits[0].rate.mean.value == pytest.approx(0.2)
 
 
-def test_the_header_is_one_that_the_motion_model_takes() -> None:
+def test_the_header_is_one_that_the_motion_model_takes():
     header = calibrate(Trials(turns_of(0), straights_of(0))).motion_header()
     model = header.pop("model")
     read = MauriceParameters.from_header(header)
@@ -148,28 +151,26 @@ def test_the_header_is_one_that_the_motion_model_takes() -> None:
         (1, 0, "1 turn and no straights"),
     ],
 )
-def test_too_few_trials_are_refused_with_their_counts(turns: int, straights: int, said: str) -> None:
+def test_too_few_trials_are_refused_with_their_counts(turns, straights, said):
     with pytest.raises(ValueError, match=said):
         calibrate(Trials(turns_of(0, turns), straights_of(0, straights)))
 
 
-def test_opposite_signs_and_no_turning_are_refused() -> None:
+def test_trials_left_out_or_refused():
     turns = turns_of(0)
     with pytest.raises(ValueError, match="the other way"):
         fit_turns(Turns(-turns.measured_rad, turns.actual_rad))
     with pytest.raises(ValueError, match="only zeros"):
         fit_turns(Turns(np.zeros(4), np.ones(4)))
+    one, way = np.array([0, 0, 1.0]), np.array([0.5, 0, 0])
+    trials = trials_of(
+        [MotionSegment(START, (one, way, one), START), MotionSegment(START, (), START)], lambda a, b: ""
+    )
+    assert trials.left_out == 3
+    assert len(trials.turns.measured_rad) == len(trials.straights.measured_m) == 0
 
 
-def test_unwrapping_finds_turns_beyond_half_a_circle() -> None:
-    measured = np.array([0.3, -1.0, 4.6, -4.4, 9.5])
-    actual = 0.73 * measured
-    wrapped = (actual + np.pi) % (2 * np.pi) - np.pi
-    assert unwrapped(measured, wrapped) == pytest.approx(actual)
-    assert unwrapped(np.zeros(0), np.zeros(0)).shape == (0,)
-
-
-def test_spread_follows_the_textbook() -> None:
+def test_spread_follows_the_textbook():
     values = np.random.default_rng(0).normal(3, 2, 30)
     spread = spread_of(values)
     low, high = stats.t.interval(0.95, 29, values.mean(), values.std(ddof=1) / np.sqrt(30))
@@ -181,7 +182,7 @@ def test_spread_follows_the_textbook() -> None:
         spread_of(np.ones(1))
 
 
-def test_an_outlier_widens_the_interval_and_is_not_normal() -> None:
+def test_an_outlier_widens_the_interval_and_is_not_normal():
     values: F64 = np.append(np.random.default_rng(0).normal(0, 1, 60), 30.0)
     spread = spread_of(values)
     assert spread.normal_p is not None
@@ -198,7 +199,7 @@ def test_an_outlier_widens_the_interval_and_is_not_normal() -> None:
     assert normality(np.array([1.0, 2.0])) is None
 
 
-def test_slopes_and_r_squared() -> None:
+def test_slopes_and_r_squared():
     fit = slope_resampled(np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8.4]))
     assert fit.low <= slope(np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8.4])) <= fit.high
     assert np.isnan(r_squared(np.ones(3), np.zeros(3)))
@@ -230,9 +231,7 @@ lengths, drifts = st.floats(0.05, 3.0), st.floats(-0.6, 0.6)
 
 
 @given(angles, lengths, drifts, st.booleans())
-def test_a_turn_and_a_straight_are_told_apart_in_either_order(
-    by: float, length: float, drift: float, turn_first: bool
-) -> None:
+def test_a_turn_and_a_straight_are_told_apart_in_either_order(by, length, drift, turn_first):
     motions = (np.array([0.0, 0.0, by]), np.array([length, 0.0, 0.0]))
     if turn_first:
         after = arc(turn(START, by), length, drift)
@@ -247,7 +246,7 @@ def test_a_turn_and_a_straight_are_told_apart_in_either_order(
     assert trials.straights.floors == ("wood",)
 
 
-def test_movements_are_told_apart() -> None:
+def test_movements_are_told_apart():
     legs = [
         MotionSegment(START, (np.array([0, 0, 1.4]),), turn(START, 1.0)),
         MotionSegment(START, (np.array([0.5, 0, 0]),), arc(START, 0.4, 0.1)),
@@ -267,12 +266,3 @@ def test_movements_are_told_apart() -> None:
     trials = trials_of([leg], lambda a, b: "")
     assert trials.turns.actual_rad == pytest.approx([0.7])
     assert np.isnan(trials.straights.drift_rad).all()
-
-
-def test_several_movements_between_two_poses_are_left_out_and_counted() -> None:
-    one, way = np.array([0, 0, 1.0]), np.array([0.5, 0, 0])
-    trials = trials_of(
-        [MotionSegment(START, (one, way, one), START), MotionSegment(START, (), START)], lambda a, b: ""
-    )
-    assert trials.left_out == 3
-    assert len(trials.turns.measured_rad) == len(trials.straights.measured_m) == 0

@@ -11,7 +11,7 @@ def dark(seed: int) -> U8:
     return np.clip(noise, 0, 255).astype(np.uint8)
 
 
-def test_mean_and_sd_are_those_of_the_frames_histograms() -> None:
+def test_mean_and_sd_are_those_of_the_frames_histograms():
     frames = [dark(seed) for seed in range(5)]
     found = noise_floor(iter(frames))
     histograms = np.array([Color().describe(frame) for frame in frames], np.float64)
@@ -22,7 +22,7 @@ def test_mean_and_sd_are_those_of_the_frames_histograms() -> None:
     assert not found.lit
 
 
-def test_peaks_name_the_color_and_the_pixel_values_of_their_bin() -> None:
+def test_peaks_name_the_color_and_the_pixel_values_of_their_bin():
     peaks = noise_floor([dark(0), dark(1)]).peaks()
     assert [(p.color, p.first_value, p.last_value) for p in peaks] == [
         ("red", 24, 31),
@@ -34,14 +34,11 @@ def test_peaks_name_the_color_and_the_pixel_values_of_their_bin() -> None:
     assert (red.first_value, red.last_value) == (232, 240)
 
 
-def test_frames_without_sd_and_bright_frames() -> None:
+def test_frames_by_hand():
     assert np.isnan(noise_floor([dark(0)]).sd).all()
     with pytest.raises(ValueError, match="found no picture"):
         noise_floor([])
     assert noise_floor([np.full((4, 4, 3), 150, np.uint8)]).lit
-
-
-def test_stretching_reaches_from_black_to_white_and_leaves_a_flat_picture_dark() -> None:
     picture = np.array([[[10, 20, 30]]], np.uint8)
     assert stretched(picture).tolist() == [[[0, 128, 255]]]
     assert stretched(np.full((2, 2, 3), 9, np.uint8)).max() == 0

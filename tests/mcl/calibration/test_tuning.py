@@ -47,7 +47,7 @@ def test_the_scale_that_drew_the_truth_is_found(scale):
     assert at > -np.log(30)
 
 
-def test_the_weights_that_drew_the_truth_are_found_and_noise_is_dropped():
+def test_weights_are_found_and_at_least_as_good_as_each_alone():
     rng = np.random.default_rng(2)
     sample = _drawn(rng, [0.2, 3.0], 3000)
     noise = rng.gamma(2.0, 1.0, (1, 3000, 30)).astype(np.float32)
@@ -55,9 +55,6 @@ def test_the_weights_that_drew_the_truth_are_found_and_noise_is_dropped():
     weights = tuning.fit_weights([all_three], np.array([0.2, 3.0, 1.0]))
     assert weights[:2] == pytest.approx([1, 1], rel=0.1)
     assert weights[2] < 0.06
-
-
-def test_tuned_is_at_least_as_good_as_each_alone_and_blind():
     samples = [_drawn(np.random.default_rng(seed), [0.2, 3.0], 150) for seed in (3, 4)]
     steps = []
     tuned = tuning.tune(("a", "b"), samples, lambda done, total: steps.append((done, total)))

@@ -158,7 +158,7 @@ OLD = {
 }
 
 
-def test_old_keys_set_what_todays_keys_set() -> None:
+def test_old_keys_set_what_todays_keys_set():
     values = configure([Layer("old.toml", OLD)]).values()
     assert values["references.method"] == "nearest"
     assert values["references.interpolation.virtual"] is False
@@ -168,7 +168,7 @@ def test_old_keys_set_what_todays_keys_set() -> None:
     assert list(values) == list(RULES)
 
 
-def test_every_old_key_and_word_stands_for_one_of_today() -> None:
+def test_every_old_key_and_word_stands_for_one_of_today():
     assert set(RENAMED_KEYS.values()) <= set(RULES)
     assert not set(RENAMED_KEYS) & set(RULES)
     assert len(set(RENAMED_KEYS.values())) == len(RENAMED_KEYS)
@@ -179,7 +179,7 @@ def test_every_old_key_and_word_stands_for_one_of_today() -> None:
         assert configure([Layer("old", {key: "dual"})]).parameters.recovery.strategy == "mixture"
 
 
-def test_a_later_layer_wins_and_errors_name_todays_key() -> None:
+def test_a_later_layer_wins_and_errors_name_todays_key():
     origin = "MAURICE_FILTER_TAIL__SHARE"
     layers = [Layer("file", {"motion_outliers.share": 0.1}), Layer(origin, {"tail.share": "0.3"})]
     found = configure(layers)

@@ -122,15 +122,12 @@ def test_against_brute_force_mean_shift_on_clouds_of_many_modes(seed):
     assert found.mass > 0.999 * mass or np.hypot(*(center - mode)) > RADIUS_M
 
 
-def test_a_cluster_on_any_place_of_the_raster_is_found():
+def test_clusters_anywhere_count_their_circles():
     rng = np.random.default_rng(3)
     for shift in rng.uniform(0, 1.3, (40, 2)):
         far = np.column_stack([rng.uniform(-6, 6, (300, 2)), np.zeros(300)])
         poses = np.vstack([far, _blob(rng, *shift, 0, 100, 0.1)])
         assert heaviest_cluster(_belief(poses)).pose[:2] == pytest.approx(shift, abs=0.15)
-
-
-def test_far_away_is_no_harm():
     poses = np.vstack([_two_rooms(), [[1e6, 0, 0], [0, -1e6, 0]]])
     found = heaviest_cluster(_belief(poses))
     assert found.converged > 0.3
@@ -138,9 +135,6 @@ def test_far_away_is_no_harm():
     near, far = (heaviest_cluster(_belief(_two_rooms(), origin=at)) for at in ((0, 0), (5e5, -3e5)))
     assert far.pose - [5e5, -3e5, 0] == pytest.approx(near.pose, abs=1e-9)
     assert far.sd_m == near.sd_m
-
-
-def test_confidence_and_convergence_count_their_circles():
     poses = np.array([[0, 0, 0]] * 6 + [[11.9 * INCH_M, 0, 0], [-11.9 * INCH_M, 0, 0]])
     poses = np.vstack([poses, [[0, 23.9 * INCH_M, 0], [0, -23.9 * INCH_M, 0], [0, 2, 0]]])
     found = heaviest_cluster(_belief(poses))
@@ -206,14 +200,18 @@ def test_the_first_mode_is_the_scored_estimate():
         assert any(np.array_equal(m.pose, heaviest_cluster(belief).pose) for m in found)
 
 
-def test_no_particle_belongs_to_two_modes():
+def test_modes_share_no_particle():
     rng = np.random.default_rng(2)
     poses = np.column_stack([np.linspace(0, 6 * CLUSTER_M, 900), np.zeros((900, 2))])
     found = modes(_placed(poses, rng.random(900)), most=50, least=0.0001)
     assert sum(m.mass for m in found) == pytest.approx(1)
+    belief = _placed([[0, 0, 0], [4, 0, 0]], [0.5, 0.5 + 1e-7])
+    assert heaviest_cluster(belief).pose[0] == pytest.approx(4)
+    assert [mode.pose[0] for mode in modes(belief)] == pytest.approx([4, 0])
+    assert best_particle(belief).pose[0] == pytest.approx(4)
 
 
-def test_covariance_against_numpy_away_from_the_seam():
+def test_covariance_is_numpys_and_knows_no_seam():
     rng = np.random.default_rng(5)
     mix = np.array([[0.3, 0.1, 0], [0, 0.2, 0.05], [0.02, 0, 0.1]])
     poses = rng.normal(size=(4000, 3)) @ mix
@@ -221,9 +219,6 @@ def test_covariance_against_numpy_away_from_the_seam():
     found = covariance(_placed(poses, weights, (100, 200)))
     assert found == pytest.approx(np.cov(poses.T, aweights=weights, bias=True), abs=2e-4)
     assert np.linalg.eigvalsh(found).min() > 0
-
-
-def test_covariance_knows_no_seam():
     poses = np.random.default_rng(6).normal(0, 0.2, (3000, 3))
     turned = poses + np.array([0, 0, np.pi])
     turned[:, 2] = (turned[:, 2] + np.pi) % (2 * np.pi) - np.pi
@@ -259,13 +254,6 @@ def test_of_equally_heavy_clusters_the_lowest_comes_first_then_the_leftmost(turn
     belief = _placed(poses, _rounded_elsewhere(np.ones(16), seed))
     assert [tuple(np.round(mode.pose[:2], 6) + 0.0) for mode in modes(belief)] == corners
     assert heaviest_cluster(belief).pose[:2] == pytest.approx([0, 0], abs=1e-6)
-
-
-def test_a_weight_that_is_larger_by_more_than_rounding_decides():
-    belief = _placed([[0, 0, 0], [4, 0, 0]], [0.5, 0.5 + 1e-7])
-    assert heaviest_cluster(belief).pose[0] == pytest.approx(4)
-    assert [mode.pose[0] for mode in modes(belief)] == pytest.approx([4, 0])
-    assert best_particle(belief).pose[0] == pytest.approx(4)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -190,7 +190,7 @@ def test_more_particles_keep_the_first_ones_draws(world, start):
     assert np.array_equal(many.predicted.poses[:100], few.predicted.poses)
 
 
-def test_a_frame_without_movements_and_one_with_many(world):
+def test_odd_frames_and_one_particle(world):
     localizer = _localizer(world, particles=20)
     image = world.drive.all_moments[0].frame.image
     motions = np.tile([[0.01, 0.0, 0.02]], (50, 1))
@@ -198,9 +198,6 @@ def test_a_frame_without_movements_and_one_with_many(world):
         state, record = localizer.step(localizer.initialize(world.start), Frame(step, 0.0, moved, image, ""))
         assert np.isfinite(record.predicted.poses).all()
         assert state.step == step
-
-
-def test_one_particle_is_enough_and_stages_are_timed(world):
     record = _records(world)[0]
     assert set(record.took_s) == {"measure", "propose", "weight", "estimate", "resample", "recover"}
     assert min(record.took_s.values()) > 0
@@ -262,6 +259,11 @@ def test_the_localizer_holds_no_state():
     assert {f.name for f in fields(Localizer)} >= {"library", "motion", "sensor", "resampling", "seed"}
     assert Localizer.__dataclass_params__.frozen
     assert np.exp(uniform_log_weights(4)) == pytest.approx([0.25] * 4)
+    belief = belief_at(np.array([500_000.5, 2.0, 3.0 + 2 * np.pi]), 7, np.array([500_000.0, 1.5]))
+    assert belief.world_poses == pytest.approx(np.tile([500_000.5, 2.0, 3.0], (7, 1)))
+    assert belief.weights == pytest.approx(np.full(7, 1 / 7))
+    few, many = (uniform_belief(_grid(), n, MIDDLE, stream(9, 2)).poses for n in (50, 500))
+    assert np.array_equal(many[:50], few)
 
 
 BOX = Region("box", np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.5], [0.0, 1.5]]))
@@ -271,12 +273,6 @@ MIDDLE = np.array([2.0, 1.5])
 
 def _grid(obstacles=(BOX,)):
     return make_grid(Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4)), obstacles), PLACES)
-
-
-def test_tracking_starts_on_one_pose():
-    belief = belief_at(np.array([500_000.5, 2.0, 3.0 + 2 * np.pi]), 7, np.array([500_000.0, 1.5]))
-    assert belief.world_poses == pytest.approx(np.tile([500_000.5, 2.0, 3.0], (7, 1)))
-    assert belief.weights == pytest.approx(np.full(7, 1 / 7))
 
 
 def test_global_start_is_even_over_free_space_and_headings():
@@ -292,11 +288,6 @@ def test_global_start_is_even_over_free_space_and_headings():
         p = expected[name]
         assert abs(inside.mean() - p) < 4 * np.sqrt(p * (1 - p) / n) + 0.008  # a cell's border
     assert np.abs(heading).max() <= np.float32(np.pi)
-
-
-def test_more_particles_keep_the_first_ones():
-    few, many = (uniform_belief(_grid(), n, MIDDLE, stream(9, 2)).poses for n in (50, 500))
-    assert np.array_equal(many[:50], few)
 
 
 def test_no_free_space_is_said():

@@ -74,16 +74,13 @@ def test_evenly_is_even_over_free_space_and_headings(nearest):
     _assert_shares(turn, np.full(24, 1 / 24))
 
 
-def test_evenly_is_even_within_a_cell(nearest):
+def test_draws_are_even_within_a_cell_and_may_be_none(nearest, where):
     poses = uniform_poses(nearest.grid, N, MIDDLE, stream(9, 2)).astype(np.float64)
     inside = (poses[:, :2] + MIDDLE - nearest.grid.corner) / nearest.grid.cell_m % 1
     for share in inside.T:
         _assert_shares(np.bincount((share * 10).astype(int), minlength=10), np.full(10, 0.1))
     few, many = (uniform_poses(nearest.grid, n, MIDDLE, stream(9, 3)) for n in (10, 300))
     assert np.array_equal(many[:10], few)
-
-
-def test_none_can_be_drawn_and_none_fit(nearest, where):
     assert uniform_poses(nearest.grid, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
     assert likely_poses(_logs(), nearest.grid, where, 0, MIDDLE, stream(9, 1)).shape == (0, 3)
     flood = Region("flood", np.array([[-1.0, -1.0], [5.0, -1.0], [5.0, 4.0], [-1.0, 4.0]]))
@@ -215,7 +212,7 @@ def test_the_mixture_keeps_its_size_and_copies_first():
     assert all(bytes(row) in known for row in mixed.poses)
 
 
-def test_the_correction_is_predicted_density_over_the_mixtures():
+def test_corrections_are_densities():
     belief = _belief()
     mixed, correction = _mix(belief)
     entry = NEAREST.entries(belief.poses, MIXTURE_MIDDLE)
@@ -224,9 +221,6 @@ def test_the_correction_is_predicted_density_over_the_mixtures():
     q = shares_of(LOGS, WHERE)
     expected = p / (0.7 * p + 0.3 * q)
     assert np.exp(correction) == pytest.approx(expected[NEAREST.entries(mixed.poses, MIXTURE_MIDDLE)])
-
-
-def test_without_teleport_a_dual_draw_where_nobody_was_never_counts():
     mixed, correction = _mix(teleport=0.0)
     entry = NEAREST.entries(_belief().poses, MIXTURE_MIDDLE)
     found = NEAREST.entries(mixed.poses, MIXTURE_MIDDLE)

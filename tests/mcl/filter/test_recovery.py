@@ -165,7 +165,7 @@ def test_the_strategy_keeps_the_memory_and_hears_the_evidence():
     assert heard == [(-5.0, RecoveryState(updates=3))]
 
 
-def test_expansion_moves_copies_by_the_spacing():
+def test_copies_move_and_fresh_ones_stay():
     belief = Belief(np.zeros((20_000, 3), np.float32), normalize(np.zeros(20_000))[0], MIDDLE)
     recovery, found = _next(_choosing(strategy=_asking(0.0, True)), belief)
     assert recovery.expand
@@ -174,9 +174,6 @@ def test_expansion_moves_copies_by_the_spacing():
     reach = (1 + np.sqrt(2)) / 2  # of the places, the median distance to the nearest other
     sd = np.array([reach, reach, np.pi / 8])
     assert found.belief.poses.std(axis=0) == pytest.approx(sd, rel=4 / np.sqrt(40_000) + 0.005)
-
-
-def test_roughening_moves_copies_and_leaves_fresh_ones():
     plain = _next(_choosing(when=always, strategy=_asking(0.2)))[1]
     rough = _next(_choosing(when=always, strategy=_asking(0.2), roughening=0.2))[1]
     assert np.array_equal(plain.parents, rough.parents)

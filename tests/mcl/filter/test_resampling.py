@@ -114,11 +114,6 @@ def test_systematic_against_a_slow_independent_version(offset):
         assert resampling.systematic(raw / raw.sum(), n, _Fixed(offset)).tolist() == pytest.approx(slow)
 
 
-def test_systematic_at_the_very_end_of_its_range():
-    parents = resampling.systematic(np.full(7, 1 / 7), 7, _Fixed(np.nextafter(1, 0)))
-    assert np.abs(parents - np.arange(7)).max() <= 1
-
-
 def _slow(raw, n, offset):
     """Walk through the particles with a pointer, weights as whole numbers."""
     total, chosen, particle, end = int(raw.sum()), [], 0, int(raw[0])
@@ -228,7 +223,7 @@ def test_one_bin_or_none_needs_one_sample(bins):
     assert resampling.kld_size(bins, 0.05, 0.01) == 1
 
 
-def test_kld_sizes_grow():
+def test_kld_sizes_grow_and_hold():
     sizes = [resampling.kld_size(k, 0.05, 0.01) for k in range(1, 400)]
     assert np.all(np.diff(sizes) > 0)
     assert resampling.kld_size(50, 0.05, 0.001) > resampling.kld_size(50, 0.05, 0.01)
@@ -236,10 +231,7 @@ def test_kld_sizes_grow():
     p = resampling.KldParameters(bin_m=1.0, heading_bins=1, least=1, most=10**6)
     belief = _spread([[k + 0.5, 0.5, 0.0] for k in range(30)])
     assert resampling.adapted_size(belief, p) == resampling.kld_size(30, p.epsilon, p.delta)
-
-
-def test_the_bound_holds():
-    """Draw as many as it says from k bins: the distance is over epsilon about as rarely as it promises."""
+    # Draw as many as it says from k bins: the distance is over epsilon about as rarely as it promises
     bins, epsilon, delta, repeats = 40, 0.05, 0.05, 4000
     n = resampling.kld_size(bins, epsilon, delta)
     p = np.random.default_rng(0).dirichlet(np.full(bins, 5.0))
@@ -284,12 +276,14 @@ EVEN = _effective([1, 1, 1, 1])
 UNEVEN = _effective([2, 1, 1])  # 1 / (1/4 + 1/16 + 1/16) = 8/3 of 3
 
 
-def test_policies_by_hand():
+def test_policies_and_ends_by_hand():
     assert all(resampling.always(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
     assert not any(resampling.never(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
     assert not resampling.below_effective(0.999)(EVEN, 1)
     assert [step for step in range(1, 11) if resampling.every(3)(EVEN, step)] == [3, 6, 9]
     assert all(resampling.every(1)(EVEN, step) for step in range(1, 5))
+    parents = resampling.systematic(np.full(7, 1 / 7), 7, _Fixed(np.nextafter(1, 0)))
+    assert np.abs(parents - np.arange(7)).max() <= 1
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.88, False), (0.89, True), (0.5, False), (1.0, True)])

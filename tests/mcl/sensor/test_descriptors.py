@@ -98,11 +98,17 @@ def test_more_or_less_light_changes_little(name, most, gain):
     assert _apart("color", image, _brighter(image, gain)) > 1, "the thesis's histogram does change"
 
 
-def test_white_balance_changes_gain_color_little_and_chromaticity_much():
+def test_light_and_flatness():
     image = _scene()
     warm = np.stack([_brighter(image[..., k], g) for k, g in enumerate((1.3, 1.0, 0.8))], axis=2)
     assert _apart("gain_color", image, warm) < 0.15
     assert _apart("chromaticity", image, warm) > 0.5
+    noise = np.random.default_rng(12).normal(0, 12, (144, 176, 3))
+    noisy = np.clip(_flat(130, (144, 176)) + noise, 0, 255).astype(np.uint8)
+    blurred, color = (np.count_nonzero(CHANNELS[n].describe(noisy)[:28]) for n in ("blurred", "color"))
+    assert blurred <= 3 < 10 < color
+    assert np.array_equal(CHANNELS["blurred"].describe(_flat(130)), camera_histogram(_flat(130)))
+    assert CHANNELS["hog"].describe(_flat(90)).sum() == 0
 
 
 @pytest.mark.parametrize("name", ["color", "smoothed", "cumulative", "moments", "gain_color", "chromaticity"])
@@ -169,16 +175,7 @@ def test_smoothing_keeps_and_spreads():
     assert smoothed < 0.9 * color
 
 
-def test_hog_and_blur():
-    noise = np.random.default_rng(12).normal(0, 12, (144, 176, 3))
-    noisy = np.clip(_flat(130, (144, 176)) + noise, 0, 255).astype(np.uint8)
-    blurred, color = (np.count_nonzero(CHANNELS[n].describe(noisy)[:28]) for n in ("blurred", "color"))
-    assert blurred <= 3 < 10 < color
-    assert np.array_equal(CHANNELS["blurred"].describe(_flat(130)), camera_histogram(_flat(130)))
-    assert CHANNELS["hog"].describe(_flat(90)).sum() == 0
-
-
-def test_moments_by_hand():
+def test_moments_and_tiny_by_hand():
     image = np.zeros((2, 2, 3), np.uint8)
     image[..., 0] = [[10, 10], [10, 50]]  # mean 20, variance 300, third moment 6000
     image[..., 1] = 7
@@ -187,6 +184,12 @@ def test_moments_by_hand():
     expected = [20, 7, 191.25, np.sqrt(300), 0, np.sqrt((3 * 63.75**2 + 191.25**2) / 4)]
     expected += [np.cbrt(6000) + 256, 256, np.cbrt(third) + 256]
     assert CHANNELS["moments"].describe(image) == pytest.approx(expected, rel=1e-5)
+    found = CHANNELS["tiny"].describe(_scene()).astype(float) - 1
+    assert found.sum() == pytest.approx(0, abs=1e-4)
+    assert np.linalg.norm(found) == pytest.approx(1, rel=1e-5)
+    almost_flat = _flat(100, (36, 48))
+    almost_flat[:4, :4] = 103
+    assert np.linalg.norm(CHANNELS["tiny"].describe(almost_flat) - 1) < 0.5, "noise is not blown up"
 
 
 def test_edge_color_ignores_flat_regions():
@@ -220,15 +223,6 @@ def test_layouts_by_hand():
     cell = int((0.5 - 0.13) * 16 / 0.42) * 16 + int((0.3 - 0.13) * 16 / 0.42)
     assert np.flatnonzero(CHANNELS["chromaticity"].describe(image)).tolist() == [cell]
     assert CHANNELS["chromaticity"].describe(_flat(0)).sum() == 0, "black has no color"
-
-
-def test_the_tiny_image_is_off_its_mean_and_of_unit_length():
-    found = CHANNELS["tiny"].describe(_scene()).astype(float) - 1
-    assert found.sum() == pytest.approx(0, abs=1e-4)
-    assert np.linalg.norm(found) == pytest.approx(1, rel=1e-5)
-    almost_flat = _flat(100, (36, 48))
-    almost_flat[:4, :4] = 103
-    assert np.linalg.norm(CHANNELS["tiny"].describe(almost_flat) - 1) < 0.5, "noise is not blown up"
 
 
 @pytest.mark.parametrize(("across", "direction"), [(True, 0), (False, 4)])

@@ -39,7 +39,7 @@ def test_quality_lies_between_zero_and_one_and_falls_with_distance(quality, raw)
     assert np.all(found[distances == 0] == 1)
 
 
-def test_qualities_by_hand():
+def test_qualities_and_nats_by_hand():
     assert relative_quality(np.array([0.1, 0.4, 0.2], np.float32)) == pytest.approx([0.75, 0, 0.5])
     assert np.array_equal(relative_quality(np.zeros(3, np.float32)), np.ones(3))
     distances = _distances()
@@ -48,6 +48,20 @@ def test_qualities_by_hand():
     assert np.array_equal(relative_quality(distances), rows)
     found = absolute_quality(np.array([0.0, 0.25, 1.0, 1.5], np.float32))
     assert found.tolist() == [1, 0.75, 0, 0]
+    distances = np.array([[0.1, 0.2, 0.0], [3.0, 0.0, 1.5]], np.float32)
+    found = calibrated(distances, np.array([2.0, 0.5]), np.array([0.1, 1.5]))
+    assert found.distance == pytest.approx([2 * 1 + 0.5 * 2, 2 * 2, 0.5 * 1])
+    assert found.quality == pytest.approx(1 - found.distance / 4)
+    whole = calibrated(_distances(), ONES, ONES).distance
+    assert np.array_equal(calibrated(_distances()[:, :10], ONES, ONES).distance, whole[:10])
+    blended = _of_quality(1.0, 0.5, 0.25, 0.002)
+    assert np.exp(power(blended, 1.0)) == pytest.approx(blended.quality, rel=1e-5)
+    assert np.exp(power(blended, 4.0)) == pytest.approx(blended.quality**4.0, rel=1e-4)
+    found = power(_of_quality(0.0, 1e-9, 1e-3, 1.0), 8.0)
+    assert np.isfinite(found).all()
+    assert found == pytest.approx([8 * np.log(1e-3)] * 3 + [0])
+    blended = Blended(np.array([0, 0.5, 3], np.float32), np.zeros(3, np.float32))
+    assert exponential(blended, 2.0).tolist() == [0, -1, -6]
 
 
 @EACH
@@ -77,15 +91,6 @@ def test_blends_do_not_care_about_order_or_silent_channels(name):
     both = BLENDS[name](_distances(), np.array([0.0, 1.0]), scales, relative_quality)
     alone = BLENDS[name](_distances()[1:], np.ones(1), scales[1:], relative_quality)
     assert both.quality == pytest.approx(alone.quality, abs=1e-5)
-
-
-def test_calibrated_adds_nats():
-    distances = np.array([[0.1, 0.2, 0.0], [3.0, 0.0, 1.5]], np.float32)
-    found = calibrated(distances, np.array([2.0, 0.5]), np.array([0.1, 1.5]))
-    assert found.distance == pytest.approx([2 * 1 + 0.5 * 2, 2 * 2, 0.5 * 1])
-    assert found.quality == pytest.approx(1 - found.distance / 4)
-    whole = calibrated(_distances(), ONES, ONES).distance
-    assert np.array_equal(calibrated(_distances()[:, :10], ONES, ONES).distance, whole[:10])
 
 
 def test_the_sum_gives_each_channel_the_spread_of_its_weight():
@@ -136,17 +141,6 @@ def test_products_by_hand():
 def _of_quality(*values):
     quality = np.array(values, np.float32)
     return Blended(1 - quality, quality)
-
-
-def test_power_and_exponential_by_hand():
-    blended = _of_quality(1.0, 0.5, 0.25, 0.002)
-    assert np.exp(power(blended, 1.0)) == pytest.approx(blended.quality, rel=1e-5)
-    assert np.exp(power(blended, 4.0)) == pytest.approx(blended.quality**4.0, rel=1e-4)
-    found = power(_of_quality(0.0, 1e-9, 1e-3, 1.0), 8.0)
-    assert np.isfinite(found).all()
-    assert found == pytest.approx([8 * np.log(1e-3)] * 3 + [0])
-    blended = Blended(np.array([0, 0.5, 3], np.float32), np.zeros(3, np.float32))
-    assert exponential(blended, 2.0).tolist() == [0, -1, -6]
 
 
 @pytest.mark.parametrize("name", sorted(LIKELIHOODS))

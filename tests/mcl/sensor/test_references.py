@@ -194,15 +194,6 @@ def test_weights_sum_to_one_and_are_never_negative(places, width):
     assert ((tables.share >= 0) & (tables.share <= 1)).all()
 
 
-def test_what_all_entries_agree_on_every_particle_gets():
-    tables, poses = _tables(), _poses(2000)
-    found = tables.at(np.full(len(_library()), -1.25, np.float32), poses, ORIGIN)
-    inside = tables.entries(poses, ORIGIN) >= 0
-    assert found[inside] == pytest.approx(-1.25, abs=1e-5)
-    assert 0 < (~inside).sum() < len(poses)
-    assert np.all(found[~inside] == -np.inf)
-
-
 def test_outside_is_where_the_nearest_reference_has_it():
     box = Region("box", np.array([[1.0, 1.0], [1.4, 1.0], [1.4, 1.4], [1.0, 1.4]]))
     library, arena = _library(), _two_rooms(WALL, [box])
@@ -255,7 +246,7 @@ def test_headings_need_not_be_even():
     assert tables.at(logs, poses, ORIGIN) == pytest.approx(expected, abs=60 / 2.6 * np.radians(0.26))
 
 
-def test_one_heading_or_entry_holds_for_all():
+def test_odd_libraries_and_arguments():
     library = np.array([[0.5, 0.5, 0.3], [1.0, 0.5, -2.0]])
     tables = _tables((), library, width=0.05)
     poses = np.array([[0.5, 0.5, h] for h in (-3.0, 0.0, 0.3, 2.9)], np.float32)
@@ -264,6 +255,19 @@ def test_one_heading_or_entry_holds_for_all():
     tables = _tables((), np.array([[1.0, 1.0, 0.5]]))
     found = tables.at(np.array([-2.5], np.float32), _poses(50), ORIGIN)
     assert found == pytest.approx([-2.5] * 50)
+    assert spacing(_library()[::8, :2]) == pytest.approx(PITCH)
+    assert spacing(np.array([[3.0, 4.0]])) == 1.0
+    tables, poses, logs = _tables(), _poses(100), _logs(_library())
+    kept = poses.copy(), logs.copy()
+    tables.at(logs, poses, ORIGIN)
+    assert np.array_equal(poses, kept[0])
+    assert np.array_equal(logs, kept[1])
+    tables, poses = _tables(), _poses(2000)
+    found = tables.at(np.full(len(_library()), -1.25, np.float32), poses, ORIGIN)
+    inside = tables.entries(poses, ORIGIN) >= 0
+    assert found[inside] == pytest.approx(-1.25, abs=1e-5)
+    assert 0 < (~inside).sum() < len(poses)
+    assert np.all(found[~inside] == -np.inf)
 
 
 def test_interpolation_is_never_across_a_wall():
@@ -325,13 +329,3 @@ def test_on_a_place_the_kernel_is_the_gaussian_by_hand():
     expected /= expected.sum()
     by_place = dict(zip(tables.places[inner].tolist(), tables.weights[inner].tolist(), strict=True))
     assert [by_place[p] for p in four] == pytest.approx(expected, rel=1e-4)
-
-
-def test_spacing_and_arguments():
-    assert spacing(_library()[::8, :2]) == pytest.approx(PITCH)
-    assert spacing(np.array([[3.0, 4.0]])) == 1.0
-    tables, poses, logs = _tables(), _poses(100), _logs(_library())
-    kept = poses.copy(), logs.copy()
-    tables.at(logs, poses, ORIGIN)
-    assert np.array_equal(poses, kept[0])
-    assert np.array_equal(logs, kept[1])

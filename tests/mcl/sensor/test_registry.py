@@ -50,7 +50,7 @@ def test_ours_have_names_of_their_own():
     assert list(load_channels([]).channels) == [channel.name for channel in OURS]
 
 
-def test_an_installed_packages_channel_is_found(tmp_path, monkeypatch):
+def test_channels_are_found_once(tmp_path, monkeypatch):
     _package(tmp_path, "mean_channel", MEAN, "mean_channel:Mean")
     channels = _channels(tmp_path, monkeypatch)
     image = np.full((4, 5, 3), (1, 2, 3), np.uint8)
@@ -59,6 +59,12 @@ def test_an_installed_packages_channel_is_found(tmp_path, monkeypatch):
     made = MEAN + "\ndef make():\n    channel = Mean()\n    channel.name = 'made'\n    return channel\n"
     _package(tmp_path, "making_channel", made, "making_channel:make")
     assert "made" in _channels(tmp_path, monkeypatch)
+    (tmp_path / "mean_twice.py").write_text(MEAN)
+    monkeypatch.syspath_prepend(tmp_path)
+    points = [EntryPoint(name, "mean_twice:Mean", GROUP) for name in "ab"]
+    found = load_channels(points)
+    assert "mean" in found.channels
+    assert "there is a channel 'mean' already" in found.broken[0]
 
 
 def test_it_is_used_by_name_wherever_channels_are(tmp_path):
@@ -121,15 +127,6 @@ def test_a_broken_one_is_left_out_and_says_whose_it_is(tmp_path, monkeypatch, fa
     (line,) = found.broken
     assert line.startswith(f"channel of entry point {module}:{made} left out: ")
     assert "\n" not in line
-
-
-def test_two_packages_may_not_bring_the_same_name(tmp_path, monkeypatch):
-    (tmp_path / "mean_twice.py").write_text(MEAN)
-    monkeypatch.syspath_prepend(tmp_path)
-    points = [EntryPoint(name, "mean_twice:Mean", GROUP) for name in "ab"]
-    found = load_channels(points)
-    assert "mean" in found.channels
-    assert "there is a channel 'mean' already" in found.broken[0]
 
 
 class _Giving:

@@ -58,7 +58,7 @@ def test_what_changes_evenly_with_the_place_is_met_exactly():
     assert extended[len(poses) :] == pytest.approx(seen(found.poses), abs=1e-6)
 
 
-def test_places_are_never_joined_across_a_wall():
+def test_sources_are_seen_from_the_middle():
     wall = [1.2, -1.0, 1.2, 1.2]
     found = virtual_references(_grid(5, 4), _arena(wall))
     sources = _grid(5, 4)[found.sources][..., :2]
@@ -66,9 +66,6 @@ def test_places_are_never_joined_across_a_wall():
         assert not crosses(sources[:, 0], sources[:, k], np.array([wall])).any()
     free = virtual_references(_grid(5, 4), _arena())
     assert len(found.poses) < len(free.poses)
-
-
-def test_views_that_do_not_overlap_are_not_joined():
     four = virtual_references(_grid(2, 1, headings=4), _arena())
     assert len(four.poses) == 4  # the middle of the two places, but no heading between two at right angles
     there_and_back = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, np.pi]])

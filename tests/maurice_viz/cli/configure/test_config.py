@@ -62,11 +62,15 @@ def test_every_layer_is_named_where_it_wins(tmp_path):
     assert "#" not in _run("show", "--preset", "thesis", "--config", file).stdout
 
 
-def test_json_has_every_key_with_its_origin():
+def test_shown_origins_and_keys(tmp_path):
     plain = json.loads(_run("show", "--json").stdout)
     assert plain == json.loads(json.dumps(defaults()))
     named = json.loads(_run("show", "--json", "--origin", MAURICE_FILTER_PARTICLES="9").stdout)
     assert named["particles"] == {"value": 9, "origin": "MAURICE_FILTER_PARTICLES"}
+    found = configure([Layer("two\nlines", {"particles": 7})])
+    file = tmp_path / "shown.toml"
+    file.write_text(to_toml(found, origins=True))
+    assert read_config(file).values["particles"] == 7
 
 
 WRONG = {
@@ -124,13 +128,6 @@ values = st.recursive(
 @given(st.dictionaries(st.text(), values, max_size=4))
 def test_any_motion_table_reads_back(table):
     assert tomllib.loads(f"motion = {toml_value(table)}")["motion"] == table
-
-
-def test_a_strange_origin_stays_in_its_line(tmp_path):
-    found = configure([Layer("two\nlines", {"particles": 7})])
-    file = tmp_path / "shown.toml"
-    file.write_text(to_toml(found, origins=True))
-    assert read_config(file).values["particles"] == 7
 
 
 def test_the_documentation_has_every_key_in_order_with_its_default():

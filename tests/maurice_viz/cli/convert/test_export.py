@@ -20,7 +20,7 @@ def saved(small_session: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def test_all_formats_at_once(saved: Path, tmp_path: Path) -> None:
+def test_all_formats_at_once(saved, tmp_path):
     names = ["a.tum", "a.kitti", "a.csv", "a.parquet", "a.zip"]
     options = ("--tum", "--kitti", "--csv", "--parquet", "--evo")
     files = [tmp_path / name for name in names]
@@ -35,7 +35,7 @@ def test_all_formats_at_once(saved: Path, tmp_path: Path) -> None:
     run("export", saved, *pairs, "--force")
 
 
-def test_scored_figures_are_those_of_the_table(saved: Path, tmp_path: Path) -> None:
+def test_scored_figures_are_those_of_the_table(saved, tmp_path):
     done = run("export", saved, "--tum", tmp_path / "a.tum", "--scored", "--json")
     (exported,) = json.loads(done.stdout)["runs"]
     (shown,) = json.loads(run("replay", saved, "--no-recording", "--json").stdout)["runs"]
@@ -47,7 +47,7 @@ def test_scored_figures_are_those_of_the_table(saved: Path, tmp_path: Path) -> N
     assert [file.name for file in tmp_path.glob("t*.tum")] == ["t.tum"]
 
 
-def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session: Path, tmp_path: Path) -> None:
+def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session, tmp_path):
     run("convert", small_session, tmp_path / "c", "--t-offset", "1000")
     log, kept = tmp_path / "c" / "session.log", tmp_path / "kept"
     words = ("--library", small_session.parent / "survey.log", "--particles", "60", "--no-recording")
@@ -63,7 +63,7 @@ def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session: Path, 
     assert first_s() == 1.0
 
 
-def test_mcap_without_the_session_has_no_pictures_and_says_so(saved: Path, small_session: Path) -> None:
+def test_mcap_without_the_session_has_no_pictures_and_says_so(saved, small_session):
     reading = pytest.importorskip("rosbags.highlevel")
     for name, topics in (("with.mcap", 1), ("without.mcap", 0)):
         file = saved.parent / name
@@ -74,7 +74,7 @@ def test_mcap_without_the_session_has_no_pictures_and_says_so(saved: Path, small
         small_session.unlink(missing_ok=True)
 
 
-def test_a_comparison_needs_the_runs_label(small_session: Path, tmp_path: Path) -> None:
+def test_a_comparison_needs_the_runs_label(small_session, tmp_path):
     folder = tmp_path / "both"
     options = ("--particles", "30", "--no-recording", "--run", folder)
     run("compare", small_session, "--seed", "1", "--seed", "2", *options)
@@ -88,11 +88,11 @@ def test_a_comparison_needs_the_runs_label(small_session: Path, tmp_path: Path) 
     "words",
     [(), ("--tum", "a", "--kitti", "a"), ("--tum", "a", "--only", "x"), ("--csv", "a", "--t-offset", "nan")],
 )
-def test_bad_options_are_usage_errors(saved: Path, words: tuple[str, ...]) -> None:
+def test_bad_options_are_usage_errors(saved, words):
     run("export", saved, *words, expect=2)
 
 
-def test_exports_that_cannot_be_are_one_line(small_session: Path, tmp_path: Path) -> None:
+def test_exports_that_cannot_be_are_one_line(small_session, tmp_path):
     for path in (small_session, tmp_path, tmp_path / "nothing"):
         assert "saved run" in failure("export", path, "--tum", tmp_path / "a.tum")
     lines = small_session.read_text().splitlines()
@@ -103,7 +103,7 @@ def test_exports_that_cannot_be_are_one_line(small_session: Path, tmp_path: Path
     assert "has no truth" in failure("export", tmp_path / "kept", *options)
 
 
-def test_a_run_without_steps_writes_nothing(saved: Path, tmp_path: Path) -> None:
+def test_a_run_without_steps_writes_nothing(saved, tmp_path):
     for part in saved.rglob("*.parquet"):
         part.unlink()
     manifest = saved / "manifest.json"
@@ -112,7 +112,7 @@ def test_a_run_without_steps_writes_nothing(saved: Path, tmp_path: Path) -> None
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_a_converted_log_gives_the_same_figures(small_session: Path, tmp_path: Path) -> None:
+def test_a_converted_log_gives_the_same_figures(small_session, tmp_path):
     done = run("convert", small_session, tmp_path / "copy.log")
     assert "14 pictures, 14 motions, 14 true poses" in done.stdout
     figures = []
@@ -124,7 +124,7 @@ def test_a_converted_log_gives_the_same_figures(small_session: Path, tmp_path: P
     assert figures[0] == figures[1]
 
 
-def test_convert_keeps_the_clock_unless_told(small_session: Path, tmp_path: Path) -> None:
+def test_convert_keeps_the_clock_unless_told(small_session, tmp_path):
     first = [json.loads(line)["t"] for line in small_session.read_text().splitlines()[1:2]]
     for option, expected in ((("--t-offset", "100"), first[0] + 100), ((), first[0])):
         run("convert", small_session, tmp_path / "b.log", "--force", *option)
@@ -133,7 +133,7 @@ def test_convert_keeps_the_clock_unless_told(small_session: Path, tmp_path: Path
     assert not (tmp_path / "c.log").exists()
 
 
-def test_convert_keeps_going_when_told_so(small_session: Path, tmp_path: Path) -> None:
+def test_convert_keeps_going_when_told_so(small_session, tmp_path):
     with small_session.open("a") as log:
         log.write("{broken}\n")
     asked = ("convert", small_session, tmp_path / "b.log")
@@ -146,11 +146,11 @@ def test_convert_keeps_going_when_told_so(small_session: Path, tmp_path: Path) -
 @pytest.mark.parametrize(
     "words", [("b.txt",), ("b.log", "--pictures", "gif"), ("b.log", "--t-offset", "inf")]
 )
-def test_convert_refuses_bad_options(small_session: Path, words: tuple[str, ...]) -> None:
+def test_convert_refuses_bad_options(small_session, words):
     run("convert", small_session, *words, expect=2)
 
 
-def test_convert_refuses_what_holds_nothing(tmp_path: Path) -> None:
+def test_convert_refuses_what_holds_nothing(tmp_path):
     (tmp_path / "x.log").write_bytes(b"\0\1\2")
     for path in (tmp_path / "x.log", tmp_path / "nothing.log"):
         failure("convert", path, tmp_path / "b.log")
@@ -171,7 +171,7 @@ def without_pictures(folder: Path) -> Path:
     return file
 
 
-def test_a_recording_without_pictures_is_converted_record_by_record(tmp_path: Path) -> None:
+def test_a_recording_without_pictures_is_converted_record_by_record(tmp_path):
     source = without_pictures(tmp_path)
     done = run("convert", source, tmp_path / "copy")
     assert "0 pictures, 2 motions, 1 true poses, 1 events" in done.stdout
@@ -179,7 +179,7 @@ def test_a_recording_without_pictures_is_converted_record_by_record(tmp_path: Pa
     assert copy[1:] == source.read_text().splitlines()[1:]
 
 
-def test_odometry_without_pictures_becomes_a_path_in_mcap(tmp_path: Path) -> None:
+def test_odometry_without_pictures_becomes_a_path_in_mcap(tmp_path):
     reading = pytest.importorskip("rosbags.highlevel")
     source = without_pictures(tmp_path)
     run("convert", source, tmp_path / "a.mcap")

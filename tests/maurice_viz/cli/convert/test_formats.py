@@ -29,7 +29,7 @@ def as_table(session: Path) -> Path:
     return table
 
 
-def test_a_table_replays_as_the_log_of_the_same_drive(small_session: Path) -> None:
+def test_a_table_replays_as_the_log_of_the_same_drive(small_session):
     """The first motion is missing, which goes before the first picture, and nothing else."""
     table, survey = as_table(small_session), small_session.with_name("survey.log")
     common = ("--no-recording", "--json", "--particles", 500, "--start", "global")
@@ -42,7 +42,7 @@ def test_a_table_replays_as_the_log_of_the_same_drive(small_session: Path) -> No
     assert two["position_error_final_m"] < 0.5
 
 
-def test_recordings_need_a_library_and_sound_options(small_session: Path) -> None:
+def test_recordings_need_a_library_and_sound_options(small_session):
     assert "name one with --library" in run(as_table(small_session), "--no-recording", expect=1).stderr
     for pair in ("columns=a", "columns==b", "time_unit=h", "max_dt_s=-1", "max_dt=1", "odometry_seed=x"):
         run(small_session, "--no-recording", "--reading", pair, expect=2)
@@ -53,19 +53,16 @@ def test_recordings_need_a_library_and_sound_options(small_session: Path) -> Non
     assert json.loads(out)["runs"][0]["updates"] == 7
 
 
-def test_formats_are_listed_and_a_file_is_told(small_session: Path) -> None:
+def test_formats_are_listed_and_extras_named(small_session, monkeypatch):
     listed, told = (json.loads(run("formats", *which, "--json").stdout) for which in ([], [small_session]))
     assert [one["name"] for one in listed] == list(all_formats())
     assert [one["name"] for one in told] == ["session-log"]
     run("formats", small_session.with_name("nowhere"), expect=1)
-
-
-def test_an_extra_that_is_missing_is_named_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maurice_viz.app.inspect.find_spec", lambda name: None)
     assert "pip install 'maurice-replay[ros]'" in run("formats").stdout
 
 
-def test_brackets_in_names_are_shown_as_they_are(small_session: Path) -> None:
+def test_brackets_in_names_are_shown_as_they_are(small_session):
     """Tables are no markup."""
     header, *rest = small_session.read_text().splitlines()
     named = json.dumps(json.loads(header) | {"name": "my [bold] drive"})

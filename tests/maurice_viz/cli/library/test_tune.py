@@ -41,14 +41,11 @@ def test_what_it_writes_is_a_configuration_file(small_session, survey, tmp_path)
     _tune(*args, "-o", out, "--force")
 
 
-def test_the_default_is_scored_although_it_is_not_tuned(small_session, survey):
+def test_fitted_without_a_session_or_channel(small_session, survey):
     found = json.loads(_tune(survey, "--session", small_session, "--channels", "hog", "--json").stdout)
     alone = json.loads(_tune(survey, "--session", small_session, "--json").stdout)
     assert found["fitted"]["default"] == pytest.approx(alone["fitted"]["default"])
     assert list(found["weights"]) == ["hog"]
-
-
-def test_without_a_session_the_library_is_fitted_on_itself(survey):
     done = _tune(survey, "--channels", "color,edges")
     assert "its own references, each left out in turn" in done.stdout
     assert "[sensor]\nweights = {" in done.stdout

@@ -37,7 +37,7 @@ def table(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_drive_is_made_fitted_and_written_for_the_filter(table: Path, tmp_path: Path) -> None:
+def test_a_drive_is_made_fitted_and_written_for_the_filter(table, tmp_path):
     done = calibrate("motion", table, "-o", tmp_path / "m.toml")
     assert "turn gain, actual / measured" in done.stdout
     assert "30 turns" in done.stdout
@@ -47,7 +47,7 @@ def test_a_drive_is_made_fitted_and_written_for_the_filter(table: Path, tmp_path
     assert "--force" in refused("motion", table, "-o", tmp_path / "m.toml")
 
 
-def test_what_is_printed_without_a_file(table: Path) -> None:
+def test_what_is_printed_without_a_file(table):
     printed = calibrate("motion", table).stdout
     assert "turn_gain" in tomllib.loads(printed[printed.index("[robot.motion]") :])["robot"]["motion"]
     facts = json.loads(calibrate("motion", table, "--json").stdout)
@@ -60,9 +60,7 @@ def test_what_is_printed_without_a_file(table: Path) -> None:
 
 
 @pytest.mark.slow
-def test_all_eight_figures_are_drawn_without_a_display(
-    table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_eight_figures_are_drawn_without_a_display(table, tmp_path, monkeypatch):
     monkeypatch.setenv("DISPLAY", ":987")  # nothing is there; nothing must ask
     calibrate("motion", table, "--plots", tmp_path / "figures")
     files = sorted((tmp_path / "figures").iterdir())
@@ -76,7 +74,7 @@ def test_all_eight_figures_are_drawn_without_a_display(
     calibrate("motion", table, "--plots", tmp_path / "figures", "--force")
 
 
-def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path: Path) -> None:
+def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path):
     rows = [f"turn,{k},{0.7 * k + k % 3},," for k in range(1, 90)]
     rows += [
         f"straight,{1 + k / 90},{0.9 + k / 90 + 0.01 * (k % 3)},{k % 4 if k else ''}," for k in range(90)
@@ -88,7 +86,7 @@ def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path: Path) -> 
     assert len(list((tmp_path / "figures").iterdir())) == 8
 
 
-def test_notes_tell_of_slips_and_events(tmp_path: Path) -> None:
+def test_notes_tell_of_slips_and_events(tmp_path):
     rows = [f"turn,{m},{0.73 * m + e}" for m, e in zip(range(-155, 156, 10), 16 * [1, -1], strict=True)]
     rows += ["turn,95,95", "turn,-95,-95"]  # two that slipped by 26 degrees
     rows += [f"straight,{k},{k + 0.01 * (-1) ** k}" for k in range(1, 8)]
@@ -114,16 +112,14 @@ def test_notes_tell_of_slips_and_events(tmp_path: Path) -> None:
     )
 
 
-def test_a_missing_extra_is_one_line_with_the_command(
-    table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_extra_is_one_line_with_the_command(table, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert "pip install 'maurice-replay[plots]'" in refused("motion", table, "--plots", tmp_path / "f")
     assert "pip install 'maurice-replay[plots]'" in refused("noise", tmp_path, "--plot", tmp_path / "n.png")
     calibrate("motion", table)
 
 
-def test_a_session_with_truth_is_shown_in_its_own_units(tmp_path: Path) -> None:
+def test_a_session_with_truth_is_shown_in_its_own_units(tmp_path):
     rng, heading, t_s = np.random.default_rng(0), 0.0, 0.0
     with SessionWriter(tmp_path / "s.log", SessionInfo("s", "in")) as log:
         log.truth(0.0, [0, 0, 0])
@@ -151,13 +147,13 @@ def test_a_session_with_truth_is_shown_in_its_own_units(tmp_path: Path) -> None:
     ],
     ids=["one movement", "only turns", "an unknown column", "NaN"],
 )
-def test_bad_tables_end_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+def test_bad_tables_end_in_one_line(tmp_path, text, said):
     file = tmp_path / "bad.csv"
     file.write_text(text)
     assert said in refused("motion", file)
 
 
-def test_other_bad_sources_end_in_one_line(small_session: Path, tmp_path: Path) -> None:
+def test_other_bad_sources_end_in_one_line(small_session, tmp_path):
     (tmp_path / "empty").mkdir()
     assert "found no gt.txt" in refused("motion", tmp_path / "empty")
     assert "did you mean" in refused("motion", tmp_path)
@@ -169,7 +165,7 @@ def test_other_bad_sources_end_in_one_line(small_session: Path, tmp_path: Path) 
     assert "neither pictures nor a log" in refused("noise", tmp_path / "empty")
 
 
-def test_noise_of_a_survey_and_its_figure(small_session: Path, tmp_path: Path) -> None:
+def test_noise_of_a_survey_and_its_figure(small_session, tmp_path):
     survey = tmp_path / "survey.log"
     done = calibrate("noise", survey, "--plot", tmp_path / "noise.png")
     assert "16 to 23" in done.stdout
@@ -182,11 +178,12 @@ def test_noise_of_a_survey_and_its_figure(small_session: Path, tmp_path: Path) -
         "largest_bin_sd": None,
     }  # fmt: skip
     assert "--force" in refused("noise", survey, "--plot", tmp_path / "noise.png")
-    cv2.imwrite(str(tmp_path / "bright.png"), np.full((8, 8, 3), 180, np.uint8))
-    assert "was the lens covered?" in calibrate("noise", tmp_path).stderr
+    (tmp_path / "lit").mkdir()
+    cv2.imwrite(str(tmp_path / "lit" / "bright.png"), np.full((8, 8, 3), 180, np.uint8))
+    assert "was the lens covered?" in calibrate("noise", tmp_path / "lit").stderr
 
 
-def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session: Path, tmp_path: Path) -> None:
+def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session, tmp_path):
     def error(*args: str | Path) -> float:
         (found,) = runs_of(run(small_session, "--no-recording", "--json", *args).stdout)
         return float(found["position_error_mean_m"])
@@ -198,7 +195,7 @@ def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session: Path,
     assert error("--motion", right) < error("--motion", wrong)
 
 
-def test_bad_motion_files_are_named(small_session: Path, tmp_path: Path) -> None:
+def test_bad_motion_files_are_named(small_session, tmp_path):
     bad = tmp_path / "bad.toml"
     bad.write_text("[robot.motion]\nturn_gian = 1.0\n")
     words = (small_session, "--no-recording", "--motion", bad)

@@ -38,9 +38,7 @@ def environment(folder: Path) -> dict[str, str]:
         (["tracking", "--serve", "127.0.0.1:1"], "expected tcp://HOST:PORT"),
     ],
 )
-def test_wrong_options_are_usage_errors(
-    args: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wrong_options_are_usage_errors(args, told, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["simulate", *args], env={"TERM": "dumb", "COLUMNS": "200"})
     assert done.exit_code == 2
@@ -48,7 +46,7 @@ def test_wrong_options_are_usage_errors(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
+def test_a_port_in_use_is_one_line(tmp_path):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -65,7 +63,7 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
     assert done.stderr.startswith(f"maurice-replay: {address}: cannot listen there")
 
 
-def test_ctrl_c_ends_the_live_robot_with_its_account(tmp_path: Path) -> None:
+def test_ctrl_c_ends_the_live_robot_with_its_account(tmp_path):
     with subprocess.Popen(
         command("tracking", "--serve", "tcp://127.0.0.1:0"),
         stdout=subprocess.PIPE,
@@ -85,7 +83,7 @@ def test_ctrl_c_ends_the_live_robot_with_its_account(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_being_stopped_half_way_leaves_no_folder(sent: signal.Signals, status: int, tmp_path: Path) -> None:
+def test_being_stopped_half_way_leaves_no_folder(sent, status, tmp_path):
     out = tmp_path / "here"
     out.mkdir()
     with subprocess.Popen(

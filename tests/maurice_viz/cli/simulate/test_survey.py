@@ -32,7 +32,7 @@ def world(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_survey_and_a_sheet_of_one_s_own_world(world: Path, tmp_path: Path) -> None:
+def test_a_survey_and_a_sheet_of_one_s_own_world(world, tmp_path):
     out, sheet = tmp_path / "out", tmp_path / "sheet.png"
     args = ["--world", world, "--spacing", "100cm", "--headings", "2", "-o", out, "--contact-sheet", sheet]
     told = json.loads(run("survey", *args, "--json").stdout)
@@ -51,17 +51,17 @@ def test_a_survey_and_a_sheet_of_one_s_own_world(world: Path, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("text", "metres"), [("18in", 0.4572), ("0.6m", 0.6), ("45 cm", 0.45), ("2ft", 0.6096)]
 )
-def test_lengths_have_units(text: str, metres: float) -> None:
+def test_lengths_have_units(text, metres):
     assert read_length(text) == pytest.approx(metres)
 
 
 @pytest.mark.parametrize("text", ["18", "in", "-3in", "nanm", "0in", "3 miles", ""])
-def test_words_that_are_no_lengths_are_refused(text: str) -> None:
+def test_words_that_are_no_lengths_are_refused(text):
     with pytest.raises(ValueError, match="spacing"):
         read_length(text)
 
 
-def test_refusals(world: Path, tmp_path: Path) -> None:
+def test_refusals(world, tmp_path):
     run("survey", expect=2)
     run("survey", "--contact-sheet", "sheet.bmp", expect=2)
     out = ("-o", tmp_path / "x")

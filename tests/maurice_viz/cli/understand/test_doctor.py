@@ -26,14 +26,14 @@ def in_millimeters(log: Path) -> Path:
     return out
 
 
-def test_a_healthy_session_is_said_to_be_so(small_session: Path) -> None:
+def test_a_healthy_session_is_said_to_be_so(small_session):
     done = run("doctor", small_session, "--strict")
     assert "14 odometry, 14 truth, 14 pictures" in done.stdout
     assert "14 pictures against the library" in done.stdout
     assert "found nothing wrong" in done.stdout
 
 
-def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
+def test_what_is_wrong_is_told_and_strict_fails(small_session):
     wrong = in_millimeters(small_session)
     done = run("doctor", wrong, "--no-library")
     assert "1. lengths of odometry are in millimeters [scale]" in done.stdout
@@ -49,7 +49,7 @@ def test_what_is_wrong_is_told_and_strict_fails(small_session: Path) -> None:
     assert found["not_asked"] == ["pictures: no library was given"]
 
 
-def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Path) -> None:
+def test_what_it_says_is_a_command_that_mends(small_session, tmp_path):
     def replayed(*words: str) -> object:
         (found,) = runs_of(run(*words, "--no-recording", "--json", "--particles", "200").stdout)
         return {name: value for name, value in found.items() if isinstance(value, float)}
@@ -67,7 +67,7 @@ def test_what_it_says_is_a_command_that_mends(small_session: Path, tmp_path: Pat
     assert replayed(str(tmp_path / "fixed.log")) == pytest.approx(replayed(small_session))
 
 
-def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> None:
+def test_options_that_were_given_are_kept_and_corrected(small_session):
     wrong = in_millimeters(small_session)
     words = [
         "doctor",
@@ -82,7 +82,7 @@ def test_options_that_were_given_are_kept_and_corrected(small_session: Path) -> 
     assert set(found["options"]) == {"--reading", "min_distance_m=0.01", "odometry_scale=0.001"}
 
 
-def test_fix_writes_a_reading_file(small_session: Path, tmp_path: Path) -> None:
+def test_fix_writes_a_reading_file(small_session, tmp_path):
     wrong, out = in_millimeters(small_session), tmp_path / "reading.toml"
     words = ["--no-library", "--fix", "-o", out]
     run("doctor", small_session, *words)
@@ -94,7 +94,7 @@ def test_fix_writes_a_reading_file(small_session: Path, tmp_path: Path) -> None:
     run("doctor", wrong, *words, "--force")
 
 
-def test_options_are_typed_as_they_are_read() -> None:
+def test_options_are_typed_as_they_are_read():
     given = ReadingOptions(
         format="table", columns={"x": "px:mm"}, table=Path("a b.csv"), min_angle_rad=math.pi / 6,
         max_dt_s=0.5,
@@ -112,16 +112,13 @@ def test_options_are_typed_as_they_are_read() -> None:
 @pytest.mark.parametrize(
     "words", [("turn_scale", "0"), ("turn_gain", "nan"), ("picture_offset_s", "inf"), ("odometry_are", "x")]
 )
-def test_bad_corrections_are_usage_errors(words: tuple[str, str], small_session: Path) -> None:
+def test_bad_corrections_are_usage_errors(words, small_session):
     run("doctor", small_session, "--reading", "=".join(words), expect=2)
 
 
-def test_a_live_source_is_not_corrected_and_says_so(small_session: Path) -> None:
+def test_readings_are_for_recordings(small_session):
     done = run("replay", small_session, "--follow", "--reading", "turn_scale=-1", expect=2)
     assert "--reading turn_scale=-1 needs a recording" in done.stderr.replace("\n", " ")
-
-
-def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
     wrong = in_millimeters(small_session)
     plain = run("inspect", small_session, "--json")
     found = run("inspect", str(wrong), "--reading", "odometry_scale=0.001", "--json")
@@ -130,14 +127,14 @@ def test_inspect_reads_what_is_put_right(small_session: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\x00\x01\x02", b'{"format": "maurice-session-log"'])
-def test_no_session_is_one_line(content: bytes, tmp_path: Path) -> None:
+def test_no_session_is_one_line(content, tmp_path):
     bad = tmp_path / "bad.log"
     bad.write_bytes(content)
     done = run("doctor", bad, expect=1)
     assert (done.stdout, done.stderr.count("\n")) == ("", 1)
 
 
-def test_library_check_prints_and_draws(small_session: Path, tmp_path: Path) -> None:
+def test_library_check_prints_and_draws(small_session, tmp_path):
     survey, out = small_session.parent / "survey.log", tmp_path / "map.png"
     done = run("library", "check", survey, "--map", out)
     assert "160 at 20 places; neighbors of one heading are 0.50 m apart" in done.stdout
@@ -154,7 +151,7 @@ def test_library_check_prints_and_draws(small_session: Path, tmp_path: Path) -> 
     assert np.isfinite(found["retrieval_error_median_m"])
 
 
-def test_a_library_is_built_from_a_drive(small_session: Path, tmp_path: Path) -> None:
+def test_a_library_is_built_from_a_drive(small_session, tmp_path):
     out = tmp_path / "driven"
     done = run("library", "build", small_session, "-o", out, "--every", "0.2m,30deg")
     assert "of 14 pictures taken" in done.stderr
@@ -165,5 +162,5 @@ def test_a_library_is_built_from_a_drive(small_session: Path, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("every", ["0.4", "deg", "0.4m,45"])
-def test_bad_spacing_is_a_usage_error(every: str, small_session: Path, tmp_path: Path) -> None:
+def test_bad_spacing_is_a_usage_error(every, small_session, tmp_path):
     run("library", "build", small_session, "-o", tmp_path / "x", "--every", every, expect=2)

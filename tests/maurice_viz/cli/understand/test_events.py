@@ -66,7 +66,7 @@ def listed(*args: str | Path | int) -> list[dict[str, object]]:
     return found
 
 
-def test_events_are_a_table_and_json(runs: Path) -> None:
+def test_events_are_a_table_and_json(runs):
     out, err = maurice("events", "kept")
     assert err == ""
     assert "kleine Fahrt" in out
@@ -85,7 +85,7 @@ def test_events_are_a_table_and_json(runs: Path) -> None:
     assert listed("kept", "--kind", "expanded") == []
 
 
-def test_kinds_choose_in_runs_and_comparisons(runs: Path) -> None:
+def test_kinds_choose_in_runs_and_comparisons(runs):
     chosen = listed("kept", "--kind", "kidnapped", "--kind", "lights-changed")
     assert [(one["step"], one["kind"]) for one in chosen] == [(5, "kidnapped"), (10, "lights-changed")]
     resampled = listed("kept", "--kind", "resampled")
@@ -101,7 +101,7 @@ def test_kinds_choose_in_runs_and_comparisons(runs: Path) -> None:
     assert "run" not in maurice("events", "both/color")[0].splitlines()[1].split()
 
 
-def test_bookmarks_are_added_listed_and_removed(runs: Path) -> None:
+def test_bookmarks_are_added_listed_and_removed(runs):
     assert "bookmark at step 12: odd turn" in one_line(
         maurice("events", "kept", "--add", 12, " odd  turn ")[1]
     )
@@ -120,7 +120,7 @@ def test_bookmarks_are_added_listed_and_removed(runs: Path) -> None:
     assert [one["text"] for one in listed("both/edges", "--kind", "bookmark")] == ["own"]
 
 
-def test_broken_bookmarks_are_said_and_kept(runs: Path) -> None:
+def test_broken_bookmarks_are_said_and_kept(runs):
     maurice("events", "kept", "--add", 2, "good")
     file = bookmarks_file(runs / "kept")
     file.write_bytes(file.read_bytes() + b"{broken\n")
@@ -143,12 +143,12 @@ def test_broken_bookmarks_are_said_and_kept(runs: Path) -> None:
         (["nowhere", "--add", 3, "a"], 1, "expected a saved run's folder"),
     ],
 )
-def test_what_is_wrong_is_said(args: list[str | int], status: int, said: str, runs: Path) -> None:
+def test_what_is_wrong_is_said(args, status, said, runs):
     assert said in " ".join(maurice("events", *args, expect=status)[1].split())
     assert not bookmarks_file(runs / "kept").exists()
 
 
-def test_replay_and_verify_do_not_mind_bookmarks(runs: Path, made: Path) -> None:
+def test_replay_and_verify_do_not_mind_bookmarks(runs, made):
     for name in ("kept", "both"):
         maurice("events", name, "--add", 4, "note")
     whole = {
@@ -159,7 +159,7 @@ def test_replay_and_verify_do_not_mind_bookmarks(runs: Path, made: Path) -> None
     assert "the same, all 14 steps" in maurice("verify", made / "noted")[0]
 
 
-def test_without_truth_nothing_is_judged(runs: Path, made: Path) -> None:
+def test_without_truth_nothing_is_judged(runs, made):
     log = made / "no truth.log"
     lines = (made / "session.log").read_text().splitlines(keepends=True)
     log.write_text("".join(line for line in lines if '"truth"' not in line))
@@ -184,7 +184,7 @@ def test_without_truth_nothing_is_judged(runs: Path, made: Path) -> None:
         (["nowhere", "--step", 3], 1, "expected a saved run's folder"),
     ],
 )
-def test_what_is_wrong_with_a_jump_is_said(args: list[str | int], status: int, said: str, runs: Path) -> None:
+def test_what_is_wrong_with_a_jump_is_said(args, status, said, runs):
     assert said in " ".join(maurice("jump", *args, expect=status)[1].split())
 
 
@@ -223,9 +223,7 @@ def settled(port: int, place: tuple[str, int]) -> bool:
 
 
 @pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
-def test_jump_moves_the_viewer_that_replay_opened(
-    runs: Path, screen: list[subprocess.Popen[bytes]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_jump_moves_the_viewer_that_replay_opened(runs, screen, monkeypatch):
     monkeypatch.setattr(sinks, "has_display", lambda: True)
     maurice("kept")
     (open_one,) = open_viewers.open_viewers()
@@ -246,7 +244,7 @@ def test_jump_moves_the_viewer_that_replay_opened(
     assert "no viewer is open" in one_line(maurice("jump", "kept", "--step", 7, expect=1)[1])
 
 
-def test_a_viewer_of_another_session_is_not_moved(runs: Path) -> None:
+def test_a_viewer_of_another_session_is_not_moved(runs):
     import socket
 
     with socket.create_server((viewer.HOST, 0)) as listener:
@@ -257,7 +255,7 @@ def test_a_viewer_of_another_session_is_not_moved(runs: Path) -> None:
     assert "the open viewers show 'another drive', not 'kleine Fahrt'" in line
 
 
-def test_a_run_that_ended_early_does_not_cut_the_others_short(runs: Path, made: Path) -> None:
+def test_a_run_that_ended_early_does_not_cut_the_others_short(runs, made):
     whole = json.loads(maurice("events", "both", "--all", "--json")[0])["runs"]
     for table in ("particles", "renewed", "steps"):
         (part,) = (runs / "both" / "edges" / table).glob("*.parquet")
@@ -270,7 +268,7 @@ def test_a_run_that_ended_early_does_not_cut_the_others_short(runs: Path, made: 
     assert cut[1] == {"label": "edges", "events": []}
 
 
-def test_parted_runs_say_so_at_the_second(runs: Path) -> None:
+def test_parted_runs_say_so_at_the_second(runs):
     """Moved apart by hand: from step 6 on the second run's estimate is a metre away."""
     import polars as pl
 
@@ -286,7 +284,7 @@ def test_parted_runs_say_so_at_the_second(runs: Path) -> None:
     assert event["text"] == "edges and color are 1.00 m apart, since step 6"
 
 
-def test_what_the_log_says_is_found_by_its_first_word() -> None:
+def test_what_the_log_says_is_found_by_its_first_word():
     bump, lost = (
         RunEvent(41, 332.5, "session", "bump into a wall"),
         RunEvent(50, 400.0, "lost", "since step 47"),

@@ -23,7 +23,7 @@ def ask(*words: object, expect: int = 0) -> tuple[str, str]:
     return maurice("explain", *words, expect=expect)
 
 
-def test_it_says_why_and_writes_a_recording(saved: Path) -> None:
+def test_it_says_why_and_writes_a_recording(saved):
     out, err = ask(saved, "--step", "4")
     assert out.startswith("blended, step 4\n")
     assert "matches the picture best" in out
@@ -42,7 +42,7 @@ def test_it_says_why_and_writes_a_recording(saved: Path) -> None:
     assert not list(Path().glob("*.rrd"))
 
 
-def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved: Path) -> None:
+def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved):
     def asked(*options: str) -> dict[str, object]:
         found = json.loads(ask(saved, "--step", "3", "--no-recording", "--json", *options)[0])
         first: dict[str, object] = found["runs"][0]["explained"][0]
@@ -71,23 +71,22 @@ def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved: Path) -> None:
         (("-o", "out.jpg"), 1, "a picture's name ends in .png"),
     ],
 )
-def test_what_cannot_be_is_said(saved: Path, options: tuple[str, ...], status: int, words: str) -> None:
+def test_what_cannot_be_is_said(saved, options, status, words):
     _, err = ask(saved, *options, expect=status)
     assert words in " ".join(err.replace("│", " ").split())
 
 
-def test_a_run_whose_library_is_gone_cannot_be_explained(saved: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_explained(tmp_path, saved, monkeypatch):
+    assert "Traceback" not in one_line(ask(tmp_path, expect=1)[1])
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
+    assert "mesa-vulkan-drivers" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])
     shutil.move(tmp_path / "survey.log", tmp_path / "elsewhere.log")
     _, err = ask(saved, expect=1)
     assert "cannot be explained without its session and library" in err.strip().splitlines()[-1]
     assert "Traceback" not in err
 
 
-def test_no_saved_run_is_one_line(tmp_path: Path) -> None:
-    assert "Traceback" not in one_line(ask(tmp_path, expect=1)[1])
-
-
-def test_of_a_comparison_one_run_is_chosen(small_session: Path) -> None:
+def test_of_a_comparison_one_run_is_chosen(small_session):
     run("compare", small_session, "--particles", 50, "--run", "both", "--no-recording")
     words = one_line(ask("both", "--no-recording", expect=1)[1])
     assert "holds the runs color, blended; choose one with --run-label" in words
@@ -95,7 +94,7 @@ def test_of_a_comparison_one_run_is_chosen(small_session: Path) -> None:
 
 
 @pytest.mark.skipif(software_driver() is None, reason="pictures need Mesa's software Vulkan driver")
-def test_a_picture_is_the_real_viewers(saved: Path) -> None:
+def test_a_picture_is_the_real_viewers(saved):
     import cv2
 
     _, err = ask(saved, "--step", "2", "-o", "warum.png")
@@ -105,8 +104,3 @@ def test_a_picture_is_the_real_viewers(saved: Path) -> None:
     assert len(set(map(tuple, picture[::7, ::7].reshape(-1, 3)))) > 200
     assert not list(Path().glob("*.rrd"))
     assert "--force" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])
-
-
-def test_without_a_driver_a_line_names_the_package(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
-    assert "mesa-vulkan-drivers" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])

@@ -39,27 +39,24 @@ def shape(file: Path) -> tuple[int, ...]:
         ("-o", "a.png", "--layout", "none-such"),
     ],
 )
-def test_what_contradicts_itself_is_a_usage_error(words: tuple[str, ...]) -> None:
+def test_what_contradicts_itself_is_a_usage_error(words):
     assert "Usage" in maurice("snapshot", "kept", *words, expect=2)[1]
 
 
-def test_bad_sources_are_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_sources_and_drivers_are_a_line(tmp_path, monkeypatch):
     monkeypatch.setattr("maurice_viz.viewer.snapshot.software_driver", lambda: Path("driver.json"))
     assert "no such recording" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert "found no manifest.json" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
     (tmp_path / "a.png").write_bytes(b"earlier")
     assert "--force" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert (tmp_path / "a.png").read_bytes() == b"earlier"
-
-
-def test_without_a_driver_the_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "--movie", "a.gif", expect=1)[1])
 
 
 @needs_renderer
-def test_pictures_of_a_saved_run(small_session: Path, tmp_path: Path) -> None:
+def test_pictures_of_a_saved_run(small_session, tmp_path):
     maurice(small_session, "--particles", "100", "--run", "kept", "--no-recording")
     out, err = maurice("snapshot", "kept", "-o", "belief.png", "--step", "7", "--view", "belief",
                        "--size", "900x600")  # fmt: skip
@@ -72,7 +69,7 @@ def test_pictures_of_a_saved_run(small_session: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @needs_renderer
-def test_pictures_and_a_movie_of_a_recording(small_session: Path, tmp_path: Path) -> None:
+def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):
     maurice(small_session, "--particles", "100", "--save", "a.rrd")
     maurice(
         "snapshot", "a.rrd", "-o", "weight.png", "--step", "7", "--phase", "weight", "--layout", "overview"
