@@ -74,15 +74,15 @@ def test_without_truth_figures_are_null_and_the_replay_still_draws(small_session
     assert (tmp_path / "session.rrd").exists()
 
 
-def test_one_picture_or_broken_records(small_session, tmp_path):
+def test_inspect_and_one_picture(small_session):
+    facts = json.loads(run("inspect", small_session, "--json").stdout)
+    assert (facts["records"]["image"], facts["truth_share"]) == (14, 1.0)
+    assert "kleine Fahrt" in run("inspect", small_session).stdout
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(lines[:4]))
     (found,) = runs_of(run(small_session, "--json").stdout)
     assert found["updates"] == 1
     assert found["position_error_mean_m"] is None  # scored from the fourth update on
-    facts = json.loads(run("inspect", small_session, "--json").stdout)
-    assert (facts["records"]["image"], facts["truth_share"]) == (14, 1.0)
-    assert "kleine Fahrt" in run("inspect", small_session).stdout
 
 
 def test_starts_and_motion_are_checked(small_session, tmp_path):

@@ -111,7 +111,7 @@ def test_json_says_how_runs_compare(small_session):
     assert (against["apart_most_m"], against["parted_at_update"]) == (0, None)
 
 
-def test_one_picture_without_truth(small_session):
+def test_every_value_reaches_its_run_and_the_table(small_session):
     out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "--no-recording")
     for row in ("error against seed 1", "closer to the truth than seed 1", "parts from seed 1", "of 11"):
         assert row in out

@@ -75,14 +75,14 @@ def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session, tm
 
 
 def test_without_a_library_drive_or_survey_are_shown(small_session, tmp_path):
-    (small_session.parent / "survey.log").unlink()
+    survey = small_session.with_name("survey.log")
+    assert "/session/camera" in entities(recording(importer(survey), tmp_path))
+    survey.unlink()
     done = importer(small_session)
     assert b"only the drive itself is shown" in done.stderr
     shown = entities(recording(done, tmp_path))
     assert {"/session/camera", "/world/walls"} <= shown
     assert not any("particles" in path for path in shown)
-    shown = entities(recording(importer(small_session.parent / "survey.log"), tmp_path))
-    assert "/session/camera" in shown
 
 
 def test_a_broken_session_is_one_line(small_session):

@@ -65,7 +65,7 @@ def test_of_several_marks_the_gravest_is_shown(tmp_path):
     several = [("bookmark", "a"), ("reseeded", "a"), ("lost", "a"), ("ess-dip", "a")]
     path = drawn(tmp_path / "a.rrd", [("lost", several)])
     assert lane_of(path, draw_events.noticed_path(PATHS)) == [(1, "lost")]
-    path = drawn(tmp_path / "a.rrd", [("localized", [(RESAMPLED, "a"), ("session", "floor wood")])] * 3)
+    path = drawn(tmp_path / "b.rrd", [("localized", [(RESAMPLED, "a"), ("session", "floor wood")])] * 3)
     assert lane_of(path, draw_events.noticed_path(PATHS)) == []
     assert lane_of(path, draw_events.LOG_LANE) == []
 

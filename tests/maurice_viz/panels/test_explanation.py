@@ -151,8 +151,8 @@ def test_one_entry_and_no_pictures(tmp_path):
     card = cv2.imdecode(np.array(row.values["EncodedImage:blob"][0], np.uint8), cv2.IMREAD_COLOR)
     assert card.shape[1] == CARD_PX
     assert np.ptp(card[:20].astype(int), axis=2).max() < 20
-    draw(tmp_path / "out.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
-    for row in recordings.rows(tmp_path / "out.rrd", PATHS.explain("table")):
+    draw(tmp_path / "one.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
+    for row in recordings.rows(tmp_path / "one.rrd", PATHS.explain("table")):
         assert "entry 0 matches best of 1" in row.values["TextDocument:text"][0]
 
 

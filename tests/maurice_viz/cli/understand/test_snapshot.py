@@ -44,15 +44,15 @@ def test_what_contradicts_itself_is_a_usage_error(words):
 
 
 def test_bad_sources_and_drivers_are_a_line(tmp_path, monkeypatch):
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
+    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
+    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "--movie", "a.gif", expect=1)[1])
     monkeypatch.setattr("maurice_viz.viewer.snapshot.software_driver", lambda: Path("driver.json"))
     assert "no such recording" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert "found no manifest.json" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
     (tmp_path / "a.png").write_bytes(b"earlier")
     assert "--force" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert (tmp_path / "a.png").read_bytes() == b"earlier"
-    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
-    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
-    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "--movie", "a.gif", expect=1)[1])
 
 
 @needs_renderer
