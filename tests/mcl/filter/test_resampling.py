@@ -104,41 +104,6 @@ class _Fixed:
         return self.value
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.25, 0.96875])
-def test_systematic_against_a_slow_independent_version(offset):
-    rng = np.random.default_rng(5)
-    for n, size in [(7, 5), (20, 20), (3, 30)]:
-        raw = rng.integers(0, 5, size)
-        raw[0] += 1
-        slow = _slow(raw, n, offset)
-        assert resampling.systematic(raw / raw.sum(), n, _Fixed(offset)).tolist() == pytest.approx(slow)
-
-
-def _slow(raw, n, offset):
-    """Walk through the particles with a pointer, weights as whole numbers."""
-    total, chosen, particle, end = int(raw.sum()), [], 0, int(raw[0])
-    for point in range(n):
-        while (point + offset) * total >= end * n:
-            particle += 1
-            end += int(raw[particle])
-        chosen.append(particle)
-    return chosen
-
-
-def test_multinomial_against_numpys_choice():
-    n, repeats = 50, 4000
-    ours = np.array([_counts(resampling.multinomial, WEIGHTS, n, stream(9, 4, k)) for k in range(repeats)])
-    rng = np.random.default_rng(6)
-    theirs = np.array(
-        [
-            _counts(lambda w, k, r: r.choice(len(w), k, p=w).astype(np.int32), WEIGHTS, n, rng)
-            for _ in range(repeats)
-        ]
-    )
-    error = np.sqrt((ours.var(axis=0) + theirs.var(axis=0)) / repeats)
-    assert np.all(np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) <= 4 * error + 1e-12)
-
-
 N = 50_000
 
 

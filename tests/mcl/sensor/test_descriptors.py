@@ -234,12 +234,8 @@ def test_hog_finds_the_direction_of_a_ramp(across, direction):
     assert np.square(found)[:, direction].sum() > 0.95
 
 
-def _even_gray(value, shape=(10, 12)):
-    return np.full((*shape, 3), value, np.uint8)
-
-
 def test_the_edge_image_of_a_step():
-    image = _even_gray(50, (20, 40))
+    image = _flat(50, (20, 40))
     image[:, 20:] = 150
     edges = edge_image(image)
     assert (edges.shape, edges.dtype) == (image.shape, np.uint8)
@@ -254,7 +250,7 @@ def test_the_edge_image_of_a_step():
 
 
 def test_an_edge_shows_only_where_it_is():
-    image = _even_gray(50)
+    image = _flat(50)
     image[:, 6:, 1] = 200
     edges = edge_image(image)
     assert edges[..., 1].max() > 100
@@ -270,8 +266,8 @@ def test_an_edge_shows_only_where_it_is():
 
 @pytest.mark.parametrize("value", [0, 90, 255])
 def test_a_flat_picture_has_no_edges(value):
-    assert edge_image(_even_gray(value)).max() == 0
-    assert CHANNELS["edges"].describe(_even_gray(value)).sum() == 0
+    assert edge_image(_flat(value)).max() == 0
+    assert CHANNELS["edges"].describe(_flat(value)).sum() == 0
 
 
 def test_the_edge_image_against_a_direct_formula():
@@ -285,10 +281,6 @@ def test_the_edge_image_against_a_direct_formula():
     across, down = columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]
     expected = np.minimum(np.hypot(across, down) / 2, 255)
     assert edge_image(image).astype(float) == pytest.approx(expected, abs=0.51)
-
-
-def _one_color(value, shape=(10, 12)):
-    return np.full((*shape, 3), value, np.uint8)
 
 
 @pytest.mark.parametrize(
@@ -308,7 +300,7 @@ def _one_color(value, shape=(10, 12)):
     ],
 )
 def test_which_bin_a_value_falls_into(value, bin_number):
-    histogram = camera_histogram(_one_color(value)).reshape(3, 28)
+    histogram = camera_histogram(_flat(value)).reshape(3, 28)
     expected = np.zeros((3, 28))
     if bin_number is not None:
         expected[:, bin_number] = 255  # 256 x share, capped
@@ -316,7 +308,7 @@ def test_which_bin_a_value_falls_into(value, bin_number):
 
 
 def test_histograms_by_hand():
-    image = _one_color(100, (16, 16))
+    image = _flat(100, (16, 16))
     image[:4] = 200
     image[4:5] = 5  # in no bin, but counted as pixels
     histogram = camera_histogram(image).reshape(3, 28)
