@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import json
 import os
 from dataclasses import replace
@@ -42,10 +44,13 @@ def records(paths: SimulationPaths) -> list[dict[str, Any]]:
     return [json.loads(line) for line in paths.session.read_text(encoding="utf-8").splitlines()]
 
 
-def test_seeds_decide_what_they_name(tmp_path):
+def test_the_same_plan_gives_the_same_bytes(tmp_path: Path) -> None:
     write_simulation(tmp_path / "a", SHORT)
     write_simulation(tmp_path / "b", SHORT)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+def test_another_seed_changes_the_session_and_not_the_survey(tmp_path: Path) -> None:
     write_simulation(tmp_path / "a", SHORT)
     write_simulation(tmp_path / "b", replace(SHORT, seed=1))
     a, b = contents(tmp_path / "a"), contents(tmp_path / "b")
@@ -53,6 +58,9 @@ def test_seeds_decide_what_they_name(tmp_path):
     assert len(survey) == 1 + 1 + 78
     assert all(a[name] == b[name] for name in survey)
     assert all(a[name] != b.get(name) for name in a if name not in survey)
+
+
+def test_another_arena_seed_changes_the_survey_and_not_the_drive(tmp_path: Path) -> None:
     a = write_simulation(tmp_path / "a", SHORT)
     b = write_simulation(tmp_path / "b", replace(SHORT, arena_seed=1))
     assert not {p.read_bytes() for p in a.survey.parent.glob("pictures/*")} & {
@@ -60,6 +68,9 @@ def test_seeds_decide_what_they_name(tmp_path):
     }
     odometry = [[r["odometry"] for r in records(paths) if "odometry" in r] for paths in (a, b)]
     assert odometry[0] == odometry[1]  # here, where the world is the same
+
+
+def test_the_survey_is_made_once(tmp_path: Path) -> None:
     told: list[str] = []
     for name in ("a", "b"):
         plan = replace(SHORT, seed=len(told))
@@ -68,13 +79,16 @@ def test_seeds_decide_what_they_name(tmp_path):
     assert told.count("session") == 8
 
 
-def test_tasks_hide_the_start_or_carry_the_robot(tmp_path):
+def test_the_global_task_hides_the_start_and_tracking_tells_it(tmp_path: Path) -> None:
     known = SessionLog(write_simulation(tmp_path / "a", SHORT).session)
     hidden = SessionLog(write_simulation(tmp_path / "b", replace(SHORT, task=TASKS["global"])).session)
     assert known.info.start is not None
     assert hidden.info.start is None
     truth = [[m.truth for m in log.moments()] for log in (known, hidden)]
     assert np.array_equal(truth[0], truth[1])
+
+
+def test_a_kidnapping_is_in_the_truth_and_in_no_odometry(tmp_path: Path) -> None:
     plan = replace(SHORT, task=TASKS["kidnapped"])
     lines = records(write_simulation(tmp_path / "a", plan))
     (at,) = [k for k, r in enumerate(lines) if r.get("event") == "kidnapped"]
@@ -87,7 +101,7 @@ def test_tasks_hide_the_start_or_carry_the_robot(tmp_path):
     assert [("kidnapped" in m.events) for m in log.moments()] == [False, False, True, False]
 
 
-def test_light_changes_are_told_where_they_happen(tmp_path):
+def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
     plan = replace(SHORT, lights=parse_lights("dim:0.3@3"))
     log = SessionLog(write_simulation(tmp_path / "a", plan).session)
     moments = list(log.moments())
@@ -98,7 +112,7 @@ def test_light_changes_are_told_where_they_happen(tmp_path):
     assert max(ratio[2:]) < 0.95
 
 
-def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_path):
+def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_path: Path) -> None:
     plan = replace(SHORT, half_resolution=True)
     paths, plain = write_simulation(tmp_path / "a", plan), write_simulation(tmp_path / "b", SHORT)
     for log in (paths.session, paths.survey):
@@ -110,7 +124,7 @@ def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_p
     assert max(apart[:2]) < 0.7 * apart[2]  # JPEG keeps twins from being quite equal
 
 
-def test_a_recorded_session_is_driven_again_in_free_space(tmp_path, world):
+def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world: World) -> None:
     first = write_simulation(tmp_path / "a", replace(SHORT, updates=6))
     plan = replace(SHORT, task=TASKS["global"], seed=9, recording=first.session)
     again = write_simulation(tmp_path / "b", plan)
@@ -126,7 +140,7 @@ def test_a_recorded_session_is_driven_again_in_free_space(tmp_path, world):
 
 
 @needs_data
-def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path):
+def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
     plan = replace(SHORT, recording=DATA / "random_long")
     log = SessionLog(write_simulation(tmp_path / "a", plan).session)
     recording = read_recording(DATA / "random_long", 4)
@@ -138,7 +152,7 @@ def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path):
     assert any("recorded" in text for text in log.info.notes)
 
 
-def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path):
+def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> None:
     x = np.arange(60) * 0.04  # 1 cm a row more than it could jump
     rows = np.stack([x, np.zeros(60), np.zeros(60)], axis=1)
     np.savetxt(tmp_path / "odom_pose.txt", rows[:, :2])
@@ -156,7 +170,7 @@ def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path):
     assert len(trials_from_session(paths.session).straights.actual_m) == len(moments) - 1
 
 
-def test_paths_that_cannot_be_driven_are_refused(tmp_path):
+def test_a_path_that_fits_nowhere_is_refused(tmp_path: Path) -> None:
     for name, columns in (("gt.txt", (0, 1, 2)), ("odom_pose.txt", (0, 1))):
         rows = np.stack([np.linspace(0, 90, 400), np.zeros(400), np.zeros(400)], axis=1)
         np.savetxt(tmp_path / name, rows[:, columns])
@@ -164,6 +178,9 @@ def test_paths_that_cannot_be_driven_are_refused(tmp_path):
     with pytest.raises(InputError, match="fits nowhere"):
         write_simulation(tmp_path / "out", replace(SHORT, updates=400, recording=tmp_path))
     assert not (tmp_path / "out").exists()
+
+
+def test_a_recording_without_movement_or_truth_is_refused(tmp_path: Path) -> None:
     log = tmp_path / "session.log"
     header = '{"format": "maurice-session-log", "version": 1, "kind": "session"}\n'
     log.write_text(header + '{"t": 0, "odometry": [1, 0, 0]}\n')
@@ -189,12 +206,12 @@ def test_paths_that_cannot_be_driven_are_refused(tmp_path):
         {"lights": parse_lights("dim@5")},
     ],
 )
-def test_a_plan_that_cannot_be_is_refused(wrong):
+def test_a_plan_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"found|no |nobody"):
         replace(SHORT, **wrong)
 
 
-def test_a_simulation_that_fails_leaves_nothing(tmp_path):
+def test_a_simulation_that_fails_leaves_nothing(tmp_path: Path) -> None:
     def stop(done: int, total: int, what: str) -> None:
         if what == "session":
             raise KeyboardInterrupt

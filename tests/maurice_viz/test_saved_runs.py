@@ -45,6 +45,12 @@ def test_the_console_writes_to_what_is_standard_output_now(capsys):
 def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(saved, monkeypatch):
     assert maurice("kept", "--no-recording", "--json") == (saved, "")
     assert json.loads(saved)["runs"][0]["updates"] == 14
+    out, err = maurice("verify", "kept")
+    assert (out, err) == ("blended: the same, all 14 steps to the last bit\n", "")
+    (run,) = json.loads(maurice("verify", "kept", "--json")[0])["runs"]
+    assert run == {
+        "label": "blended", "same": True, "steps": 14, "difference": None, "changed_versions": [],
+    }  # fmt: skip
     from maurice_mcl.filter.localizer import Localizer
 
     def refuse(*args: Any) -> None:
@@ -52,12 +58,6 @@ def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(saved, monk
 
     monkeypatch.setattr(Localizer, "step", refuse)
     assert maurice("kept", "--no-recording", "--json")[0] == saved
-    out, err = maurice("verify", "kept")
-    assert (out, err) == ("blended: the same, all 14 steps to the last bit\n", "")
-    (run,) = json.loads(maurice("verify", "kept", "--json")[0])["runs"]
-    assert run == {
-        "label": "blended", "same": True, "steps": 14, "difference": None, "changed_versions": [],
-    }  # fmt: skip
 
 
 def test_a_saved_run_draws_the_same_recording(small_session, tmp_path):
