@@ -147,9 +147,7 @@ class Broadcast:
         while not self._over.is_set():
             try:
                 connection, _ = self._socket.accept()
-            except TimeoutError:
-                continue
-            except OSError:  # it went away before it was let in
+            except OSError:  # nobody came in time, or went away before being let in
                 continue
             connection.settimeout(None)
             with self._lock:
@@ -167,9 +165,8 @@ def _listen(address: Address) -> socket.socket:
     except OSError as problem:
         listening.close()
         advice = "; choose another port, or 0 for any" if problem.errno == errno.EADDRINUSE else ""
-        raise OSError(
-            problem.errno, f"cannot listen there: {problem.strerror}{advice}", str(address)
-        ) from None
+        why = f"cannot listen there: {problem.strerror}{advice}"
+        raise OSError(problem.errno, why, str(address)) from None
     listening.settimeout(ACCEPT_S)
     return listening
 
@@ -225,9 +222,6 @@ class LiveLog:
 
     def _put(self, t_s: float, record: dict[str, Any]) -> None:
         self._say(t_s, line_of({"t": float(t_s)} | record))
-
-
-# The live robot: drives, takes pictures, and sends lines at its own pace.
 
 
 class Pace:

@@ -114,10 +114,8 @@ def _notes_of(set_up: Stage) -> tuple[str, ...]:
 
 def play(set_up: Stage, log: Log, report: Progress) -> None:
     """Drive the robot and write the session."""
-    course = set_up.course
-    write_segments(
-        log, course.start, course.segments(), set_up.camera, set_up.world.arena, course.total, report
-    )
+    course, arena = set_up.course, set_up.world.arena
+    write_segments(log, course.start, course.segments(), set_up.camera, arena, course.total, report)
 
 
 def write_simulation(
@@ -137,9 +135,8 @@ def write_simulation(
     with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
         set_up = stage(plan)
         if surveyor is None:
-            kept = cached_survey(
-                set_up.surveyed, plan.arena_seed, report, half_resolution=plan.half_resolution
-            )
+            half = plan.half_resolution
+            kept = cached_survey(set_up.surveyed, plan.arena_seed, report, half_resolution=half)
             copy_whole(kept, filling / SURVEY.parent)
         else:
             camera = survey_camera(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
@@ -195,13 +192,8 @@ class SimulatedSession:
         for number, segment in enumerate(self.set_up.course.segments(), start=1):
             motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
             told = tuple(entry.text for entry in segment.entries if isinstance(entry, Happened))
-            frame = Frame(
-                step=number,
-                time_s=segment.t_s,
-                motions=np.array(motions).reshape(-1, 3),
-                image=camera.take(number, segment.pose),
-                picture="",
-            )
+            image = camera.take(number, segment.pose)
+            frame = Frame(number, segment.t_s, np.array(motions).reshape(-1, 3), image, "")
             yield Moment(frame, segment.pose, (*told, *camera.events(number)))
 
 

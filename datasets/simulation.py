@@ -61,9 +61,8 @@ class SimulationPlan:
     @property
     def conditions(self) -> Conditions:
         """What changes during the session."""
-        return conditions_for(
-            TIERS[self.tier], self.lights, gain=self.gain, half_resolution=self.half_resolution
-        )
+        half, tier = self.half_resolution, TIERS[self.tier]
+        return conditions_for(tier, self.lights, gain=self.gain, half_resolution=half)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,12 +93,10 @@ def stage(plan: SimulationPlan) -> Stage:
     world = move_things(surveyed, plan.moved, plan.seed) if plan.moved else surveyed
     map_ = raster(world.arena)
     if map_ is None:
-        raise InputError(
-            Path(plan.world), "found no room for the robot to drive in; leave 12 in between things"
-        )
-    course = (
-        driven(plan, world, map_) if plan.recording is None else followed(plan, world, map_, plan.recording)
-    )
+        why = "found no room for the robot to drive in; leave 12 in between things"
+        raise InputError(Path(plan.world), why)
+    path = plan.recording
+    course = driven(plan, world, map_) if path is None else followed(plan, world, map_, path)
     try:
         camera = session_camera(world, plan.seed, plan.conditions)
     except ValueError as problem:  # a lamp that this world does not have
@@ -120,9 +117,8 @@ def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
         return driven_segments(drive(robot, map_, plan.updates, kidnap_at, world.start)[1], world.arena)
 
     start = drive(robot, map_, 0, start=world.start)[0]
-    return Course(
-        start, plan.updates, segments, chassis.motion_header(), (f"slips: {plan.slip_chance:g} a crossing",)
-    )
+    notes = (f"slips: {plan.slip_chance:g} a crossing",)
+    return Course(start, plan.updates, segments, chassis.motion_header(), notes)
 
 
 def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Course:
@@ -132,15 +128,11 @@ def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Co
     if at is None:
         size = " x ".join(f"{v:.1f} m" for v in np.ptp(found.track, axis=0))
         smallest = f"{SCALES[-1]:.0%} of its size"
-        raise InputError(
-            path,
-            f"found a path of {size} that fits nowhere into {world.name}, not even at {smallest}; "
-            "take a larger world or fewer --updates",
-        )
+        found_ = f"found a path of {size} that fits nowhere into {world.name}, not even at {smallest}"
+        raise InputError(path, f"{found_}; take a larger world or fewer --updates")
     scaled = "" if at.scale == 1 else f", path and odometry scaled to {at.scale:.0%} to fit"
     notes = [f"path and odometry are recorded: {found.name}{scaled}"]
     if found.carried:
         notes.append(f"the recorded robot was carried, or its truth jumps: {found.carried} times")
-    return Course(
-        at.pose(found.start), len(found.segments), lambda: found.placed(at), found.motion, tuple(notes)
-    )
+    start, count = at.pose(found.start), len(found.segments)
+    return Course(start, count, lambda: found.placed(at), found.motion, tuple(notes))

@@ -60,9 +60,8 @@ def placed_poses(nominal: F64, seed: int, surveyor: Surveyor) -> F64:
 def references(nodes: F64, camera: CameraSession, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:
     """Return the nominal pose (3,) and the picture of each reference."""
     nominal = reference_poses(nodes, surveyor.headings)
-    for number, (label, pose) in enumerate(
-        zip(nominal, placed_poses(nominal, camera.seed, surveyor), strict=True)
-    ):
+    placed = placed_poses(nominal, camera.seed, surveyor)
+    for number, (label, pose) in enumerate(zip(nominal, placed, strict=True)):
         yield label, camera.take(number, pose)
 
 

@@ -7,8 +7,6 @@ docs/arena.md has what they do to the filter.
 from dataclasses import dataclass
 from enum import IntEnum
 
-# How hard a session is: three tiers, nominal, dim and hard, as data.
-
 
 @dataclass(frozen=True, slots=True)
 class Tier:
@@ -31,8 +29,6 @@ TIERS: dict[str, Tier] = {
     )
 }
 
-
-# The thesis's three problems (its section 1) as tasks that a robot can be given.
 
 UPDATES = 120  # of a drive, unless asked otherwise: more than 1000 in
 

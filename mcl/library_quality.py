@@ -91,7 +91,6 @@ def _directions(poses: F64, points: F64, reach_m: float) -> float:
 
 
 def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float) -> tuple[Gap, ...]:
-    """Return the gaps: connected free cells out of reach."""
     depth = np.zeros(free.shape)
     depth[free] = distance
     holes, count = label(depth > reach_m)
@@ -105,8 +104,6 @@ def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float
     worth = [gap for gap in gaps if gap.area_m2 >= LEAST_GAP * reach_m**2]
     return tuple(sorted(worth, key=lambda gap: -gap.area_m2)[:MOST_GAPS])
 
-
-# Self-similarity.
 
 Index = NDArray[np.intp]
 
@@ -213,7 +210,6 @@ def _spacing(library: Library, place_of: I32) -> float:
 
 
 def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
-    """Return the cost (L,) of every entry for this one's picture."""
     measured = {name: library.index[name].references[entry] for name in sensor.parameters.weights}
     return np.asarray(sensor.compare(measured).cost, np.float64)
 
@@ -261,6 +257,5 @@ def _curve(library: Library, between: float, entry: int, others: Index, cost: F6
 
 
 def _medians(curves: F64) -> F64:
-    """Return the median of each column (6,), nan where a column has no value."""
     columns = [column[np.isfinite(column)] for column in curves.T]
     return np.array([np.median(column) if len(column) else np.nan for column in columns])

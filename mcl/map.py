@@ -114,9 +114,7 @@ def make_grid(arena: Arena, places: F64) -> Grid:
     columns = int(np.ceil((x_max - corner[0]) / cell - ROUNDING))
     rows = int(np.ceil((y_max - corner[1]) / cell - ROUNDING))
     names = ("", *dict.fromkeys(region.name for region in arena.floors))
-    floor = np.zeros((rows, columns), np.uint8)
-    blocked = np.zeros((rows, columns), np.uint8)
-    walled = np.zeros((rows, columns), np.uint8)
+    floor, blocked, walled = (np.zeros((rows, columns), np.uint8) for _ in range(3))
     for region in arena.floors:
         _fill(floor, region, corner, cell, names.index(region.name))
     for region in arena.obstacles:
@@ -130,9 +128,8 @@ def make_grid(arena: Arena, places: F64) -> Grid:
 def _cell_size(arena: Arena, places: F64) -> float:
     width, depth = arena.size_m
     coarsest = math.sqrt(width * depth / MOST_CELLS)
-    if len(places) < 2:
-        return max(FINEST_M, coarsest)
-    return max(spacing(places) / CELLS_PER_SPACING, FINEST_M, coarsest)
+    usual = spacing(places) / CELLS_PER_SPACING if len(places) > 1 else FINEST_M
+    return max(usual, FINEST_M, coarsest)
 
 
 def _fill(raster: U8, region: Region, corner: F64, cell: float, value: int) -> None:

@@ -5,7 +5,7 @@ texture coordinates of a face are three planes over the picture; a depth buffer 
 the faces that can be seen are warped in with OpenCV.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -49,9 +49,9 @@ class LitScene:
 
 def scene_of(faces: tuple[LitFace, ...], light: F32 | None = None) -> LitScene:
     """Gather lit faces."""
-    corner = np.stack([face.corner for face in faces])
-    across = np.stack([face.across for face in faces])
-    return LitScene(faces, corner, across, np.stack([face.down for face in faces]), light)
+    sides = (np.stack([getattr(face, side) for face in faces]) for side in ("corner", "across", "down"))
+    corner, across, down = sides
+    return LitScene(faces, corner, across, down, light)
 
 
 def joined(scene: LitScene, more: LitScene) -> LitScene:
@@ -72,7 +72,7 @@ def _moved_on(face: LitFace, before: int) -> LitFace:
     if face.grid is None:
         return face
     first, rows, columns = face.grid
-    return LitFace(face.corner, face.across, face.down, face.levels, (first + before, rows, columns))
+    return replace(face, grid=(first + before, rows, columns))
 
 
 def halvings(texture: F32) -> tuple[F32, ...]:
@@ -106,9 +106,8 @@ class Lens:
         """Pinhole matrix (3, 3) for the oversampled picture: x right, y down, z forward."""
         columns, rows = self.width_px * self.oversample, self.height_px * self.oversample
         focal = columns / 2 / np.tan(self.horizontal_fov_rad / 2)
-        return np.array(
-            [[focal, 0, columns / 2 - 0.5], [0, focal * self.pixel_aspect, rows / 2 - 0.5], [0, 0, 1.0]]
-        )
+        across, down = [focal, 0, columns / 2 - 0.5], [0, focal * self.pixel_aspect, rows / 2 - 0.5]
+        return np.array([across, down, [0, 0, 1.0]])
 
 
 def orientation(heading_rad: float, pitch_rad: float) -> F64:
@@ -129,8 +128,7 @@ class Seen:
     nearest: float  # one over the depth of its nearest corner
 
 
-def clip_near(corners: F64, near_m: float) -> F64:
-    """Cut a polygon (K, 3) in camera coordinates at depth `near_m`; (0, 3) when all of it is nearer."""
+def _clip_near(corners: F64, near_m: float) -> F64:
     kept = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         if a[2] >= near_m:
@@ -170,7 +168,7 @@ def windows_of(outlines: F64, lens: Lens) -> I32:
     bounds = np.zeros((len(outlines), 4))
     bounds[ahead] = bounds_of(outlines[ahead], lens)
     for k in cut:
-        bounds[k] = bounds_of(clip_near(outlines[k], lens.near_m)[None], lens)[0]
+        bounds[k] = bounds_of(_clip_near(outlines[k], lens.near_m)[None], lens)[0]
     size = lens.width_px * lens.oversample, lens.height_px * lens.oversample
     low = np.maximum(np.floor(bounds[:, :2]), 0)
     high = np.where((ahead | np.isin(np.arange(len(outlines)), cut))[:, None], np.ceil(bounds[:, 2:]) + 1, 0)

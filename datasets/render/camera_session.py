@@ -82,9 +82,8 @@ class CameraSession:
         room, stands = relit(self.scene, lighting.under(weights)), self.stands(number, pose)
         if not stands:
             return room
-        return joined(
-            standing_shade(room, stands), people(self.world, lighting.parts, weights, stands, self.seed)
-        )
+        standing = people(self.world, lighting.parts, weights, stands, self.seed)
+        return joined(standing_shade(room, stands), standing)
 
 
 @lru_cache(maxsize=1)
@@ -104,9 +103,8 @@ def survey_camera(
 ) -> CameraSession:
     """Make the survey's camera: its own light and white balance, and nothing that changes."""
     conditions = Conditions(gain=gain, half_resolution=half_resolution)
-    return _camera_session(
-        world, seed, conditions, (SimPurpose.SURVEY_LIGHT, SimPurpose.SURVEY_NOISE), lens, sensor
-    )
+    purposes = SimPurpose.SURVEY_LIGHT, SimPurpose.SURVEY_NOISE
+    return _camera_session(world, seed, conditions, purposes, lens, sensor)
 
 
 def session_camera(

@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,8 +14,6 @@ from maurice_mcl.arrays import F64
 from ..tasks import Tier
 from ..worlds.world import World
 from .light import LightPart, windows_of
-
-# What may change during a session: light, drift, people, the camera's gain; and how light is written.
 
 DIM_SHARE = 0.6  # of the light that `dim` leaves by default
 DRIFT_SHARE = 0.2  # largest change of gain of `drift` by default, as in tier hard
@@ -59,14 +57,9 @@ def conditions_for(
 ) -> Conditions:
     """Combine the conditions of a tier with those the user adds; the stronger drift counts."""
     asked = max((change.amount or 0.0 for change in lights if change.kind == "drift"), default=0.0)
-    return Conditions(
-        tuple(change for change in lights if change.kind != "drift"),
-        max(tier.drift, asked),
-        max(tier.tint, TINT_SHARE * asked),
-        tier.occluded,
-        gain,
-        half_resolution,
-    )
+    others = tuple(change for change in lights if change.kind != "drift")
+    drift, tint = max(tier.drift, asked), max(tier.tint, TINT_SHARE * asked)
+    return Conditions(others, drift, tint, tier.occluded, gain, half_resolution)
 
 
 def parse_lights(text: str) -> tuple[LightChange, ...]:
@@ -91,18 +84,6 @@ def _complaint(text: str, wanted: str) -> ValueError:
     return ValueError(f"found light change {text!r}, expected {wanted}; for example {EXAMPLE}")
 
 
-def _read_dim(text: str, what: str, when: str) -> LightChange:
-    return LightChange("dim", _read_update(text, when), amount=_read_share(text, what, DIM_SHARE))
-
-
-def _read_off(text: str, what: str, when: str) -> LightChange:
-    return LightChange("off", _read_update(text, when), source=what)
-
-
-def _read_on(text: str, what: str, when: str) -> LightChange:
-    return LightChange("on", _read_update(text, when), source=what)
-
-
 def _read_daylight(text: str, what: str, when: str) -> LightChange:
     first, dash, last = when.partition("-")
     if what or not dash:
@@ -113,17 +94,15 @@ def _read_daylight(text: str, what: str, when: str) -> LightChange:
     return change
 
 
-def _read_drift(text: str, what: str, when: str) -> LightChange:
-    return LightChange("drift", amount=_read_share(text, what, DRIFT_SHARE))
-
-
 READERS: dict[str, Callable[[str, str, str], LightChange]] = {
-    "dim": _read_dim,
-    "off": _read_off,
-    "on": _read_on,
-    "bright": _read_on,
+    "dim": lambda text, what, when: LightChange(
+        "dim", _read_update(text, when), amount=_read_share(text, what, DIM_SHARE)
+    ),
+    "off": lambda text, what, when: LightChange("off", _read_update(text, when), source=what),
+    "on": lambda text, what, when: LightChange("on", _read_update(text, when), source=what),
+    "bright": lambda text, what, when: LightChange("on", _read_update(text, when), source=what),
     "daylight": _read_daylight,
-    "drift": _read_drift,
+    "drift": lambda text, what, when: LightChange("drift", amount=_read_share(text, what, DRIFT_SHARE)),
 }
 
 
@@ -164,7 +143,7 @@ def named_lights(world: World, lights: tuple[LightChange, ...]) -> tuple[LightCh
             source = lamps[0]
         if source and source not in world.sources:
             raise ValueError(f"found no light called {source!r}; {world.name} has {', '.join(world.sources)}")
-        named.append(LightChange(change.kind, change.update, change.until, change.amount, source))
+        named.append(replace(change, source=source))
     return tuple(named)
 
 

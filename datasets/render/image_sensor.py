@@ -11,8 +11,6 @@ from maurice_mcl.randomness import Domain, stream
 from ..tasks import SimPurpose
 from .conditions import Conditions
 
-# From light to numbers: lens faults, exposure, tone curve, black level and noise of a small color camera.
-
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
@@ -57,8 +55,7 @@ def falloff(rows: int, columns: int, lost: float) -> F32:
     return (1 - lost * (x**2 + y**2) / 2).astype(np.float32)
 
 
-def through_lens(light: F32, sensor: Sensor) -> F32:
-    """Blur light (H, W, 3) and darken its corners as the lens does."""
+def _through_lens(light: F32, sensor: Sensor) -> F32:
     rows, columns = light.shape[:2]
     blur = sensor.blur_px * columns / sensor.blur_of_px
     shade = falloff(rows, columns, sensor.vignette)[..., None]
@@ -75,11 +72,11 @@ def photograph(
     light: F32, sensor: Sensor, exposure: Exposure, rng: np.random.Generator, *, half: bool = False
 ) -> U8:
     """Turn linear light (H, W, 3) into RGB; with `half`, every other column is read and doubled."""
-    behind = through_lens(light, sensor)
+    behind = _through_lens(light, sensor)
     gain = metered(behind, sensor, exposure) if exposure.automatic else exposure.gain
     if not half:
-        return digitize(signal_of(behind, sensor, gain), sensor, rng)
-    read = digitize(signal_of(behind[:, ::2], sensor, gain), sensor, rng)
+        return _digitize(signal_of(behind, sensor, gain), sensor, rng)
+    read = _digitize(signal_of(behind[:, ::2], sensor, gain), sensor, rng)
     return np.asarray(np.repeat(read, 2, axis=1)[:, : light.shape[1]])
 
 
@@ -95,8 +92,7 @@ def metered(behind: F32, sensor: Sensor, exposure: Exposure) -> tuple[float, flo
     return red, green, blue
 
 
-def digitize(signal: F32, sensor: Sensor, rng: np.random.Generator) -> U8:
-    """Add black level and noise to a signal (H, W, 3) in levels, and cut it to the sensor's range."""
+def _digitize(signal: F32, sensor: Sensor, rng: np.random.Generator) -> U8:
     rows, columns = signal.shape[:2]
     sd = np.sqrt(np.float32(sensor.read_noise**2) + np.float32(sensor.shot_noise) * signal)
     noise = sd * rng.standard_normal((rows, columns, 3), dtype=np.float32)
@@ -107,7 +103,7 @@ def digitize(signal: F32, sensor: Sensor, rng: np.random.Generator) -> U8:
 
 def covered(sensor: Sensor, size: tuple[int, int], rng: np.random.Generator) -> U8:
     """Take a picture with the lens covered: black level and noise alone; `size` is rows, columns."""
-    return digitize(np.zeros((*size, 3), dtype=np.float32), sensor, rng)
+    return _digitize(np.zeros((*size, 3), dtype=np.float32), sensor, rng)
 
 
 # Slow drift of gain and white balance within a session: smooth, seeded, within its bound.

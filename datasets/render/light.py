@@ -4,7 +4,7 @@ A coarse grid of points on every face asks which lamps it sees past the boxes. L
 so a lamp that goes out takes its light and its shadows with it, at the cost of one sum.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -55,9 +55,6 @@ def parts_of(world: World) -> tuple[LightPart, ...]:
     )
 
 
-# Light at points: lamps with soft shadows, open sky of each room, dark corners, each source separately.
-
-
 @dataclass(frozen=True, slots=True)
 class Baking:
     """How finely light is computed."""
@@ -97,8 +94,7 @@ def hit_distance(start: F32, toward: F32, boxes: tuple[Box, ...]) -> F32:
     return nearest
 
 
-def hemisphere(count: int) -> F64:
-    """Return `count` unit vectors around +z, as dense as the cosine (a Fibonacci spiral)."""
+def _hemisphere(count: int) -> F64:
     k = np.arange(count) + 0.5
     radius, angle = np.sqrt(k / count), k * np.pi * (3 - np.sqrt(5))
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - k / count)], axis=1)
@@ -119,7 +115,7 @@ def openness(points: F64, normals: F64, boxes: tuple[Box, ...], baking: Baking) 
     first = np.cross(side, normals)
     second = np.cross(normals, first)
     total = np.zeros(len(points))
-    for a, b, c in hemisphere(baking.directions):
+    for a, b, c in _hemisphere(baking.directions):
         toward = a * first + b * second + c * normals
         far = hit_distance(points.astype(np.float32), toward.astype(np.float32), boxes)
         total += np.clip(far / baking.reach_m, 0, 1)
@@ -184,8 +180,7 @@ def blocked(origin: F32, way: F32, far: F32, box: Box) -> Bool:
 
 
 @lru_cache(maxsize=4)
-def extents(boxes: tuple[Box, ...]) -> tuple[F64, F64]:
-    """Return the lowest and highest corners (B, 3), (B, 3) of boxes."""
+def _extents(boxes: tuple[Box, ...]) -> tuple[F64, F64]:
     center, half = np.array([box.center for box in boxes]), np.array([box.half for box in boxes])
     turn = np.array([(abs(np.cos(box.yaw_rad)), abs(np.sin(box.yaw_rad))) for box in boxes])
     x = turn[:, 0] * half[:, 0] + turn[:, 1] * half[:, 1]
@@ -198,16 +193,11 @@ def boxes_within(boxes: tuple[Box, ...], points: F64, margin_m: float = 0.0) -> 
     """Return the boxes that touch the upright box around points (K, 3), the largest first."""
     if not boxes:
         return ()
-    low, high = extents(boxes)
+    low, high = _extents(boxes)
     first, last = points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
     touching = np.flatnonzero(((low <= last) & (high >= first)).all(axis=1))
     size = np.sort(high[touching] - low[touching], axis=1)
     return tuple(boxes[k] for k in touching[np.argsort(-size[:, 1] * size[:, 2], kind="stable")])
-
-
-def lamp_light(points: F64, normals: F64, lamp: Lamp, boxes: tuple[Box, ...]) -> F64:
-    """Return the light (K, 3) that one lamp throws on points (K, 3) with normals (K, 3), shadows included."""
-    return np.asarray(carried(points, normals, lamp, boxes).mean(axis=0)[:, None] * lamp.color)
 
 
 def irradiance(world: World, points: F64, normals: F64, baking: Baking) -> F64:
@@ -234,9 +224,6 @@ def irradiance_by_part(
             if part.source == room.source:
                 light[k] += here * part.whole
     return light
-
-
-# Which lamps a point sees: few rays, many boxes.
 
 
 def seen_past(point: F64, targets: F64, boxes: tuple[Box, ...]) -> Bool:
@@ -377,4 +364,4 @@ def unlit(lighting: Lighting) -> LitScene:
 
 def relit(scene: LitScene, light: F32) -> LitScene:
     """Put other light (K, 3) on the faces of an `unlit` scene."""
-    return LitScene(scene.faces, scene.corner, scene.across, scene.down, light)
+    return replace(scene, light=light)

@@ -3,7 +3,7 @@
 A figure stands at the origin and looks along +x; all is in meters. A pose only decides where there is room.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -75,8 +75,7 @@ def _size_of(prism: Prism) -> Size:
     return max(8, round(tall * PER_M)), max(8 * prism.sides, round(around * PER_M))
 
 
-def trouser(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
-    """A trouser leg: creases at the knee and above the shoe, worn thigh and knee, seams, a turned-up hem."""
+def _trouser(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
     rows, columns = size
     height, around = np.linspace(1, 0, rows)[:, None], np.linspace(-np.pi, np.pi, columns)[None, :]
     creased = np.exp(-(((height - 0.46) / 0.08) ** 2)) + 1.4 * np.exp(-(((height - 0.07) / 0.07) ** 2))
@@ -88,8 +87,7 @@ def trouser(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
     return tint(color, light.astype(np.float32))
 
 
-def head(rng: np.random.Generator, size: Size, skin: Rgb, hair: Rgb) -> F32:
-    """Skin before, hair on top and behind; eyes and mouth are a few dark texels."""
+def _head(rng: np.random.Generator, size: Size, skin: Rgb, hair: Rgb) -> F32:
     rows, columns = size
     picture = tint(skin, 1 + 0.05 * noise(rng, size, (4, 4)))
     away = np.abs((np.arange(columns) + columns / 12) % columns / columns - 0.5)[None, :] * 2  # 1: the front
@@ -108,8 +106,7 @@ def _shoe(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
     return picture
 
 
-def legs(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
-    """Both legs with their shoes; one may be a step before the other."""
+def _legs(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
     color = near(rng, TROUSERS[int(rng.integers(len(TROUSERS)))], 0.15)
     leather = SHOES[int(rng.integers(len(SHOES)))]
     step, apart = float(rng.uniform(-0.13, 0.13)), float(rng.uniform(0.09, 0.13))
@@ -120,13 +117,12 @@ def legs(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
         x, y = ankle[0] + 0.055, ankle[1]
         foot = Prism((x, y, 0.0), (x - 0.02, y, 0.055), 0.30, 0.105)
         instep = Prism((x - 0.02, y, 0.05), (x - 0.055, y, 0.10), 0.22, 0.09)
-        made += [(leg, trouser(rng, _size_of(leg), color)), (foot, _shoe(rng, _size_of(foot), leather))]
+        made += [(leg, _trouser(rng, _size_of(leg), color)), (foot, _shoe(rng, _size_of(foot), leather))]
         made.append((instep, tint(leather, 1 + 0.1 * noise(rng, _size_of(instep), (3, 3)))))
     return made
 
 
-def upper_body(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
-    """A top with its sleeves, hands, neck and head."""
+def _upper_body(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
     color, tone = dye(rng), near(rng, SKINS[int(rng.integers(len(SKINS)))], 0.1)
     hair = HAIRS[int(rng.integers(len(HAIRS)))]
     chest = Prism((0.0, 0.0, 0.80), (0.0, 0.0, 1.40), 0.24, 0.38, 8)
@@ -135,7 +131,7 @@ def upper_body(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
     skull = Prism((0.02, 0.0, 1.53), (0.02, 0.0, 1.77), 0.20, 0.155)
     made = [(part, cloth(rng, _size_of(part), color)) for part in (chest, shoulders)]
     made.append((neck, tint(tone, 0.8 + 0.05 * noise(rng, _size_of(neck), (4, 4)))))
-    made.append((skull, head(rng, _size_of(skull), tone, hair)))
+    made.append((skull, _head(rng, _size_of(skull), tone, hair)))
     for side in (1, -1):
         swing = float(rng.uniform(-0.12, 0.16))
         arm = Prism((swing, side * 0.25, 0.84), (0.0, side * 0.215, 1.42), 0.105, 0.095)
@@ -148,15 +144,14 @@ def upper_body(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
 def figure(rng: np.random.Generator) -> tuple[Skin, ...]:
     """Draw one person: clothes, step and height."""
     tall = float(rng.uniform(0.9, 1.06))
-    parts = (*legs(rng), *upper_body(rng))
+    parts = (*_legs(rng), *_upper_body(rng))
     return tuple(_sized(skin, tall) for prism, texture in parts for skin in skins(prism, texture))
 
 
 def _sized(skin: Skin, times: float) -> Skin:
     face = skin.face
-    return Skin(
-        LitFace(face.corner * times, face.across * times, face.down * times, face.levels), skin.turned
-    )
+    corner, across, down = (part * times for part in (face.corner, face.across, face.down))
+    return Skin(replace(face, corner=corner, across=across, down=down), skin.turned)
 
 
 WARDROBE = 6  # different people a session has; enough that none is met at every turn
@@ -333,7 +328,7 @@ def standing_shade(scene: LitScene, stands: tuple[StandingPerson, ...]) -> LitSc
         if grid is not None and face.grid is not None:
             first = face.grid[0]
             light[first : first + grid.shape[0] * grid.shape[1]] = shaded(face, grid, stands).reshape(-1, 3)
-    return LitScene(scene.faces, scene.corner, scene.across, scene.down, light)
+    return replace(scene, light=light)
 
 
 def shaded(face: LitFace, grid: F32, stands: tuple[StandingPerson, ...]) -> F32:

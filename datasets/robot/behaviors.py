@@ -57,7 +57,7 @@ def sense(arena: Arena, pose: F64, ring: Ring, rng: np.random.Generator) -> Prox
 
 def distances(arena: Arena, point: F64, headings_rad: F64) -> F64:
     """Return how far it is from a point (2,) along headings (S,) to the first wall or obstacle, else inf."""
-    starts, ends = outlines(arena)
+    starts, ends = _outlines(arena)
     along = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)[:, None]  # (S, 1, 2)
     wall, away = ends - starts, starts - point  # (W, 2)
     cross = along[..., 0] * wall[:, 1] - along[..., 1] * wall[:, 0]  # (S, W)
@@ -68,8 +68,7 @@ def distances(arena: Arena, point: F64, headings_rad: F64) -> F64:
     return np.asarray(np.where(hit, far, np.inf).min(axis=1, initial=np.inf))
 
 
-def outlines(arena: Arena) -> tuple[F64, F64]:
-    """Return where every wall and every edge of an obstacle starts and ends, (W, 2) each."""
+def _outlines(arena: Arena) -> tuple[F64, F64]:
     polygons = [obstacle.polygon for obstacle in arena.obstacles]
     starts = np.concatenate([arena.walls[:, :2], *polygons])
     ends = np.concatenate([arena.walls[:, 2:], *(np.roll(p, -1, axis=0) for p in polygons)])
@@ -182,9 +181,8 @@ class GoToPoint:
             open_m = senses.proximity.open_m(bearing, self.stride.half_width_m)
             if open_m >= self.stride.shortest_m:
                 turn = (bearing + np.pi) % (2 * np.pi) - np.pi
-                return BehaviorProposal(
-                    "going to a point", 1, turn, self.stride.length(senses.dice[5], open_m)
-                )
+                length = self.stride.length(senses.dice[5], open_m)
+                return BehaviorProposal("going to a point", 1, turn, length)
         return None
 
 

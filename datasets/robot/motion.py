@@ -43,9 +43,7 @@ class Chassis:
     turn_sd_rad: float = float(np.radians(4.916))  # its scatter, once per turn
     straight_bias_m: float = -0.6978 * INCH_M  # mean of actual - measured, once per movement (figure 11)
     straight_sd_m: float = 0.6356 * INCH_M  # its scatter
-    drifts: dict[str, HeadingDrift] = field(
-        default_factory=lambda: dict(DRIFTS)
-    )  # by floor; numbers invented
+    drifts: dict[str, HeadingDrift] = field(default_factory=DRIFTS.copy)  # by floor; numbers invented
     track_m: float = 10 * INCH_M  # between left and right wheels; invented
     encoder_sd_m: float = 0.15 * INCH_M  # front against rear wheel of a side; invented
     radius_m: float = 5 * INCH_M  # of its body, a disc: nothing solid comes nearer to its middle; invented
@@ -172,16 +170,12 @@ def encoders(measured: F64, luck: Luck, chassis: Chassis) -> F64:
     """Return four wheel advances (4,) whose mean and difference are exactly the measured movement."""
     forward, _, turn = (float(v) for v in measured)
     half = turn * chassis.track_m / 2
-    left = chassis.encoder_sd_m * luck.wheels[0]
-    right = chassis.encoder_sd_m * luck.wheels[1]
-    return np.array(
-        [forward - half + left, forward + half + right, forward - half - left, forward + half - right]
-    )
+    left, right = (chassis.encoder_sd_m * wheel for wheel in luck.wheels)
+    front = [forward - half + left, forward + half + right]
+    return np.array([*front, forward - half - left, forward + half - right])
 
 
-FIRST = (
-    1_000_000_000  # number of the first trial: no drive of the same seed gets that far and shares its luck
-)
+FIRST = 1_000_000_000  # number of the first trial: no drive of the same seed gets that far
 HERE = np.zeros(3)
 
 
@@ -216,13 +210,11 @@ def floor_everywhere(name: str, reach_m: float = 1e3) -> Arena:
 
 
 def _draws(seed: int, number: int) -> tuple[np.random.Generator, np.random.Generator]:
-    """Return a trial's two random streams: for its command and for its noise."""
     command = stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.DRIVER)
     return command, stream(Domain.SIMULATOR, seed, FIRST + number, SimPurpose.ROBOT)
 
 
 def _turn(seed: int, number: int, plan: TrialPlan, chassis: Chassis) -> tuple[float, float]:
-    """Turn once: measured and actual, in rad."""
     command, luck = _draws(seed, number)
     turn_rad = command.uniform(-plan.longest_turn_rad, plan.longest_turn_rad)
     moved = turn_by(HERE, turn_rad, draw_luck(luck), chassis)

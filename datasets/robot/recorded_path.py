@@ -49,10 +49,9 @@ class RecordedPath:
         """Return the segments at another place; a scale applies to the odometry's lengths as well."""
         lengths = np.array([at.scale, at.scale, 1.0])
         for segment in self.segments:
-            moved = tuple(
-                Moved(e.t_s, e.motion * lengths) if isinstance(e, Moved) else e for e in segment.entries
-            )
-            yield Segment(moved, segment.t_s, at.pose(segment.pose))
+            each = segment.entries
+            moved = (Moved(e.t_s, e.motion * lengths) if isinstance(e, Moved) else e for e in each)
+            yield Segment(tuple(moved), segment.t_s, at.pose(segment.pose))
 
 
 def read_recording(path: Path, updates: int) -> RecordedPath:
@@ -100,9 +99,8 @@ def read_log(path: Path, updates: int) -> RecordedPath:
             moved.append(Moved(record.t_s - begin_s, record.motion, record.encoders_m))
         if isinstance(record, PictureRecord) and not record.covered and len(segments) < updates:
             if start is None or truth is None:
-                raise InputError(
-                    path, "found a picture without truth, expected truth throughout", record.line
-                )
+                why = "found a picture without truth, expected truth throughout"
+                raise InputError(path, why, record.line)
             segments.append(Segment(tuple(moved), record.t_s - begin_s, truth))
             moved = []
     if start is None:

@@ -124,19 +124,16 @@ def timed(t_s: float, update: DriveUpdate, arena: Arena) -> Segment:
     took = float(straight.measured[0]) / DRIVE_M_S
     driven = turned + 2 * SETTLE_S + took
     changes = crossings(straight.path, arena)
-    happened = [
-        Happened(turned + SETTLE_S + share * took, f"floor {name}".strip()) for share, name in changes
-    ]
+    begun = turned + SETTLE_S
+    happened = [Happened(begun + share * took, f"floor {name}".strip()) for share, name in changes]
     if straight.slipped_rad:
         slip = f"slip {np.degrees(straight.slipped_rad):+.1f} deg"
         happened.insert(1, Happened(happened[0].t_s, slip))
     if straight.bumped:
         happened.append(Happened(driven, "bump"))
-    moved = (
-        Moved(turned, turn.measured, turn.encoders_m),
-        Moved(driven, straight.measured, straight.encoders_m),
-    )
-    return Segment((moved[0], *happened, moved[1]), driven + FRAME_S, update.pose, update.kidnapped_to)
+    first = Moved(turned, turn.measured, turn.encoders_m)
+    last = Moved(driven, straight.measured, straight.encoders_m)
+    return Segment((first, *happened, last), driven + FRAME_S, update.pose, update.kidnapped_to)
 
 
 def crossings(path: F64, arena: Arena) -> list[tuple[float, str]]:

@@ -31,8 +31,6 @@ from .shell import DrawnStyle, bounds_of, door_faces, draw_look, rectangle, room
 from .solids import flat
 from .world import Face, Lamp, Piece, RoomLight, World, clearance, inside, touching
 
-# Putting furniture up: where a plan says, inside a room, and never one piece in another.
-
 GAP_IN = 0.5  # between furniture and the wall it stands against
 PER_INCH = 6.0
 
@@ -49,17 +47,14 @@ def place_all(
     rooms = {room.name: room for room in plan.rooms}
     placed: list[tuple[FurniturePlan, Piece]] = []
     for piece in layout:
-        made = make(rng, piece, stand_of(rng, piece, rooms))
+        made = make(rng, piece, _stand_of(rng, piece, rooms))
         if not any(within(room, made.plan) for room in plan.rooms):
-            raise WorldError(
-                plan.file, f"{piece.key}: the {piece.kind} reaches into a wall or out of its room; move it"
-            )
+            why = "reaches into a wall or out of its room; move it"
+            raise WorldError(plan.file, f"{piece.key}: the {piece.kind} {why}")
         for other, earlier in placed:
             if touching(made.plan, earlier.plan):
-                raise WorldError(
-                    plan.file,
-                    f"{piece.key}: the {piece.kind} stands in the {other.kind} of {other.key}; move one",
-                )
+                where = f"stands in the {other.kind} of {other.key}"
+                raise WorldError(plan.file, f"{piece.key}: the {piece.kind} {where}; move one")
         placed.append((piece, made))
     return tuple(made for _, made in placed)
 
@@ -73,8 +68,7 @@ def make(rng: np.random.Generator, piece: FurniturePlan, stand: Footprint) -> Pi
     return block(rng, stand, number(rng, piece.height_in), sides, top)
 
 
-def stand_of(rng: np.random.Generator, piece: FurniturePlan, rooms: dict[str, RoomPlan]) -> Footprint:
-    """Draw place and size of a piece; with `against` its back is at the wall."""
+def _stand_of(rng: np.random.Generator, piece: FurniturePlan, rooms: dict[str, RoomPlan]) -> Footprint:
     width, depth = (number(rng, size) for size in piece.size_in)
     at = [number(rng, value) for value in piece.at_in]
     yaw = number(rng, piece.front) + math.pi / 2  # the front is local -y
@@ -97,9 +91,6 @@ def within(room: RoomPlan, plan_m: F64) -> bool:
     return bool(room.rect[0] <= x1 and room.rect[1] <= y1 and x2 <= room.rect[2] and y2 <= room.rect[3])
 
 
-# From a plan and a seed to a world: all that a file leaves to the seed is drawn here.
-
-
 def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
     """Draw the world of a seed; WorldError where what is drawn cannot stand or no node is free."""
     check_rooms(plan)
@@ -108,10 +99,10 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
     rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.WORLD)
     bare = Bareness(tier.bare, stream(Domain.SIMULATOR, seed, 0, SimPurpose.BARE))
     looks = draw_looks(rng, plan, tier.light, bare)
-    windows = {room.name: draw_windows(rng, plan, room, looks[room.name], openings) for room in plan.rooms}
+    windows = {room.name: _draw_windows(rng, plan, room, looks[room.name], openings) for room in plan.rooms}
     layout = _pieces_of(rng, plan)
     pieces = place_all(rng, layout, plan)
-    floors, regions = lay_floors(rng, plan)
+    floors, regions = _lay_floors(rng, plan)
     frames = [door_faces(rng, opening) for opening in openings]
     walls = [
         face
@@ -125,11 +116,11 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
         shell=(*floors, *walls, *(face for faces, _ in frames for face in faces)),
         solid=(*solid_boxes(plan, openings), *(box for _, boxes in frames for box in boxes)),
         furniture=pieces,
-        lamps=tuple(lamp for r in plan.rooms for lamp in lamps_of(r, looks[r.name], windows[r.name])),
+        lamps=tuple(lamp for r in plan.rooms for lamp in _lamps_of(r, looks[r.name], windows[r.name])),
         room_lights=tuple(
             light for r in plan.rooms for light in ambient_of(r, looks[r.name], windows[r.name])
         ),
-        nodes=free_nodes(plan.library, arena),
+        nodes=_free_nodes(plan.library, arena),
         headings=plan.library.headings,
         start=None if plan.start is None else np.array(plan.start) * [INCH_M, INCH_M, 1.0],
     )
@@ -165,17 +156,15 @@ def draw_looks(
     }
 
 
-def draw_windows(
+def _draw_windows(
     rng: np.random.Generator, plan: WorldPlan, room: RoomPlan, look: DrawnStyle, openings: tuple[Opening, ...]
 ) -> Windows:
-    """Draw where the windows of a room are; none where no daylight comes in."""
     drawn = tuple((window, number(rng, window.at_in)) for window in room.windows)
     check_windows(plan, room, drawn, openings)
     return drawn if look.daylight > 0 else ()
 
 
-def lamps_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[Lamp]:
-    """Return what lights a room: its ceiling lamps together are one source, its windows another."""
+def _lamps_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[Lamp]:
     lamps = []
     spread = np.array([[-8, -8, -8], [8, -8, -8], [8, 8, -8], [-8, 8, -8.0]])
     for x, y in room.lamps if look.lamp > 0 else ():
@@ -213,8 +202,7 @@ def ambient_of(room: RoomPlan, look: DrawnStyle, windows: Windows) -> list[RoomL
 FLOOR_PER_INCH = 5.0
 
 
-def lay_floors(rng: np.random.Generator, plan: WorldPlan) -> tuple[list[Face], tuple[Region, ...]]:
-    """Lay the floors, later ones a little above earlier ones."""
+def _lay_floors(rng: np.random.Generator, plan: WorldPlan) -> tuple[list[Face], tuple[Region, ...]]:
     faces, regions = [], []
     for k, floor in enumerate(plan.floors):
         corners = rectangle(*_floor_rect(rng, plan, floor))
@@ -242,17 +230,15 @@ def grid_nodes(library: LibraryPlan, arena: Arena) -> F64:
         axes.append(first + step * np.arange(np.ceil(low - 1e-9), np.floor(high + 1e-9) + 1))
     nodes = np.stack(np.meshgrid(axes[0], axes[1]), axis=-1).reshape(-1, 2)
     bare = Arena(arena.bounds, arena.walls)
-    return nodes[(clearance(bare, nodes) > library.clearance_in * INCH_M) & in_rooms(arena, nodes)]
+    return nodes[(clearance(bare, nodes) > library.clearance_in * INCH_M) & _in_rooms(arena, nodes)]
 
 
-def free_nodes(library: LibraryPlan, arena: Arena) -> F64:
-    """Return those places of the grid (K, 2) where a robot can stand."""
+def _free_nodes(library: LibraryPlan, arena: Arena) -> F64:
     nodes = grid_nodes(library, arena)
     return nodes[clearance(arena, nodes) > library.clearance_in * INCH_M]
 
 
-def in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which points (K, 2) lie in a room."""
+def _in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     found = np.zeros(len(points), bool)
     for room in arena.rooms:
         found |= inside(room.polygon, points)
@@ -262,14 +248,12 @@ def in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bo
 def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:
     """Raise WorldError for a world without free nodes, or with something solid where the robot starts."""
     if not len(world.nodes):
-        raise WorldError(
-            plan.file,
-            f"library: no node of the grid is free in {world.name}; use a smaller spacing or clearance",
-        )
+        why = f"no node of the grid is free in {world.name}; use a smaller spacing or clearance"
+        raise WorldError(plan.file, f"library: {why}")
     if world.start is None:
         return
     at = world.start[None, :2]
-    if not in_rooms(world.arena, at)[0]:
+    if not _in_rooms(world.arena, at)[0]:
         raise WorldError(plan.file, "start.pose: lies in no room; move it into one")
     need = plan.library.clearance_in * INCH_M
     bare = Arena(world.arena.bounds, world.arena.walls)
@@ -277,9 +261,8 @@ def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:
         raise WorldError(plan.file, "start.pose: has a wall through it or nearer than the clearance; move it")
     for region, key in zip(world.arena.obstacles, keys, strict=True):
         if clearance(Arena(bare.bounds, np.zeros((0, 4)), (region,)), at)[0] < need:
-            raise WorldError(
-                plan.file, f"start.pose: has {key} ({region.name}) on it or too near; move one of them"
-            )
+            why = f"has {key} ({region.name}) on it or too near; move one of them"
+            raise WorldError(plan.file, f"start.pose: {why}")
 
 
 # Worlds by name or from a TOML file.
@@ -298,9 +281,8 @@ def load_plan(name_or_path: str | Path) -> WorldPlan:
         return read_plan(known[str(name_or_path)])
     path = Path(name_or_path)
     if not path.is_file():
-        raise WorldError(
-            path, f"found no world or file of that name; there are {', '.join(known)}, or FILE.toml"
-        )
+        listed = f"{', '.join(known)}, or FILE.toml"
+        raise WorldError(path, f"found no world or file of that name; there are {listed}")
     return read_plan(path)
 
 

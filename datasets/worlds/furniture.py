@@ -6,6 +6,7 @@ A piece stands with its back to local +y and its front to local -y; sizes are in
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -17,8 +18,6 @@ from . import wall_pictures as pictures
 from .palettes import Rgb, dye, ink, wood
 from .solids import Paint, Solid, box_of, faces_of, footprint, upright
 from .world import Face, Piece
-
-# What all furniture is joined from: parts in a piece's own frame, their paints, and where a piece stands.
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +47,16 @@ def assemble(
 ) -> Piece:
     """Build the parts of one piece; parts off the floor get an underside."""
     solids = [(placed(solid, stand), paint) for solid, paint in parts]
-    faces = [
-        face for solid, paint in solids for face in faces_of(rng, solid, paint, underside=solid.z_in > 4)
-    ]
+    each = [faces_of(rng, solid, paint, underside=solid.z_in > 4) for solid, paint in solids]
     whole = footprint(Solid(stand.x_in, stand.y_in, 0, stand.width_in, stand.depth_in, 1, stand.yaw_rad))
-    return Piece(name, (*faces, *extra), tuple(box_of(solid) for solid, _ in solids), whole * INCH_M)
+    boxes = tuple(box_of(solid) for solid, _ in solids)
+    return Piece(name, (*chain.from_iterable(each), *extra), boxes, whole * INCH_M)
+
+
+def _legs(stand: Footprint, thick_in: float, height_in: float) -> list[Solid]:
+    x, y = stand.width_in / 2 - 1.5, stand.depth_in / 2 - 1.5
+    corners = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
+    return [Solid(sx * x, sy * y, 0, thick_in, thick_in, height_in) for sx, sy in corners]
 
 
 def front_panel(
@@ -96,13 +100,10 @@ def _clutter(rng: np.random.Generator, stand: Footprint, height_in: float, room_
     return things
 
 
-# Furniture: each piece is a few boxes in its own frame, painted from the generator.
-
 Maker = Callable[[np.random.Generator, Footprint], Piece]
 
 
-def sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a sofa: seat, back, two arms and two or three cushions, one of them striped."""
+def _sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
     cover = _cloth_of(color)
     parts: list[Part] = [
@@ -120,14 +121,10 @@ def sofa(rng: np.random.Generator, stand: Footprint) -> Piece:
     return assemble(rng, "sofa", stand, parts)
 
 
-def armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a small sofa for one, on legs."""
+def _armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, color = stand.width_in, stand.depth_in, dye(rng)
     cover, leg = _cloth_of(color), _timber_of((0.10, 0.07, 0.05))
-    corners = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
-    legs: list[Part] = [
-        (Solid(sx * (w / 2 - 1.5), sy * (d / 2 - 1.5), 0, 1.6, 1.6, 5), leg) for sx, sy in corners
-    ]
+    legs: list[Part] = [(solid, leg) for solid in _legs(stand, 1.6, 5)]
     parts: list[Part] = [
         (Solid(0, 0, 5, w - 6, d, 8), cover),
         (Solid(0, d / 2 - 2, 5, w, 4, 24), cover),
@@ -137,45 +134,31 @@ def armchair(rng: np.random.Generator, stand: Footprint) -> Piece:
     return assemble(rng, "armchair", stand, parts + legs)
 
 
-def table(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a low table one can look under, with a crate or a bag beneath."""
+def _table(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, color = stand.width_in, stand.depth_in, _wood_color(rng)
     height = float(rng.uniform(16, 21))
     paint = _timber_of(color)
-    corners = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
-    parts: list[Part] = [
-        (Solid(sx * (w / 2 - 1.5), sy * (d / 2 - 1.5), 0, 2.2, 2.2, height), paint) for sx, sy in corners
-    ]
+    parts: list[Part] = [(solid, paint) for solid in _legs(stand, 2.2, height)]
     parts.append((Solid(0, 0, height, w, d, 1.5), paint))
     parts += _clutter(rng, stand, height + 1.5, d)
-    bag = _cloth_of(ink(rng))
-    parts.append(
-        (Solid(float(rng.uniform(-0.2, 0.2)) * w, 0, 0, 9, 6, 8, float(rng.uniform(-0.5, 0.5))), bag)
-    )
+    bag, x = _cloth_of(ink(rng)), float(rng.uniform(-0.2, 0.2)) * w
+    parts.append((Solid(x, 0, 0, 9, 6, 8, float(rng.uniform(-0.5, 0.5))), bag))
     return assemble(rng, "table", stand, parts)
 
 
-def bookcase(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a tall case with rows of books at its front."""
+def _bookcase(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, color = stand.width_in, stand.depth_in, _wood_color(rng)
     height, shelf = float(rng.uniform(46, 62)), 11.5
     rows = int((height - 4) // shelf)
+    span, heights = (-w / 2 + 1.2, w / 2 - 1.2), [3 + k * shelf for k in range(rows + 1)]
     shelves = tuple(
-        front_panel(
-            rng,
-            stand,
-            (-w / 2 + 1.2, w / 2 - 1.2),
-            (3 + k * shelf, 3 + (k + 1) * shelf - 1.2),
-            -d / 2 - 0.05,
-            pictures.books,
-        )
-        for k in range(rows)
+        front_panel(rng, stand, span, (low, high - 1.2), -d / 2 - 0.05, pictures.books)
+        for low, high in pairwise(heights)
     )
     return assemble(rng, "bookcase", stand, [(Solid(0, 0, 0, w, d, height), _timber_of(color))], shelves)
 
 
-def dresser(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a chest of drawers with dark joints and something colorful on the side of it."""
+def _dresser(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, color = stand.width_in, stand.depth_in, _wood_color(rng)
     height, rows = float(rng.uniform(26, 34)), 3
     dark = (color[0] * 0.75, color[1] * 0.75, color[2] * 0.75)
@@ -209,8 +192,7 @@ def _drawer(rng: np.random.Generator, size: textures.Size, color: Rgb) -> F32:
     return np.clip(front, 0.02, 0.95)
 
 
-def carton(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a packing box, often with a smaller and brighter one on top of it."""
+def _carton(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, height = stand.width_in, stand.depth_in, float(rng.uniform(11, 16))
     parts: list[Part] = [(Solid(0, 0, 0, w, d, height), textures.cardboard)]
     if rng.random() < 0.7:
@@ -220,8 +202,7 @@ def carton(rng: np.random.Generator, stand: Footprint) -> Piece:
     return assemble(rng, "box", stand, parts)
 
 
-def plant(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a pot with a bush: two crossed blocks of leaves."""
+def _plant(rng: np.random.Generator, stand: Footprint) -> Piece:
     pot = _cloth_of(dye(rng))
     w, height = 0.85 * min(stand.width_in, stand.depth_in), float(rng.uniform(9, 12))
     parts: list[Part] = [
@@ -234,8 +215,7 @@ def plant(rng: np.random.Generator, stand: Footprint) -> Piece:
     return assemble(rng, "plant", stand, parts)
 
 
-def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a desk with a screen, a keyboard and papers on it, and a cable that hangs down behind."""
+def _desk(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d = stand.width_in, stand.depth_in
     top, steel = (
         _timber_of((0.5, 0.42, 0.33) if rng.random() < 0.6 else wood(rng)),
@@ -258,8 +238,7 @@ def desk(rng: np.random.Generator, stand: Footprint) -> Piece:
     return assemble(rng, "desk", stand, parts)
 
 
-def chair(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build an office chair: a cross on the floor, a column, seat and back."""
+def _chair(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d, cover = stand.width_in, stand.depth_in, _cloth_of(dye(rng))
     steel = _cloth_of((0.05, 0.05, 0.055))
     parts: list[Part] = [
@@ -273,8 +252,7 @@ def chair(rng: np.random.Generator, stand: Footprint) -> Piece:
     return assemble(rng, "chair", stand, parts)
 
 
-def cabinet(rng: np.random.Generator, stand: Footprint) -> Piece:
-    """Build a steel cabinet with two doors, and files or a box on top."""
+def _cabinet(rng: np.random.Generator, stand: Footprint) -> Piece:
     w, d = stand.width_in, stand.depth_in
     height, gray = float(rng.uniform(38, 56)), float(rng.uniform(0.28, 0.5))
     color = (gray, gray, 1.02 * gray)
@@ -309,14 +287,14 @@ def block(rng: np.random.Generator, stand: Footprint, height_in: float, sides: P
 
 
 MAKERS: dict[str, Maker] = {
-    "sofa": sofa,
-    "armchair": armchair,
-    "table": table,
-    "bookcase": bookcase,
-    "dresser": dresser,
-    "box": carton,
-    "plant": plant,
-    "desk": desk,
-    "chair": chair,
-    "cabinet": cabinet,
+    "sofa": _sofa,
+    "armchair": _armchair,
+    "table": _table,
+    "bookcase": _bookcase,
+    "dresser": _dresser,
+    "box": _carton,
+    "plant": _plant,
+    "desk": _desk,
+    "chair": _chair,
+    "cabinet": _cabinet,
 }

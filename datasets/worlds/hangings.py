@@ -66,9 +66,8 @@ def printed(rng: np.random.Generator, wall: Wall, middle_in: float, painter: Pai
 
 def board(rng: np.random.Generator, wall: Wall, middle_in: float, painter: Paint) -> Face:
     """Build a wide board at the height of a desk."""
-    return hang(
-        rng, wall, middle_in, float(rng.uniform(30, 38)), (26, float(rng.uniform(50, 58))), shaded(painter)
-    )
+    width, top = float(rng.uniform(30, 38)), float(rng.uniform(50, 58))
+    return hang(rng, wall, middle_in, width, (26, top), shaded(painter))
 
 
 def _closed_door(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
@@ -83,22 +82,13 @@ def radiator(rng: np.random.Generator, wall: Wall, middle_in: float) -> Face:
 
 Hanging = Callable[[np.random.Generator, Wall, float], Face]
 
-
-def _print(painter: Paint) -> Hanging:
-    return lambda rng, wall, middle: printed(rng, wall, middle, painter)
-
-
-def _board(painter: Paint) -> Hanging:
-    return lambda rng, wall, middle: board(rng, wall, middle, painter)
-
-
 HANGINGS: dict[str, Hanging] = {
-    "landscape": _print(pictures.landscape),
-    "shapes": _print(pictures.shapes),
-    "portrait": _print(pictures.portrait),
-    "chart": _print(pictures.chart),
-    "notices": _board(pictures.notices),
-    "whiteboard": _board(pictures.whiteboard),
+    "landscape": partial(printed, painter=pictures.landscape),
+    "shapes": partial(printed, painter=pictures.shapes),
+    "portrait": partial(printed, painter=pictures.portrait),
+    "chart": partial(printed, painter=pictures.chart),
+    "notices": partial(board, painter=pictures.notices),
+    "whiteboard": partial(board, painter=pictures.whiteboard),
     "door": _closed_door,
     "radiator": radiator,
 }

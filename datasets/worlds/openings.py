@@ -10,8 +10,6 @@ from maurice_mcl.arrays import F64
 from .hangings import Interval, Wall
 from .plan import DoorPlan, PosterPlan, Rect, RoomPlan, WindowPlan, Word, WorldError, WorldPlan
 
-# Which rooms a door joins, and what is left of walls beside it: plan geometry in inches.
-
 CASING_IN = 2.7  # how far the frame of a door covers the wall beside it
 THIN_IN = 3.0  # no wall between rooms is thinner
 
@@ -53,28 +51,17 @@ def check_rooms(plan: WorldPlan) -> None:
     for k, a in enumerate(plan.rooms):
         for b in plan.rooms[:k]:
             if all(high - low > -THIN_IN for low, high in (overlap(a.rect, b.rect, i) for i in (0, 1))):
-                raise WorldError(
-                    plan.file,
-                    f"{a.key}.rect: {a.name!r} overlaps or touches {b.name!r} ({b.key}); "
-                    "leave room for the wall between them",
-                )
+                found = f"{a.key}.rect: {a.name!r} overlaps or touches {b.name!r} ({b.key})"
+                raise WorldError(plan.file, f"{found}; leave room for the wall between them")
 
 
 def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
     """Find the two rooms that a door joins and the wall it goes through; WorldError where it joins none."""
-    joined = sorted(
-        (
-            r
-            for r in plan.rooms
-            if all(high >= low for low, high in (overlap(door.rect, r.rect, i) for i in (0, 1)))
-        ),
-        key=lambda room: room.rect[:2],
-    )
-    for k, first in enumerate(joined):
-        for second in joined[k + 1 :]:
-            found = _between(door, first, second)
-            if found is not None and len(joined) == 2:
-                return found
+    shared = {r: [overlap(door.rect, r.rect, axis) for axis in (0, 1)] for r in plan.rooms}
+    joined = [r for r, both in shared.items() if all(high >= low for low, high in both)]
+    joined.sort(key=lambda room: room.rect[:2])
+    if len(joined) == 2 and (found := _between(door, *joined)) is not None:
+        return found
     names = " and ".join(repr(room.name) for room in joined) or "no room"
     raise WorldError(
         plan.file,
@@ -168,9 +155,8 @@ def check_doors(plan: WorldPlan, openings: tuple[Opening, ...]) -> None:
     """Raise WorldError for doors that overlap: their frames would."""
     for (first, a), (second, b) in combinations(zip(plan.doors, openings, strict=True), 2):
         if a.rooms == b.rooms and a.axis == b.axis and _share(_framed(a), _framed(b)):
-            raise WorldError(
-                plan.file, f"{second.key}.rect: stands in {first.key}; leave wall between the two"
-            )
+            why = f"stands in {first.key}; leave wall between the two"
+            raise WorldError(plan.file, f"{second.key}.rect: {why}")
 
 
 def check_windows(plan: WorldPlan, room: RoomPlan, windows: Windows, openings: tuple[Opening, ...]) -> None:
@@ -218,7 +204,6 @@ def _framed(opening: Opening) -> Interval:
 
 
 def _axis(wall: str) -> int:
-    """Return the axis that a wall runs along."""
     return 0 if wall in ("south", "north") else 1
 
 
@@ -232,7 +217,6 @@ def _doors_on(room: RoomPlan, wall: str, openings: tuple[Opening, ...]) -> list[
 
 
 def _room_behind(plan: WorldPlan, room: RoomPlan, wall: str, span: Interval) -> RoomPlan | None:
-    """Return the room right behind a stretch of wall."""
     axis = _axis(wall)
     x1, y1, x2, y2 = room.rect
     low, high = {

@@ -58,12 +58,8 @@ SCENES: tuple[tuple[Rgb, Rgb, Rgb, Rgb], ...] = (  # high sky, low sky, far hill
 
 def near(rng: np.random.Generator, color: Rgb, spread: float = 0.18) -> Rgb:
     """Vary a color: brighter or darker by chance, each channel a little apart."""
-    shades = (
-        np.asarray(color)
-        * rng.uniform(1 - spread, 1 + spread)
-        * rng.uniform(1 - spread / 2, 1 + spread / 2, 3)
-    )
-    red, green, blue = np.clip(shades, 0.01, 0.85)
+    shades = np.asarray(color) * rng.uniform(1 - spread, 1 + spread)
+    red, green, blue = np.clip(shades * rng.uniform(1 - spread / 2, 1 + spread / 2, 3), 0.01, 0.85)
     return float(red), float(green), float(blue)
 
 

@@ -135,8 +135,6 @@ def _read_hang(table: Table) -> tuple[str, ...]:
     return tuple(str(kind) for kind in kinds)
 
 
-# From a TOML file to a `WorldPlan`: every key checked, nothing drawn.
-
 FORMAT = 1
 INCHES = {"in": 1.0, "ft": 12.0, "m": 1 / 0.0254, "cm": 1 / 2.54}
 WALLS = ("south", "east", "north", "west")
@@ -152,7 +150,7 @@ def read_plan(file: Path) -> WorldPlan:
         top.fail("format", f"expected {FORMAT}; this program reads no other")
     top.inches = INCHES[top.one_of("units", tuple(INCHES))]
     height_in = top.length("height", 96.0, low=20.0)
-    styles = tuple(_read_style(t) for t in named_tables(top, "style"))
+    styles = tuple(_read_style(t) for t in _named_tables(top, "style"))
     names = tuple(style.name for style in styles)
     rooms = tuple(_read_room(t, height_in, names) for t in top.tables("room"))
     if not rooms:
@@ -180,8 +178,7 @@ def read_plan(file: Path) -> WorldPlan:
     return plan
 
 
-def named_tables(top: Table, key: str) -> list[Table]:
-    """Read the tables [key.NAME], each with its name as key."""
+def _named_tables(top: Table, key: str) -> list[Table]:
     inner = top.table(key)
     tables = [inner.as_table(name, value) for name, value in inner.items()]
     if not tables:
@@ -289,7 +286,7 @@ def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
     kind = table.one_of("kind", KINDS)
     against = table.one_of("against", WALLS) if table.has("against") else None
     if against is None:
-        room, at, front = None, table.lengths("at", (2,)), read_front(table)
+        room, at, front = None, table.lengths("at", (2,)), _read_front(table)
     else:
         room, at = table.one_of("room", rooms), (_one_length(table, "at"),)
         front = FRONTS[WALLS[(WALLS.index(against) + 2) % 4]]
@@ -311,8 +308,7 @@ def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
     return piece
 
 
-def read_front(table: Table) -> Number:
-    """Take out where a piece looks: a compass word, or degrees counter-clockwise from +x."""
+def _read_front(table: Table) -> Number:
     value = table.take("front") if table.has("front") else "south"
     if isinstance(value, str):
         if value not in FRONTS:

@@ -46,13 +46,12 @@ def moved(world: World, piece: Piece, others: list[F64], rng: np.random.Generato
         turn = float(rng.uniform(-np.pi, np.pi))
         plan = _turned(piece.plan, middle, place, turn)
         far = float(np.linalg.norm(place - middle)) >= LEAST_M
-        if far and stands_free(world.arena, plan, others, gaps):
+        if far and _stands_free(world.arena, plan, others, gaps):
             return carried(piece, middle, place, turn)
     raise InputError(Path(world.name), f"found no other free place for the {piece.name}; move fewer pieces")
 
 
-def stands_free(arena: Arena, plan: F64, others: list[F64], gaps: list[F64]) -> bool:
-    """Return whether an outline (4, 2) lies in one room, on no other piece and in no door."""
+def _stands_free(arena: Arena, plan: F64, others: list[F64], gaps: list[F64]) -> bool:
     if not any(inside(room.polygon, plan).all() for room in arena.rooms):
         return False
     return not any(touching(plan, other) for other in (*others, *gaps))
@@ -79,8 +78,7 @@ def _edge_distance(polygon: F64, points: F64) -> float:
     return float(clearance(Arena((0, 0, 1, 1), edges), points)[0])
 
 
-def spun(points: F64, turn: float) -> F64:
-    """Turn vectors (..., 2) or (..., 3) about the upright axis."""
+def _spun(points: F64, turn: float) -> F64:
     cos, sin = np.cos(turn), np.sin(turn)
     result = np.array(points, dtype=np.float64)
     result[..., 0] = cos * points[..., 0] - sin * points[..., 1]
@@ -89,7 +87,7 @@ def spun(points: F64, turn: float) -> F64:
 
 
 def _turned(plan: F64, middle: F64, place: F64, turn: float) -> F64:
-    return np.asarray(spun(plan - middle, turn) + place)
+    return np.asarray(_spun(plan - middle, turn) + place)
 
 
 def carried(piece: Piece, middle: F64, place: F64, turn: float) -> Piece:
@@ -97,10 +95,10 @@ def carried(piece: Piece, middle: F64, place: F64, turn: float) -> Piece:
     before, after = np.append(middle, 0.0), np.append(place, 0.0)
 
     def point(at: F64) -> F64:
-        return np.asarray(spun(at - before, turn) + after)
+        return np.asarray(_spun(at - before, turn) + after)
 
     faces = tuple(
-        Face(point(face.corner), spun(face.across, turn), spun(face.down, turn), face.albedo, face.glow)
+        Face(point(face.corner), _spun(face.across, turn), _spun(face.down, turn), face.albedo, face.glow)
         for face in piece.faces
     )
     boxes = []

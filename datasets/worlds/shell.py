@@ -1,6 +1,6 @@
 """The shell of a building: walls with their skirting, door frames, ceilings, floors, and what is solid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,7 @@ from .draw import Bareness, Palette, number, paint_of
 from .hangings import Wall, decorate, hang, shaded, trim, window_in
 from .openings import Opening, along, check_poster, doors_in, rest_of, stretch, wall_of
 from .palettes import Rgb, light_of
-from .plan import PosterPlan, RoomPlan, StylePlan, WindowPlan, WorldPlan
+from .plan import LightPlan, PosterPlan, RoomPlan, StylePlan, WindowPlan, WorldPlan
 from .solids import Paint, Solid, box_of, faces_of, flat, upright
 from .world import Box, Face
 
@@ -44,17 +44,19 @@ def draw_look(rng: np.random.Generator, style: StylePlan, light: float, bare: Ba
     order = rng.permutation(4) if style.shuffle_walls else np.arange(4)
     paints = [paint_of(rng, plans[k], palette, PER_INCH, plain=bare.leaves_out()) for k in order]
     lamp, daylight = style.lamp, style.daylight
+
+    def color_of(light: LightPlan) -> Rgb:
+        return light_of(light.color if isinstance(light.color, str) else str(rng.choice(light.color.options)))
+
     return DrawnStyle(
         style,
         palette,
         (paints[0], paints[1], paints[2], paints[3]),
         palette.color(rng, style.skirting),
         light * number(rng, lamp.brightness),
-        light_of(lamp.color if isinstance(lamp.color, str) else str(rng.choice(lamp.color.options))),
+        color_of(lamp),
         light * number(rng, daylight.brightness),
-        light_of(
-            daylight.color if isinstance(daylight.color, str) else str(rng.choice(daylight.color.options))
-        ),
+        color_of(daylight),
         light * number(rng, style.ambient),
     )
 
@@ -69,10 +71,10 @@ def room_faces(
     bare: Bareness,
 ) -> list[Face]:
     """Everything one sees of a room without its furniture and floor."""
-    faces = [_ceiling(rng, room, look), *lamp_shades(rng, room, look)]
+    faces = [_ceiling(rng, room, look), *_lamp_shades(rng, room, look)]
     for name, paint in zip(SIDES, look.paints, strict=True):
-        faces += wall_faces(rng, room, name, paint, look, openings)
-        faces += on_wall(rng, plan, room, name, look, windows, openings, bare)
+        faces += _wall_faces(rng, room, name, paint, look, openings)
+        faces += _on_wall(rng, plan, room, name, look, windows, openings, bare)
     return faces
 
 
@@ -81,8 +83,7 @@ def _ceiling(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> Face
     return flat(rng, rectangle(*room.rect), room.height_in, paint, facing_up=False, per_inch=1)
 
 
-def lamp_shades(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> list[Face]:
-    """Build glowing panels on the ceiling where lamps are."""
+def _lamp_shades(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> list[Face]:
     if look.lamp == 0:
         return []
     color = np.asarray(look.lamp_color) / max(look.lamp_color) * 0.9
@@ -91,11 +92,11 @@ def lamp_shades(rng: np.random.Generator, room: RoomPlan, look: DrawnStyle) -> l
     for x, y in room.lamps:
         plan = rectangle(x - 8, y - 8, x + 8, y + 8)
         face = flat(rng, plan, room.height_in - 0.5, paint, facing_up=False, per_inch=0.5)
-        faces.append(Face(face.corner, face.across, face.down, face.albedo, glow=2.0 * look.lamp))
+        faces.append(replace(face, glow=2.0 * look.lamp))
     return faces
 
 
-def wall_faces(
+def _wall_faces(
     rng: np.random.Generator,
     room: RoomPlan,
     name: str,
@@ -103,7 +104,6 @@ def wall_faces(
     look: DrawnStyle,
     openings: tuple[Opening, ...],
 ) -> list[Face]:
-    """One wall to the ceiling: beside its doors and above them, with a skirting board."""
     wall, doors, board = wall_of(room, name), doors_in(room, name, openings), trim(look.skirting)
     faces = []
     for part in rest_of(wall, [(a - o.margin_in, b + o.margin_in) for o, (a, b) in doors]):
@@ -133,7 +133,7 @@ def skirting(board: Paint) -> Paint:
     return paint
 
 
-def on_wall(
+def _on_wall(
     rng: np.random.Generator,
     plan: WorldPlan,
     room: RoomPlan,
@@ -143,7 +143,6 @@ def on_wall(
     openings: tuple[Opening, ...],
     bare: Bareness,
 ) -> list[Face]:
-    """Windows and posters at their places, and what is drawn between them."""
     wall, faces, taken = wall_of(room, name), [], []
     for window, at in windows:
         if window.wall == name:
@@ -159,9 +158,8 @@ def on_wall(
             faces.append(_poster_face(rng, wall, middle, poster, look))
             taken.append((middle - poster.size_in[0] / 2, middle + poster.size_in[0] / 2))
     style = look.style
-    for part in rest_of(
-        wall, [(a - o.margin_in, b + o.margin_in) for o, (a, b) in doors_in(room, name, openings)]
-    ):
+    doors = doors_in(room, name, openings)
+    for part in rest_of(wall, [(a - o.margin_in, b + o.margin_in) for o, (a, b) in doors]):
         skip = tuple((a - part[0], b - part[0]) for a, b in taken)
         faces += decorate(rng, stretch(wall, part), style.hang, style.hang_every_in, bare, skip)
     return faces
@@ -178,7 +176,7 @@ def _poster_face(
 def door_faces(rng: np.random.Generator, opening: Opening) -> tuple[list[Face], list[Box]]:
     """Build the frame of an opening with a threshold, or the bare ends of the wall, and its solid part."""
     if opening.frame is None:
-        return plain_jambs(rng, opening), []
+        return _plain_jambs(rng, opening), []
     paint = trim(Palette().color(rng, opening.frame))
     deep = opening.gap[1] - opening.gap[0] + 1.4
     middle, margin = sum(opening.gap) / 2, opening.margin_in
@@ -199,8 +197,7 @@ def _turned(axis: int, part: tuple[float, float, float, float, float, float]) ->
     return Solid(a, b, z, deep, wide, high) if axis == 0 else Solid(b, a, z, wide, deep, high)
 
 
-def plain_jambs(rng: np.random.Generator, opening: Opening) -> list[Face]:
-    """Build the ends of the wall on both sides of a plain opening, and the wall's underside above."""
+def _plain_jambs(rng: np.random.Generator, opening: Opening) -> list[Face]:
     paint = partial(textures.plaster, color=(0.55, 0.54, 0.5))
     faces = []
     for edge, turn in ((opening.span[0], 0), (opening.span[1], 1)):

@@ -31,10 +31,8 @@ class Solid:
 
 def pixels(width_in: float, height_in: float, per_inch: float) -> Size:
     """Return the rows and columns that a texture needs; at least 6 each, at most 1600."""
-    return (
-        int(np.clip(round(height_in * per_inch), 6, 1600)),
-        int(np.clip(round(width_in * per_inch), 6, 1600)),
-    )
+    rows, columns = (int(np.clip(round(side * per_inch), 6, 1600)) for side in (height_in, width_in))
+    return rows, columns
 
 
 def upright(
@@ -68,12 +66,9 @@ def flat(
     order = corners_in if facing_up else corners_in[::-1]
     corner, across, down = order[3], order[2] - order[3], order[0] - order[3]
     size = pixels(float(np.linalg.norm(across)), float(np.linalg.norm(down)), per_inch)
-    return Face(
-        np.append(corner, z_in) * INCH_M,
-        np.append(across, 0.0) * INCH_M,
-        np.append(down, 0.0) * INCH_M,
-        paint(rng, size),
-    )
+    sides = (np.append(side, z) * INCH_M for side, z in ((corner, z_in), (across, 0.0), (down, 0.0)))
+    corner, across, down = sides
+    return Face(corner, across, down, paint(rng, size))
 
 
 def footprint(solid: Solid) -> F64:
@@ -89,11 +84,8 @@ def box_of(solid: Solid) -> Box:
     """Return the shadow-throwing box of a solid, in meters."""
     center = np.array([solid.x_in, solid.y_in, solid.z_in + solid.height_in / 2]) * INCH_M
     half = np.array([solid.width_in, solid.depth_in, solid.height_in]) / 2 * INCH_M
-    return Box(
-        (float(center[0]), float(center[1]), float(center[2])),
-        (float(half[0]), float(half[1]), float(half[2])),
-        solid.yaw_rad,
-    )
+    (x, y, z), (wide, deep, high) = center.tolist(), half.tolist()
+    return Box((x, y, z), (wide, deep, high), solid.yaw_rad)
 
 
 def faces_of(

@@ -107,10 +107,8 @@ def cardboard(rng: np.random.Generator, size: Size, color: Rgb = (0.42, 0.27, 0.
     rows, columns = size
     middle = rows // 2 + int(rng.integers(-rows // 8 - 1, rows // 8 + 1))
     board[middle - max(rows // 20, 1) : middle + max(rows // 20, 1)] *= np.float32(1.35)
-    left, top = (
-        int(rng.integers(columns // 8, columns // 2 + 1)),
-        int(rng.integers(rows // 10, rows // 3 + 1)),
-    )
+    left = int(rng.integers(columns // 8, columns // 2 + 1))
+    top = int(rng.integers(rows // 10, rows // 3 + 1))
     board[top : top + rows // 7 + 1, left : left + columns // 4 + 1] *= np.float32(0.35)
     return np.clip(board, 0.02, 0.95)
 

@@ -167,8 +167,7 @@ def read_toml(file: Path) -> Table:
     except UnicodeDecodeError:
         raise WorldError(file, "found text that is not UTF-8; save it as UTF-8") from None
     except (ValueError, RecursionError):  # thousands of digits, or of brackets
-        raise WorldError(
-            file, "found no valid TOML: numbers too long or nested too deep; fix it there"
-        ) from None
+        why = "numbers too long or nested too deep"
+        raise WorldError(file, f"found no valid TOML: {why}; fix it there") from None
     except OSError as problem:
         raise WorldError(file, f"cannot be read: {problem.strerror}") from None

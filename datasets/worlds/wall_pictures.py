@@ -125,9 +125,8 @@ def door(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
             picture[a[1] : a[1] + edge, a[0] : b[0]] *= np.float32(0.5)
             picture[b[1] - edge : b[1], a[0] : b[0]] *= np.float32(1.25)
             picture[a[1] : b[1], a[0] : a[0] + edge] *= np.float32(0.6)
-    cv2.circle(
-        picture, (int(0.93 * columns), rows // 2), max(2, columns // 24), (0.55, 0.4, 0.1), -1, cv2.LINE_AA
-    )
+    handle = (int(0.93 * columns), rows // 2)
+    cv2.circle(picture, handle, max(2, columns // 24), (0.55, 0.4, 0.1), -1, cv2.LINE_AA)
     picture[:, :edge] *= np.float32(0.4)
     picture[:, -edge:] *= np.float32(0.4)
     return np.clip(picture, 0.02, 0.95)
@@ -136,9 +135,8 @@ def door(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
 def window(rng: np.random.Generator, size: Size) -> F32:
     """Panes with an overcast sky above dark trees, a white cross bar."""
     rows, columns = size
-    sky = (
-        np.array((0.75, 0.84, 0.95), np.float32) * np.linspace(1, 0.75, rows, dtype=np.float32)[:, None, None]
-    )
+    fade = np.linspace(1, 0.75, rows, dtype=np.float32)[:, None, None]
+    sky = np.array((0.75, 0.84, 0.95), np.float32) * fade
     picture = np.ascontiguousarray(np.broadcast_to(sky, (rows, columns, 3)))
     trees = rows * (0.72 + 0.1 * noise(rng, (1, columns), (1, columns / 6))[0])
     below = np.arange(rows)[:, None] > trees[None, :]

@@ -95,9 +95,8 @@ class World:
     @property
     def sources(self) -> tuple[str, ...]:
         """Return the names of its sources of light, in order, each once."""
-        return tuple(
-            dict.fromkeys([lamp.source for lamp in self.lamps] + [r.source for r in self.room_lights])
-        )
+        lamps, rooms = [lamp.source for lamp in self.lamps], [room.source for room in self.room_lights]
+        return tuple(dict.fromkeys(lamps + rooms))
 
 
 def inside(polygon: F64, points: F64) -> Bool:

@@ -23,7 +23,7 @@ from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.session_log.records import read_header
 from maurice_mcl.calibration.motion import Calibration, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
-from maurice_mcl.calibration.noise import NoiseFloor, noise_floor
+from maurice_mcl.calibration.sensor import NoiseFloor, noise_floor
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener

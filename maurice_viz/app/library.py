@@ -18,7 +18,7 @@ from maurice_loaders.libraries.store import save_library
 from maurice_loaders.libraries.survey import EVERY, open_survey, read_every
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.calibration.tuning import (
+from maurice_mcl.calibration.sensor import (
     Measuring,
     Sample,
     Scores,
@@ -30,7 +30,7 @@ from maurice_mcl.calibration.tuning import (
     rows_of,
     spread_out,
 )
-from maurice_mcl.calibration.tuning import tune as fit_channels
+from maurice_mcl.calibration.sensor import tune as fit_channels
 from maurice_mcl.library import Library
 from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES

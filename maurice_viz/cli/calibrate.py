@@ -11,7 +11,7 @@ from rich.table import Table
 from maurice_loaders.calibration import METERS
 from maurice_loaders.files import expect_absent
 from maurice_mcl.calibration.motion import Calibration
-from maurice_mcl.calibration.noise import NoiseFloor
+from maurice_mcl.calibration.sensor import NoiseFloor
 from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread
 
 from ..app.calibrate import calibrate_motion, calibrate_noise, figures, make_trials, noise_json

@@ -15,7 +15,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.motion import Calibration, Trials
-from maurice_mcl.calibration.noise import COLORS, NoiseFloor, stretched
+from maurice_mcl.calibration.sensor import COLORS, NoiseFloor, stretched
 from maurice_mcl.calibration.statistics import Fitted, Spread
 from maurice_mcl.sensor.descriptors.channel import BINS, LOW, WIDTH
 

@@ -213,7 +213,6 @@ def _relative(sensor: SensorModel, poses: F64) -> F32:
 def _channels(
     comparison: Comparison, sensor: SensorModel, entries: list[int]
 ) -> list[list[ChannelExplanation]]:
-    """Explain each channel (C) for some entries (K)."""
     loses = _losses(comparison, sensor)[:, entries]
     found = []
     for k, name in enumerate(comparison.channels):

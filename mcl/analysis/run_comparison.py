@@ -67,8 +67,6 @@ def _critical(blocks: F64, count: int, seed: int) -> float:
     return float(np.quantile(apart, LEVEL))
 
 
-# Two runs step by step: how much better one is than the other, and where they diverge.
-
 Step: TypeAlias = tuple[Moment, StepRecord]
 
 APART_M = 12 * INCH_M  # estimates that differ by more are different places ...

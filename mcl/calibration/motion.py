@@ -24,6 +24,7 @@ import numpy as np
 
 from ..arrays import F64
 from ..filter.motion import MauriceParameters
+from ..geometry import wrap_angle
 from .statistics import Fitted, Spread, r_squared, slope, slope_resampled, spread_of, student
 
 FEWEST = 3  # turns, and straights: gain, bias and sd are three constants
@@ -130,12 +131,8 @@ def calibrate(trials: Trials) -> Calibration:
             f"found {_count(turns, 'turn')} and {_count(straights, 'straight')}{skipped}, "
             f"expected {FEWEST} or more of each with the truth before and after it"
         )
-    return Calibration(
-        fit_turns(trials.turns),
-        fit_straights(trials.straights),
-        fit_drifts(trials.straights),
-        trials.left_out,
-    )
+    turned, went = fit_turns(trials.turns), fit_straights(trials.straights)
+    return Calibration(turned, went, fit_drifts(trials.straights), trials.left_out)
 
 
 def fit_turns(turns: Turns) -> TurnFit:
@@ -258,11 +255,8 @@ def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
             floors.append(floor_of(segment.before[:2], segment.after[:2]))
     measured, turned_rad = np.array(turns, np.float64).reshape(-1, 2).T
     way, went, drift_rad = np.array(straights, np.float64).reshape(-1, 3).T
-    return Trials(
-        Turns(measured, unwrapped(measured, turned_rad)),
-        Straights(way, went, drift_rad, tuple(floors)),
-        left_out,
-    )
+    driven = Straights(way, went, drift_rad, tuple(floors))
+    return Trials(Turns(measured, unwrapped(measured, turned_rad)), driven, left_out)
 
 
 def _parts(motion: F64) -> list[_Part]:
@@ -284,18 +278,13 @@ def _attribute(
     """Split the change of heading into turn (up to full circles) and drift, both in rad."""
     changed = float(segment.after[2] - segment.before[2])
     if way is None:
-        return _wrapped(changed), math.nan
+        return wrap_angle(changed), math.nan
     if not turns:
-        return math.nan, _wrapped(changed)
+        return math.nan, wrap_angle(changed)
     if _length(segment) < MauriceParameters().straight_from_m:  # no course: the robot hardly moved
-        return _wrapped(changed), math.nan
+        return wrap_angle(changed), math.nan
     x, y = (float(v) for v in (segment.after - segment.before)[:2])
     forward = math.atan2(y, x) - way.course_rad
-    drift = 2 * _wrapped(
-        float(segment.after[2]) - forward if turn_first else forward - float(segment.before[2])
-    )
-    return _wrapped(changed - drift), drift
-
-
-def _wrapped(angle_rad: float) -> float:
-    return (angle_rad + math.pi) % (2 * math.pi) - math.pi
+    before, after = float(segment.before[2]), float(segment.after[2])
+    drift = 2 * wrap_angle(after - forward if turn_first else forward - before)
+    return wrap_angle(changed - drift), drift

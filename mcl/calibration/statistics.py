@@ -53,7 +53,12 @@ def spread_of(values: F64, fitted: int = 1) -> Spread:
     mean = float(values.mean())
     sd = math.sqrt(float(((values - mean) ** 2).sum()) / free)
     p = normality(values)
-    within = _sd_resampled(values, sd, free) if p is not None and p < NOT_NORMAL else _sd_chi2(sd, free)
+    if p is not None and p < NOT_NORMAL:
+        wider = math.sqrt(len(values) / free)
+        within = _bootstrap(sd, values[:, None], lambda drawn: drawn[:, :, 0].std(axis=1) * wider)
+    else:
+        low, high = (float(chdtri(free, tail)) for tail in ((1 + LEVEL) / 2, (1 - LEVEL) / 2))
+        within = Fitted(sd, sd * math.sqrt(free / high), sd * math.sqrt(free / low))
     beyond = int((np.abs(values - mean) > 3 * sd).sum()) if p is not None else 0
     return Spread(len(values), student(mean, sd / math.sqrt(len(values)), free), within, p, beyond)
 
@@ -62,16 +67,6 @@ def student(value: float, error: float, free: int) -> Fitted:
     """Return a value with Student's interval, from its standard error and degrees of freedom."""
     reach = float(stdtrit(free, (1 + LEVEL) / 2)) * error
     return Fitted(value, value - reach, value + reach)
-
-
-def _sd_chi2(sd: float, free: int) -> Fitted:
-    low, high = (float(chdtri(free, tail)) for tail in ((1 + LEVEL) / 2, (1 - LEVEL) / 2))
-    return Fitted(sd, sd * math.sqrt(free / high), sd * math.sqrt(free / low))
-
-
-def _sd_resampled(values: F64, sd: float, free: int) -> Fitted:
-    wider = math.sqrt(len(values) / free)
-    return _bootstrap(sd, values[:, None], lambda drawn: drawn[:, :, 0].std(axis=1) * wider)
 
 
 def normality(values: F64) -> float | None:

@@ -364,7 +364,6 @@ def _read(values: Any, key: str) -> Any:
 
 
 def _built(kind: type[Any], values: Mapping[str, Any], prefix: str) -> Any:
-    """Build a dataclass from dotted keys, nested ones likewise."""
     hints = typing.get_type_hints(kind)
     given: dict[str, Any] = {}
     for name in (each.name for each in fields(kind)):

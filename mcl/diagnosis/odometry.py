@@ -183,7 +183,6 @@ def _middle_direction(ratios: object) -> float:
 
 
 def _best_part(squares: F64) -> F64:
-    """Return all but the largest few."""
     return np.sort(squares)[: int(np.ceil(len(squares) * (1 - WORST)))]
 
 
@@ -294,7 +293,6 @@ def _in_degrees(drive: RecordedDrive, segments: TruthSegments) -> tuple[TruthSeg
 
 
 def _delay(found: Agreement, usual: Agreement) -> Finding:
-    """Report that odometry's clock is not the truth's."""
     late = round(found.shift_s, 2)
     seen = Evidence("moved", {"by_s": -late, "before": usual.unexplained, "after": found.unexplained})
     return Finding("odometry-delay", (seen,), {"delay_s": late}, {"odometry_offset_s": -late})
@@ -315,7 +313,6 @@ def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
 
 
 def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Finding]:
-    """Return the findings that follow from the best reading."""
     findings, seen = list[Finding](), _agreement(best, usual)
     if best.reading.turn:
         findings.append(turn_finding(best.reading.turn, seen, unexplained=best.unexplained))
@@ -351,7 +348,6 @@ def _scale(best: Agreement, drive: RecordedDrive, seen: Evidence) -> Finding:
 
 
 def _too_fast(drive: RecordedDrive) -> bool:
-    """Return whether the truth is faster than any robot."""
     segments = segments_of(drive.truth)
     took_s = np.maximum(segments.end_s - segments.begin_s, 1e-3)
     return bool(np.median(np.hypot(segments.moved[:, 0], segments.moved[:, 1]) / took_s) > FASTEST_M_S)

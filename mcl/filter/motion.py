@@ -57,15 +57,11 @@ class MauriceParameters:
 
     @classmethod
     def from_header(cls, values: Mapping[str, Any]) -> MauriceParameters:
-        """Read the object under robot.motion in a session header; absent fields keep defaults.
-
-        Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
-        """
+        """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
         return cls(**_read(values, {f.name for f in fields(cls)}))
 
 
 def _read(values: Mapping[str, Any], known: set[str]) -> dict[str, Any]:
-    """Check the fields of a header's motion object, all but the model's name."""
     given = {name: value for name, value in values.items() if name != "model"}
     for name in given:
         if name not in known:
@@ -153,10 +149,7 @@ class OdometryParameters:
 
     @classmethod
     def from_header(cls, values: Mapping[str, Any]) -> OdometryParameters:
-        """Read the object under robot.motion in a session header; absent fields keep defaults.
-
-        Raises ValueError naming the field that is not a number up to 1e6 in size, negative or not known.
-        """
+        """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
         return cls(**_read(values, {f.name for f in fields(cls)}))
 
 

@@ -122,9 +122,6 @@ class Expansion:
         return Recovery(0.0, state, expand=evidence < self.evidence)
 
 
-# The step: fresh particles, or a spread cloud.
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class RecoveryStep:
     """The strategy, and where fresh particles are drawn."""

@@ -107,5 +107,4 @@ def contributions(distance: str, sample: F32, reference: F32, index: ChannelInde
 
 
 def _share(part: F32, whole: F32) -> F32:
-    """Divide, with 0 where the divisor is 0."""
     return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 0), np.float32)

@@ -33,7 +33,8 @@ class Blended:
     quality: F32  # (L,) in [0, 1]
 
 
-Blend = Callable[[F32, F64, F64, Callable[[F32], F32]], Blended]
+Quality = Callable[[F32], F32]
+Blend = Callable[[F32, F64, F64, Quality], Blended]
 
 
 def relative_quality(distances: F32) -> F32:
@@ -48,20 +49,16 @@ def absolute_quality(distances: F32) -> F32:
     return np.asarray(np.clip(1 - distances, 0, 1), np.float32)
 
 
-QUALITIES: Mapping[str, Callable[[F32], F32]] = {"relative": relative_quality, "absolute": absolute_quality}
+QUALITIES: Mapping[str, Quality] = {"relative": relative_quality, "absolute": absolute_quality}
 
 
-def calibrated(
-    distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
-) -> Blended:
+def calibrated(distances: F32, weights: F64, scales: F64, quality: Quality = relative_quality) -> Blended:
     """Return the sum of weight * D / scale, in nats: as if channels erred independently."""
     total = np.asarray((weights / scales) @ distances, np.float32)
     return Blended(total, relative_quality(total))
 
 
-def weighted_sum(
-    distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
-) -> Blended:
+def weighted_sum(distances: F32, weights: F64, scales: F64, quality: Quality = relative_quality) -> Blended:
     """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.5)."""
     spread = distances.std(axis=1, dtype=np.float64)
     tells = spread > LEAST_SPREAD * distances.max(axis=1)
@@ -73,7 +70,7 @@ def weighted_sum(
 
 
 def weighted_product(
-    distances: F32, weights: F64, scales: F64, quality: Callable[[F32], F32] = relative_quality
+    distances: F32, weights: F64, scales: F64, quality: Quality = relative_quality
 ) -> Blended:
     """Return the product of qualities (0.001 at least) to the power of their weights (thesis 4.2.5)."""
     logs = np.log(np.maximum(quality(distances), np.float32(LEAST_QUALITY)))
@@ -121,9 +118,8 @@ class SensorParameters:
 
     def scale_of(self, channel: str) -> float:
         """Return the distance that costs one nat of log-likelihood at weight 1 and sharpness 1."""
-        if channel in self.scales:
-            return self.scales[channel]
-        return SCALES.get((channel, self.distance_of(channel)), 1.0)
+        usual = SCALES.get(channel, {}).get(self.distance_of(channel), 1.0)
+        return self.scales.get(channel, usual)
 
     def check_names(self) -> None:
         """Raise KeyError for an unknown name now, instead of at the first picture."""

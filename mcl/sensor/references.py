@@ -328,5 +328,4 @@ def _joined(views: NDArray[np.int64], headings: F64, members: list[NDArray[np.in
 
 
 def _middle(headings: F64) -> F64:
-    """Return the circular mean of each row of headings (V, K)."""
     return np.asarray(np.arctan2(np.sin(headings).mean(axis=1), np.cos(headings).mean(axis=1)))

@@ -100,7 +100,7 @@ def test_the_documentation_lists_every_channel_as_it_is():
     for name, (_, size, _, _, distance, scale, score, source) in rows.items():
         channel = CHANNELS[name]
         assert distance == f"`{channel.distance}`"
-        assert float(scale) == SCALES[name, channel.distance]
+        assert float(scale) == SCALES[name][channel.distance]
         assert -6.44 < float(score) < 0
         assert source
         assert len(channel.describe(np.full((24, 32, 3), 90, np.uint8))) == int(size)

@@ -1,6 +1,5 @@
 """Blurred color: the color histogram of a blurred picture. The other reading of "smoothing" (thesis 4.1)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -12,13 +11,12 @@ from .channel import camera_histogram
 BLUR_PX = 2.0  # sd of the Gaussian: removes the sensor's noise, which widens every peak
 
 
-@dataclass(frozen=True, slots=True)
 class Blurred:
     """Color without the sensor's noise, and without small details. About 0.3 ms."""
 
-    name: str = "blurred"
-    distance: str = "hellinger"
-    unit: str = "256 x share"
+    name = "blurred"
+    distance = "hellinger"
+    unit = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Return the camera histogram (84,) of a picture (H, W, 3) RGB after a Gaussian blur."""

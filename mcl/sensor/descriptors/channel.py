@@ -49,7 +49,7 @@ def camera_histogram(image: U8) -> F32:
 
 
 def _bins_of(image: U8, plane: int) -> F32:
-    counts = np.asarray(cv2.calcHist([image], [plane], None, [256], [0.0, 256.0]), np.float32).ravel()
+    counts = cv2.calcHist([image], [plane], None, [256], [0.0, 256.0]).ravel()
     bins = counts[LOW:HIGH].reshape(BINS, WIDTH).sum(axis=1)
     bins[-1] += counts[HIGH]
     return np.asarray(bins, np.float32)

@@ -1,10 +1,5 @@
-"""Chromaticity: how red and how green the picture's pixels are, whatever their brightness.
+"""Chromaticity: how red and how green the pixels are, whatever their brightness (Swain and Ballard 1991)."""
 
-Normalized color r = R / (R + G + B), g likewise (Swain and Ballard 1991; invariances: Gevers and Smeulders
-1999). Brighter or dimmer light moves no pixel to another bin.
-"""
-
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -34,13 +29,12 @@ def _bin(share: F32) -> F32:
     return np.asarray(np.clip(place, 0, BINS - 1), np.float32)
 
 
-@dataclass(frozen=True, slots=True)
 class Chromaticity:
     """Invariant to the amount of light, not to its color. About 0.3 ms for 176 x 144."""
 
-    name: str = "chromaticity"
-    distance: str = "hellinger"
-    unit: str = "share"
+    name = "chromaticity"
+    distance = "hellinger"
+    unit = "share"
 
     def describe(self, image: U8) -> F32:
         """Return a histogram (256,) over r and g that sums to one; pixels count by the root of brightness."""

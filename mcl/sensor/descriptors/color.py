@@ -1,19 +1,17 @@
 """Color: the histogram of the picture's red, green and blue values (thesis 3.3)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from ...arrays import F32, U8
 from .channel import BINS, HIGH, LOW, camera_histogram
 
 
-@dataclass(frozen=True, slots=True)
 class Color:
     """The thesis's first feature. Cheap (about 0.04 ms for 176 x 144), but blind to where in the picture."""
 
-    name: str = "color"
-    distance: str = "hellinger"
-    unit: str = "256 x share"
+    name = "color"
+    distance = "hellinger"
+    unit = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Return the camera histogram (84,) of a picture (H, W, 3) RGB."""

@@ -1,9 +1,5 @@
-"""Color grid: a coarse color histogram of each part of the picture.
+"""Color grid: a coarse color histogram of each part of the picture (Lazebnik, Schmid and Ponce 2006)."""
 
-One level of a spatial pyramid (Lazebnik, Schmid and Ponce 2006).
-"""
-
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -15,25 +11,19 @@ from .channel import HIGH, LOW
 COLUMNS, ROWS, BINS = 4, 3, 8
 
 
-@dataclass(frozen=True, slots=True)
 class ColorGrid:
     """Color by its place in the picture. About 0.2 ms for 176 x 144."""
 
-    name: str = "color_grid"
-    distance: str = "l1"
-    unit: str = "share"
+    name = "color_grid"
+    distance = "l1"
+    unit = "share"
 
     def describe(self, image: U8) -> F32:
         """Return (288,) shares of all pixels: 12 cells row by row, each 8 bins of R, G, B (16 to 240)."""
         rows, columns = image.shape[:2]
-        parts = [
-            image[
-                j * rows // ROWS : (j + 1) * rows // ROWS,
-                i * columns // COLUMNS : (i + 1) * columns // COLUMNS,
-            ]
-            for j in range(ROWS)
-            for i in range(COLUMNS)
-        ]
+        tall = [slice(j * rows // ROWS, (j + 1) * rows // ROWS) for j in range(ROWS)]
+        wide = [slice(i * columns // COLUMNS, (i + 1) * columns // COLUMNS) for i in range(COLUMNS)]
+        parts = [image[j, i] for j in tall for i in wide]
         counts = [_counts(np.ascontiguousarray(part)) for part in parts]
         return np.asarray(np.concatenate(counts) / (rows * columns), np.float32)
 

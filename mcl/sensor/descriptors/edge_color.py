@@ -1,6 +1,5 @@
 """Edge color: the colors of the pixels that lie on an edge (the other reading of thesis 4.2.2, figure 52)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -13,13 +12,12 @@ from .edges import edge_image
 LEAST_EDGE = 32  # of the edge image, 0 to 255: above the sensor's noise
 
 
-@dataclass(frozen=True, slots=True)
 class EdgeColor:
     """Which colors meet at edges; walls and floors, which fill most pictures, do not count. About 0.6 ms."""
 
-    name: str = "edge_color"
-    distance: str = "hellinger"
-    unit: str = "256 x share"
+    name = "edge_color"
+    distance = "hellinger"
+    unit = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Return 28 bins a plane (84,) over the edge pixels, in the unit 256 x share of all pixels."""

@@ -1,11 +1,8 @@
-"""Edges: the histogram of the edge image (thesis 4.2.2, figs. 51 to 55).
+"""Edges: the histogram of the edge image, Sobel's magnitude per color (thesis 4.2.2, figs. 51 to 55).
 
-The thesis's operator is not known. Here an edge image is the Sobel gradient's magnitude, for red, green
-and blue separately, after a light blur that removes the sensor's noise. Pixels with almost no gradient have
-values below 16 and so stay out of the histogram, which they would otherwise dominate.
+After a light blur, pixels with almost no gradient stay below 16 and so out of the histogram.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -33,13 +30,12 @@ def _gradient(plane: U8) -> U8:
     return np.asarray(cv2.convertScaleAbs(magnitude, alpha=GAIN), np.uint8)
 
 
-@dataclass(frozen=True, slots=True)
 class Edges:
     """How many edges there are, and how strong. Less sensitive to the color of light than color is."""
 
-    name: str = "edges"
-    distance: str = "hellinger"
-    unit: str = "256 x share"
+    name = "edges"
+    distance = "hellinger"
+    unit = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Return the camera histogram (84,) of the edge image of a picture (H, W, 3) RGB."""

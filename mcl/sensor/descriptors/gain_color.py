@@ -1,10 +1,9 @@
 """Gain-normalized color: each plane divided by its own mean, then its histogram.
 
-The gray-world assumption (Buchsbaum 1980), by which gain and white balance cancel; the first half of the
-comprehensive normalization of Finlayson, Schiele and Crowley (1998).
+The gray-world assumption (Buchsbaum 1980; Finlayson, Schiele and Crowley 1998): gain and white balance
+cancel.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -19,13 +18,12 @@ MOST = 4.0  # times the mean; brighter pixels count in the last bin
 BLUR_PX = 1.0
 
 
-@dataclass(frozen=True, slots=True)
 class GainColor:
     """Invariant to gain and white balance, but blind to a room's overall color. About 0.6 ms."""
 
-    name: str = "gain_color"
-    distance: str = "hellinger"
-    unit: str = "256 x share"
+    name = "gain_color"
+    distance = "hellinger"
+    unit = "256 x share"
 
     def describe(self, image: U8) -> F32:
         """Return 28 bins a plane (84,) over 0 to 4 times its mean, in the unit 256 x share of pixels."""

@@ -1,6 +1,5 @@
 """Color moments: mean, spread and skew of each plane (Stricker and Orengo 1995). Nine numbers per picture."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -11,13 +10,12 @@ from ...arrays import F32, U8
 LEVELS = np.arange(256, dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
 class Moments:
     """The smallest descriptor here; for a robot with little memory. About 0.1 ms for 176 x 144."""
 
-    name: str = "moments"
-    distance: str = "hellinger"
-    unit: str = "gray levels"
+    name = "moments"
+    distance = "hellinger"
+    unit = "gray levels"
 
     def describe(self, image: U8) -> F32:
         """Return (9,) gray levels: three means, three standard deviations, three cube roots of skew + 256."""

@@ -1,6 +1,5 @@
 """Tiny image: a few pixels, brightness and contrast removed (Torralba, Fergus and Freeman 2008)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -12,13 +11,12 @@ COLUMNS, ROWS = 12, 9
 LEAST_NORM = 20.0  # gray levels: a picture flatter than this is noise and is not amplified
 
 
-@dataclass(frozen=True, slots=True)
 class Tiny:
     """Where it is light and dark; sharp in heading. About 0.1 ms for 176 x 144."""
 
-    name: str = "tiny"
-    distance: str = "l1"
-    unit: str = "relative brightness"
+    name = "tiny"
+    distance = "l1"
+    unit = "relative brightness"
 
     def describe(self, image: U8) -> F32:
         """Return (324,): 12 x 9 cells of R, G, B, mean removed, at unit length, plus one."""

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from maurice_mcl.arrays import U8
-from maurice_mcl.calibration.noise import noise_floor, stretched
+from maurice_mcl.calibration.sensor import noise_floor, stretched
 from maurice_mcl.sensor.descriptors.color import Color
 
 

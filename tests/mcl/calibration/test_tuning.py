@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.calibration import tuning
-from maurice_mcl.calibration import tuning as tuning_samples
+from maurice_mcl.calibration import sensor as tuning
+from maurice_mcl.calibration import sensor as tuning_samples
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.sensor.references import nearest_reference
