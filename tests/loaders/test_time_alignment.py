@@ -50,7 +50,7 @@ def test_nanoseconds_keep_what_a_float_can_hold_and_spans_meet_or_do_not() -> No
     assert apart("pictures", one, "truth", other).endswith("their beginnings are -2.500 s apart")
 
 
-THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "thymio"
+THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "thymio"
 
 
 def drive(seconds: int, seed: int = 0) -> tuple[F64, F64]:

@@ -24,7 +24,7 @@ from maurice_mcl.diagnosis.findings import RecordedDrive, RecordedOdometry, Reco
 from maurice_mcl.diagnosis.odometry import compared_with_truth
 from maurice_mcl.library import Library
 
-from ..conftest import WriteLog
+from .conftest import WriteLog
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 

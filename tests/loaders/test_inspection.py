@@ -11,7 +11,7 @@ import pytest
 from maurice_loaders.errors import InputError
 from maurice_loaders.inspection import inspect_session
 
-from ..conftest import WriteLog
+from .conftest import WriteLog
 
 Pixel = dict[str, Any]
 
@@ -55,7 +55,7 @@ def test_a_header_alone_and_records_at_one_time_have_no_rate(write_log: WriteLog
     assert found.duration_s == 0
     unknown = (found.picture_rate_hz, found.odometry_rate_hz, found.truth_share, found.survey)
     assert {*unknown, found.distance_odometry_m, found.distance_truth_m} == {None}
-    assert (found.survey_found, found.has_map) == (False, False)
+    assert (found.survey_found, found.has_map) == (None, False)
     assert inspect_session(write_log(*[{"t": 1, "image": pixel}] * 3)).picture_rate_hz is None
 
 
