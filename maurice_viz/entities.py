@@ -30,9 +30,11 @@ EXPLAIN_KEY = "/world/key/explained"
 
 CAMERA = "/session/camera"
 EDGES = "/session/edges"
+VERDICT = "/session/verdict"  # what happened: one TextDocument, static
+LIMITS = "/session/limits"  # Scalars: the errors that runs are judged by
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 
-RESERVED = ("world", "session", "compare")
+RESERVED = ("world", "session", "compare", "Log")
 
 
 class Phase(IntEnum):
@@ -137,6 +139,11 @@ class RunPaths:
     def contact_sheet(self) -> str:
         """The pictures of the best five entries: one EncodedImage."""
         return self.at("match", "pictures")
+
+    @property
+    def best_match(self) -> str:
+        """The picture of the best entry: one EncodedImage."""
+        return self.at("match", "picture")
 
     @property
     def text(self) -> str:

@@ -6,11 +6,12 @@ The command line, a notebook and the tests call the same functions.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from maurice_mcl.analysis.events import Say, in_meters
 from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
 from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
+from maurice_mcl.analysis.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.records import StepRecord
@@ -34,6 +35,7 @@ class RunResult:
     label: str
     score: RunScore
     steps_per_s: float | None  # filter steps per second, without decoding and drawing; None before the first
+    verdict: RunVerdict = field(default_factory=RunVerdict)  # what happened
     against: str | None = None  # label of the run that it is compared with; None: the first or only one
     paired: ComparisonResult | None = None  # how it compares
 
@@ -87,6 +89,7 @@ class ResultCollector:
             label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
         }
+        self._verdicts = {label: VerdictBuilder() for label in labels}
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
         self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, per run
@@ -102,8 +105,13 @@ class ResultCollector:
             self.all_zero[label] += ALL_ZERO in record.events
             self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
             self._judges[label].add(record, moment.truth)
+            self._verdicts[label].add(moment, record)
             self._took_s[label] += sum(record.took_s.values())
         return {label: one.see(steps[one.first], steps[label]) for label, one in self._pairings.items()}
+
+    def verdicts(self) -> dict[str, RunVerdict]:
+        """Return what happened to each run, up to now."""
+        return {label: builder.result() for label, builder in self._verdicts.items()}
 
     def results(self) -> list[RunResult]:
         """Return a result for each run, in order, up to now."""
@@ -112,6 +120,7 @@ class ResultCollector:
     def _result(self, label: str, score: RunScore) -> RunResult:
         took_s = self._took_s[label]
         score = replace(score, success=self._judges[label].result())
-        result = RunResult(label, score, score.updates / took_s if took_s > 0 else None)
+        per_s = score.updates / took_s if took_s > 0 else None
+        result = RunResult(label, score, per_s, self._verdicts[label].result())
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

@@ -128,8 +128,8 @@ class Estimate:
     sd_m: tuple[float, float]  # weighted standard deviation along x and y of its particles
     heading_sd_rad: float  # circular standard deviation of the same particles
     mass: float  # share of all weight that these particles hold
-    confidence: float  # share of weight within 12 in (0.3048 m) of the pose, injected particles left out
-    converged: float  # share of weight within 24 in (0.6096 m), injected particles left out
+    confidence: float  # share of weight within 12 in (0.3048 m) of the pose
+    converged: float  # share of weight within 24 in (0.6096 m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +155,7 @@ class StepRecord:
     parents: I32 | None  # (N',) which weighted particle each new one copies, -1: fresh; None: not resampled
     injected: Bool | None  # (N',) freshly injected particles of `belief`; None: none
     belief: Belief  # what the next step starts from
-    events: tuple[str, ...]  # what the filter noticed: "resampled", "all weights zero"
+    events: tuple[str, ...]  # what the filter noticed: "resampled", "left the map"
     took_s: Mapping[str, float]  # seconds per stage; not part of what must repeat
 
 
@@ -171,5 +171,4 @@ class FilterState:
 
     step: int  # of the last frame; 0 before the first
     belief: Belief
-    injected: Bool | None = None  # (N,) which particles of `belief` were freshly injected
     recovery: RecoveryState = NO_HISTORY  # of the recovery strategy

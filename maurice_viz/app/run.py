@@ -28,6 +28,7 @@ from .output import DriveScene, OutputOptions, drawing
 if TYPE_CHECKING:
     from ..panels.comparison import ComparisonDrawing
     from ..panels.observer import Observer
+    from ..panels.story import VerdictDrawing
 
 AS_FAR = "the recording and the figures go as far as it got"
 
@@ -139,7 +140,7 @@ def step_through(
     listener: Listener,
 ) -> None:
     """Go through all updates once: score, save, draw, each update whole."""
-    comparison = _comparison(playback, observers)
+    comparison, verdict = _comparison(playback, observers), _verdict(playback, observers)
     try:
         with stops_between() as stops:
             for steps in playback.updates:
@@ -151,10 +152,28 @@ def step_through(
                         observer.see(*steps[label])
                     if comparison is not None:
                         comparison.see(steps, pairs)
+                    if verdict is not None:
+                        verdict.see(collector.verdicts())
                 listener.progress(collector.updates, playback.total, "replay")
     finally:
         if comparison is not None and collector.updates:
             comparison.end(collector.results())
+        if verdict is not None and collector.updates:
+            verdict.end(collector.verdicts())
+
+
+def _verdict(playback: Playback, observers: Mapping[str, Observer]) -> VerdictDrawing | None:
+    """Return what draws the verdict into the observers' recording; None without one."""
+    if not observers:
+        return None
+    from ..panels.observer import RerunObserver
+    from ..panels.story import VerdictDrawing
+
+    first, scene = next(iter(observers.values())), playback.scene
+    if not isinstance(first, RerunObserver):
+        return None
+    scale = scale_for(scene.info.display_units, scene.library.arena)
+    return VerdictDrawing(first.rec, scale, scene.live)
 
 
 def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:

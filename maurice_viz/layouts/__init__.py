@@ -1,5 +1,6 @@
 """Where panels stand on a screen of 1600 x 1000, by name.
 
+story         the first screen: what happened, where, what was seen, and when
 registry      all layouts of a recording, as tabs of one blueprint
 one_run       overview, inside-a-step and explain: one run at a glance, its updates from the inside, and why
 several_runs  compare and traces: runs side by side, and one number per update over the session
@@ -8,6 +9,6 @@ The screens of a drive by itself and of one update at full size stand with their
 """
 
 # names on their own: the command line lists them without importing Rerun
-LAYOUT_NAMES = ("overview", "inside-a-step", "explain", "compare", "traces")
-RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
+LAYOUT_NAMES = ("story", "overview", "inside-a-step", "explain", "compare", "traces")
+RECORDED_LAYOUT_NAMES = ("story", "overview", "traces")  # with --as-recorded
 DETAILS = ("full", "events", "light")

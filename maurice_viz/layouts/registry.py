@@ -10,6 +10,7 @@ from ..panels.views import FPS, window
 from ..scene import RunView, SceneInfo
 from ..style import font_safe_names
 from . import one_run, several_runs
+from .story import story
 
 Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
 
@@ -32,6 +33,7 @@ def _named(container: rrb.Container, name: str) -> rrb.Container:
 
 
 LAYOUTS: Mapping[str, Layout] = {
+    "story": story,
     "overview": _a_tab_a_run(one_run.overview),
     "inside-a-step": _a_tab_a_run(one_run.inside_a_step),
     "explain": _a_tab_a_run(one_run.explain),
@@ -44,11 +46,6 @@ RECORDED: Mapping[str, Layout] = {
 }
 
 
-def usual(runs: Sequence[RunView]) -> str:
-    """Return the layout that is shown first: "overview" for one run, "compare" for several."""
-    return "overview" if len(runs) == 1 else "compare"
-
-
 def runs_blueprint(
     runs: Sequence[RunView], scene: SceneInfo, first: str | None = None, *, live: bool = False
 ) -> rrb.Blueprint:
@@ -58,7 +55,7 @@ def runs_blueprint(
     """
     layouts = LAYOUTS if any(run.channels for run in runs) else RECORDED
     names = [name for name in layouts if name != "compare" or len(runs) > 1]
-    chosen = first or usual(runs)
+    chosen = first or names[0]
     tabs = [_named(layouts[name](runs, scene), name) for name in names]
     for tab in tabs:
         font_safe_names(tab)

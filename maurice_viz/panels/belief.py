@@ -10,7 +10,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.arrays import F32, F64, I32
+from maurice_mcl.filter.estimate import CLUSTER_M
 from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 
@@ -130,7 +132,7 @@ def copies_of(parents: I32 | None, size: int) -> NDArray[np.int64]:
 
 @dataclass(slots=True)
 class PoseMarker:
-    """One pose that moves: a disk, an arrow and the trail of its last `TRAIL` poses."""
+    """One pose that moves: a disk, an arrow, the trail of its last `TRAIL` poses, broken where it jumps."""
 
     path: str
     color: RGB
@@ -138,7 +140,7 @@ class PoseMarker:
     order: float
     scale: Scale
     arrow: float  # length in display units
-    _trail: deque[F32] = field(default_factory=lambda: deque(maxlen=TRAIL))
+    _trail: deque[tuple[bool, F32]] = field(default_factory=lambda: deque(maxlen=TRAIL))  # begins, place
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         points, color = rr.components.Radius.ui_points, [self.color]
@@ -147,16 +149,20 @@ class PoseMarker:
         trail = rr.LineStrips2D.from_fields(colors=color, radii=points(0.75), draw_order=self.order - 5)
         rec.log(self.path, disk, arrow, trail, static=True)
 
-    def draw(self, rec: rr.RecordingStream, pose: F64) -> None:
-        """Log one pose (3,)."""
+    def draw(self, rec: rr.RecordingStream, pose: F64, jumped: bool = False) -> None:
+        """Log one pose (3,); `jumped` begins a new line."""
         at = self.scale.screen(pose[None, :2])
-        self._trail.append(at[0])
+        self._trail.append((jumped, at[0]))
         rec.log(  # all in one: a call costs more than what it carries
             self.path,
             rr.Points2D.from_fields(positions=at),
             rr.Arrows2D.from_fields(origins=at, vectors=heading_vector(float(pose[2]), self.arrow)),
-            rr.LineStrips2D.from_fields(strips=[np.array(self._trail)]),
+            rr.LineStrips2D.from_fields(strips=self._strips()),
         )
+
+    def _strips(self) -> list[F32]:
+        begins = [number for number, (jumped, _) in enumerate(self._trail) if jumped and number]
+        return np.split(np.array([place for _, place in self._trail]), begins)
 
 
 def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
@@ -182,7 +188,8 @@ class TruthPanel(Panel):
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         if update.moment.truth is not None:
             set_phase(rec, update.moment, Phase.PREDICT)
-            self._marker.draw(rec, update.moment.truth)
+            jumped = any(event.kind == KIDNAPPED for event in update.events)
+            self._marker.draw(rec, update.moment.truth, jumped)
 
 
 class EstimatePanel(Panel):
@@ -191,13 +198,23 @@ class EstimatePanel(Panel):
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
         self._marker = estimate_marker(run.paths.estimate, run.library.arena, run.scale)
+        self._last: F64 | None = None  # the estimate before
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         self._marker.prepare(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        set_phase(rec, update.moment, Phase.ESTIMATE)
-        self._marker.draw(rec, update.record.estimate.pose)
+        """Log the estimated pose, which is known once the cloud is weighted; before that there is none."""
+        pose, last = update.record.estimate.pose, self._last
+        if update.whole:
+            set_phase_only(rec, update.moment, Phase.PREDICT)
+            no_arrow = rr.Arrows2D.from_fields(origins=[], vectors=[])
+            rec.log(self._marker.path, rr.Points2D.from_fields(positions=[]), no_arrow)
+        reach = CLUSTER_M + float(np.hypot(*update.record.frame.motions[:, :2].T).sum())
+        jumped = last is not None and np.hypot(*(pose[:2] - last[:2])) > reach
+        self._last = pose
+        set_phase(rec, update.moment, Phase.WEIGHT)
+        self._marker.draw(rec, pose, bool(jumped))
 
 
 class CloseupPanel(Panel):

@@ -102,7 +102,7 @@ class FilmstripPanel(Panel):
             return
         at_truth = None if truth is None else self._finder.entry_at(truth)
         at_estimate = self._finder.entry_at(record.estimate.pose)
-        set_phase(rec, update.moment, Phase.ESTIMATE)
+        set_phase(rec, update.moment, Phase.WEIGHT)
         slot = self._drawn % COLUMNS
         column = self._column(record, at_truth, at_estimate)
         at = self._drawn * (CELL_PX + GAP_PX)

@@ -33,7 +33,7 @@ class WordsPanel(Panel):
             for phase in (Phase.PREDICT, Phase.MEASURE, Phase.WEIGHT):
                 set_phase(rec, moment, phase)
                 self._log(rec, narration.phase(moment, record, phase, self._scale))
-            for phase in (Phase.RESAMPLE, Phase.RESEED)[: 1 + update.is_reseeded]:
+            for phase in (Phase.RESAMPLE, Phase.RESEED):
                 set_phase_only(rec, moment, phase)
                 self._log(rec, narration.phase(moment, record, phase, self._scale))
         set_phase(rec, moment, Phase.ESTIMATE)
@@ -52,7 +52,7 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
 # Events as lanes over time. A state lasts until the next one. An event is at the left edge of its mark, which
 # lasts for a share of the run that can be read on a screen, or until the next one. Only changes are logged.
 
-LOG_LANE = "/session/events"  # the log's events are the same for all runs of a recording
+LOG_LANE = "/Log"  # of all runs of a recording; lanes stand in the order of their paths, capitals first
 USUAL_UPDATES = 120  # if the number is not known beforehand
 LEAST_HOLD = 2
 MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
@@ -71,6 +71,7 @@ STATUS_COLORS: Mapping[str, RGB] = {
 }
 NOTICED_COLORS: Mapping[str, RGB] = {
     kinds.LOST: LOST,
+    kinds.LEFT_THE_MAP: LOST,
     kinds.ALL_WEIGHTS_ZERO: LOST,
     kinds.RECOVERED: GOOD,
     kinds.LOCALIZED: GOOD,
@@ -93,6 +94,7 @@ SHORT = {
     kinds.ESS_DIP: "ESS dip",
     kinds.LIGHTS_CHANGED: "lights",
     kinds.BEYOND_THREE_SIGMA: "3 sigma",
+    kinds.LEFT_THE_MAP: "left map",
     kinds.ALL_WEIGHTS_ZERO: "all zero",
     kinds.MODE_SWITCH: "switch",
     kinds.SESSION: "log",
@@ -161,9 +163,14 @@ def noticed_path(paths: RunPaths) -> str:
     return paths.at("events", "noticed")
 
 
-def events_view(labels: Sequence[str], title: str = "Events") -> rrb.StateTimelineView:
-    """Show the lanes of some runs and of the log, with the meaning of the colors in the title."""
-    contents = [f"{RunPaths(label).at('events')}/**" for label in labels]
+def events_view(labels: Sequence[str], title: str = "Events", brief: bool = False) -> rrb.StateTimelineView:
+    """Show the lanes of some runs and of the log, with the meaning of the colors in the title.
+
+    Each lane takes 35 pixels, title and time axis together 45: 150 pixels for one run, 220 for two. `brief`
+    leaves out what was noticed in each run.
+    """
+    runs = [RunPaths(label) for label in labels]
+    contents = [status_path(paths) if brief else f"{paths.at('events')}/**" for paths in runs]
     return rrb.StateTimelineView(name=f"{title}: {LEGEND}", origin="/", contents=[*contents, LOG_LANE])
 
 

@@ -46,16 +46,20 @@ class HeadingsPanel(Panel):
         rec.log(path, shape, arrows, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        poses, colors = [update.record.estimate.pose], [style.ESTIMATE]
-        if update.moment.truth is not None:
-            poses, colors = [*poses, update.moment.truth], [style.ESTIMATE, style.TRUTH]
-        vectors = np.concatenate([heading_vector(float(pose[2]), RIM) for pose in poses])
-        set_phase(rec, update.moment, Phase.ESTIMATE)
-        rec.log(
-            self._paths.headings,
-            rr.LineStrips2D.from_fields(strips=strips_of([outline(update.record.weighted)])),
-            rr.Arrows2D.from_fields(origins=np.zeros_like(vectors), vectors=vectors, colors=colors),
+        record, truth = update.record, update.moment.truth
+        known = [] if truth is None else [(truth, style.TRUTH)]
+        if update.whole:
+            set_phase_only(rec, update.moment, Phase.PREDICT)
+            self._log(rec, record.predicted, known)
+        set_phase(rec, update.moment, Phase.WEIGHT)
+        self._log(rec, record.weighted, [(record.estimate.pose, style.ESTIMATE), *known])
+
+    def _log(self, rec: rr.RecordingStream, cloud: Belief, poses: list[tuple[F64, style.RGB]]) -> None:
+        vectors = [heading_vector(float(pose[2]), RIM)[0] for pose, _ in poses]
+        arrows = rr.Arrows2D.from_fields(
+            origins=np.zeros((len(poses), 2)), vectors=vectors, colors=[color for _, color in poses]
         )
+        rec.log(self._paths.headings, rr.LineStrips2D.from_fields(strips=strips_of([outline(cloud)])), arrows)
 
 
 def rim(has_truth: bool) -> U8:
@@ -134,7 +138,7 @@ class ModesPanel(Panel):
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         self._past.append(update.modes)
-        set_phase(rec, update.moment, Phase.ESTIMATE)
+        set_phase(rec, update.moment, Phase.WEIGHT)
         rec.log(f"{self._paths.modes}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
 
 

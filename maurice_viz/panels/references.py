@@ -20,7 +20,7 @@ from maurice_mcl.sensor.references import NearestReference
 
 from .. import entities
 from ..drawing.canvas import Extent, jpeg
-from ..drawing.contact_sheet import BEST, ContactSheet, best_matches
+from ..drawing.contact_sheet import BEST, CELL_PX, ContactSheet, best_matches
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
@@ -109,10 +109,12 @@ class BestReferencesPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        self._path, self._sheet = run.paths.contact_sheet, ContactSheet(run.library, run.scale)
+        self._path, self._best = run.paths.contact_sheet, run.paths.best_match
+        self._sheet = ContactSheet(run.library, run.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         prepare_jpeg(rec, self._path)
+        prepare_jpeg(rec, self._best)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the sheet; in the very first phase, before anything is compared, an empty one."""
@@ -122,11 +124,15 @@ class BestReferencesPanel(Panel):
             set_phase_only(rec, update.moment, Phase.PREDICT)
             self.clear(rec)
         set_phase(rec, update.moment, Phase.MEASURE)
-        sheet = self._sheet.draw(best_matches(update.record.sighting.comparison))
-        draw_jpeg(rec, self._path, jpeg(sheet, SHEET_QUALITY))
+        self._log(rec, self._sheet.draw(best_matches(update.record.sighting.comparison)))
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        draw_jpeg(rec, self._path, jpeg(self._sheet.draw(()), SHEET_QUALITY))
+        """Log an empty sheet."""
+        self._log(rec, self._sheet.draw(()))
+
+    def _log(self, rec: rr.RecordingStream, sheet: U8) -> None:
+        draw_jpeg(rec, self._path, jpeg(sheet, SHEET_QUALITY))
+        draw_jpeg(rec, self._best, jpeg(np.ascontiguousarray(sheet[:, :CELL_PX]), SHEET_QUALITY))
 
 
 class LikelihoodPanel(Panel):
@@ -218,7 +224,7 @@ def narrow_circles_view(paths: RunPaths, scene: SceneInfo, extent: Extent) -> rr
 
 
 def _circles_of(paths: RunPaths) -> list[str]:
-    return [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", paths.particles]
+    return [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", f"- {paths.best_match}", paths.particles]
 
 
 def best_references_view(

@@ -12,12 +12,18 @@ from .histograms import HistogramsPanel
 from .panel import DrawnRun, Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
+from .story import LimitsPanel
 from .traces import TracesPanel
 from .world import WorldPanel
 
 PanelMaker = Callable[[DrawnRun], Panel]
 
-OF_THE_SCENE: tuple[PanelMaker, ...] = (WorldPanel, TruthPanel, CameraPanel)  # drawn once for all runs
+OF_THE_SCENE: tuple[PanelMaker, ...] = (
+    WorldPanel,
+    TruthPanel,
+    CameraPanel,
+    LimitsPanel,
+)  # once for all runs
 OF_A_RUN: tuple[PanelMaker, ...] = (
     CloudPanel,
     CloseupPanel,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from maurice_mcl.arrays import F64, Bool
+from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED
 from maurice_mcl.geometry import angle_between, circular_mean
 from maurice_mcl.records import Belief, Estimate, StepRecord
 from maurice_mcl.session import Moment
@@ -126,8 +127,12 @@ def measured(record: StepRecord) -> str:
 
 def weighted(record: StepRecord, scale: Scale) -> str:
     """Describe the new weights: who gained, who lost, and what they were compared with."""
-    if "all weights zero" in record.events:
-        return "No particle is where the picture could be from: all weights zero, so the old ones stay."
+    if ALL_ZERO in record.events:
+        return "**No particle is in free space: all weights zero.** They cannot be updated."
+    if LEFT_MAP in record.events:
+        return (
+            f"**Every particle drove out of free space.** The cloud stays where it was. {effective(record)}"
+        )
     log_weights = record.weighted.log_weights
     heaviest = np.exp(log_weights.max()) * len(log_weights)
     return (
@@ -181,11 +186,11 @@ def resampled(record: StepRecord) -> str:
 
 def reseeded(record: StepRecord) -> str:
     """Describe how many particles were drawn anew, and why."""
-    if "expanded" in record.events:
+    if EXPANDED in record.events:
         return "Expanded: the picture was explained badly, so every particle was moved at random."
     if record.injected is None:
         return "Not reseeded."
-    drawn = f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles were drawn anew."
+    drawn = f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles are fresh."
     if not np.isfinite(record.calibrated_evidence):
         return f"{drawn} No particle was in free space, so that none explained this picture."
     return f"{drawn} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
@@ -207,7 +212,7 @@ def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:
 
 def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Return what a step did, for the last phase and for timelines without phases."""
-    events = [*moment.events, *(event for event in record.events if event != "resampled")]
+    events = [*moment.events, *(event for event in record.events if event != RESAMPLED)]
     title = f"**{_when(moment)}**" + "".join(f" · {event}" for event in events)
     recorded = _is_recorded(record)
     rest = f"{moved(record, scale)}{cloud(record, scale)}" if recorded else _done(record, scale)
@@ -222,7 +227,7 @@ def _done(record: StepRecord, scale: Scale) -> str:
     )
     kept = "Resampled." if record.parents is not None else "Not resampled."
     if record.injected is not None:
-        kept = f"{kept} {int(record.injected.sum())} particles drawn anew."
+        kept = f"{kept} {int(record.injected.sum())} fresh particles."
     return f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
 
 

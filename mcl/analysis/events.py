@@ -4,6 +4,7 @@ Each kind has one precise definition (docs/events.md); what only later updates s
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..arrays import F64
 from ..filter.estimate import CLUSTER_M
-from ..filter.localizer import ALL_ZERO, EXPANDED, RESAMPLED, RESEEDED
+from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED, RESEEDED
 from ..records import StepRecord
 from ..session import Moment
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
@@ -209,6 +210,7 @@ KIDNAPPED, LIGHTS_CHANGED, SESSION = "kidnapped", "lights-changed", "session"
 ESS_DIP, ALL_WEIGHTS_ZERO, MODE_SWITCH = "ess-dip", "all-weights-zero", "mode-switch"
 BEYOND_THREE_SIGMA, PARTED, BOOKMARK = "beyond-three-sigma", "parted", "bookmark"
 LOCALIZED, LOST, RECOVERED = "localized", "lost", "recovered"
+LEFT_THE_MAP = "left-the-map"
 
 KINDS: Mapping[str, str] = {
     KIDNAPPED: "the log says that the robot was carried away",
@@ -219,10 +221,11 @@ KINDS: Mapping[str, str] = {
     RECOVERED: "localized again after it was lost or kidnapped",
     BEYOND_THREE_SIGMA: "the truth lies more than three standard deviations from the estimate",
     MODE_SWITCH: "another mode has become the heaviest: the estimate jumps",
-    RESEEDED: "a burst of reseeding begins: particles are drawn afresh",
+    LEFT_THE_MAP: "every particle drove out of free space: the cloud stays where it was",
+    RESEEDED: "a burst of reseeding begins: fresh particles are drawn",
     EXPANDED: "the whole cloud was spread",
     ESS_DIP: "very few particles hold nearly all weight",
-    ALL_WEIGHTS_ZERO: "no particle was where the picture could be from; the old weights stay",
+    ALL_WEIGHTS_ZERO: "no particle is in free space: the weights cannot be updated",
     PARTED: "two runs of a comparison diverge from here",
     BOOKMARK: "a note of the user",
     RESAMPLED: "the cloud was resampled",
@@ -258,7 +261,7 @@ class EventDetector:
     _dip: Dip = field(default_factory=Dip)
     _beyond: BeyondSigma = field(default_factory=BeyondSigma)
     _leader: Leader = field(default_factory=Leader)
-    _bursts: dict[str, Burst] = field(default_factory=lambda: {RESEEDED: Burst(), ALL_ZERO: Burst()})
+    _bursts: defaultdict[str, Burst] = field(default_factory=lambda: defaultdict(Burst))
 
     def see(self, moment: Moment, record: StepRecord) -> tuple[RunEvent, ...]:
         """Process the next update; return its events in the order of KINDS."""
@@ -277,7 +280,9 @@ class EventDetector:
     def _of_filter(self, step: int, record: StepRecord) -> Iterator[tuple[str, str]]:
         limits, size = self.thresholds, record.weighted.size
         if self._begins(ALL_ZERO, step, record):
-            yield ALL_WEIGHTS_ZERO, "no particle was in free space, so that the old weights stay"
+            yield ALL_WEIGHTS_ZERO, "no particle is in free space: the weights cannot be updated"
+        if self._begins(LEFT_MAP, step, record):
+            yield LEFT_THE_MAP, "every particle drove out of free space: the cloud stays where it was"
         if (share := self._dip.see(record.effective_sample_size / size, limits)) is not None:
             yield ESS_DIP, f"effective sample size {record.effective_sample_size:.0f} of {size} ({share:.1%})"
         if self._begins(RESEEDED, step, record):
@@ -303,6 +308,11 @@ class EventDetector:
         return self._bursts[name].begins(step, name in record.events, self.thresholds)
 
 
+def is_kidnapping(text: str) -> bool:
+    """Return whether an event of a log says that the robot was carried away."""
+    return text.split()[:1] != [] and text.split()[0].lower() == KIDNAPPED
+
+
 def _logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     """Yield kind and text of a log's events, by their first word (docs/session-log.md)."""
     kinds = {"kidnapped": KIDNAPPED, "lights": LIGHTS_CHANGED}
@@ -315,8 +325,8 @@ def _logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
 
 def _reseeded(record: StepRecord) -> str:
     if record.injected is None:
-        return "particles drawn afresh"
-    count = f"{int(record.injected.sum())} of {record.belief.size} particles drawn afresh"
+        return "fresh particles"
+    count = f"{int(record.injected.sum())} of {record.belief.size} particles are fresh"
     return f"{count} (evidence {_nats(record)})"
 
 

@@ -206,9 +206,9 @@ def meets_tenth(record: StepRecord, arena_m: tuple[float, float]) -> bool:
     return record.estimate.converged > MORE_THAN and all(narrow)
 
 
-def meets_circle(record: StepRecord, injected: Bool | None) -> bool:
+def meets_circle(record: StepRecord) -> bool:
     """Return whether over 90 % is within 6 in of the scored estimate."""
-    return share_within(record.weighted, record.estimate.pose, CIRCLE_M, injected) > MORE_THAN
+    return share_within(record.weighted, record.estimate.pose, CIRCLE_M) > MORE_THAN
 
 
 @dataclass(slots=True)
@@ -220,7 +220,6 @@ class SuccessJudge:
     _updates: int = 0
     _driven_m: F64 = field(default_factory=lambda: np.zeros(2))  # by the truth, by odometry
     _truth: F64 | None = None  # the last one known
-    _injected: Bool | None = None  # which particles of the next update are freshly injected
 
     def add(self, record: StepRecord, truth: F64 | None) -> None:
         """Process the next update, with the true pose (3,) where it is known."""
@@ -231,15 +230,11 @@ class SuccessJudge:
         moved_m = float(np.hypot(motions[:, 0], motions[:, 1]).sum())
         self._driven_m = self._driven_m + np.array([true_m, moved_m])
         self._truth = self._truth if truth is None else truth
-        fresh = self._injected
-        if fresh is not None and len(fresh) != record.weighted.size:
-            fresh = None
-        met = (meets_tenth(record, self.arena_m), meets_circle(record, fresh))
+        met = (meets_tenth(record, self.arena_m), meets_circle(record))
         first, second = (
             self._judged(found, now, record, truth) for found, now in zip(self._found, met, strict=True)
         )
         self._found = (first, second)
-        self._injected = record.injected
 
     def result(self) -> tuple[Success, Success]:
         """Return both readings of the run so far."""

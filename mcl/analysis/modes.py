@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import F32, F64, I32, Bool
+from ..arrays import F32, F64, I32
 from ..filter.estimate import CLUSTER_M, TIE, Modes, first_heaviest, modes
 from ..records import Estimate, StepRecord
 
@@ -32,7 +32,6 @@ class ModeTracker:
     """Follows the modes (`filter.estimate.modes`) of one run; keeps one number per particle."""
 
     _identities: I32 | None = None  # (N,) of the next particles: the mode that each was last in
-    _injected: Bool | None = None  # (N,) which of them were freshly injected
     _born: int = field(default=NO_MODE)  # identities assigned so far
 
     def see(self, record: StepRecord) -> tuple[TrackedMode, ...]:
@@ -40,15 +39,14 @@ class ModeTracker:
         size = record.weighted.size
         held = self._identities
         carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
-        fresh = self._injected if self._injected is not None and len(self._injected) == size else None
         alone = record.estimate.mass > ALONE * (1 + TIE)
-        found = (record.estimate,) if alone else modes(record.weighted, fresh)
+        found = (record.estimate,) if alone else modes(record.weighted)
         places = _places(record, found)
         named = self._named(places, carried, record.weighted.weights, len(found))
         now = np.where(places >= 0, np.append(named, NO_MODE).astype(np.int32)[places], carried)
         if (parents := record.parents) is not None:
             now = np.where(parents >= 0, now[parents], NO_MODE).astype(np.int32)
-        self._identities, self._injected = now, record.injected
+        self._identities = now
         return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
 
     def _named(self, places: I32, carried: I32, weights: F64, count: int) -> list[int]:

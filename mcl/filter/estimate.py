@@ -24,40 +24,39 @@ Modes: TypeAlias = tuple[Estimate, ...]
 Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
 
 
-def weighted_mean(belief: Belief, injected: Bool | None = None) -> Estimate:
+def weighted_mean(belief: Belief) -> Estimate:
     """Return the mean of the entire cloud. With several modes it lies between them."""
-    weights = _counted(belief, injected)
+    weights = belief.weights
     return _stand_for(belief, weights, weights)
 
 
-def heaviest_cluster(belief: Belief, injected: Bool | None = None) -> Estimate:
+def heaviest_cluster(belief: Belief) -> Estimate:
     """Return the heaviest cluster, by mean shift with a flat kernel of 24 in: the scored estimate.
 
-    `injected` (N,) marks fresh particles, which do not count. Of equals the lowest y wins, then x, by cells
-    of 6 in.
+    Of equals the lowest y wins, then x, by cells of 6 in.
     """
-    weights = _counted(belief, injected)
+    weights = belief.weights
     x, y = _columns(belief)
     mode = _shift(_amid_most(x, y, weights), x, y, weights)
     return _stand_for(belief, weights, weights * _near(x, y, mode, CLUSTER_M))
 
 
-def best_particle(belief: Belief, injected: Bool | None = None) -> Estimate:
+def best_particle(belief: Belief) -> Estimate:
     """Return the particle with the most weight, the first of equals; its spread is zero."""
-    weights = _counted(belief, injected)
+    weights = belief.weights
     held = np.zeros_like(weights)
     best = first_heaviest(weights)
     held[best] = weights[best]
     return _stand_for(belief, weights, held)
 
 
-def modes(belief: Belief, injected: Bool | None = None, *, most: int = 5, least: float = 0.01) -> Modes:
+def modes(belief: Belief, *, most: int = 5, least: float = 0.01) -> Modes:
     """Return at most `most` clusters with at least the share `least` of the weight, heaviest first.
 
     Each holds the particles within 24 in of its mode that are in no earlier cluster.
     """
     least *= 1 - TIE
-    weights = _counted(belief, injected)
+    weights = belief.weights
     x, y = _columns(belief)
     left, found = weights, list[Estimate]()
     while len(found) < most and float(left.sum()) >= least:
@@ -75,9 +74,9 @@ def first_heaviest(weights: NDArray[Any]) -> int:
     return int((weights >= weights.max() * (1 - TIE)).argmax())
 
 
-def covariance(belief: Belief, injected: Bool | None = None) -> F64:
+def covariance(belief: Belief) -> F64:
     """Return the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means."""
-    weights = _counted(belief, injected)
+    weights = belief.weights
     x, y = _columns(belief)
     middle, _ = circular_mean(belief.poses[:, 2], weights)
     turn = wrap(belief.poses[:, 2].astype(np.float64) - middle)
@@ -85,9 +84,9 @@ def covariance(belief: Belief, injected: Bool | None = None) -> F64:
     return np.asarray((off * weights) @ off.T)
 
 
-def share_within(belief: Belief, pose: F64, radius_m: float, injected: Bool | None = None) -> float:
+def share_within(belief: Belief, pose: F64, radius_m: float) -> float:
     """Return the share of weight within a radius (inclusive) of a pose's position in the map's frame."""
-    weights = _counted(belief, injected)
+    weights = belief.weights
     x, y = _columns(belief)
     center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
     return float(weights @ _near(x, y, center, radius_m))
@@ -96,15 +95,6 @@ def share_within(belief: Belief, pose: F64, radius_m: float, injected: Bool | No
 def _heavier_first(a: Estimate, b: Estimate) -> int:
     """Compare for sorting; equals keep their order."""
     return 0 if math.isclose(a.mass, b.mass, rel_tol=TIE) else 1 if a.mass < b.mass else -1
-
-
-def _counted(belief: Belief, injected: Bool | None) -> F64:
-    """Return weights (N,) that sum to one, injected particles at zero unless nothing else has any weight."""
-    weights = belief.weights
-    if injected is None or not weights[~injected].sum() > 0:
-        return weights
-    kept = np.where(injected, 0, weights)
-    return np.asarray(kept / kept.sum())
 
 
 def _columns(belief: Belief) -> tuple[F64, F64]:

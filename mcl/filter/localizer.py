@@ -26,7 +26,7 @@ from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
 from .estimate import heaviest_cluster, log_mean_likelihood, weighted_mean
-from .motion import MotionModel, MotionOutliers, motion_model, with_outliers
+from .motion import MotionModel, MotionOutliers, keep_in, motion_model, with_outliers
 from .proposal import (
     MixtureParameters,
     ProposedParticles,
@@ -42,6 +42,7 @@ RESAMPLED = "resampled"
 RESEEDED = "reseeded"
 EXPANDED = "expanded"
 ALL_ZERO = "all weights zero"
+LEFT_MAP = "left the map"
 NO_OUTLIERS = MotionOutliers()
 
 
@@ -95,13 +96,17 @@ class Localizer:
         with _timed(took, "weight"):
             sighting = self.sensor.at(comparison, proposal.belief.poses)
             weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
+            left = log_evidence == -np.inf and self._is_inside(state.belief)
+            if left:
+                proposal = ProposedParticles(keep_in(state.belief, proposal.belief))
+                sighting = self.sensor.at(comparison, proposal.belief.poses)
+                weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
             evidence, by_channel = calibrated_evidence(comparison, proposal, sighting.entries)
         with _timed(took, "estimate"):
-            injected = state.injected if proposal.correction is None else None
-            estimate = heaviest_cluster(weighted, injected)
-            mean_estimate = weighted_mean(weighted, injected)
+            estimate = heaviest_cluster(weighted)
+            mean_estimate = weighted_mean(weighted)
         with _timed(took, "resample"):
-            recovery = self.recovery.strategy(evidence, state.recovery)
+            recovery = self.recovery.strategy(-np.inf if left else evidence, state.recovery)
             resampled = self.resample(weighted, recovery, frame.step)
         with _timed(took, "recover"):
             recovered = self.recover(resampled, recovery, comparison, frame.step)
@@ -119,10 +124,10 @@ class Localizer:
             parents=recovered.parents,
             injected=recovered.injected,
             belief=recovered.belief,
-            events=_events(log_evidence, recovery, recovered),
+            events=_events(left, log_evidence, recovery, recovered),
             took_s=took,
         )
-        return FilterState(frame.step, recovered.belief, recovered.injected, recovery.state), record
+        return FilterState(frame.step, recovered.belief, recovery.state), record
 
     def propose(self, belief: Belief, frame: Frame, comparison: Comparison) -> ProposedParticles:
         """Move the particles by the motion model; with a mixture, draw some from the picture's likelihood."""
@@ -145,6 +150,11 @@ class Localizer:
             noise = with_outliers(normals(own, belief.size), self.outliers, chance)
             poses = self.motion.move(poses, belief.origin, motion, noise)
         return Belief(poses, belief.log_weights, belief.origin)
+
+    def _is_inside(self, belief: Belief) -> bool:
+        """Return whether a particle with any weight is in free space."""
+        inside = self.reference.entries(belief.poses, belief.origin) >= 0
+        return bool((inside & np.isfinite(belief.log_weights)).any())
 
     def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
         """Copy particles by weight, with room for those that recovery draws, where anything requires it."""
@@ -172,7 +182,8 @@ class Localizer:
 def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, float]:
     """Multiply likelihoods (N,) into the weights; return the new belief and log p(o_t | past).
 
-    If every weight would be zero, the prior weights are kept and the evidence is -inf: "all weights zero".
+    If every weight would be zero, the prior weights are kept and the evidence is -inf: no particle with any
+    weight is in free space.
     """
     posterior, log_evidence = normalize(proposal.prior_log_weights + log_likelihood)
     if not np.isfinite(log_evidence):
@@ -189,8 +200,9 @@ def calibrated_evidence(
     return float(total[0]), log_mean_likelihood(comparison.channel_cost, prior, entries)
 
 
-def _events(log_evidence: float, recovery: Recovery, recovered: Resampled) -> tuple[str, ...]:
+def _events(left: bool, log_evidence: float, recovery: Recovery, recovered: Resampled) -> tuple[str, ...]:
     happened = {
+        LEFT_MAP: left,
         ALL_ZERO: not np.isfinite(log_evidence),
         RESAMPLED: recovered.parents is not None,
         RESEEDED: recovered.injected is not None,

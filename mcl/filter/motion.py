@@ -16,6 +16,7 @@ import numpy as np
 from ..arrays import F32, F64
 from ..geometry import INCH_M, wrap
 from ..map import Grid
+from ..records import Belief
 
 MOST = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 
@@ -196,6 +197,16 @@ def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
     if values.get("model", "maurice") != "maurice":
         raise ValueError(f'robot.motion.model is {values["model"]!r}; known are "maurice" and "odometry"')
     return MauriceMotion(MauriceParameters.from_header(values), grid)
+
+
+def keep_in(before: Belief, moved: Belief) -> Belief:
+    """Return a moved cloud that stays where it was before and only turns.
+
+    A robot cannot drive out of free space. A particle that does gets the weight zero and is not resampled;
+    where that would leave none, the cloud is kept in, or it would drive away from the map for good.
+    """
+    poses = np.column_stack([before.poses[:, :2], moved.poses[:, 2]])
+    return Belief(poses, moved.log_weights, moved.origin)
 
 
 # Motion outliers: occasionally a movement is off by much more than the motion model's noise.

@@ -20,27 +20,25 @@ def made(
     step: int = 1,
     parents: Sequence[int] | None = None,
     injected: Sequence[bool] | None = None,
-    fresh: Sequence[bool] | None = None,
     events: tuple[str, ...] = (),
     evidence: float = -5.0,
     origin: tuple[float, float] = (0.0, 0.0),
     heading: float = 0.0,
 ) -> StepRecord:
-    """Make a record whose weighted cloud this is; `fresh` are the particles injected the step before."""
+    """Make a record whose weighted cloud this is."""
     table = np.array(cloud, float)
     poses = np.column_stack([table[:, :2] - origin, np.full(len(table), heading)]).astype(np.float32)
     with np.errstate(divide="ignore"):
         weighted = Belief(poses, np.log(table[:, 2] / table[:, 2].sum()), np.array(origin))
     nothing, square = np.zeros(0, np.float32), np.zeros((0, 0), np.float32)
     comparison = Comparison((), {}, square, square, nothing, square, nothing, nothing)
-    left_out = None if fresh is None else np.array(fresh)
     return StepRecord(
         frame=Frame(step, 2.5 * step, np.zeros((1, 3)), NO_IMAGE, ""),
         predicted=weighted,
         sighting=Sighting(comparison, np.zeros(len(table), np.int32), nothing),
         weighted=weighted,
-        estimate=heaviest_cluster(weighted, left_out),
-        mean_estimate=weighted_mean(weighted, left_out),
+        estimate=heaviest_cluster(weighted),
+        mean_estimate=weighted_mean(weighted),
         effective_sample_size=effective_sample_size(weighted.log_weights),
         log_evidence=evidence,
         calibrated_evidence=evidence,

@@ -14,9 +14,9 @@ from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import contributions
 from maurice_viz import entities
-from maurice_viz.entities import Phase, RunPaths
+from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE
+from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for, weight_colors
@@ -98,12 +98,38 @@ def test_truth_and_estimate_are_drawn_with_y_down(drawn):
     path, played = drawn
     poses = {entities.TRUTH: [m.truth for m, _ in played], RUN.estimate: [r.estimate.pose for _, r in played]}
     for entity, expected in poses.items():
-        found = recordings.rows(path, entity)
+        found = [row for row in recordings.rows(path, entity) if row.step is not None]
         assert len(found) == STEPS
         for row, pose in zip(found, expected, strict=True):
             assert recordings.positions(row)[0] == pytest.approx(pose[:2] / 0.0254 * (1, -1), abs=0.02)
             x, y = row.values["Arrows2D:vectors"][0]
             assert np.arctan2(-y, x) == pytest.approx(pose[2], abs=1e-5)
+
+
+def test_before_the_cloud_is_weighted_there_is_no_estimate(drawn):
+    rows = recordings.rows(drawn[0], RUN.estimate)
+    before = [row for row in rows if row.phase % PHASES_PER_STEP == Phase.PREDICT]
+    assert len(before) == STEPS
+    assert all(row.values["Points2D:positions"] == [] and row.step is None for row in before)
+
+
+def test_headings_are_those_of_the_cloud_in_each_phase(drawn):
+    rows = recordings.rows(drawn[0], RUN.headings)
+    arrows = {row.phase % PHASES_PER_STEP: len(row.values["Arrows2D:vectors"]) for row in rows}
+    assert arrows == {Phase.PREDICT: 1, Phase.WEIGHT: 2}, "the truth, then estimate and truth"
+
+
+def test_a_trail_breaks_where_a_pose_jumps(tmp_path):
+    marker = PoseMarker("/pose", (1, 2, 3), 1.0, 1.0, scale_for("m", fakes.make_library().arena), 1.0)
+    path = tmp_path / "trail.rrd"
+    rec = recording("trail")
+    rec.save(path)
+    for step, (x, jumped) in enumerate(((0.0, False), (1.0, False), (5.0, True), (6.0, False))):
+        rec.set_time("phase", sequence=step)
+        marker.draw(rec, np.array([x, 0, 0]), jumped)
+    rec.disconnect()
+    strips = recordings.rows(path, "/pose")[-1].values["LineStrips2D:strips"]
+    assert [[point[0] for point in strip] for strip in strips] == [[0, 1], [5, 6]]
 
 
 def test_traces_are_those_of_the_records(drawn):
@@ -164,10 +190,12 @@ def test_circles_grow_with_likelihood(drawn):
 def test_the_last_words_on_a_step_are_the_summary(drawn, library):
     path, played = drawn
     words = recordings.rows(path, RUN.text)
-    assert len(words) == 5 * STEPS
+    assert len(words) == PHASES_PER_STEP * STEPS
     scale = scale_for("in", library.arena)
     for k, (moment, record) in enumerate(played):
-        assert words[5 * k + 4].values["TextDocument:text"] == [narrate.summary(moment, record, scale)]
+        assert words[PHASES_PER_STEP * k + 5].values["TextDocument:text"] == [
+            narrate.summary(moment, record, scale)
+        ]
 
 
 def test_two_runs_share_world_camera_and_truth(library, tmp_path):
@@ -257,4 +285,4 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
         radii = np.array(everyone.values["Points2D:radii"])
         assert (np.abs(radii) > PARTICLE).sum() == record.injected.sum() == 40 * SHARE
         said = narrate.phase(played[step - 1][0], record, Phase.RESEED, scale_for("in", library.arena))
-        assert "10 of 40 particles were drawn anew" in said
+        assert "10 of 40 particles are fresh" in said

@@ -51,7 +51,7 @@ def test_spread_errors_and_reseeding_by_hand():
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     fresh = np.array([0, 0, 0, 0, 1, 1], bool)
     said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
-    assert said.startswith("Reseeded: 2 of 6 particles were drawn anew.")
+    assert said.startswith("Reseeded: 2 of 6 particles are fresh.")
     assert "free space" in said
     assert "inf " not in said
 

@@ -207,9 +207,9 @@ def test_dips_and_bursts_are_one_event():
         (
             "all weights zero",
             "all-weights-zero",
-            "no particle was in free space, so that the old weights stay",
+            "no particle is in free space: the weights cannot be updated",
         ),
-        ("reseeded", "reseeded", "2 of 4 particles drawn afresh (evidence -13.2 nats)"),
+        ("reseeded", "reseeded", "2 of 4 particles are fresh (evidence -13.2 nats)"),
         ("expanded", "expanded", "the whole cloud was spread (evidence -13.2 nats)"),
     ],
 )

@@ -194,8 +194,8 @@ ARENA_M = (204 * INCH_M, 156 * INCH_M)
 HERE = np.array([1.0, 1.0, 0.0])
 
 
-def _record(off_m, time_s=10.0, at=HERE, injected=None, fresh=None, forward_m=0.2):
-    """An update, its particles along x from a place; `fresh` were injected before, `injected` now."""
+def _record(off_m, time_s=10.0, at=HERE, forward_m=0.2):
+    """An update, its particles along x from a place."""
     offsets = np.asarray(off_m, float)
     poses = np.zeros((len(offsets), 3), np.float32)
     poses[:, 0], poses[:, 1] = at[0] + offsets, at[1]
@@ -203,9 +203,8 @@ def _record(off_m, time_s=10.0, at=HERE, injected=None, fresh=None, forward_m=0.
     frame = SimpleNamespace(motions=np.array([[forward_m, 0.0, 0.1]]), time_s=time_s)
     return SimpleNamespace(
         weighted=belief,
-        estimate=heaviest_cluster(belief, fresh),
-        mean_estimate=weighted_mean(belief, fresh),
-        injected=injected,
+        estimate=heaviest_cluster(belief),
+        mean_estimate=weighted_mean(belief),
         frame=frame,
     )
 
@@ -218,12 +217,12 @@ SPREAD = np.linspace(-2, 2, 100)
 def test_the_circle_wants_more_than_nine_of_ten_within_six_inches(share, expected):
     record = _record([0.0] * share + [0.4] * (100 - share))
     record.estimate = heaviest_cluster(_record([0.0]).weighted)
-    assert meets_circle(record, None) is expected
+    assert meets_circle(record) is expected
 
 
 def test_the_circle_is_one_foot_and_each_axis_has_its_own_bound():
-    assert meets_circle(_record([-5.9 * INCH_M, 5.9 * INCH_M]), None)
-    assert not meets_circle(_record([-6.1 * INCH_M, 6.1 * INCH_M]), None)
+    assert meets_circle(_record([-5.9 * INCH_M, 5.9 * INCH_M]))
+    assert not meets_circle(_record([-6.1 * INCH_M, 6.1 * INCH_M]))
     assert meets_tenth(_record(ROW), ARENA_M)
     assert not meets_tenth(_record(ROW), (2.9, 4.0)), "sd 0.29"
     assert not meets_tenth(_record([0.0] * 89 + [0.65] * 11), ARENA_M), "a share of 89 %"
@@ -277,14 +276,3 @@ def test_leaving_the_truth_is_a_failure_once_localized():
         assert (one.at_update, one.failed, one.failed_at_update) == (2, LEFT, 4)
     for one in _judged([_record([0.0], at=HERE + 2)]).values():
         assert (one.at_update, one.failed, one.failed_at_update) == (1, LEFT, 1)
-
-
-def test_freshly_injected_particles_are_left_out():
-    fresh = np.array([False] * 80 + [True] * 20)
-    offsets = [0.0] * 80 + [4.0] * 20
-    records = [_record(SPREAD, injected=fresh), _record(offsets, fresh=fresh)]
-    assert all(one.at_update == 2 for one in _judged(records).values())
-    records[0].injected = None
-    assert _judged(records)["circle"].at_update is None
-    records = [_record(SPREAD, injected=np.ones(3, bool)), _record([0.0] * 10)]
-    assert _judged(records)["circle"].at_update == 2

@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 
 from maurice_mcl.analysis.metrics import Scorer
-from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.build import build_localizer, make_localizer
 from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
-from maurice_mcl.filter.localizer import ALL_ZERO, RESAMPLED, Localizer, run, weigh
+from maurice_mcl.filter.localizer import (
+    ALL_ZERO,
+    EXPANDED,
+    LEFT_MAP,
+    RESAMPLED,
+    RESEEDED,
+    Localizer,
+    run,
+    weigh,
+)
 from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
 from maurice_mcl.filter.resampling import always, never
 from maurice_mcl.map import Arena, Region, make_grid
@@ -168,6 +177,33 @@ def test_evidence_is_the_mean_likelihood_under_the_prior():
     weighted, log_evidence = weigh(ProposedParticles(belief), np.full(3, -np.inf, np.float32))
     assert log_evidence == -np.inf
     assert np.array_equal(weighted.log_weights, prior)
+
+
+def test_a_cloud_that_would_leave_the_map_stays_and_only_turns(world):
+    localizer = _localizer(world, particles=50)
+    start = localizer.initialize(world.start)
+    frame = replace(world.drive.all_moments[0].frame, motions=np.array([[100.0, 0.0, 0.5]]))
+    _, record = localizer.step(start, frame)
+    assert record.events == (LEFT_MAP, RESAMPLED)
+    assert np.array_equal(record.weighted.poses[:, :2], start.belief.poses[:, :2])
+    assert np.abs(record.weighted.poses[:, 2] - start.belief.poses[:, 2]).min() > 0.01
+    assert np.isfinite(record.log_evidence)
+    assert (record.sighting.entries >= 0).all()
+
+
+@pytest.mark.parametrize("strategy", ["threshold", "sensor", "augmented", "expansion"])
+def test_leaving_the_map_starts_every_recovery(world, strategy):
+    settings = {"recovery.strategy": strategy}
+    localizer = make_localizer(world.library, feature="color", particles=50, settings=settings)
+    localizer = localizer.of_session(world.drive)
+    state = localizer.initialize(world.start)
+    *before, last = (moment.frame for moment in world.drive.all_moments[:4])
+    for frame in before:
+        state, _ = localizer.step(state, frame)
+    away = replace(last, motions=np.array([[100.0, 0.0, 0.5]]))
+    _, record = localizer.step(state, away)
+    assert LEFT_MAP in record.events
+    assert {RESEEDED, EXPANDED} & set(record.events)
 
 
 def test_when_every_particle_is_outside_it_is_an_event_and_no_nan(world):

@@ -1,0 +1,42 @@
+"""The first screen of every recording: what happened, where, what the robot saw, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from ..entities import RunPaths
+from ..panels.belief import belief_view
+from ..panels.camera import camera_view
+from ..panels.comparison import all_runs_view, camera_views
+from ..panels.events import events_view
+from ..panels.story import best_match_view, errors_plot, verdict_view
+from ..scene import RunView, SceneInfo
+
+# shares of the height of a screen of 1600 x 1000, in hundreds of pixels
+MIDDLE = 5.2
+LANES, LANE = 0.75, 0.38  # title and axis of the events, and each lane
+
+
+def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+    """Lay out the verdict, one large map beside what was seen, and events over errors, full width."""
+    if len(runs) == 1:
+        arena, camera = belief_view(RunPaths(runs[0].label), scene), camera_view("The robot sees")
+        matches = [best_match_view(runs[0], "The best match in the library")]
+    else:
+        arena, camera = all_runs_view(runs, scene), camera_views(runs)[0]
+        matches = [best_match_view(run, f"{run.label}: best match") for run in runs]
+    brief = len(runs) > 1
+    lanes = 1 + len(runs) * (1 if brief else 2)
+    width, height = scene.arena.size_m
+    wide = float(np.clip(width / height * MIDDLE / 16 + 0.06, 0.35, 0.7))
+    seen = rrb.Vertical(camera, rrb.Horizontal(*matches))
+    return rrb.Vertical(
+        verdict_view(),
+        rrb.Horizontal(arena, seen, column_shares=[wide, 1 - wide]),
+        events_view([run.label for run in runs], brief=brief),
+        errors_plot(runs, scene),
+        row_shares=[0.9, MIDDLE, LANES + LANE * lanes, 1.5],
+    )

@@ -1,0 +1,105 @@
+"""The story of a recording: the verdict in one line, the errors with their limits, the best match."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from maurice_mcl.analysis.metrics import LOST_M, RIGHT_M
+from maurice_mcl.analysis.verdict import RunVerdict
+from maurice_mcl.session import Moment
+
+from ..entities import LIMITS, VERDICT, Phase, RunPaths
+from ..scene import RunView, SceneInfo
+from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
+from ..text.verdict import NOTHING_YET, verdict_line
+from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
+from .traces import LINE, POSITION_ERROR, SPREAD
+from .views import Overrides, picture_view, plot
+
+EVERY = 10  # updates between two points of the limits, which are straight lines
+FAINT = 0.8  # width of lines that are beside the point
+
+
+class LimitsPanel(Panel):
+    """Draws the errors that runs are judged by: right below one, lost above the other."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
+        self._values = [run.scale.length(limit_m) for limit_m in (RIGHT_M, LOST_M)]
+        self._names = [f"{run.scale.say(limit_m)}" for limit_m in (RIGHT_M, LOST_M)]
+        self._has_truth, self._seen = run.has_truth, 0
+        self._last: Moment | None = None
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        names = [f"right below {self._names[0]}", f"lost above {self._names[1]}"]
+        rec.log(LIMITS, rr.SeriesLines(colors=[BAR, DEAD], widths=[FAINT] * 2, names=names), static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        self._last = update.moment
+        if self._seen % EVERY == 0:
+            self._log(rec)
+        self._seen += 1
+
+    def finish(self, rec: rr.RecordingStream) -> None:
+        self._log(rec)
+
+    def _log(self, rec: rr.RecordingStream) -> None:
+        if self._last is not None and self._has_truth:
+            set_phase(rec, self._last, Phase.ESTIMATE)
+            rec.log(LIMITS, rr.Scalars(self._values))
+
+
+class VerdictDrawing:
+    """Draws the verdict on all runs of a recording. It is known at the end; of a live drive, so far."""
+
+    def __init__(self, rec: rr.RecordingStream, scale: Scale, live: bool = False) -> None:
+        self._rec, self._scale, self._live = rec, scale, live
+        self._log(NOTHING_YET)
+
+    def see(self, verdicts: Mapping[str, RunVerdict]) -> None:
+        """Log the verdict so far, for a live drive now and then."""
+        updates = next(iter(verdicts.values())).updates
+        if self._live and updates % EVERY == 0:
+            self.end(verdicts)
+
+    def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
+        """Log the verdict, and the step to look at."""
+        decisive = min(verdict.decisive for verdict in verdicts.values())
+        self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {decisive}**.")
+
+    def _log(self, text: str) -> None:
+        document = rr.TextDocument(f"### {font_safe(text)}", media_type=MARKDOWN)
+        self._rec.log(VERDICT, document, static=True)
+
+
+def verdict_view() -> rrb.TextDocumentView:
+    """Show the verdict."""
+    return rrb.TextDocumentView(name="What happened", origin=VERDICT)
+
+
+def errors_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView:
+    """Plot position error and spread of all runs, with the limits that errors are judged by."""
+    unit, contents = scene.scale.units.name, list[str]()
+    styles: Overrides = {}
+    colors = RUN_COLORS if len(runs) > 1 else (RUN_COLORS[0],)
+    for run, color in zip(runs, colors, strict=False):
+        error, spread = (RunPaths(run.label).trace(quantity) for quantity in (POSITION_ERROR, SPREAD))
+        styles[error] = rr.SeriesLines.from_fields(colors=[color], widths=[LINE])
+        styles[spread] = rr.SeriesLines.from_fields(colors=[color], widths=[FAINT])
+        contents += [error, spread] if scene.has_truth else [spread]
+    names = [f"{run.label} {word}" for run, word in zip(runs, COLOR_WORDS, strict=False)]
+    who = f": {', '.join(names)}" if len(runs) > 1 else ""
+    if not scene.has_truth:
+        return plot(f"Spread of the cloud ({unit}){who}", contents, overrides=styles)
+    say = scene.scale.say
+    what = f"Position error thick, spread thin ({unit}){who}"
+    limits = f"gray {say(RIGHT_M)}: right below, red {say(LOST_M)}: lost above"
+    return plot(f"{what}; {limits}", [*contents, LIMITS], overrides=styles)
+
+
+def best_match_view(run: RunView, title: str) -> rrb.Spatial2DView:
+    """Show the best reference."""
+    return picture_view(title, RunPaths(run.label).best_match)

@@ -1,0 +1,70 @@
+import pytest
+
+from maurice_mcl.analysis.verdict import RunVerdict, Trouble
+from maurice_viz.style import UNITS, Scale
+from maurice_viz.text.verdict import said, verdict_line
+
+INCHES = Scale(UNITS["in"])
+INCH_M = 0.0254
+GOOD = RunVerdict(
+    updates=90,
+    has_truth=True,
+    found=1,
+    first=1,
+    error_mean_m=4 * INCH_M,
+    error_end_m=2 * INCH_M,
+    error_most_m=9 * INCH_M,
+    most_at=41,
+)
+
+
+def troubled(*troubles, **more):
+    return RunVerdict(
+        updates=90, has_truth=True, found=1, first=1, error_end_m=81 * INCH_M, troubles=troubles, **more
+    )
+
+
+BACK = troubled(Trouble("kidnapped", 61, 63, True, 100, 2, 1))
+SURE = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "line"),
+    [
+        (RunVerdict(), "No update yet."),
+        (GOOD, "Stayed localized: 4.0 in off on average, 9.0 in at most (step 41)."),
+        (BACK, "Kidnapped at 61. Found itself at 63 by 100 fresh particles."),
+        (SURE, "Kidnapped at 61. Stayed lost, and sure of it (81.0 in off at the end)."),
+        (
+            troubled(Trouble("kidnapped", 88)),
+            "Kidnapped at 88. Did not find itself again (81.0 in off at the end).",
+        ),
+        (
+            troubled(Trouble("lost", 38, 50, True), Trouble("lost", 70, None, True), left_map=(77, 78)),
+            "Was lost at 38 and found itself at 50, was lost at 70 and stayed lost (81.0 in off at the end), "
+            "would have left the map at 77, 78.",
+        ),
+        (
+            RunVerdict(updates=9, converged_share=0.5),
+            "Has no truth to be judged by; its cloud was converged in 50% of the updates.",
+        ),
+        (
+            RunVerdict(updates=9, has_truth=True, error_end_m=81 * INCH_M),
+            "Was never localized (81.0 in off at the end, wrong and confident in 0% of the updates).",
+        ),
+    ],
+)
+def test_one_run_in_one_line(verdict, line):
+    assert said(verdict, INCHES) == line
+
+
+def test_several_runs_share_the_kidnapping():
+    line = verdict_line({"robust": BACK, "thesis": SURE}, INCHES)
+    assert line == (
+        "Kidnapped at 61. `robust` found itself at 63 by 100 fresh particles; "
+        "`thesis` stayed lost, and sure of it (81.0 in off at the end)."
+    )
+
+
+def test_runs_of_different_drives_do_not():
+    assert verdict_line({"a": BACK, "b": GOOD}, INCHES).startswith("`a` was kidnapped at 61 and found itself")
