@@ -33,8 +33,8 @@ from maurice_mcl.records import (
 )
 from maurice_mcl.session import Frame, Moment
 
+from ..layouts.drive import DrivePaths, DriveView, draw_drive, drive_blueprint, drive_paths
 from ..listener import SILENT, Listener
-from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_blueprint, drive_paths
 from ..scene import RunView
 from .open import remark_skipped
 from .output import NEXT_KEYS, DriveScene, OutputOptions, opened

@@ -20,8 +20,8 @@ from maurice_mcl.session import Moment
 
 from ..entities import STEP, RunPaths
 from ..errors import OptionError, SinkError
+from ..layouts.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
 from ..listener import SILENT, Listener
-from ..panels.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
 from ..scene import SceneInfo
 from ..style import scale_for
 from ..text.explanation import say_step

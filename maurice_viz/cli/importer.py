@@ -141,7 +141,7 @@ def _play(playback: Playback, recording_id: str | None) -> None:
 
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     from ..app.drive import glances_of, moments_of
-    from ..panels.drive import DriveView, draw_drive, drive_blueprint, drive_paths
+    from ..layouts.drive import DriveView, draw_drive, drive_blueprint, drive_paths
     from ..viewer.sinks import recording
     from .console import note
 

@@ -1,11 +1,11 @@
 """Where panels stand on a screen of 1600 x 1000, by name.
 
-story         the first screen: what happened, where, what was seen, and when
-registry      all layouts of a recording, as tabs of one blueprint
-one_run       overview, inside-a-step and explain: one run at a glance, its updates from the inside, and why
-several_runs  compare and traces: runs side by side, and one number per update over the session
-
-The screens of a drive by itself and of one update at full size stand with their panels.
+story               the first screen: what happened, where, what was seen, and when
+registry            all layouts of a recording, as tabs of one blueprint
+one_run             overview, inside-a-step and explain: one run at a glance, from the inside, and why
+several_runs        compare and traces: runs side by side, and one number per update over the session
+drive               a drive by itself, without a filter: its panels and its screen
+explanation_screen  one update explained at full size, as a recording of its own
 """
 
 # names on their own: the command line lists them without importing Rerun

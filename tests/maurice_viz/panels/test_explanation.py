@@ -23,8 +23,8 @@ from maurice_mcl.session import Moment
 from maurice_viz.drawing.bars import MOST, bars_for
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts import one_run
+from maurice_viz.layouts.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
 from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card
-from maurice_viz.panels.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for

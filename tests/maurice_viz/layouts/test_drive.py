@@ -19,9 +19,9 @@ from maurice_mcl.geometry import compose
 from maurice_mcl.map import Arena
 from maurice_mcl.session import SessionInfo
 from maurice_viz.app import drive as drive_alone
+from maurice_viz.layouts import drive as drive_ways
+from maurice_viz.layouts.drive import DriveView, drive_paths, reach
 from maurice_viz.listener import SILENT
-from maurice_viz.panels import drive as drive_ways
-from maurice_viz.panels.drive import DriveView, drive_paths, reach
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
 

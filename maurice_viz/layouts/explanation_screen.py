@@ -29,17 +29,17 @@ from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, SMALLES
 from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, long_side, put_text
 from ..drawing.contact_sheet import NOT_KEPT, read_picture
 from ..entities import Phase, RunPaths
+from ..panels.belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
+from ..panels.camera import camera_view, draw_camera, edges_view, prepare_camera
+from ..panels.explanation import ARROW, COLORS, OUTSIDE, figures_view, labels_on_map
+from ..panels.panel import MARKDOWN, set_phase
+from ..panels.references import MatchCircles
+from ..panels.views import MAP, bars_view, map_view, picture_view, window
+from ..panels.world import draw_world
 from ..scene import SceneInfo
 from ..style import BAR, MISSING, PALE, Scale
 from ..text.explanation import say_step
 from ..text.explanation_table import markdown_table
-from .belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
-from .camera import camera_view, draw_camera, edges_view, prepare_camera
-from .explanation import ARROW, COLORS, OUTSIDE, figures_view, labels_on_map
-from .panel import MARKDOWN, set_phase
-from .references import MatchCircles
-from .views import MAP, bars_view, map_view, picture_view, window
-from .world import draw_world
 
 GRAY = (144, 176)  # rows and columns of the gray picture in place of a missing one
 WHO = {TRUTH: "Truth's", ESTIMATE: "Estimate's", WINNER: "Winner", ASKED: "Asked for"}

@@ -24,13 +24,13 @@ from maurice_mcl.session import Moment, SessionInfo
 from .. import entities
 from ..drawing.canvas import Extent, long_side, map_extent
 from ..drawing.keys import paths_key
+from ..panels.belief import ARROW, estimate_marker, truth_marker
+from ..panels.camera import camera_view, draw_camera, edges_view, prepare_camera
+from ..panels.panel import MARKDOWN
+from ..panels.views import FPS, MAP, bars_view, plane_view, plot, window
+from ..panels.world import draw_key, draw_world
 from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
-from .belief import ARROW, estimate_marker, truth_marker
-from .camera import camera_view, draw_camera, edges_view, prepare_camera
-from .panel import MARKDOWN
-from .views import FPS, MAP, bars_view, plane_view, plot, window
-from .world import draw_key, draw_world
 
 MOST = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
 MARGIN = 0.08  # around the paths, as a share of the longer side
@@ -41,11 +41,16 @@ class KnownMoment(Protocol):
     """A moment without its picture: its movements (M, 3), its true pose (3,) and the log's events."""
 
     @property
-    def motions(self) -> F64: ...
+    def motions(self) -> F64:
+        """Movements (M, 3) as measured."""
+
     @property
-    def truth(self) -> F64 | None: ...
+    def truth(self) -> F64 | None:
+        """The true pose (3,)."""
+
     @property
-    def events(self) -> tuple[str, ...]: ...
+    def events(self) -> tuple[str, ...]:
+        """Events in the log."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
