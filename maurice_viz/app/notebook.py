@@ -139,7 +139,7 @@ def _flat(row: dict[str, Any], above: str = "") -> dict[str, Any]:
     for key, value in row.items():
         if isinstance(value, dict):
             found |= _flat(value, f"{above}{key}_")
-        else:
+        elif not isinstance(value, (list, tuple)):
             found[f"{above}{key}"] = value
     return found
 

@@ -13,11 +13,14 @@ from pathlib import Path
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
 
+from maurice_loaders.errors import InputError
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
 from ..drawing.contact_sheet import cell_height
+from ..entities import VERDICT
 from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES
 from ..layouts.registry import runs_blueprint
@@ -26,6 +29,7 @@ from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes
 from ..scene import RunView, SceneInfo
 from ..style import scale_for
 from ..viewer import sinks
+from ..viewer.open_viewers import look_at
 from .open import check_name
 
 # Runs drawn into a recording that somebody else opened: their layout, and an observer a run.
@@ -111,16 +115,18 @@ def drawing(
     output: OutputOptions,
     listener: Listener,
     written: list[Path] | None = None,
+    decisive: Callable[[], int | None] = lambda: None,
 ) -> Iterator[dict[str, Observer]]:
     """Open what is drawn to, and one observer a run; none when no recording is wanted.
 
-    The path of a recording that was written is appended to `written`.
+    The path of a recording that was written is appended to `written`. At the end a viewer is moved to the
+    step that `decisive` returns.
     """
     if output.no_recording:
         yield {}
         return
     with (
-        _sink(runs, scene, output, listener, [] if written is None else written) as rec,
+        _sink(runs, scene, output, listener, [] if written is None else written, decisive) as rec,
         observed(rec, runs, scene, Detail(output.detail)) as observers,
     ):
         yield observers
@@ -128,12 +134,19 @@ def drawing(
 
 @contextmanager
 def _sink(
-    runs: Sequence[RunView], scene: DriveScene, output: OutputOptions, listener: Listener, written: list[Path]
+    runs: Sequence[RunView],
+    scene: DriveScene,
+    output: OutputOptions,
+    listener: Listener,
+    written: list[Path],
+    decisive: Callable[[], int | None],
 ) -> Iterator[rr.RecordingStream]:
     info, layout = scene.info, layout_of(runs, scene, output.layout)
     if not scene.live:
         beforehand = partial(_remark_size, runs, scene, output, listener)
-        with opened(output, info.name, layout, listener, beforehand, written=written) as rec:
+        with opened(
+            output, info.name, layout, listener, beforehand, written=written, decisive=decisive
+        ) as rec:
             yield rec
         return
     path = _path(output)
@@ -144,7 +157,7 @@ def _sink(
         layout,
         force=output.force,
         window=window,
-        viewer=_viewer_command(),
+        viewer=_command("rerun"),
         remark=listener.remark,
     ) as rec:
         yield rec
@@ -161,10 +174,12 @@ def opened(
     beforehand: Callable[[Path], None] = lambda path: None,
     keys: str = KEYS,
     written: list[Path] | None = None,
+    decisive: Callable[[], int | None] = lambda: None,
 ) -> Iterator[rr.RecordingStream]:
     """Open a viewer where there is a display, else a file; `beforehand` is called with the file's path.
 
-    Remarks at the end which `keys` to press in the viewer; appends the file's path to `written`.
+    Remarks at the end which `keys` to press in the viewer; appends the file's path to `written`. A viewer is
+    moved to the step that `decisive` returns at the end.
     """
     if output.rrd is None and not output.headless and sinks.has_display():
         try:
@@ -174,6 +189,8 @@ def opened(
         else:
             with sinks.to_viewer(port, name, layout) as rec:
                 yield rec
+            if (step := decisive()) is not None and look_at(port, step):
+                listener.remark(f"the viewer stands at step {step}")
             listener.remark(keys)
             return
     path = _path(output)
@@ -190,8 +207,34 @@ def _path(output: OutputOptions) -> Path:
 
 
 def _remark_written(path: Path, keys: str, listener: Listener) -> None:
-    listener.remark(f"{path} written; open it with: {_viewer_command()} {shlex.quote(str(path))}")
+    listener.remark(f"{path} written; open it with: {_command('maurice-replay')} {shlex.quote(str(path))}")
     listener.remark(keys)
+
+
+def show_recording(path: Path, listener: Listener) -> None:
+    """Open a Rerun recording in the viewer, at the step that its verdict names. InputError, SinkError."""
+    step = decisive_step_of(path)
+    if not sinks.has_display():
+        how = "found no display to open it on; copy it to where there is one, and type: rerun FILE.rrd"
+        raise SinkError(path, how)
+    port = sinks.bring_up_viewer([str(path)])
+    if step is not None and look_at(port, step):
+        listener.remark(f"the viewer stands at step {step}")
+    listener.remark(KEYS)
+
+
+def decisive_step_of(path: Path) -> int | None:
+    """Return the step that a recording's verdict names; None where it has none. InputError if unreadable."""
+    if not path.is_file():
+        raise InputError(path, "no such file; expected a Rerun recording (.rrd)")
+    try:
+        for chunk in RrdReader(path).stream().filter(content=VERDICT):
+            batch = chunk.to_record_batch()
+            if "decisive_step" in batch.schema.names:
+                return int(batch.column("decisive_step")[0].as_py()[0])
+    except (RuntimeError, ValueError, OSError) as problem:
+        raise InputError(path, f"found no Rerun recording ({problem}); try: rerun rrd verify") from None
+    return None
 
 
 def _remark_size(
@@ -205,9 +248,9 @@ def _remark_size(
         listener.remark(f"{path} will be about {total / 1e6:.0f} MB{smaller}")
 
 
-def _viewer_command() -> str:
-    """Return the viewer's command as this shell can find it: by name, or beside our own Python."""
-    if shutil.which("rerun"):
-        return "rerun"
-    beside = Path(sys.executable).parent / "rerun"
+def _command(name: str) -> str:
+    """Return a command as this shell can find it: by name, or beside our own Python."""
+    if shutil.which(name):
+        return name
+    beside = Path(sys.executable).parent / name
     return str(beside.relative_to(Path.cwd())) if beside.is_relative_to(Path.cwd()) else str(beside)

@@ -33,7 +33,7 @@ from .open import (
     open_library_for,
     open_session,
 )
-from .output import DriveScene, OutputOptions
+from .output import DriveScene, OutputOptions, show_recording
 from .run import Playback, Report, RunScores, play, remark, remark_zeros
 from .saved import Inputs, open_saved, playback_of, saving
 
@@ -118,6 +118,11 @@ def replay_any(
         return replay_session(session, library, [spec], output, how, listener, report, alone)
     path = Path(session)
     listened = live.follow or is_live(path)
+    if path.suffix == ".rrd":
+        if not plain:
+            raise OptionError(f"{path} is a recording of the viewer: no option applies to it")
+        show_recording(path, listener)
+        return RunScores(())
     if as_recorded:
         if not plain:
             raise OptionError("--as-recorded runs no filter: only options of reading and of the output apply")

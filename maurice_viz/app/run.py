@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.runs.writer import RunWriter
 from maurice_mcl.analysis.run_comparison import Step
+from maurice_mcl.analysis.verdict import decisive_step
 
 from ..errors import SinkError, Terminated
 from ..listener import Listener
@@ -97,8 +98,12 @@ def play(
     collector = collector_of(playback)
     stopped: KeyboardInterrupt | None = None
     written: list[Path] = []
+
+    def decisive() -> int | None:
+        return decisive_step(collector.verdicts()) if collector.updates else None
+
     try:
-        with drawing(playback.views, playback.scene, output, listener, written) as observers:
+        with drawing(playback.views, playback.scene, output, listener, written, decisive) as observers:
             try:
                 with savers or nullcontext({}) as writers:
                     step_through(playback, observers, writers, collector, listener)

@@ -14,8 +14,9 @@ from rich.text import Text
 from maurice_loaders.live.source import is_live
 
 from ..layouts import DETAILS
-from ..style import Units, units_named
+from ..style import Scale, Units, units_named
 from ..text.summary import paired_rows, score_rows
+from ..text.verdict import verdict_line
 from . import options as opt
 from .console import TO_CONSOLE, listening, note, print_json, results
 from .options import output_of, reading_of, settings_of
@@ -187,7 +188,10 @@ def printed(json_output: bool) -> Report:
         if json_output:
             print_json(scores.to_json())
         else:
-            results.print(to_table(scores.runs, units_named(scores.display_units), scores.name))
+            units = units_named(scores.display_units)
+            line = verdict_line({run.label: run.verdict for run in scores.runs}, Scale(units))
+            results.print(Text(line, style="bold"))
+            results.print(to_table(scores.runs, units, scores.name))
 
     return report
 

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.analysis.metrics import LOST_M, RIGHT_M
-from maurice_mcl.analysis.verdict import RunVerdict
+from maurice_mcl.analysis.verdict import RunVerdict, decisive_step
 from maurice_mcl.session import Moment
 
 from ..entities import LIMITS, VERDICT, Phase, RunPaths
@@ -67,8 +67,9 @@ class VerdictDrawing:
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, and the step to look at."""
-        decisive = min(verdict.decisive for verdict in verdicts.values())
-        self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {decisive}**.")
+        step = decisive_step(verdicts)
+        self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {step}**.")
+        self._rec.log(VERDICT, rr.AnyValues(decisive_step=step), static=True)
 
     def _log(self, text: str) -> None:
         document = rr.TextDocument(f"### {font_safe(text)}", media_type=MARKDOWN)

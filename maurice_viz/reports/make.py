@@ -29,6 +29,7 @@ from ..listener import SILENT, Listener
 from ..playback import RunResult
 from ..style import ESTIMATE, LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
 from ..text.summary import paired_rows, score_rows
+from ..text.verdict import verdict_line
 from .charts import DASHES, Chart, ChartLine, DrawnChart, Mark, px
 from .choosing import (
     MANY,
@@ -94,6 +95,7 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         info=info,
         version=version("maurice-replay"),
         labels=[track.label for track in collected.tracks],
+        verdict=verdict_line({one.label: one.verdict for one in results}, scale).replace("`", ""),
         summaries=[(result.label, _summary(result, scale)) for result in collected.results],
         scores=[(name, *cells) for rows in (score_rows, paired_rows) for name, cells in rows(results, units)],
         map=DrawnMap(library.arena, scale, collected.tracks, [(one.step, one.number) for one in pictured]),

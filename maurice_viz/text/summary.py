@@ -18,9 +18,11 @@ from maurice_mcl.analysis.run_comparison import (
 )
 
 from ..playback import RunResult
-from ..style import COLOR_WORDS, Scale, Units
+from ..style import COLOR_WORDS, UNITS, Scale, Units
 from .narration import errors
+from .verdict import said
 
+METRIC = Scale(UNITS["m"])
 Cell = Callable[[RunResult], str]
 
 
@@ -82,7 +84,18 @@ SUCCESS = ("at_update", "at_m", "at_s", "failed", "failed_at_update")
 def _run_json(result: RunResult) -> dict[str, Any]:
     success = {one.preset: _values(one, SUCCESS) for one in result.score.success}
     scores = _values(result.score, SCORES)
-    return {"label": result.label, **scores, "thesis_success": success, "steps_per_s": result.steps_per_s}
+    head = {"label": result.label, "verdict": _verdict_json(result)}
+    return head | scores | {"thesis_success": success, "steps_per_s": result.steps_per_s}
+
+
+VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
+TROUBLE = ("kind", "step", "recovered", "lost", "fresh", "updates", "is_sure")
+
+
+def _verdict_json(result: RunResult) -> dict[str, Any]:
+    verdict = result.verdict
+    facts = _values(verdict, VERDICT) | {"text": said(verdict, METRIC)}
+    return facts | {"troubles": [_values(one, TROUBLE) for one in verdict.troubles]}
 
 
 def _values(of: object, names: Sequence[str]) -> dict[str, Any]:

@@ -25,8 +25,11 @@ from rerun.experimental import ViewerClient
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import read_json, write_whole
 
+from ..entities import STEP
+
 HOST = "127.0.0.1"
 PROBE_EVERY_S = 0.1
+LOADS_S = 10.0  # for a viewer to show what it was given
 
 
 def viewer_binary() -> Path:
@@ -190,6 +193,23 @@ def move_viewer(folder: Path, session: str, port: int | None, timeline: str, val
         client.set_time(timeline, sequence=value, play_state="paused", recording=shown.store_id)
     except (ConnectionError, OSError, RuntimeError, ValueError) as problem:
         raise InputError(folder, f"the viewer on port {port} does not answer ({problem})") from None
+
+
+def look_at(port: int, step: int, patience_s: float = LOADS_S) -> bool:
+    """Move the viewer on a port to a step once it shows one; return whether it could be moved in time."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        try:
+            client = ViewerClient.connect(address(port))
+            shown = _recording(client.get_state(), "")
+            if shown is not None and any(known.name == STEP for known in shown.timelines):
+                client.set_location(shown.location)
+                client.set_time(STEP, sequence=step, play_state="paused", recording=shown.store_id)
+                return True
+        except (ConnectionError, OSError, RuntimeError, ValueError):
+            pass  # still starting, or still loading
+        time.sleep(PROBE_EVERY_S)
+    return False
 
 
 def _ours(folder: Path, session: str) -> tuple[int, str]:

@@ -10,7 +10,7 @@ import errno
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
@@ -125,14 +125,14 @@ def to_file(
     part.replace(path)
 
 
-def bring_up_viewer() -> int:
+def bring_up_viewer(options: Sequence[str] = ("--expect-data-soon",)) -> int:
     """Start a viewer on this display, which stays open afterwards; return the port it listens on.
 
     Raises SinkError when none comes up, or it ends again at once (the display may be dead).
     """
     port = free_port()
     try:
-        viewer = start_viewer(port, ["--expect-data-soon"])
+        viewer = start_viewer(port, options)
     except OSError as error:
         raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
     if not wait_until_listening(viewer, port, PATIENCE_S) or ends_within(viewer, SETTLE_S):

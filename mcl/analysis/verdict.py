@@ -85,6 +85,11 @@ class RunVerdict:
         return self.most_at if self.has_truth else (self.left_map[0] if self.left_map else self.first)
 
 
+def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
+    """Return the step to look at first of several runs: where the first of them has something to show."""
+    return min(verdict.decisive for verdict in verdicts.values())
+
+
 @dataclass(slots=True)
 class VerdictBuilder:
     """Follows one run update by update; keeps a few numbers and no cloud."""

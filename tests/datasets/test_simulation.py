@@ -33,7 +33,7 @@ def one_world(world: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     """Every arena seed gives the same world, so that it is lit once; surveys are small and cached here."""
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(simulation, "load_world", lambda name, seed, tier: world)
-    monkeypatch.setattr(surveys, "surveyor_of", lambda _: QUICK)
+    monkeypatch.setattr(surveys, "_surveyor_of", lambda _: QUICK)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -58,7 +58,7 @@ def test_what_it_says_is_a_command_that_mends(small_session, tmp_path):
     said = run("doctor", wrong, "--library", survey).stdout
     lines = dict(line.strip().partition(": ")[::2] for line in said.splitlines())
     _, *fix = shlex.split(lines["fix"])
-    assert fix == [str(wrong), "--reading", "odometry_scale=0.001", "--library", survey]
+    assert fix == [str(wrong), "--reading", "odometry_scale=0.001", "--library", str(survey)]
     assert replayed(*fix) == pytest.approx(replayed(small_session))
     _, *again = shlex.split(lines["try"])
     assert "found nothing wrong" in run(*again).stdout

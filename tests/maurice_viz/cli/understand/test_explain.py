@@ -38,6 +38,7 @@ def test_it_says_why_and_writes_a_recording(saved):
     assert steps == {4}
     assert "--force" in one_line(ask(saved, "--step", "4", "--json", expect=1)[1])
     ask(saved, "--step", "4", "--force")
+    file.unlink()
     assert ask(saved, "--no-recording")[0].startswith("blended, step 14\n")
     assert not list(Path().glob("*.rrd"))
 
