@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from maurice_mcl.session import Frame, Moment, SessionInfo
 from .folders import NOTE, cached, copy_whole, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
-from .robot.segments import Happened, Log, Moved, Progress, write_segments
+from .robot.segments import KIDNAPPED, Happened, Log, Moved, Progress, write_segments
 from .simulation import SimulationPlan, Stage, stage
 from .surveys import GENERATOR, SURVEY, Surveyor, cached_survey, camera_of, one_thread, write_survey
 from .tasks import TASKS, UPDATES
@@ -147,9 +148,13 @@ def write_simulation(
     return _paths_in(folder)
 
 
+DEMO_SEED = 0  # the first, for arena, survey, drive and filter alike
+KIDNAPPING_SEED, KIDNAPPING_UPDATES = 2, 80  # a drive after which the thesis's filter is lost, and sure of it
+
+
 def write_demo(
     folder: Path,
-    seed: int = 0,
+    seed: int = DEMO_SEED,
     *,
     updates: int = UPDATES,
     surveyor: Surveyor | None = None,
@@ -165,6 +170,19 @@ def _demo_plan(seed: int, updates: int) -> SimulationPlan:
     return SimulationPlan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
 
 
+def kidnapping_plan() -> SimulationPlan:
+    """Return the demo's drive of a robot that is carried away, in the demo's arena."""
+    task, updates = TASKS["kidnapped"], KIDNAPPING_UPDATES
+    return SimulationPlan(task, arena_seed=DEMO_SEED, seed=KIDNAPPING_SEED, updates=updates)
+
+
+def kidnapping_paths(progress: Progress | None = None) -> SimulationPaths:
+    """Return the demo's kidnapped drive from the user's cache, made when absent."""
+    plan = kidnapping_plan()
+    make = partial(write_simulation, plan=plan, progress=progress)
+    return _paths_in(cached("demos", _key_of(plan), make))
+
+
 def _key_of(plan: SimulationPlan) -> str:
     return f"{plan.task.name}-{GENERATOR}-seed{plan.arena_seed}-{plan.seed}-{plan.updates}"
 
@@ -173,7 +191,7 @@ def _paths_in(folder: Path) -> SimulationPaths:
     return SimulationPaths(folder / "session.log", folder / SURVEY)
 
 
-def demo_paths(seed: int = 0, progress: Progress | None = None) -> SimulationPaths:
+def demo_paths(seed: int = DEMO_SEED, progress: Progress | None = None) -> SimulationPaths:
     """Return the demo from the user's cache (MAURICE_CACHE names another place), made when absent."""
     key = _key_of(_demo_plan(seed, UPDATES))
     return _paths_in(cached("demos", key, lambda folder: write_demo(folder, seed, progress=progress)))
@@ -188,10 +206,12 @@ class SimulatedSession:
 
     def moments(self) -> Iterator[Moment]:
         """Drive and look from the beginning, on every call."""
-        camera = self.set_up.camera
+        camera, carried = self.set_up.camera, False
         for number, segment in enumerate(self.set_up.course.segments(), start=1):
             motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
-            told = tuple(entry.text for entry in segment.entries if isinstance(entry, Happened))
+            told = [KIDNAPPED] if carried else []
+            told += [entry.text for entry in segment.entries if isinstance(entry, Happened)]
+            carried = segment.kidnapped_to is not None
             image = camera.take(number, segment.pose)
             frame = Frame(number, segment.t_s, np.array(motions).reshape(-1, 3), image, "")
             yield Moment(frame, segment.pose, (*told, *camera.events(number)))

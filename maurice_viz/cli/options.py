@@ -36,7 +36,7 @@ def argument(metavar: str | None, text: str, **more: Any) -> Any:
     return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
 
 
-def _one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
+def one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
     """Make what checks an option's value, or each of its values, to be the name of a known one."""
     names = list(dict.fromkeys(known))
 
@@ -64,14 +64,14 @@ _FEATURE = option(
     f"What is compared: {', '.join(FEATURES)}, or any one channel. [default: blended]",
     FILTER,
     metavar="NAME",
-    callback=_one_of([*FEATURES, *CHANNELS], "feature"),
+    callback=one_of([*FEATURES, *CHANNELS], "feature"),
 )
 _PRESET = option(
     "--preset",
     "A complete filter by name.",
     FILTER,
     metavar="|".join(PRESETS),
-    callback=_one_of(PRESETS, "preset"),
+    callback=one_of(PRESETS, "preset"),
 )
 _CONFIG = option("--config", "A configuration file, over the preset.", FILTER, metavar="FILE.toml")
 _PARTICLES = option("--particles", "Number of particles. [default: 2000]", FILTER, min=1, max=10_000_000)
@@ -136,7 +136,7 @@ Layout = Annotated[
         "[default: overview, or compare for several runs]",
         OUTPUT,
         metavar="NAME",
-        callback=_one_of(LAYOUT_NAMES, "layout"),
+        callback=one_of(LAYOUT_NAMES, "layout"),
     ),
 ]
 Detail = Annotated[
@@ -146,7 +146,7 @@ Detail = Annotated[
         "Draw every panel at every step, only around events, or little everywhere.",
         OUTPUT,
         metavar="|".join(DETAILS),
-        callback=_one_of(DETAILS, "detail"),
+        callback=one_of(DETAILS, "detail"),
     ),
 ]
 _KEEP_GOING = "Skip broken lines and pictures, and report how many at the end."

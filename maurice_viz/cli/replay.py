@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from ..playback import RunResult
 
 QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
-DEMO_SEED = 0  # the first, for arena, survey, drive and filter alike
+KIDNAPPED, FEATURES = STORIES = ("kidnapped", "features")  # of the demo
+KIDNAPPING_PRESETS = ("thesis", "robust")
 
 
 def replay(
@@ -137,6 +138,13 @@ def _settings(pairs: list[str]) -> dict[str, Any]:
 
 
 def demo(
+    story: Annotated[
+        str,
+        typer.Argument(
+            help="kidnapped: a robot is carried away, by two filters; features: color and blended on one drive.",
+            callback=opt.one_of(STORIES, "story"),
+        ),
+    ] = STORIES[0],
     session_only: Annotated[
         Path | None,
         opt.option("--session-only", "Only write session and survey to this folder.", metavar="DIR"),
@@ -145,19 +153,35 @@ def demo(
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Compare color and blended features on a drive through a simulated two-room arena."""
-    from maurice_datasets.sessions import demo_paths, write_demo
+    """Replay a drive through a simulated two-room arena: a kidnapping, or two features side by side."""
+    from maurice_datasets.sessions import (
+        demo_paths,
+        kidnapping_paths,
+        kidnapping_plan,
+        write_demo,
+        write_simulation,
+    )
 
     from ..app.compare import COLOR_AND_BLENDED, compare_any
 
     with listening(usage=False) as listener:
         if session_only is None:
-            session = demo_paths(DEMO_SEED, progress=listener.progress).session
-            given = {"feature": COLOR_AND_BLENDED, "seed": [DEMO_SEED]}
-            output = output_of("demo", rrd, force=force)
+            if story == FEATURES:
+                session, given = (
+                    demo_paths(progress=listener.progress).session,
+                    {"feature": COLOR_AND_BLENDED},
+                )
+            else:
+                session, given = kidnapping_paths(listener.progress).session, {"preset": KIDNAPPING_PRESETS}
+            output = output_of("demo" if story == STORIES[0] else f"demo-{story}", rrd, force=force)
             compare_any([session], None, given, output, listener=listener, report=printed(json_output))
             return
-        written = write_demo(session_only, DEMO_SEED, force=force, progress=listener.progress)
+        if story == FEATURES:
+            written = write_demo(session_only, force=force, progress=listener.progress)
+        else:
+            written = write_simulation(
+                session_only, kidnapping_plan(), force=force, progress=listener.progress
+            )
     if json_output:
         print_json({"session": written.session, "survey": written.survey})
     else:
