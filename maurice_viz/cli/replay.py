@@ -141,7 +141,7 @@ def demo(
     story: Annotated[
         str,
         typer.Argument(
-            help="kidnapped: a robot is carried away, by two filters; features: color and blended on one drive.",
+            help="kidnapped: a robot is carried away, two presets; features: color and blended on one drive.",
             callback=opt.one_of(STORIES, "story"),
         ),
     ] = STORIES[0],
@@ -167,14 +167,11 @@ def demo(
     with listening(usage=False) as listener:
         if session_only is None:
             if story == FEATURES:
-                session, given = (
-                    demo_paths(progress=listener.progress).session,
-                    {"feature": COLOR_AND_BLENDED},
-                )
+                paths, given = demo_paths(progress=listener.progress), {"feature": COLOR_AND_BLENDED}
             else:
-                session, given = kidnapping_paths(listener.progress).session, {"preset": KIDNAPPING_PRESETS}
+                paths, given = kidnapping_paths(listener.progress), {"preset": KIDNAPPING_PRESETS}
             output = output_of("demo" if story == STORIES[0] else f"demo-{story}", rrd, force=force)
-            compare_any([session], None, given, output, listener=listener, report=printed(json_output))
+            compare_any([paths.session], None, given, output, listener=listener, report=printed(json_output))
             return
         if story == FEATURES:
             written = write_demo(session_only, force=force, progress=listener.progress)

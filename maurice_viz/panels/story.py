@@ -72,7 +72,7 @@ class VerdictDrawing:
         self._rec.log(VERDICT, rr.AnyValues(decisive_step=step), static=True)
 
     def _log(self, text: str) -> None:
-        document = rr.TextDocument(f"### {font_safe(text)}", media_type=MARKDOWN)
+        document = rr.TextDocument(f"#### {font_safe(text)}", media_type=MARKDOWN)
         self._rec.log(VERDICT, document, static=True)
 
 

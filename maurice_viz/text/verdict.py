@@ -51,7 +51,7 @@ def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
     if more:
         parts.append(f"was lost {more} more time{'s' * (more > 1)}")
     if verdict.left_map:
-        parts.append(f"would have left the map at {_listed(verdict.left_map)}")
+        parts.append(f"and its cloud would have left the map at {_listed(verdict.left_map)}")
     return ", ".join(parts)
 
 
@@ -83,7 +83,7 @@ def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
 
 
 def _without_truth(verdict: RunVerdict) -> str:
-    left = f", and would have left the map at {_listed(verdict.left_map)}" if verdict.left_map else ""
+    left = f", and it would have left the map at {_listed(verdict.left_map)}" if verdict.left_map else ""
     share = f"{verdict.converged_share:.0%}"
     return f"has no truth to be judged by; its cloud was converged in {share} of the updates{left}"
 
