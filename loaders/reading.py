@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 from .errors import FieldError, InputError
 from .files import flag, mapping, number, read_toml, show, text, toml_value, whole, write_whole
+from .plane import PLANES, TURNED
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")
@@ -60,6 +61,10 @@ class ReadingOptions:
     ] = None
     truth_topic: Annotated[
         Text, Meaning("Topic of a bag's true poses. [default: detected, printed]", "source")
+    ] = None
+    plane: Annotated[
+        Text,
+        Meaning("Axes of the plane that poses in space move in. [default: auto, printed]", "source", PLANES),
     ] = None
     table: Annotated[
         Path | None, Meaning("CSV table of poses or odometry, for pictures in a folder or video.", "table")
@@ -123,7 +128,8 @@ class ReadingOptions:
     def as_it_is(self) -> bool:
         """Whether a session log is read unchanged: nothing aligned, made or corrected."""
         gated = self.min_distance_m or self.min_angle_rad or self.odometry_from_truth
-        return not (gated or self.time_unit not in (None, "s") or self.corrections)
+        turned = self.plane in TURNED
+        return not (gated or turned or self.time_unit not in (None, "s") or self.corrections)
 
 
 FIELDS: dict[str, Meaning] = {

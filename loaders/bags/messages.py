@@ -20,6 +20,7 @@ from maurice_mcl.arrays import F64, U8
 
 from ..errors import PictureError
 from ..pictures import decode_picture
+from ..plane import Plane
 
 ODOMETRY = "nav_msgs/Odometry"
 ODOMETRIES = frozenset((ODOMETRY, "foxglove.Odometry"))
@@ -41,6 +42,7 @@ TRANSFORMS = frozenset(
 TEXT = "std_msgs/String"
 CLOUDS = frozenset(("geometry_msgs/PoseArray", "nav2_msgs/ParticleCloud", "foxglove.PosesInFrame"))
 
+IN_XY = Plane()
 STAMPS = (("sec", ("nanosec", "nsec")), ("seconds", ("nanos",)))  # ROS and JSON, protobuf
 
 
@@ -67,14 +69,18 @@ def stamp_ns(message: Any) -> int | None:
     return None
 
 
-def pose_of(message: Any) -> F64:
+def pose_of(message: Any, plane: Plane = IN_XY) -> F64:
     """Return the pose (3,) x_m, y_m, heading_rad of a message of `POSES`. MessageError when it is invalid."""
     if hasattr(message, "theta"):
         return _checked([message.x, message.y, message.theta])
-    inner = message
-    while hasattr(inner, "pose"):
-        inner = inner.pose
-    return planar(matrix_of(inner))
+    return plane.pose(matrix_in(message))
+
+
+def matrix_in(message: Any) -> F64:
+    """Return the homogeneous matrix (4, 4) of a message of a pose in space."""
+    while hasattr(message, "pose"):
+        message = message.pose
+    return matrix_of(message)
 
 
 def matrix_of(placed: Any) -> F64:
@@ -88,11 +94,6 @@ def matrix_of(placed: Any) -> F64:
     if not np.isfinite(matrix).all():
         raise MessageError("found a pose with NaN or infinity, expected numbers")
     return matrix
-
-
-def planar(matrix: F64) -> F64:
-    """Return the pose (3,) in the plane of a matrix (4, 4)."""
-    return np.array([matrix[0, 3], matrix[1, 3], math.atan2(matrix[1, 0], matrix[0, 0])])
 
 
 def cloud_of(message: Any) -> tuple[F64, F64 | None]:

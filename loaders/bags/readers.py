@@ -17,9 +17,11 @@ from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files import read_json
+from ..plane import Plane
 from ..recording import Motion, Note, Picture
 from ..session_log.header import header_from_json
 from .messages import (
+    IN_XY,
     PICTURES,
     POSES,
     TEXT,
@@ -28,8 +30,8 @@ from .messages import (
     FrameTree,
     known_type,
     links_of,
+    matrix_in,
     picture_of,
-    planar,
     pose_of,
     stamp_ns,
 )
@@ -142,6 +144,7 @@ class PoseReader:
     route: PoseTopic
     make: Callable[[float, F64], Timed]
     offset_s: float
+    plane: Plane = IN_XY
     _tree: FrameTree = field(default_factory=FrameTree)
 
     @property
@@ -156,17 +159,28 @@ class PoseReader:
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Yield the pose of one message."""
+        for t_s, found in self._found(message, recorded=recorded):
+            pose = self.plane.pose(found) if isinstance(found, np.ndarray) else pose_of(found, self.plane)
+            yield self.make(t_s + self.offset_s, pose)
+
+    def matrices(self, message: Message) -> Iterator[F64]:
+        """Yield the pose of one message in space (4, 4), if it is one."""
+        for _, found in self._found(message, recorded=True):
+            if isinstance(found, np.ndarray) or not hasattr(found, "theta"):
+                yield found if isinstance(found, np.ndarray) else matrix_in(found)
+
+    def _found(self, message: Message, *, recorded: bool) -> Iterator[tuple[float, Any]]:
+        """Yield the time of a message, and the matrix (4, 4) or the message that holds its pose."""
         if self.route.frames is not None:
             if known_type(message.type) not in TRANSFORMS:
                 return
             news = self._tree.news(links_of(message.decode()), *self.route.frames)
             if news is not None:
                 stamp = message.log_ns if recorded or news[0] is None else news[0]
-                yield self.make(stamp / 1e9 + self.offset_s, planar(news[1]))
+                yield stamp / 1e9, news[1]
         elif message.topic == self.route.topic and known_type(message.type) in POSES:
             found = message.decode()
-            t_s = time_s(found, message.log_ns, recorded=recorded)
-            yield self.make(t_s + self.offset_s, pose_of(found))
+            yield time_s(found, message.log_ns, recorded=recorded), found
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -14,8 +15,8 @@ from typing import Any, cast
 from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..formats._poses import forward_axis, leaning, planar
 from ..formats.registry import Format
+from ..plane import Plane, Pose, forward_axis, leaning, planar, plane_of
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, Recording, TruthPose
 from .containers import COMPRESSED, is_bag_folder, is_mcap, open_mcap, open_ros1, open_ros2
@@ -45,8 +46,9 @@ from .readers import (
     read_bag,
 )
 from .source import BagSource, OpenBag, starts_with
-from .topics import TopicRequest, choose, nothing_to_read, readable
+from .topics import PoseTopic, TopicRequest, choose, nothing_to_read, readable
 
+PoseKind = type[OdometryPose] | type[TruthPose]
 ROLES = ("image", "odometry", "truth")
 PEEKED = 3  # messages of a topic that are examined before reading
 TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames exist
@@ -79,12 +81,18 @@ class BagRecording:
         notes, cameras = (self._guessed,) if self._guessed else (), (camera,) if camera else ()
         self.info = header or SessionInfo(name=path.stem, cameras=cameras, notes=notes)
         self._ours = header is not None  # then nothing is guessed, and a time of 0 is valid
+        self._planes: dict[PoseTopic, Plane] = {}
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield records of the chosen topics in time order. Late and invalid messages go to `notes`."""
         why = self.recorded_times
         clock = f"{why}: the times of recording are used for all topics" if why else ""
-        for text in () if self._ours else (self._guessed, clock):
+        planes = [
+            f"{route}: {self.plane(route).remark}" if self.plane(route).remark else ""
+            for route in dict.fromkeys((self.chosen.odometry, self.chosen.truth))
+            if route is not None
+        ]
+        for text in () if self._ours else (self._guessed, clock, *planes):
             if text:
                 notes.warning(text)
         late: dict[str, int] = {}
@@ -115,12 +123,30 @@ class BagRecording:
         if "odometry" in roles and self._motions:
             readers.append(MotionReader(MOTIONS, options.odometry_offset_s))
         elif "odometry" in roles and chosen.odometry:
-            readers.append(PoseReader(chosen.odometry, OdometryPose, options.odometry_offset_s))
+            readers.append(self._poses(chosen.odometry, OdometryPose, options.odometry_offset_s))
         if "truth" in roles and chosen.truth:
-            readers.append(PoseReader(chosen.truth, TruthPose, options.truth_offset_s))
+            readers.append(self._poses(chosen.truth, TruthPose, options.truth_offset_s))
         if "odometry" in roles and self._events:
             readers.append(NoteReader(self._events))
         return readers
+
+    def plane(self, route: PoseTopic) -> Plane:
+        """Return the plane that a source of poses moves in."""
+        if route not in self._planes:
+            self._planes[route] = plane_of(self._in_space(route), self._options.plane)
+        return self._planes[route]
+
+    def _poses(self, route: PoseTopic, kind: PoseKind, offset_s: float) -> PoseReader:
+        return PoseReader(route, kind, offset_s, self.plane(route))
+
+    def _in_space(self, route: PoseTopic) -> Iterator[Pose]:
+        reader = PoseReader(route, OdometryPose, 0.0)
+        with suppress(InputError), self.open_bag(self.path) as bag:  # damage is reported when it is read
+            names = {route.topic, *(t.name for t in readable(bag.topics, TRANSFORMS) if reader.transforms)}
+            for message in bag.messages(names):
+                with suppress(InputError, *MESSAGE_ERRORS):
+                    for matrix in reader.matrices(message):
+                        yield matrix[:3, 3], matrix[:3, :3]
 
 
 def _refuse_tables(path: Path, options: ReadingOptions) -> None:
@@ -266,7 +292,7 @@ ROS1 = "ROS 1 bag: .bag, chunks plain, bz2 or lz4"
 ROS2 = "ROS 2 bag: a folder with metadata.yaml, or one .db3"
 MCAP = "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it"
 FORMATS = (
-    Format("rosbag1", ROS1, looks_like_rosbag1, _opening(open_ros1), "ros", shifts=True),
-    Format("rosbag2", ROS2, looks_like_rosbag2, _opening(open_ros2), "ros", shifts=True),
-    Format("mcap", MCAP, looks_like_mcap, _opening(open_mcap), "ros", shifts=True),
+    Format("rosbag1", ROS1, looks_like_rosbag1, _opening(open_ros1), "ros", shifts=True, in_space=True),
+    Format("rosbag2", ROS2, looks_like_rosbag2, _opening(open_ros2), "ros", shifts=True, in_space=True),
+    Format("mcap", MCAP, looks_like_mcap, _opening(open_mcap), "ros", shifts=True, in_space=True),
 )

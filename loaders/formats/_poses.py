@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
@@ -19,48 +19,12 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files import MOST_T_S, show, up_to
 from ..pictures import decode_picture
+from ..plane import LEANING_RAD, Plane, Pose, forward_axis, leaning, planar, plane_of, rotation
 from ..recording import OdometryPose, Picture, Record, TruthPose
 from ..session_log.reader import MAX_PICTURE_BYTES
 from ..time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
 from .cmucam import BEGIN, decode_frame
-
-# Poses in space to poses in the plane: x, y, and where the forward axis points.
-
-LEANING_RAD = math.radians(30)  # more than that off the plane is worth saying
-
-
-def rotation(quaternion_wxyz: F64) -> F64:
-    """Return the rotation matrix (3, 3) of a quaternion (4,). ValueError when its length is not about 1."""
-    length = float(np.linalg.norm(quaternion_wxyz))
-    if not 0.9 < length < 1.1:
-        raise ValueError(f"found a quaternion of length {length:.3g}, expected 1")
-    w, x, y, z = (float(v) / length for v in quaternion_wxyz)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def forward_axis(rotations: Iterable[F64]) -> str:
-    """Return which axis of a body looks forward, "x" (robots, z up) or "z" (cameras), by what is upright."""
-    upright = np.mean([np.abs(r[2]) for r in rotations], axis=0)
-    return "x" if int(np.argmax(upright)) == 2 else "z"
-
-
-def planar(position: F64, turned: F64, axis: str) -> F64:
-    """Return x, y and the heading of the forward axis (3,) of a pose in a z-up world."""
-    ahead = turned[:, 0 if axis == "x" else 2]
-    return np.array([position[0], position[1], math.atan2(ahead[1], ahead[0])])
-
-
-def leaning(turned: F64, axis: str) -> float:
-    """Return how far, in radians, the forward axis points out of the plane."""
-    return abs(math.asin(max(-1.0, min(1.0, float(turned[2, 0 if axis == "x" else 2])))))
-
 
 # Text files of stamped poses in space: position and quaternion, in any order of columns.
 
@@ -121,11 +85,14 @@ class PoseFile(_TimedFile):
     layout: Layout = Layout()
     unit: str | None = None  # of the times; None: detected
     offset_s: float = 0.0  # added to the times
+    wanted: str | None = None  # the plane; None: detected
     comments: ClassVar[tuple[str, ...]] = COMMENTS
 
     def poses(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose]:
         """Yield the poses in the plane, in the file's order; broken rows and times that fall are problems."""
         last_t_s, steepest = -np.inf, 0.0
+        if self._plane.remark:
+            notes.warning(f"{self.file}: {self._plane.remark}")
         for row in self._rows():
             try:
                 t_s = self._time(row)
@@ -152,7 +119,7 @@ class PoseFile(_TimedFile):
         first = next(self._rows(), None)
         if first is None:
             raise InputError(self.file, "found no poses, expected one a line")
-        self._pose(first)
+        self._in_space(first)
 
     @cached_property
     def _unit(self) -> str:
@@ -171,13 +138,16 @@ class PoseFile(_TimedFile):
 
     @cached_property
     def _turned(self) -> list[F64]:
-        turned = []
-        for row in islice(self._rows(), LOOKED_AT):
-            try:
-                turned.append(self._pose(row)[1])
-            except InputError:
-                continue
-        return turned
+        return [self._plane.place(*pose)[1] for pose in self._all(islice(self._rows(), LOOKED_AT))]
+
+    @cached_property
+    def _plane(self) -> Plane:
+        return plane_of(self._all(self._rows()), self.wanted)
+
+    def _all(self, rows: Iterable[Row]) -> Iterator[Pose]:
+        for row in rows:
+            with suppress(InputError):
+                yield self._in_space(row)
 
     def _words(self, row: Row) -> list[str]:
         return words_of(row.text)
@@ -190,7 +160,10 @@ class PoseFile(_TimedFile):
             raise InputError(self.file, f"found time {show(word)}, expected {up_to(MOST_T_S)}", row.number)
         return t_s
 
-    def _pose(self, row: Row) -> tuple[F64, F64]:
+    def _pose(self, row: Row) -> Pose:
+        return self._plane.place(*self._in_space(row))
+
+    def _in_space(self, row: Row) -> Pose:
         words = self._words(row)
         wanted = (*self.layout.position, *self.layout.quaternion)
         if len(words) <= max(wanted):
@@ -208,12 +181,12 @@ def pose_file(
     kind: type[OdometryPose] | type[TruthPose],
     unit: str | None,
     offset_s: float,
-    layout: Layout | None = None,
+    wanted: str | None,
 ) -> PoseFile | None:
     """Return a file of poses; None where there is none."""
     if file is None or not file.is_file():
         return None
-    return PoseFile(file, kind, layout or Layout(), unit, offset_s)
+    return PoseFile(file, kind, Layout(), unit, offset_s, wanted)
 
 
 def first_file(folder: Path, names: Sequence[str]) -> Path | None:

@@ -116,8 +116,8 @@ def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
     truth = _named(poses, TRUTHS)
     odometry = _named(poses, ODOMETRY)
     unit = options.time_unit
-    went = None if odometry is None else _pose_file(odometry, OdometryPose, unit, options.odometry_offset_s)
-    true = None if truth is None else _pose_file(truth, TruthPose, unit, options.truth_offset_s)
+    went = None if odometry is None else _pose_file(odometry, OdometryPose, options)
+    true = None if truth is None else _pose_file(truth, TruthPose, options)
     described = (
         None if camera is None else camera_of(camera.file.with_name(DESCRIBED), camera.name, true or went)
     )
@@ -183,9 +183,11 @@ def _pictures(camera: _Sensor, unit: str | None) -> PictureList:
 
 
 def _pose_file(
-    sensor: _Sensor, kind: type[OdometryPose] | type[TruthPose], unit: str | None, offset_s: float
+    sensor: _Sensor, kind: type[OdometryPose] | type[TruthPose], options: ReadingOptions
 ) -> PoseFile:
-    return PoseFile(sensor.file, kind, sensor.layout or Layout(), unit or sensor.unit, offset_s)
+    offset_s = options.odometry_offset_s if kind is OdometryPose else options.truth_offset_s
+    unit = options.time_unit or sensor.unit
+    return PoseFile(sensor.file, kind, sensor.layout or Layout(), unit, offset_s, options.plane)
 
 
 def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
@@ -222,5 +224,6 @@ FORMATS = (
         looks_euroc,
         open_euroc,
         shifts=True,
+        in_space=True,
     ),
 )

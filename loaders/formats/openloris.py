@@ -47,8 +47,8 @@ def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
         path,
         SessionInfo(path.resolve().name, cameras=_cameras(path, chosen.stem)),
         PictureList(chosen, path, unit=unit),
-        pose_file(path / "odom.txt", OdometryPose, unit, options.odometry_offset_s),
-        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s),
+        pose_file(path / "odom.txt", OdometryPose, unit, options.odometry_offset_s, options.plane),
+        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s, options.plane),
     ).check()
 
 
@@ -99,5 +99,6 @@ FORMATS = (
         looks_openloris,
         open_openloris,
         shifts=True,
+        in_space=True,
     ),
 )

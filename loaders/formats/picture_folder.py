@@ -15,10 +15,11 @@ from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..files import MOST_T_S, PICTURES, pictures_in, show
+from ..plane import planar, rotation
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..time_alignment import PER_SECOND, detect_unit, seconds
-from ._poses import planar, read_picture, rotation
+from ._poses import read_picture
 from ._tables import (
     MOTION,
     ODOMETRY,

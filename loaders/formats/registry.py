@@ -13,6 +13,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..files import expect_regular
+from ..plane import TURNED
 from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
 from ..recording import Recording
@@ -50,6 +51,7 @@ class Format:
     open: Callable[[Path, ReadingOptions], Recording]  # InputError for what cannot be read
     extra: str | None = None  # the extra that has to be installed for it
     shifts: bool = False  # whether it adds the offsets of odometry and truth itself
+    in_space: bool = False  # whether it holds poses in space, whose plane `plane` says
     beside: Callable[[Path], Sequence[Path]] = nothing_beside  # files outside the path that are read too
 
 
@@ -103,6 +105,9 @@ def open_session(
 
 
 def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:
+    if options.plane in TURNED and not one.in_space:
+        found = f"found --reading plane={options.plane}, which is for poses in space"
+        raise InputError(path, f"{found}, and the format {one.name} holds poses in x-y; leave it out")
     left = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0) if one.shifts else options
     recording = corrected(one.open(path, options), left)
     if not options.odometry_from_truth:

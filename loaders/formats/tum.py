@@ -33,8 +33,8 @@ def open_tum(path: Path, options: ReadingOptions) -> TimedFolder:
         path,
         SessionInfo(path.resolve().name),
         PictureList(listed, path, _color_column(listed), unit),
-        pose_file(first_file(path, ODOMETRY), OdometryPose, unit, options.odometry_offset_s),
-        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s),
+        pose_file(first_file(path, ODOMETRY), OdometryPose, unit, options.odometry_offset_s, options.plane),
+        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s, options.plane),
     ).check()
 
 
@@ -43,7 +43,7 @@ def open_trajectory(path: Path, options: ReadingOptions) -> TimedFolder:
     names = _names(path)
     layout = (layout_of(names) if names else None) or Layout()
     unit = options.time_unit or (unit_in(names[0]) if names else None)
-    truth = PoseFile(path, TruthPose, layout, unit, options.truth_offset_s)
+    truth = PoseFile(path, TruthPose, layout, unit, options.truth_offset_s, options.plane)
     return TimedFolder(path, SessionInfo(path.stem), None, None, truth).check()
 
 
@@ -93,12 +93,20 @@ def _is_poses(names: list[str]) -> bool:
 
 
 FORMATS = (
-    Format("tum", "a TUM RGB-D folder: rgb.txt, groundtruth.txt, pictures", looks_tum, open_tum, shifts=True),
+    Format(
+        "tum",
+        "a TUM RGB-D folder: rgb.txt, groundtruth.txt, pictures",
+        looks_tum,
+        open_tum,
+        shifts=True,
+        in_space=True,
+    ),
     Format(
         "tum-trajectory",
         "poses alone: t x y z qx qy qz qw a line",
         looks_like_trajectory,
         open_trajectory,
         shifts=True,
+        in_space=True,
     ),
 )

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 
 from ..errors import FieldError, InputError, SourceError
 from ..files import expect_regular
+from ..plane import TURNED
 from ..reading import ReadingOptions
 from ..session_log.records import LogLine
 
@@ -47,6 +48,9 @@ def is_live(text: Path | str) -> bool:
 def live_source(text: Path | str, options: ReadingOptions | None = None) -> LiveSource:
     """Return the source that was typed; text that is no address is a file. SourceError for a bad address."""
     typed = str(text)
+    if options is not None and options.plane in TURNED:
+        found = f"found --reading plane={options.plane}, which is for recordings"
+        raise SourceError(typed, f"{found}: poses from a live source are read in x-y; leave it out")
     if typed == STDIN:
         connect = partial(PipeStream, sys.stdin.fileno())
         return LiveSource("standard input", connect, once=True, folder=Path.cwd())

@@ -19,12 +19,12 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import motion_between
 
 from ..bags.messages import (
+    IN_XY,
     TRANSFORMS,
     FrameTree,
     known_type,
     links_of,
     picture_of,
-    planar,
     pose_of,
     stamp_ns,
     use_recorded,
@@ -79,7 +79,7 @@ class PoseExtractor:
         if len(self._tree) > MOST_FRAMES:
             self._tree = FrameTree()
         if news is not None and not static:
-            yield StampedPose(stamp, planar(news[1]))
+            yield StampedPose(stamp, IN_XY.pose(news[1]))
 
 
 class PoseHistory:

@@ -14,7 +14,8 @@ SETTINGS: Mapping[str, str] = {
     "--sharpness": "sensor.sharpness",
     "--motion": "motion",
 }
-# Options of reading and their keys in a reading file.
+READING: Mapping[str, str] = {"--plane": "plane"}
+# Options of reading that have moved, and their keys in a reading file.
 MOVED: Mapping[str, str] = {
     "--format": "format",
     "--camera": "camera",
@@ -62,6 +63,8 @@ def modern(args: list[str], known: Collection[str]) -> list[str]:
             words += FLAGS[name]
         elif name in SETTINGS and "--set" in known:
             words += ["--set", f"{SETTINGS[name]}={value if equals else next(rest, '')}"]
+        elif name in READING and "--reading" in known:
+            words += ["--reading", f"{READING[name]}={value if equals else next(rest, '')}"]
         elif name in MOVED and "--reading" in known:
             key, example = MOVED[name], value or ("true" if name == "--odometry-from-truth" else "...")
             advice = f"give --reading {key}={example}, or the key {key} in a file for --reading FILE.toml"

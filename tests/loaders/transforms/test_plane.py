@@ -1,0 +1,191 @@
+"""Recordings whose poses are in a camera's frame: the plane is found, said, and can be chosen."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from helpers.recordings import odometry, read, truths
+from maurice_loaders.bags.recording import BagRecording
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.inspection import inspect_recording
+from maurice_loaders.plane import plane_of
+from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import RecordedSession
+from maurice_mcl.arrays import F64
+from maurice_viz.app.inspect import diagnose
+from maurice_viz.cli.spelling import modern
+
+STEPS = 120
+BEGIN_S = 1_700_000_000.0
+# position, forward and up of a body that is at u, v in its plane, w above it, and looks along (cos, sin)
+WORLDS = {
+    "camera": ("xz", lambda u, v, w: (u, -w, v)),  # y down
+    "y up": ("xz", lambda u, v, w: (u, w, -v)),
+    "x up": ("yz", lambda u, v, w: (w, u, v)),
+    "robot": ("xy", lambda u, v, w: (u, v, w)),
+}
+
+
+def drive(steps: int = STEPS) -> F64:
+    """Two rounds of an ellipse, 20 x 8 m: x, y, heading."""
+    angle = np.linspace(0, 4 * math.pi, steps)
+    x, y = 20 * np.cos(angle), 8 * np.sin(angle)
+    return np.column_stack([x, y, np.arctan2(8 * np.cos(angle), -20 * np.sin(angle))])
+
+
+def in_space(world: str, poses: F64, body: str = "robot", bumps: float = 0.3) -> list[tuple[F64, F64]]:
+    """Return positions and rotations of a robot (x ahead, z up) or a camera (z ahead, y down)."""
+    put = WORLDS[world][1]
+    found = []
+    for number, (x, y, heading) in enumerate(poses):
+        ahead = np.array(put(math.cos(heading), math.sin(heading), 0.0))
+        up = np.array(put(0.0, 0.0, 1.0))
+        left = np.cross(up, ahead)
+        axes = (ahead, left, up) if body == "robot" else (-left, -up, ahead)
+        found.append((np.array(put(x, y, bumps * math.sin(number))), np.column_stack(axes)))
+    return found
+
+
+def quaternion(turned: F64) -> F64:
+    """Return x, y, z, w."""
+    return np.asarray(Rotation.from_matrix(turned).as_quat())
+
+
+def tum(folder: Path, poses: list[tuple[F64, F64]], name: str = "path.txt") -> Path:
+    rows = [
+        " ".join(f"{v:.9f}" for v in (BEGIN_S + 0.1 * k, *at, *quaternion(turned)))
+        for k, (at, turned) in enumerate(poses)
+    ]
+    file = folder / name
+    file.write_text("\n".join(rows) + "\n")
+    return file
+
+
+def euroc(folder: Path, poses: list[tuple[F64, F64]]) -> Path:
+    file = folder / "mav0" / "groundtruth" / "data.csv"
+    file.parent.mkdir(parents=True)
+    head = "#timestamp [ns], p_x [m], p_y [m], p_z [m], q_w [], q_x [], q_y [], q_z []\n"
+    rows = []
+    for k, (at, turned) in enumerate(poses):
+        x, y, z, w = quaternion(turned)
+        rows.append(f"{int(BEGIN_S) * 10**9 + k * 10**8}," + ",".join(f"{v:.9f}" for v in (*at, w, x, y, z)))
+    file.write_text(head + "\n".join(rows) + "\n")
+    return folder
+
+
+def bag(folder: Path, poses: list[tuple[F64, F64]]) -> Path:
+    """The poses as truth, and the drive in x-y as odometry."""
+    pytest.importorskip("rosbags", reason="the extra ros is not installed")
+    from helpers.bags import Ros, Said, write_ros2
+
+    ros, said = Ros(2), []
+    for k, ((at, turned), pose) in enumerate(zip(poses, drive(len(poses)), strict=True)):
+        t_ns = int(BEGIN_S) * 10**9 + k * 10**8
+        x, y, z, w = map(float, quaternion(turned))
+        placed = ros.new(
+            "geometry_msgs/Pose",
+            position=ros.new("geometry_msgs/Point", x=float(at[0]), y=float(at[1]), z=float(at[2])),
+            orientation=ros.new("geometry_msgs/Quaternion", x=x, y=y, z=z, w=w),
+        )
+        stamped = ros.new("geometry_msgs/PoseStamped", header=ros.header(t_ns), pose=placed)
+        said.append(Said("/ground_truth", "geometry_msgs/PoseStamped", t_ns, stamped))
+        said.append(Said("/odom", "nav_msgs/Odometry", t_ns, ros.odometry(t_ns, [float(v) for v in pose])))
+    return write_ros2(folder / "bag", said)
+
+
+WRITERS = {"tum": tum, "euroc": euroc, "bag": bag}
+
+
+def way(poses: F64) -> float:
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+@pytest.mark.parametrize("body", ["robot", "camera"])
+@pytest.mark.parametrize("world", ["camera", "y up", "x up"])
+def test_the_plane_of_the_motion_is_found_and_said(
+    world: str, body: str, writer: str, tmp_path: Path
+) -> None:
+    if (world, body) in (("y up", "camera"), ("x up", "camera")) and writer == "euroc":
+        pytest.skip("the same as tum")
+    path = WRITERS[writer](tmp_path, in_space(world, drive(), body))
+    got, wanted = truths(path), drive()
+    np.testing.assert_allclose(got[:, :2], wanted[:, :2], atol=1e-6)
+    np.testing.assert_allclose(np.cos(got[:, 2] - wanted[:, 2]), 1, atol=1e-9)
+    assert way(got) == pytest.approx(way(wanted), rel=1e-9)
+    name = WORLDS[world][0]
+    [text] = [one for one in read(path)[1] if "the motion lies" in one]
+    assert f"the motion lies in the plane of {name[0]} and {name[1]} (extents" in text
+    inspected = inspect_recording(RecordedSession(open_recording(path)))
+    assert text in inspected.warnings
+    assert inspected.distance_truth_m == pytest.approx(way(wanted), rel=1e-9)
+    assert text in diagnose(path).said
+    if writer == "bag":
+        np.testing.assert_allclose(odometry(path), wanted, atol=1e-9)
+    asked = ReadingOptions(plane=name)
+    np.testing.assert_array_equal(truths(path, asked), got)
+    assert not any("the motion lies" in one for one in read(path, asked)[1])
+    assert way(truths(path, ReadingOptions(plane="xy"))) < 0.95 * way(wanted)
+
+
+def test_odometry_in_a_camera_s_frame_follows(tmp_path: Path) -> None:
+    (tmp_path / "rgb.txt").write_text(f"{BEGIN_S:.1f} a.png\n")
+    tum(tmp_path, in_space("camera", drive(), "camera"), "odometry.txt")
+    tum(tmp_path, in_space("robot", drive()), "groundtruth.txt")
+    np.testing.assert_allclose(odometry(tmp_path)[:, :2], drive()[:, :2], atol=1e-6)
+    np.testing.assert_allclose(truths(tmp_path)[:, :2], drive()[:, :2], atol=1e-6)
+
+
+@pytest.mark.parametrize("bumps", [0.0, 0.01, 0.3, 2.0])
+@pytest.mark.parametrize("body", ["robot", "camera"])
+def test_a_motion_in_x_y_is_read_as_ever(body: str, bumps: float, tmp_path: Path) -> None:
+    path = tum(tmp_path, in_space("robot", drive(), body, bumps))
+    found, warnings = read(path)
+    assert not any("the motion lies" in text for text in warnings)
+    np.testing.assert_array_equal(truths(path), truths(path, ReadingOptions(plane="xy")))
+    assert len(found) == STEPS
+
+
+def test_a_doubtful_plane_changes_nothing() -> None:
+    def auto(poses: list[tuple[F64, F64]]) -> tuple[str, str]:
+        plane = plane_of(poses, None)
+        return plane.name, plane.remark
+
+    assert auto(in_space("camera", drive(19), "camera")) == ("xy", "")  # few
+    straight = np.column_stack([np.linspace(0, 30, 200), np.zeros(200), np.zeros(200)])
+    assert auto(in_space("camera", straight, "camera")) == ("xy", "")
+    uphill = [(np.array([*at[:2], 0.3 * at[0]]), turned) for at, turned in in_space("robot", straight)]
+    assert auto(uphill) == ("xy", "")
+    still = [(at, np.eye(3)) for at, _ in in_space("camera", drive(), "camera")]
+    name, remark = auto(still)
+    assert name == "xy"
+    assert "--reading plane=xz reads x and z" in remark
+    random = np.random.default_rng(3)
+    shaken = [(random.normal(0, [5, 1, 5]), turned) for _, turned in in_space("robot", drive())]
+    assert auto(shaken)[0] == "xy"  # z is up on the body, whatever the positions say
+
+
+def test_formats_in_the_plane_refuse_another(tmp_path: Path, small_session: Path) -> None:
+    with pytest.raises(InputError, match="plane=xz, which is for poses in space, and the format session-log"):
+        open_recording(small_session, ReadingOptions(plane="xz"))
+    assert open_recording(small_session, ReadingOptions(plane="auto"))
+
+
+def test_the_option_of_its_own_is_one_of_reading() -> None:
+    assert modern(["a.bag", "--plane", "xz"], ["--reading"]) == ["a.bag", "--reading", "plane=xz"]
+    assert modern(["a.bag", "--plane=yz"], ["--reading"]) == ["a.bag", "--reading", "plane=yz"]
+
+
+def test_a_flat_bag_is_not_read_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = bag(tmp_path, in_space("robot", drive(), bumps=0.0))
+    recording = open_recording(path, ReadingOptions(plane="xy"))
+    assert isinstance(recording, BagRecording)
+    assert recording.chosen.truth is not None
+    monkeypatch.setattr(recording, "open_bag", None)
+    assert recording.plane(recording.chosen.truth).name == "xy"
