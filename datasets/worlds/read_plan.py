@@ -122,6 +122,8 @@ def _read_style(table: Table) -> StylePlan:
 def _read_walls(table: Table, names: tuple[str, ...]) -> tuple[PaintPlan, ...]:
     if not table.has("walls"):
         return (PLASTER,)
+    if isinstance(dict(table.items())["walls"], (dict, str)):  # one paint for all four
+        return (paint_value(table, "walls", table.take("walls"), names),)
     return tuple(paint_value(table, "walls", value, names) for value in table.items_of("walls", (1, 4)))
 
 

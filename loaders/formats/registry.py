@@ -31,6 +31,7 @@ MODULES = (  # in the order in which they are asked whether a file looks like th
     ".kitti",
     ".carmen",
     ".cmucam",
+    ".donkeycar",
     ".video",
     ".picture_folder",
 )

@@ -119,7 +119,7 @@ def compare_any(
             )
         _check_count(len(sources), fewest=1)
         folders = [Path(str(one)) for one in sources]
-        return play(_saved_playback(folders, listener), output, listener, report=report)
+        return _play(_saved_playback(folders, listener), output, listener, report)
     if len(sources) > 1:
         _check_count(len(sources))
         if output.save_run is not None:
@@ -127,10 +127,15 @@ def compare_any(
             raise OptionError(f"--save-run saves runs of one session; {advice}")
         asked = Path(library) if isinstance(library, str) else library
         playback = _sessions_playback(sources, asked, one_filter(given), how, listener)
-        return play(playback, output, listener, report=report)
+        return _play(playback, output, listener, report)
     specs = specs_of(given)
     _check_count(len(specs))
     return replay_session(sources[0], library, specs, output, how, listener, report)
+
+
+def _play(playback: Playback, output: OutputOptions, listener: Listener, report: Report) -> RunScores:
+    labels = [run.label for run in playback.views] if output.stem == SEVERAL else []
+    return play(playback, output.named(labels), listener, report=report)
 
 
 def _check_count(found: int, fewest: int = 2) -> None:

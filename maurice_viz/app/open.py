@@ -185,6 +185,20 @@ class RunSpec:
             raise
 
 
+def words_of(specs: Sequence[RunSpec]) -> list[str]:
+    """Return what distinguishes runs, to name a recording after; the default run has no words."""
+    if len(specs) > 1:
+        return [spec.label for spec in specs]
+    (spec,) = specs
+    numbers = {"particles": spec.particles, "seed": spec.seed or None}
+    start = "start" if isinstance(spec.start, np.ndarray) else spec.start
+    files = [None if file is None else file.stem for file in (spec.config, spec.motion)]
+    words = [spec.name or None, spec.preset, spec.feature, *files, start]
+    words += [f"{name} {value}" for name, value in numbers.items() if value is not None]
+    words += [f"{key} {value}" for key, value in spec.settings.items()]
+    return [word for word in words if word]
+
+
 def check_name(name: str | None, known: Iterable[str], what: str) -> None:
     """Refuse a name that is not among the known ones. OptionError."""
     names = list(dict.fromkeys(known))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -73,6 +74,7 @@ def observed(
 NEXT_KEYS = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
 KEYS = f"{NEXT_KEYS}; choose the timeline `phase` to walk through one update."
 
+LONGEST_STEM = 80  # characters of a recording's name
 LARGE = 50_000_000  # bytes of a recording whose size is remarked beforehand
 
 
@@ -88,12 +90,20 @@ class OutputOptions:
     save_run: Path | None = None  # the folder to save the run to
     layout: str | None = None  # the one that is open at first
     detail: str = DETAILS[0]  # how much of each step is drawn
+    fixed_stem: bool = False  # the stem is the whole name, whatever is drawn
 
     def __post_init__(self) -> None:
         check_name(self.layout, LAYOUT_NAMES, "layout")
         check_name(self.detail, DETAILS, "detail")
         if self.no_recording and self.rrd is not None:
             raise OptionError("a recording is both asked for and excluded; give one of the two")
+
+    def named(self, words: Iterable[str]) -> OutputOptions:
+        """Name the recording after its stem and what it holds, so that another one does not replace it."""
+        if self.fixed_stem:
+            return self
+        parts = (self.stem, *(re.sub(r"[^\w.+]+", "-", word).strip("-.") for word in words))
+        return replace(self, stem="-".join(parts)[:LONGEST_STEM])
 
 
 @dataclass(frozen=True, slots=True)

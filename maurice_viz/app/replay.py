@@ -32,6 +32,7 @@ from .open import (
     make_runs,
     open_library_for,
     open_session,
+    words_of,
 )
 from .output import DriveScene, OutputOptions, show_recording
 from .run import Playback, Report, RunScores, play, remark, remark_zeros
@@ -132,7 +133,7 @@ def replay_any(
             names = " and ".join(RECORDED_LAYOUT_NAMES)
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
         recorded = playback_as_recorded(open_as_recorded(path, how), listener)
-        return play(recorded, output, listener, report=report)
+        return play(recorded, output.named(["as recorded"]), listener, report=report)
     if listened:
         if isinstance(library, Library):
             raise OptionError("a live source needs the path of its library, found an opened one")
@@ -168,14 +169,14 @@ def replay_session(
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and not output.no_recording
     if alone and asked is None and opened.info.survey is None:
-        written = show_alone(as_recorded_session(opened, reading), output, listener)
+        written = show_alone(as_recorded_session(opened, reading), output.named(["drive"]), listener)
         return RunScores((), opened.info.name, opened.info.display_units, tuple(opened.info.notes), written)
     references = open_library_for(opened, asked, keep_going=reading.keep_going, listener=listener)
     runs = make_runs(opened, references, specs, listener)
     playback = playback_of_session(opened, references, runs, listener)
     survey = asked if isinstance(asked, Path) else opened.info.survey or opened.path
     inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
-    return play(playback, output, listener, saving(runs, inputs, output), report)
+    return play(playback, output.named(words_of(specs)), listener, saving(runs, inputs, output), report)
 
 
 def playback_of_session(

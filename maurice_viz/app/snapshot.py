@@ -9,6 +9,7 @@ from pathlib import Path
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.runs.store import open_runs
 
 from ..entities import PHASE, PHASES_PER_STEP, STEP, Phase, phase_number
 from ..errors import OptionError
@@ -54,6 +55,7 @@ def snapshot(
     target = _checked(Path(to), (".png",), size, force=force)
     if phase is not None and phase not in PHASES:
         raise OptionError(f"no phase called {phase!r}; there are {', '.join(PHASES)}")
+    _check_saved_steps(Path(source), step)
     with _viewer_on(Path(source), layout, view, size, listener) as viewer:
         last = _span(viewer, Path(source), step, step)[-1]
         if phase is None:
@@ -91,6 +93,7 @@ def movie(
     target = _checked(Path(to), MOVIES, size, force=force)
     if first is not None and last is not None and first > last:
         raise OptionError(f"--from {first} is after --to {last}")
+    _check_saved_steps(Path(source), first, last)
     with _viewer_on(Path(source), layout, view, size, listener) as viewer:
         steps = _span(viewer, Path(source), first, last)
         timeline, values = STEP, steps
@@ -132,13 +135,28 @@ def _checked(target: Path, suffixes: tuple[str, ...], size: tuple[int, int], *, 
     return target
 
 
+def _check_saved_steps(source: Path, *steps: int | None) -> None:
+    """Refuse steps that a saved run does not have before it is drawn, which takes long. InputError."""
+    asked = [step for step in steps if step is not None]
+    if not asked or source.suffix == ".rrd":
+        return
+    manifests = [run.manifest for run in open_runs(source)]
+    counts = [one.pictures if one.steps is None else one.steps for one in manifests]
+    for step in asked:
+        _check_step(source, step, 1, max(counts))
+
+
+def _check_step(source: Path, step: int, start: int, end: int) -> None:
+    if not start <= step <= end:
+        raise InputError(source, f"found no step {step}, expected one from {start} to {end}")
+
+
 def _span(viewer: Viewer, source: Path, first: int | None, last: int | None) -> range:
     """Return the steps meant, None for the recording's own ends. InputError for steps outside them."""
     start, end = viewer.span(STEP)
     first, last = start if first is None else first, end if last is None else last
     for step in (first, last):
-        if not start <= step <= end:
-            raise InputError(source, f"found no step {step}, expected one from {start} to {end}")
+        _check_step(source, step, start, end)
     return range(first, last + 1)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -170,7 +171,8 @@ def demo(
                 paths, given = demo_paths(progress=listener.progress), {"feature": COLOR_AND_BLENDED}
             else:
                 paths, given = kidnapping_paths(listener.progress), {"preset": KIDNAPPING_PRESETS}
-            output = output_of("demo" if story == STORIES[0] else f"demo-{story}", rrd, force=force)
+            stem = "demo" if story == STORIES[0] else f"demo-{story}"
+            output = replace(output_of(stem, rrd, force=force), fixed_stem=True)
             compare_any([paths.session], None, given, output, listener=listener, report=printed(json_output))
             return
         if story == FEATURES:

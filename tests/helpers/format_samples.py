@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -147,6 +148,25 @@ def write_dump(folder: Path, updates: int, truth: bool) -> Path:
     return folder / "frames.dump"
 
 
+def write_tub(folder: Path, updates: int, truth: bool, *, step_ms: int = 100) -> Path:
+    head = [["cam/image_array", "user/angle"], ["image_array", "float"], {}, {"created_at": 1.0}]
+    last = {"paths": ["catalog_0.catalog"], "current_index": updates, "deleted_indexes": [updates]}
+    (folder / "manifest.json").write_text("".join(json.dumps(one) + "\n" for one in [*head, last]))
+    rows = [
+        {
+            "_index": k,
+            "_timestamp_ms": BEGIN_S * 1000 + step_ms * k,
+            "cam/image_array": f"{k}_cam_image_array_.jpg",
+            "user/angle": 0.1,
+        }
+        for k in range(updates + 1)  # the last one is deleted
+    ]
+    (folder / "catalog_0.catalog").write_text("".join(json.dumps(one) + "\n" for one in rows))
+    for k in range(min(updates, SMALL)):
+        save(folder / "images" / f"{k}_cam_image_array_.jpg", k)
+    return folder
+
+
 def bags() -> ModuleType | None:
     """What the tests of bags write them with; None where the extra is not installed."""
     if importlib.util.find_spec("rosbags") is None:
@@ -195,6 +215,7 @@ SAMPLES = {
     "kitti-poses": Sample(write_kitti_poses, pictures=False, truth=False),
     "carmen": Sample(write_carmen, pictures=False),
     "cmucam": Sample(write_dump, truth=False),
+    "donkeycar": Sample(write_tub, truth=False),
     "video": Sample(write_video, truth=False, long=200),
     "table": Sample(write_table),
     "pictures": Sample(write_pictures, truth=False, long=200),

@@ -64,6 +64,25 @@ def test_compare_has_a_column_and_a_branch_for_each_run(small_session, tmp_path)
     assert any(path.startswith("/edges-2/") for path in paths)
 
 
+@pytest.mark.parametrize(
+    ("args", "name"),
+    [
+        (["replay", "--preset", "robust", "--seed", "3"], "session-robust-particles-50-seed-3"),
+        (
+            ["replay", "--start", "global", "--set", "sensor.sharpness=0"],
+            "session-global-particles-50-sensor.sharpness-0",
+        ),
+        (["compare", "--feature", "color", "--feature", "edges", "--detail", "light"], "session-color-edges"),
+        (["compare", "--detail", "events"], "session-color-blended"),
+    ],
+)
+def test_a_recording_is_named_after_what_it_holds(small_session, tmp_path, args, name):
+    words = [args[0], small_session, *args[1:], "--particles", "50", "--rrd", "auto"]
+    run(*words)
+    assert [file.name for file in tmp_path.glob("*.rrd")] == [f"{name}.rrd"]
+    assert "exists already" in failure(*words)
+
+
 def test_without_truth_figures_are_null_and_the_replay_still_draws(small_session, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     small_session.write_text("".join(line for line in lines if '"truth"' not in line))

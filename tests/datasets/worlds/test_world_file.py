@@ -91,6 +91,18 @@ def test_a_small_world_has_its_map_and_walls(tmp_path):
     assert clearance(world.arena, np.array([[2.05, 0.5]]))[0] == pytest.approx(0.05)
 
 
+@pytest.mark.parametrize("paint", ['{ texture = "brick", color = "white" }', '"brick"'])
+def test_one_paint_for_all_walls_needs_no_list(tmp_path, paint):
+    one, listed = (
+        load_world(write(tmp_path, SMALL.replace("[style.plain]", f"[style.plain]\nwalls = {walls}")), 0)
+        for walls in (paint, f"[{paint}]")
+    )
+    bare = load_world(write(tmp_path), 0)
+    walls = [[face.albedo for face in world.shell] for world in (one, listed, bare)]
+    assert all(map(np.array_equal, walls[0], walls[1]))
+    assert not all(map(np.array_equal, walls[0], walls[2]))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from helpers.dialect_files import COUNTS, QUARTER, counts, image, moving, write
+from helpers.format_samples import write_tub
 from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
@@ -329,3 +330,25 @@ def test_carmen_counts_and_a_continuous_odometry() -> None:
     assert Counter(type(r).__name__ for r in found) == {"OdometryPose": 14541, "TruthPose": 910}
     steps = np.diff([r.pose[:2] for r in found if isinstance(r, OdometryPose)], axis=0)
     assert np.hypot(*steps.T).max() < 0.3  # no jump to a scan's pose
+
+
+# Donkeycar tubs
+
+
+def test_the_times_of_a_tub_are_replaced_and_said_where_they_are_useless(tmp_path: Path) -> None:
+    found, warnings = read(write_tub(tmp_path, 5, False, step_ms=4))
+    assert [record.t_s for record in found] == pytest.approx([0, 0.05, 0.1, 0.15, 0.2])
+    assert any("times 4 ms apart, which no camera's are; 20 pictures" in one for one in warnings)
+    assert any("commands" in one and "no odometry" in one for one in warnings)
+
+
+def test_a_tub_leaves_deleted_records_out_and_counts_broken_ones(tmp_path: Path) -> None:
+    tub = write_tub(tmp_path, 4, False)
+    with (tub / "catalog_0.catalog").open("a") as file:
+        file.write('{"_index": 9, "_timestamp_ms": "late"}\n{"_index"')
+    notes = ReadingNotes(keep_going=True)
+    names = [one.name for one in open_recording(tub).records(notes) if isinstance(one, Picture)]
+    assert names == [f"images/{k}_cam_image_array_.jpg" for k in range(4)]
+    assert notes.count == 2
+    with pytest.raises(InputError, match="found cameras cam/image_array and 1 catalogs, expected 'left'"):
+        open_recording(tub, ReadingOptions(camera="left"))

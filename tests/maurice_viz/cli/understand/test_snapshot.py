@@ -67,6 +67,22 @@ def test_pictures_of_a_saved_run(small_session, tmp_path):
     assert sorted(file.name for file in tmp_path.glob("*.*")) == ["belief.png", "session.log", "survey.log"]
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ["-o", "x.png", "--step", "500"],
+        ["--movie", "m.gif", "--to", "500"],
+        ["--movie", "m.gif", "--from", "500"],
+    ],
+)
+def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small_session, monkeypatch, asked):
+    maurice(small_session, "--particles", "50", "--save-run", "kept", "--rrd", "none")
+    monkeypatch.setattr("maurice_viz.app.snapshot.draw_saved", None)
+    monkeypatch.setattr("maurice_viz.app.snapshot.expect_driver", lambda source: None)
+    found = one_line(maurice("snapshot", "kept", *asked, expect=1)[1])
+    assert "kept: found no step 500, expected one from 1 to 14" in found
+
+
 @pytest.mark.slow
 @needs_renderer
 def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):

@@ -1,0 +1,117 @@
+"""Donkeycar tubs, version 2: `manifest.json`, `catalog_*.catalog` (a JSON object a line), `images/`.
+
+Layout: https://docs.donkeycar.com/utility/donkey/#data-format. Tubs hold commands, not odometry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.session import Camera, SessionInfo
+
+from ..errors import InputError, ReadingNotes
+from ..files import MOST_T_S, items, mapping, number, read_json, text, whole
+from ..reading import ReadingOptions
+from ..recording import Picture, Record
+from ._poses import read_picture
+from ._tables import Row, begin_lines, rows
+from .registry import Format
+
+MANIFEST = "manifest.json"
+PICTURES = "image_array"  # the type of a column of camera pictures
+TIME = "_timestamp_ms"
+LOOKED_AT = 200  # pictures from which it is seen whether their times are of use
+SHORTEST_S = 0.01  # between pictures in the median; a car's loop runs at 20 Hz, and none at over 100
+USUAL_HZ = 20.0  # Donkeycar's DRIVE_LOOP_HZ unless changed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TubRecording:
+    """The pictures of a tub in the order of its catalogs, without the deleted ones."""
+
+    path: Path
+    info: SessionInfo
+    camera: str  # the column of the pictures' names
+    catalogs: tuple[Path, ...]
+    deleted: frozenset[int]
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Yield the pictures. Times that are too close together to be true are replaced, and this is said."""
+        notes.warning("a tub holds commands (angle, throttle) and no odometry: no motion is read")
+        first = islice(self._rows(ReadingNotes(keep_going=True)), LOOKED_AT)
+        step_s = float(np.median(np.diff([t_s for _, _, t_s, _ in first] or [0.0, 1.0])))
+        useless = step_s < SHORTEST_S
+        if useless:
+            found = f"times {1000 * step_s:.0f} ms apart, which no camera's are"
+            notes.warning(f"found {found}; {USUAL_HZ:g} pictures per second are assumed")
+        last_t_s = -np.inf
+        for count, (file, row, t_s, name) in enumerate(self._rows(notes)):
+            t_s = count / USUAL_HZ if useless else t_s
+            if t_s < last_t_s:
+                found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
+                notes.problem(InputError(file, found, row.number))
+                continue
+            last_t_s = t_s
+            yield Picture(t_s, partial(read_picture, self.path / "images" / name, name), f"images/{name}")
+
+    def _rows(self, notes: ReadingNotes) -> Iterator[tuple[Path, Row, float, str]]:
+        for file in self.catalogs:
+            for row in rows(file):
+                try:
+                    found = mapping(read_json(row.text), "a record")
+                    if whole(found.get("_index"), "_index") not in self.deleted:
+                        t_s = number(found.get(TIME), TIME, 1000 * MOST_T_S) / 1000
+                        yield file, row, t_s, text(found.get(self.camera), self.camera)
+                except ValueError as problem:
+                    notes.problem(InputError(file, f"{problem}; was the tub cut?", row.number))
+
+
+def open_donkeycar(path: Path, options: ReadingOptions) -> TubRecording:
+    """Open a tub; `options.camera` chooses among its cameras. Raises InputError if it is none."""
+    file = path / MANIFEST
+    try:
+        lines = [read_json(row.text) for row in rows(file)]
+        names, types = (items(one, "the columns") for one in (lines[0], lines[1]))
+        last = mapping(lines[-1], "the catalogs")
+        catalogs = [text(one, "paths") for one in items(last.get("paths"), "paths")]
+        deleted = [whole(one, "deleted_indexes") for one in items(last.get("deleted_indexes", []), "deleted")]
+    except (ValueError, IndexError) as problem:
+        reason = f"is no manifest of a tub of version 2 ({problem}), expected columns, types and catalogs"
+        raise InputError(file, reason) from None
+    cameras = [name for name, kind in zip(names, types, strict=False) if kind == PICTURES]
+    camera = options.camera or next(iter(cameras), None)
+    if camera not in cameras or not catalogs:
+        known = ", ".join(map(str, cameras)) or "none"
+        wanted = "a camera and a catalog" if options.camera is None else f"{camera!r} among them"
+        raise InputError(file, f"found cameras {known} and {len(catalogs)} catalogs, expected {wanted}")
+    info = SessionInfo(path.resolve().name, cameras=(Camera(str(camera)),))
+    files = tuple(path / name for name in catalogs)
+    return TubRecording(path, info, str(camera), files, frozenset(deleted))
+
+
+def looks_like_tub(path: Path) -> bool:
+    """Recognize a tub by its manifest, whose first line is a list of columns, with a catalog beside it."""
+    try:
+        return path.is_dir() and _is_list(begin_lines(path / MANIFEST)[:1]) and any(path.glob("*.catalog"))
+    except OSError:
+        return False
+
+
+def _is_list(lines: list[str]) -> bool:
+    try:
+        found: Any = read_json(lines[0]) if lines else None
+    except ValueError:
+        return False
+    return isinstance(found, list)
+
+
+FORMATS = (
+    Format("donkeycar", "a Donkeycar tub: manifest.json, catalogs, images", looks_like_tub, open_donkeycar),
+)
