@@ -34,7 +34,7 @@ VERDICT = "/session/verdict"  # what happened: one TextDocument, static
 LIMITS = "/session/limits"  # Scalars: the errors that runs are judged by
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 
-RESERVED = ("world", "session", "compare", "Log")
+RESERVED = ("world", "session", "compare", "_log")
 
 
 class Phase(IntEnum):
@@ -170,7 +170,6 @@ TEXT = "/compare/text"  # how the runs differ at this step: one TextDocument
 RESULT = "/compare/result"  # how they compare over the drive: one TextDocument, static
 RUNS_KEY = "/compare/key/runs"
 BELIEF_KEY = "/compare/key/belief"
-CIRCLE_KEY = "/compare/key/circles"
 POSITION_DIFFERENCE = (
     "/compare/trace/position"  # Scalars, one per run but the first: its error minus the first's
 )

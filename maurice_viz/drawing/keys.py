@@ -164,16 +164,6 @@ def belief_key(runs: int, has_truth: bool) -> U8:
     return _wrapped([*_truth(has_truth), Item("estimate", style.ESTIMATE), weight], _text_px(runs))
 
 
-def narrow_circle_key(runs: int) -> U8:
-    """Draw the key of one run's match circles, where columns are too narrow for the usual one."""
-    items = [
-        Item("likelihood (area)", style.CIRCLE),
-        Item("best five", style.RANK),
-        Item("particles", style.TRUTH),
-    ]
-    return _wrapped(items, _text_px(runs))
-
-
 def _truth(has_truth: bool) -> list[Item]:
     return [Item("truth", style.TRUTH)] if has_truth else []
 

@@ -9,7 +9,7 @@ from ..drawing.canvas import map_extent
 from ..entities import RunPaths
 from ..panels.belief import belief_view, closeup_view
 from ..panels.camera import camera_view, edges_view, filmstrip_view
-from ..panels.events import events_view, words_view
+from ..panels.events import words_view
 from ..panels.explanation import (
     card_view,
     columns_of,
@@ -23,21 +23,21 @@ from ..panels.population import ancestry_plot, headings_view, modes_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
 from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
 from ..scene import RunView, SceneInfo
+from .story import over_events
 
 LEFT_SHARE = 1.9  # how much higher than the words a square map is
 FEW_CHANNELS = 4  # with more, the table gets more of the screen
 
 
-def overview(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+def overview(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     """Lay out the arena and the words left, matching in the middle, pictures and traces right."""
     paths = RunPaths(run.label)
     distances, *others = single_plots(paths, scene)
     left = rrb.Vertical(
         belief_view(paths, scene),
         words_view(paths),
-        events_view([run.label]),
         distances,
-        row_shares=[2.2, 0.95, 0.95, 0.9],
+        row_shares=[2.2, 0.95, 0.9],
     )
     middle = rrb.Vertical(
         circles_view(paths, scene),
@@ -51,17 +51,17 @@ def overview(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
         *others,
         row_shares=[1.3, 0.8] + [2 / len(others)] * len(others),
     )
-    return rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
+    body = rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
+    return over_events(body, [run], brief=False)
 
 
-def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     """Lay out the cloud large; likelihoods, headings, ancestors and evidence beside it."""
     paths = RunPaths(run.label)
     cloud = rrb.Vertical(
         closeup_view(paths, scene, ": moves blue, ancestors yellow, died red, new pink"),
         words_view(paths),
-        events_view([run.label]),
-        row_shares=[2.65, 1.0, 0.95],
+        row_shares=[2.65, 1.0],
     )
     maps = [*likelihood_views(paths, run.channels, scene), circles_view(paths, scene)]
     middle = rrb.Vertical(
@@ -77,10 +77,11 @@ def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
         evidence_key(paths),
         row_shares=[1.12, 0.85, 1.1, key_share(run)],
     )
-    return rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
+    body = rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
+    return over_events(body, [run], brief=False)
 
 
-def explain(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+def explain(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     """Lay out the map and the words left; the references, their charts and their figures right."""
     paths, whose = RunPaths(run.label), columns_of(scene.has_truth)
     extent = map_extent(scene.arena, scene.scale)
@@ -94,17 +95,16 @@ def explain(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
         figures_view(paths),
         row_shares=[1.2, 0.5, 0.6, 1.32 + 0.19 * max(len(run.channels) - FEW_CHANNELS, 0)],
     )
-    return rrb.Horizontal(left, right, column_shares=[1, 1.9])
+    return over_events(rrb.Horizontal(left, right, column_shares=[1, 1.9]), [run])
 
 
-def recorded(run: RunView, scene: SceneInfo) -> rrb.Horizontal:
+def recorded(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     """Lay out another localizer's clouds: the arena and the words left, the close-up, traces right."""
     paths = RunPaths(run.label)
-    left = rrb.Vertical(
-        belief_view(paths, scene), words_view(paths), events_view([run.label]), row_shares=[2.2, 0.95, 0.95]
-    )
+    left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[2.2, 0.95])
     middle = rrb.Vertical(closeup_view(paths, scene), modes_view(paths), row_shares=[1.85, 1])
     seen = rrb.Horizontal(*([camera_view()] if scene.has_pictures else []), headings_view(paths))
     plots = single_plots(paths, scene)
     right = rrb.Vertical(seen, *plots, row_shares=[1.3] + [2.8 / len(plots)] * len(plots))
-    return rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
+    body = rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
+    return over_events(body, [run], brief=False)

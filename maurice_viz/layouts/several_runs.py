@@ -1,7 +1,7 @@
 """Layouts of several runs: two to four of them side by side, and one number per update over the session.
 
-Columns are narrow with three or four runs, so titles are short, and the histograms of a run are only in
-its tab of the layout `overview`.
+With three or four runs each has a small map of its own beside the shared one; their histograms are in their
+tabs of the layout `overview`.
 """
 
 from __future__ import annotations
@@ -10,24 +10,35 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from ..drawing.keys import NARROW_FROM, extent_with, narrow_circle_key
+from ..drawing.keys import NARROW_FROM
 from ..entities import RunPaths
 from ..panels import comparison as shared
 from ..panels import traces as lines
-from ..panels.events import events_view, words_view
+from ..panels.events import words_view
 from ..panels.histograms import SHORT_LEGEND, histogram_views
-from ..panels.references import best_references_view, circles_view, narrow_circles_view
+from ..panels.references import best_references_view, circles_view
 from ..panels.views import plot_of_runs
 from ..scene import RunView, SceneInfo
+from .story import over_events
 
 
-def compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
-    """Lay out the runs in order: half of them left of what they share, the others right of it."""
-    side, shared = (_wide, _wide_shared) if len(runs) < NARROW_FROM else (_narrow, _narrow_shared)
-    columns = [side(run, number, len(runs), scene) for number, run in enumerate(runs)]
-    half = len(runs) // 2
-    shares = [1.0] * half + [1.1] + [1.0] * (len(runs) - half)
-    return rrb.Horizontal(*columns[:half], shared(runs, scene), *columns[half:], column_shares=shares)
+def compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+    """Lay out two runs left and right of what they share; more as small maps beside the shared one."""
+    body = _two if len(runs) < NARROW_FROM else _many
+    return over_events(body(runs, scene), runs)
+
+
+def _two(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
+    first, second = (_wide(run, number, len(runs), scene) for number, run in enumerate(runs))
+    return rrb.Horizontal(first, _wide_shared(runs, scene), second, column_shares=[1, 1.1, 1])
+
+
+def _many(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
+    together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
+    maps = [shared.run_belief_view(run, number, len(runs), scene) for number, run in enumerate(runs)]
+    pictures = rrb.Horizontal(*shared.camera_views(runs))
+    plots = rrb.Vertical(pictures, *_narrow_plots(runs, scene))
+    return rrb.Horizontal(together, rrb.Grid(*maps, grid_columns=2), plots, column_shares=[1.1, 1.2, 1])
 
 
 def _wide(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertical:
@@ -41,34 +52,12 @@ def _wide(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertic
     )
 
 
-def _narrow(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertical:
-    paths = RunPaths(run.label)
-    circles = narrow_circles_view(
-        paths, scene, extent_with(narrow_circle_key(count), scene.arena, scene.scale)
-    )
-    return rrb.Vertical(
-        shared.run_belief_view(run, number, count, scene),
-        rrb.Tabs(circles, best_references_view(paths, "Five best"), active_tab=0),
-        words_view(paths, "This step"),
-        row_shares=[1.15, 1.05, 0.8],
-    )
-
-
 def _wide_shared(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     cameras = rrb.Horizontal(*shared.camera_views(runs))
     plots = _wide_plots(runs, scene)
     everything = shared.all_runs_view(runs, scene)
     return rrb.Vertical(
         everything, cameras, *plots, shared.comparison_words(), row_shares=[2.5, 1.3, 1.2, 1.2, 1.4]
-    )
-
-
-def _narrow_shared(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
-    pictures = rrb.Tabs(*shared.camera_views(runs), active_tab=0)
-    plots = _narrow_plots(runs, scene)
-    shares = [2.2, 1.1] + [1.0] * len(plots) + [2.1]
-    return rrb.Vertical(
-        shared.all_runs_view(runs, scene), pictures, *plots, shared.comparison_words(), row_shares=shares
     )
 
 
@@ -98,7 +87,7 @@ def _spread(labels: Sequence[str], scene: SceneInfo) -> rrb.TimeSeriesView:
     return plot_of_runs(lines.SPREAD, f"Spread ({scene.scale.units.name})", labels)
 
 
-def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
+def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     """Plot one quantity per panel, one line per run."""
     labels = [run.label for run in runs]
     who = lines.who_is_who(labels)  # stands in the first title
@@ -107,11 +96,11 @@ def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
         columns.append(rrb.Vertical(*lines.error_plots(labels, scene, who), *lines.truth_plots(labels)))
     cloud = lines.cloud_plots(labels, scene, "" if scene.has_truth else who)
     columns.append(rrb.Vertical(*cloud, *lines.survival_plots(labels)))
-    return rrb.Horizontal(*columns, _last(runs))
+    return over_events(rrb.Horizontal(*columns, _last(runs)), runs)
 
 
 def _last(runs: Sequence[RunView]) -> rrb.Vertical:
-    """Plot evidence, one panel per run, over the key of its lines and the events."""
+    """Plot evidence, one panel per run, over the key of its lines."""
     titles = {run.label: f"{run.label}: " if len(runs) > 1 else "" for run in runs}
     evidence = [lines.evidence_plot(RunPaths(run.label), titles[run.label]) for run in runs]
     by_channels = {run.channels: run for run in reversed(runs)}  # the same channels have the same key
@@ -121,14 +110,13 @@ def _last(runs: Sequence[RunView]) -> rrb.Vertical:
         key: rrb.Tabs | rrb.Spatial2DView = rrb.Tabs(*keys, active_tab=0)
     else:
         key = lines.evidence_key(RunPaths(runs[0].label))
-    shares = [2.4 / len(runs)] * len(runs) + [lines.key_share(runs[0]), 0.45 + 0.42 * len(runs)]
-    return rrb.Vertical(*evidence, key, events_view(list(titles)), row_shares=shares)
+    shares = [2.4 / len(runs)] * len(runs) + [lines.key_share(runs[0])]
+    return rrb.Vertical(*evidence, key, row_shares=shares)
 
 
-def recorded_traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
+def recorded_traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     """Plot one quantity per panel of another localizer's clouds, whose evidence is not known."""
     labels = [run.label for run in runs]
     columns = [lines.error_plots(labels, scene)] if scene.has_truth else []
     columns.append(lines.cloud_plots(labels, scene))
-    side_by_side = rrb.Horizontal(*(rrb.Vertical(*column) for column in columns))
-    return rrb.Vertical(side_by_side, events_view(labels), row_shares=[4, 1])
+    return over_events(rrb.Horizontal(*(rrb.Vertical(*column) for column in columns)), runs)

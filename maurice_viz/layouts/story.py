@@ -18,6 +18,15 @@ from ..scene import RunView, SceneInfo
 # shares of the height of a screen of 1600 x 1000, in hundreds of pixels
 MIDDLE = 5.2
 LANES, LANE = 0.75, 0.38  # title and axis of the events, and each lane
+SCREEN = 9.0  # all below the tabs
+
+
+def over_events(body: rrb.Container, runs: Sequence[RunView], brief: bool = True) -> rrb.Vertical:
+    """Return a screen over the lanes of events, full width; `brief` leaves out what each run noticed."""
+    lanes = 1 + len(runs) * (1 if brief else 2)
+    height = LANES + LANE * lanes
+    events = events_view([run.label for run in runs], brief=brief)
+    return rrb.Vertical(body, events, row_shares=[SCREEN - height, height])
 
 
 def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:

@@ -16,7 +16,7 @@ from maurice_mcl.session import Moment
 
 from .. import entities
 from ..drawing.canvas import jpeg
-from ..drawing.keys import belief_key, extent_with, key_extent, narrow_circle_key, runs_key
+from ..drawing.keys import belief_key, extent_with, key_extent, runs_key
 from ..entities import Phase, RunPaths
 from ..playback import RunResult
 from ..scene import RunView, SceneInfo
@@ -90,7 +90,6 @@ class ComparisonDrawing:
         keys = {
             entities.RUNS_KEY: runs_key(self._labels, has_truth),
             entities.BELIEF_KEY: belief_key(runs, has_truth),
-            entities.CIRCLE_KEY: narrow_circle_key(runs),
         }
         for path, key in keys.items():
             extent = key_extent(key, arena, self._scale)

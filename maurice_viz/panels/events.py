@@ -52,7 +52,7 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
 # Events as lanes over time. A state lasts until the next one. An event is at the left edge of its mark, which
 # lasts for a share of the run that can be read on a screen, or until the next one. Only changes are logged.
 
-LOG_LANE = "/Log"  # of all runs of a recording; lanes stand in the order of their paths, capitals first
+LOG_LANE = "/_log"  # of all runs of a recording; lanes stand in the order of their paths
 USUAL_UPDATES = 120  # if the number is not known beforehand
 LEAST_HOLD = 2
 MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word

@@ -19,14 +19,14 @@ from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.references import NearestReference
 
 from .. import entities
-from ..drawing.canvas import Extent, jpeg
+from ..drawing.canvas import jpeg
 from ..drawing.contact_sheet import BEST, CELL_PX, ContactSheet, best_matches
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
-from .views import MAP, SMALL_AND_WHITE, map_view, picture_view, plane_view
+from .views import MAP, map_view, picture_view
 from .world import distinct_places
 
 OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
@@ -214,13 +214,6 @@ def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
     contents = [*MAP, entities.MATCH_KEY, *_circles_of(paths)]
     return map_view(f"Match circles ({scene.scale.units.name})", contents, scene, paths.particles)
-
-
-def narrow_circles_view(paths: RunPaths, scene: SceneInfo, extent: Extent) -> rrb.Spatial2DView:
-    """Show the match circles with a key for a narrow column; `extent` has room for the key."""
-    contents = [*MAP, entities.CIRCLE_KEY, *_circles_of(paths)]
-    name = f"Match circles ({scene.scale.units.name})"
-    return plane_view(name, contents, extent, {paths.particles: SMALL_AND_WHITE})
 
 
 def _circles_of(paths: RunPaths) -> list[str]:

@@ -29,7 +29,8 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
         return NOTHING_YET
     shared = _kidnapped_at([verdict])
     rest = f"{_predicate(verdict, scale, bool(shared))}."
-    return f"{shared}{rest[:1].upper()}{rest[1:]}"
+    left = f" Its cloud would have left the map at {_listed(verdict.left_map)}." if verdict.left_map else ""
+    return f"{shared}{rest[:1].upper()}{rest[1:]}{left}"
 
 
 def _kidnapped_at(verdicts: list[RunVerdict]) -> str:
@@ -50,8 +51,6 @@ def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
     more = len(verdict.troubles) - len(parts)
     if more:
         parts.append(f"was lost {more} more time{'s' * (more > 1)}")
-    if verdict.left_map:
-        parts.append(f"and its cloud would have left the map at {_listed(verdict.left_map)}")
     return ", ".join(parts)
 
 
@@ -83,9 +82,8 @@ def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
 
 
 def _without_truth(verdict: RunVerdict) -> str:
-    left = f", and it would have left the map at {_listed(verdict.left_map)}" if verdict.left_map else ""
     share = f"{verdict.converged_share:.0%}"
-    return f"has no truth to be judged by; its cloud was converged in {share} of the updates{left}"
+    return f"has no truth to be judged by; its cloud was converged in {share} of the updates"
 
 
 def _listed(steps: Sequence[int]) -> str:

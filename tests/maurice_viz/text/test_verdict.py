@@ -41,8 +41,8 @@ SURE = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29))
         ),
         (
             troubled(Trouble("lost", 38, 50, True), Trouble("lost", 70, None, True), left_map=(77, 78)),
-            "Was lost at 38 and found itself at 50, was lost at 70 and stayed lost (81.0 in off at the end), "
-            "and its cloud would have left the map at 77, 78.",
+            "Was lost at 38 and found itself at 50, was lost at 70 and stayed lost (81.0 in off at the end). "
+            "Its cloud would have left the map at 77, 78.",
         ),
         (
             RunVerdict(updates=9, converged_share=0.5),
