@@ -167,28 +167,26 @@ def shown(has_truth: bool = True) -> SceneInfo:
 
 @pytest.mark.parametrize("has_truth", [True, False])
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_the_layout_has_a_column_a_run_and_one_that_they_share(count, has_truth):
+def test_the_layout_has_one_shared_map_a_map_a_run_and_the_events(count, has_truth):
     runs = [RunView(f"seed {k}", ("color", "edges")) for k in range(count)]
-    body = several_runs.compare(runs, shown(has_truth))
-    assert len(body.contents) == count + 1
-    columns = [[str(view.name) for view in views(column)] for column in body.contents]
-    middle = columns.pop(count // 2)
-    assert middle[0] == "All runs on one map (in)"
-    assert any("Distance to seed 0" in title for title in middle)
-    assert any("minus" in title for title in middle) == has_truth
+    titles = [str(view.name) for view in views(several_runs.compare(runs, shown(has_truth)))]
+    assert titles.count("All runs on one map (in)") == 1
     colors = ("orange", "sky blue", "pink", "green")
-    assert [column[0] for column in columns] == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
+    maps = [title for title in titles if "belief" in title]
+    assert maps == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
+    assert any("Distance to seed 0" in title for title in titles)
+    assert any("minus" in title for title in titles) == has_truth
+    assert titles[-1].startswith("Events: ")
 
 
 def test_titles_and_labels_are_short():
-    """At 1600 pixels a column of four has room for 28 letters beside the view's buttons."""
+    """At 1600 pixels a small map has room for 28 letters beside the view's buttons."""
     runs = [RunView(label, ("color",)) for label in ("color", "edges", "blended", "best")]
-    for column in several_runs.compare(runs, shown()).contents:
-        for part in column.contents:
-            assert len(str(next(views(part)).name)) <= 28
+    narrow = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
+    assert all(len(title) <= 28 for title in narrow if not title.startswith("Events"))
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
-    middle = several_runs.compare(runs, shown()).contents[1]
-    assert "Error minus the first's (in)" in [str(view.name) for view in views(middle)]
+    wide = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
+    assert "Error minus the first's (in)" in wide
     assert np.array_equal(runs_key(["ひと", "b"], False), runs_key(["orange", "b"], False))
     assert np.array_equal(runs_key(["é", "b"], False), runs_key(["e", "b"], False))
 
