@@ -21,7 +21,8 @@ from maurice_viz.viewer.snapshot import headless_viewer
 
 HERE = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
-ASTRAY, BACK = 38, 56  # steps of the demo that docs/tutorial.md tells of
+FOUND = 43  # step of the demo at which one of the two filters has found itself
+ASTRAY, BACK = 38, 56  # steps of `demo features` that docs/tutorial.md describes
 PREDICT, WEIGHT, RESAMPLE = 0, 2, 3
 # of docs/layouts.md: which layout, where on which timeline
 LAYOUTS = (
@@ -87,9 +88,10 @@ def main() -> None:
     HERE.mkdir(exist_ok=True)
     session = str(demo_paths(0).session)
     with tempfile.TemporaryDirectory() as name:
-        parts = ("both.rrd", "one.rrd", "kept", "explain.png")
-        both, one, kept, explained = (str(Path(name) / part) for part in parts)
-        maurice("demo", "--save", both)
+        parts = ("told.rrd", "both.rrd", "one.rrd", "kept", "explain.png")
+        told, both, one, kept, explained = (str(Path(name) / part) for part in parts)
+        maurice("demo", "--save", told)
+        maurice("demo", "features", "--save", both)
         alone = drive_alone(Path(session).parent, Path(name))
         with headless_viewer(alone) as viewer:
             keep("drive.png", viewer.picture("step", ASTRAY))
@@ -99,9 +101,13 @@ def main() -> None:
         keep("ambiguity.png", ambiguity(Path(name)).read_bytes())
         with headless_viewer(as_recorded(kept, Path(name))) as viewer:
             keep("as-recorded.png", viewer.picture("step", ASTRAY))
+        with headless_viewer(Path(told)) as viewer:
+            keep("story.png", viewer.picture("step", FOUND))
         with headless_viewer(Path(both)) as viewer:
+            viewer.show_layout("compare")
             keep("compare.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(one)) as viewer:
+            viewer.show_layout("overview")
             keep("single.png", viewer.picture("step", BACK))
             for phase, slot in (("predict", PREDICT), ("weight", WEIGHT), ("resample", RESAMPLE)):
                 keep(f"phase-{phase}.png", viewer.picture("phase", 6 * BACK + slot))
