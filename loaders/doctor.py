@@ -232,10 +232,10 @@ def diagnose(
     apart = clocks_apart(drive, movement_s) or truth_apart(drive)
     checks, without = ["times", "odometry by itself"], list[str]()
     known = [*_about_reading(found), *units, *apart, *_about_odometry(drive, movement_s, checks, without)]
-    if library is None:
-        without.append("pictures: no library was given")
-    elif not len(drive.picture_t_s):
+    if not len(drive.picture_t_s):
         without.append("pictures: there are none")
+    elif library is None:
+        without.append("pictures: no library was given")
     else:
         looks = look(path, options, library, found.info, drive, factor, progress)
         checks.append(f"{len(looks.t_s)} pictures against the library")

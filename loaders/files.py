@@ -235,6 +235,17 @@ def show(value: Any) -> str:
     return shown if len(shown) <= 60 else shown[:57] + "..."
 
 
+def show_time(t_s: float) -> str:
+    """Show a time in seconds with as many digits as tell it from every other."""
+    short = f"{t_s:.15g}"
+    return short if float(short) == t_s else repr(float(t_s))
+
+
+def time_falls(t_s: float, last_t_s: float) -> str:
+    """Return the error of a time that is less than the one before it."""
+    return f"found t {show_time(t_s)} after t {show_time(last_t_s)}, expected time not to fall"
+
+
 def number(value: Any, what: str, most: float = MOST) -> float:
     """Return a finite number at most so far from zero; true and false are none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:

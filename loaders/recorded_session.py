@@ -20,7 +20,7 @@ from .session_log.header import Kind
 from .session_log.reader import SessionLog, SurveyPicture
 from .session_log.records import read_records
 from .time_alignment import Aligned, Aligner, Steps, TimeSpan, apart, as_rows
-from .transforms import Gate
+from .transforms import PLACEHOLDER, Gate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,6 +129,7 @@ class _Updates:
         self._spans = {"pictures": TimeSpan(), "odometry": TimeSpan()}
         self._used = False
         self._unpaired = 0
+        self._what = "pictures"  # or moments of a recording without any
 
     def __iter__(self) -> Iterator[_Update]:
         aligner = Aligner(self._session.options.max_dt_s)
@@ -158,6 +159,7 @@ class _Updates:
             self._begin_s = record.t_s if self._begin_s is None else self._begin_s
             self.truths += isinstance(record, TruthPose)
             if isinstance(record, Picture):
+                self._what = "moments" if record.name == PLACEHOLDER else "pictures"
                 self._spans["pictures"].add(record.t_s)
             elif isinstance(record, OdometryPose):
                 self._spans["odometry"].add(record.t_s)
@@ -171,16 +173,19 @@ class _Updates:
             )
             if self.truths:
                 advice = "--reading odometry_from_truth=true makes some from the truth, for trying things out"
-            self._notes.warning(f"found no odometry: the filter only has the pictures to go by; {advice}")
+            only = "the filter only has the pictures to go by"
+            if self._what == "moments":
+                only = "only the true poses are there"
+            self._notes.warning(f"found no odometry: {only}; {advice}")
         if not self._unpaired:
             return
         within = f"within {self._session.options.max_dt_s:g} s"
         if self._unpaired == pictures.count:
-            where = apart("pictures", pictures, "odometry", odometry)
-            found = f"found no picture with odometry {within}: {where}"
+            where = apart(self._what, pictures, "odometry", odometry)
+            found = f"found no {self._what.removesuffix('s')} with odometry {within}: {where}"
             text = f"{found}; see --reading odometry_offset_s=... and max_dt_s=..."
             raise InputError(self._session.path, text)
-        share = f"{self._unpaired} of {pictures.count} pictures"
+        share = f"{self._unpaired} of {pictures.count} {self._what}"
         self._notes.warning(
             f"{share} have no odometry {within} and were left out; see --reading max_dt_s=..."
         )

@@ -18,7 +18,7 @@ from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
 
 from .errors import InputError, ReadingNotes
-from .files import MOST, MOST_T_S, up_to
+from .files import MOST, MOST_T_S, show_time, up_to
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +87,7 @@ def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:
         fault = _fault(record, last_t_s)
         if fault:
             what = type(record).__name__
-            notes.problem(InputError(recording.path, f"{what} at t {record.t_s:.15g}: {fault}"))
+            notes.problem(InputError(recording.path, f"{what} at t {show_time(record.t_s)}: {fault}"))
             continue
         last_t_s = record.t_s
         yield record
@@ -107,7 +107,7 @@ def _fault(record: Record, last_t_s: float) -> str:
     if not abs(record.t_s) <= MOST_T_S:
         return f"expected a finite time, {up_to(MOST_T_S)}"
     if record.t_s < last_t_s:
-        return f"after t {last_t_s:.15g}, expected time not to fall"
+        return f"after t {show_time(last_t_s)}, expected time not to fall"
     values = getattr(record, "pose", None) if not isinstance(record, Motion) else record.motion
     if values is not None and not (np.shape(values) == (3,) and (np.abs(values) <= MOST).all()):
         return f"found {values}, expected three finite numbers, each {up_to()}"

@@ -17,7 +17,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..files import MOST_T_S, show, up_to
+from ..files import MOST_T_S, show, time_falls, up_to
 from ..pictures import decode_picture
 from ..plane import LEANING_RAD, Plane, Pose, forward_axis, leaning, planar, plane_of, rotation
 from ..recording import OdometryPose, Picture, Record, TruthPose
@@ -73,8 +73,7 @@ class _TimedFile:
 
     def _expect_rising(self, t_s: float, last_t_s: float, row: Row) -> None:
         if t_s < last_t_s:
-            found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-            raise InputError(self.file, found, row.number)
+            raise InputError(self.file, time_falls(t_s, last_t_s), row.number)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files import MOST_T_S, show
+from ..files import MOST_T_S, show, show_time
 from ..reading import ReadingOptions
 from ..recording import OdometryPose, Record, TruthPose
 from ._tables import Row, begin_lines, number_of, rows
@@ -59,7 +59,8 @@ class CarmenRecording:
             set_anew = _set_anew(before, found, last_t_s)
             before = found
             if found.t_s < last_t_s - MOST_BACK_S and not set_anew:
-                text = f"found time {found.t_s:g} after {last_t_s:g}, expected time not to fall"
+                times = f"{show_time(found.t_s)} after {show_time(last_t_s)}"
+                text = f"found time {times}, expected time not to fall"
                 notes.problem(InputError(self.path, text, found.row.number))
                 continue
             fallen += found.t_s < last_t_s and not set_anew

@@ -14,7 +14,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files import MOST_T_S, PICTURES, pictures_in, show
+from ..files import MOST_T_S, PICTURES, pictures_in, show, time_falls
 from ..plane import planar, rotation
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
@@ -69,8 +69,7 @@ class TableRecording:
             try:
                 t_s = self._time(number, row, words)
                 if t_s < last_t_s:
-                    found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-                    raise InputError(self.table, found, row.number)
+                    raise InputError(self.table, time_falls(t_s, last_t_s), row.number)
                 found_records = list(self._of_row(number, t_s, row, words))
             except InputError as problem:
                 notes.problem(problem)

@@ -14,7 +14,7 @@ from typing import Any
 from maurice_mcl.session import SessionInfo
 
 from ..errors import FieldError, PictureError, ReadingNotes, SourceError
-from ..files import MOST_T_S, up_to
+from ..files import MOST_T_S, time_falls, up_to
 from ..session_log.header import header_from_json
 from ..session_log.reader import picture_bytes
 from ..session_log.records import EventRecord, LogLine, PictureRecord, Record, parse_object, record_of
@@ -47,8 +47,7 @@ class LiveClock:
         if t_s + self.shift_s < self.last_s:
             self._falls += 1
             if not self._anew and self._falls < SET_BACK:
-                found = f"found t {t_s:.15g} after t {self.last_s - self.shift_s:.15g}"
-                raise FieldError(f"{found}, expected time not to fall")
+                raise FieldError(time_falls(t_s, self.last_s - self.shift_s))
             self.shift_s = self.last_s + APART_S - t_s
         if abs(t_s + self.shift_s) > MOST_T_S:
             raise FieldError(f"found t {t_s:.15g}, expected {up_to(MOST_T_S)}")

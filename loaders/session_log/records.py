@@ -17,7 +17,7 @@ from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
 
 from ..errors import FieldError, InputError, ReadingNotes
-from ..files import MOST_T_S, expect_regular, flag, mapping, number, numbers, show, text
+from ..files import MOST_T_S, expect_regular, flag, mapping, number, numbers, show, text, time_falls
 from .header import Kind, header_from_json
 
 # A log's lines as JSON objects: streamed, bounded, strict about numbers.
@@ -173,8 +173,7 @@ def read_records(path: Path, kind: Kind, notes: ReadingNotes, per_s: int = 1) ->
         try:
             record = record_of(line, kind, per_s)
             if record.t_s < last_t_s:
-                text = f"found t {record.t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-                raise FieldError(text)
+                raise FieldError(time_falls(record.t_s, last_t_s))
         except FieldError as problem:
             if not line.ended and not _parses(line):
                 notes.warning(

@@ -18,6 +18,7 @@ from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
+from maurice_loaders.transforms import Placeholders
 from maurice_mcl.arrays import U8
 from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Moment, SessionInfo
@@ -90,6 +91,22 @@ def test_without_odometry_there_is_a_word_of_it_and_motions_stay_apart() -> None
     assert "no odometry" in session.warnings[0]
     found, _ = play(forward(1, 0), forward(2, 0.5), picture(1), picture(2), forward(3, 3), picture(4))
     assert [m.frame.motions[:, 0].tolist() for m in found] == [[1, 2], [], [3]]
+
+
+def test_nothing_counts_pictures_where_there_are_none() -> None:
+    truth = [TruthPose(0.1 * k, np.array([0.1 * k, 0.0, 0.0])) for k in range(30)]
+
+    def told(records: list[Record]) -> str:
+        session = RecordedSession(Placeholders(Given(records)))
+        assert len(list(session.moments()))
+        return " ".join(session.warnings)
+
+    assert told([*truth]).startswith("found no odometry: only the true poses are there; ")
+    sparse = told([truth[0], OdometryPose(0.0, np.zeros(3)), *truth[1:]])
+    assert "of 10 moments have no odometry within 0.1 s and were left out" in sparse
+    assert "picture" not in sparse
+    with pytest.raises(InputError, match=r"found no moment with odometry within 0\.1 s: moments go from"):
+        told([*truth, OdometryPose(99.0, np.zeros(3))])
 
 
 def test_the_way_to_a_broken_picture_belongs_to_the_next() -> None:

@@ -279,6 +279,7 @@ def test_headings_are_the_robots_yaw_or_the_cameras_optical_axis(tmp_path: Path)
         ("2 1 2 3 0 0 0 0", "a quaternion of length 0"),
         ("2 1 nan 3 0 0 0 1", "found value 'nan', expected a finite number"),
         ("1 1 2 3 0 0 0 1", r"found t 1 after t 1\.5"),
+        ("1.4999999999999998 1 2 3 0 0 0 1", r"found t 1\.4999999999999998 after t 1\.5,"),
         ("x 1 2 3 0 0 0 1", "found time 'x'"),
         ("2 1 2 3 0 0 0 1\0", "binary data"),
     ],

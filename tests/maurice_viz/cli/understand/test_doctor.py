@@ -49,6 +49,12 @@ def test_what_is_wrong_is_told_and_strict_fails(small_session):
     assert found["not_asked"] == ["pictures: no library was given"]
 
 
+def test_a_recording_without_pictures_is_not_asked_for_a_library(tmp_path):
+    path = tmp_path / "path.txt"
+    path.write_text("".join(f"{k} {k} 0 0 0 0 0 1\n" for k in range(5)))
+    assert "pictures: there are none" in run("doctor", path).stdout
+
+
 def test_what_it_says_is_a_command_that_mends(small_session, tmp_path):
     def replayed(*words: str) -> object:
         (found,) = runs_of(run(*words, "--no-recording", "--json", "--particles", "200").stdout)
