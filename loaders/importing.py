@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64
-from maurice_mcl.map import Arena, open_arena
+from maurice_mcl.map import open_arena
 from maurice_mcl.session import SessionInfo
 
 from .errors import InputError, PictureError
-from .files import new_folder, number_in, read_csv, read_number_rows, show
-from .libraries.files import check_span
+from .files import new_folder, number_in, read_csv, show
+from .maps import check_span, read_map
 from .pictures import decode_picture
 from .session_log.writer import SessionWriter
 from .transforms import OdometryNoise, synthetic_motions
@@ -101,33 +101,6 @@ def _expect_commas(file: Path, found: Sequence[str]) -> None:
             raise InputError(file, f"found columns separated by {name}, expected commas; {advice}", 1)
 
 
-METERS = {"m": 1.0, "mm": 0.001}
-
-
-def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -> Arena:
-    """Read `x1 y1 x2 y2` a line, in "m" or "mm". InputError names a bad line.
-
-    The bounds reach a margin beyond the poses (L, 2 or 3); walls entirely outside are left out.
-    """
-    if unit not in METERS:
-        raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(METERS)}")
-    rows = read_number_rows(file, "a map", "a map", 4, "four numbers x1 y1 x2 y2", commas=True)
-    segments = np.array(rows, np.float64).reshape(-1, 4)
-    bounds = open_arena(poses, margin_m).bounds
-    arena = Arena(bounds, _near(segments * METERS[unit], bounds))
-    check_span(file, poses, arena)
-    return arena
-
-
-def _near(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
-    x_min, y_min, x_max, y_max = bounds
-    x, y = walls[:, [0, 2]], walls[:, [1, 3]]
-    meets_x = (x.max(axis=1) >= x_min) & (x.min(axis=1) <= x_max)
-    meets_y = (y.max(axis=1) >= y_min) & (y.min(axis=1) <= y_max)
-    near: F64 = walls[meets_x & meets_y]
-    return near
-
-
 # Dividing one pass of labelled pictures honestly into a library and a drive.
 
 Run = Sequence[PoseRow]  # consecutive rows of equal pose
@@ -189,8 +162,8 @@ class ImportOptions:
 
     columns: Columns = field(default_factory=Columns)  # names and units of the table's columns
     name: str | None = None  # of the place; None: the name of the table's folder
-    map_lines: Path | None = None  # file of wall segments x1 y1 x2 y2; None: no map, all is free
-    map_unit: str = "mm"  # of that file: "m" or "mm"
+    map_lines: Path | None = None  # wall segments x1 y1 x2 y2, or a ROS map.yaml; None: no map, all is free
+    map_unit: str = "mm"  # of segments: "m" or "mm"
     session_every: int = 10  # each so many-th run of equal poses is the session's, from the first one
     session_pictures: int = 5  # at most so many of a run, evenly spread: standing still tells little
     library_pictures: int = 1  # at most so many of a run; 1 takes the middle one, others are near copies
@@ -283,7 +256,7 @@ def _existing(folder: Path | str) -> Path:
 
 def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> SessionInfo:
     positions, lines = xy_of(rows), options.map_lines
-    arena = arena_from_lines(lines, options.map_unit, positions) if lines else open_arena(positions)
+    arena = read_map(lines, options.map_unit, positions) if lines else open_arena(positions)
     split_note = (
         f"one run of equal poses in {options.session_every} is the session, at most "
         f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "

@@ -41,8 +41,14 @@ class Arena:
         return x_max - x_min, y_max - y_min
 
 
-def open_arena(poses: F64, margin_m: float = 1.0) -> Arena:
-    """Make a map with no walls around poses (L, 3), for libraries that come without a map."""
+def open_arena(poses: F64, margin_m: float | None = None) -> Arena:
+    """Make a map with no walls around poses (L, 2 or 3), for libraries that come without a map.
+
+    Without `margin_m` it reaches as far as the poses tell: two spacings up to 1 m, or one where that is more.
+    """
+    if margin_m is None:
+        apart_m = spacing(np.unique(poses[:, :2], axis=0))
+        margin_m = max(min(2 * apart_m, 1.0), apart_m)
     low = poses[:, :2].min(axis=0) - margin_m
     high = poses[:, :2].max(axis=0) + margin_m
     return Arena((float(low[0]), float(low[1]), float(high[0]), float(high[1])), np.zeros((0, 4)))

@@ -44,8 +44,8 @@ ROOMS = {
     ),
     "maurice_loaders": (
         ("errors",),
-        ("files", "pictures"),
-        ("reading",),
+        ("files", "pictures", "plane"),
+        ("reading", "maps"),
         ("recording", "session_log"),
         ("transforms", "time_alignment"),
         ("recorded_session",),

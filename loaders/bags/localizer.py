@@ -16,11 +16,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8, Bool
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
+from ..maps import MOST_CELLS, cell_walls
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..time_alignment import Aligner, Steps, as_rows
@@ -168,7 +169,7 @@ class RecordedLocalizer:
         if not count:
             text = f"found no particles at {self.cloud.name}, expected a localizer's cloud"
             raise InputError(self.path, text)
-        return Overview(count, truth, most, self._map or open_arena(np.stack([low, high])))
+        return Overview(count, truth, most, self._map or open_arena(np.stack([low, high]), 1.0))
 
     def _stream(self, notes: ReadingNotes) -> Iterator[Timed]:
         readers = [*self._drive.readers(), CloudReader(self.cloud.name)]
@@ -241,8 +242,6 @@ def _map_of(bag: BagSource) -> Arena | None:
 # The map of a bag, an occupancy grid, as walls.
 
 OCCUPIED = 65  # percent; map_server's occupied_thresh
-MOST_WALLS = 20_000  # segments; a finer grid is coarsened
-MOST_CELLS = 2**28
 GRID = "nav_msgs/OccupancyGrid"
 
 
@@ -258,42 +257,5 @@ def arena_of(grid: Any) -> Arena:
     at, q = info.origin.position, info.origin.orientation
     heading = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
     occupied = cells.reshape(height, width) >= OCCUPIED
-    while len(edges := _edges(occupied)) > MOST_WALLS:
-        occupied, side_m = _coarser(occupied), 2 * side_m
-    corners = np.array([[0, 0, width, 0], [width, height, 0, height]], np.float64) * float(info.resolution)
-    walls, frame = (_placed(part, float(at.x), float(at.y), heading) for part in (edges * side_m, corners))
-    x, y = frame[:, 0::2], frame[:, 1::2]
-    return Arena((float(x.min()), float(y.min()), float(x.max()), float(y.max())), walls)
-
-
-def _edges(occupied: Bool) -> F64:
-    """Return the borders between occupied cells and others as segments (W, 4), each as long as it runs."""
-    padded = np.pad(occupied, 1)
-    level = _runs(padded[1:, 1:-1] != padded[:-1, 1:-1])
-    upright = _runs((padded[1:-1, 1:] != padded[1:-1, :-1]).T)
-    lying = np.column_stack([level[:, 1], level[:, 0], level[:, 2], level[:, 0]])
-    return np.concatenate(
-        [lying, np.column_stack([upright[:, 0], upright[:, 1], upright[:, 0], upright[:, 2]])]
-    )
-
-
-def _runs(border: Bool) -> F64:
-    """Return the runs (K, 3) of a border: its row, where it begins, where it ends."""
-    steps = np.diff(np.pad(border, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-    row, begin = np.nonzero(steps == 1)
-    _, end = np.nonzero(steps == -1)
-    return np.column_stack([row, begin, end]).astype(np.float64)
-
-
-def _coarser(occupied: Bool) -> Bool:
-    height, width = occupied.shape
-    even = np.pad(occupied, ((0, height % 2), (0, width % 2)))
-    return np.asarray(even.reshape(even.shape[0] // 2, 2, -1, 2).any(axis=(1, 3)))
-
-
-def _placed(segments: F64, x_m: float, y_m: float, heading: float) -> F64:
-    """Transform segments (W, 4) from the grid's frame to the map's."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    x, y = segments[:, 0::2], segments[:, 1::2]
-    turned = np.stack([x_m + x * cos - y * sin, y_m + x * sin + y * cos], axis=2)
-    return turned.reshape(-1, 4)
+    walls, bounds = cell_walls(occupied, side_m, np.zeros(2), (float(at.x), float(at.y), heading), np.any)
+    return Arena(bounds, walls)

@@ -16,42 +16,12 @@ import polars as pl
 
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
 
 from ..errors import FieldError, InputError
 from ..files import MOST, items, mapping, new_folder, read_json, show, text, up_to
+from ..maps import check_span
 from ..session_log.header import arena_from_json, arena_to_json
-
-# How much ground a survey may cover: one wild pose would make the map's cells larger than the rooms.
-
-MOST_SPAN_M = 10_000.0  # from its middle to its border float32 still tells half a millimetre
-
-
-def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
-    """Raise InputError if poses (L, 2 or 3) and map are together over 10 km wide or deep."""
-    xy = poses[:, :2]
-    span_m = _span(xy)
-    expected = f"expected at most {MOST_SPAN_M:g} m; are they in meters?"
-    if span_m > MOST_SPAN_M:
-        off = np.abs(xy - np.median(xy, axis=0)).max(axis=1).argmax()
-        at = ", ".join(f"{v:.15g}" for v in xy[off])
-        raise InputError(file, f"found poses {span_m:g} m apart, the farthest off at ({at}), {expected}")
-    if arena is not None:
-        span_m = _span(np.concatenate([xy, _corners(arena)]))
-        if span_m > MOST_SPAN_M:
-            raise InputError(file, f"found a map that with the poses spans {span_m:g} m, {expected}")
-
-
-def _span(points: F64) -> float:
-    return float(np.ptp(points, axis=0).max())
-
-
-def _corners(arena: Arena) -> F64:
-    regions = (*arena.obstacles, *arena.floors, *arena.rooms)
-    borders = np.array(arena.bounds).reshape(2, 2)
-    return np.concatenate([borders, arena.walls.reshape(-1, 2), *(region.polygon for region in regions)])
-
 
 FORMAT = "maurice-library"
 VERSION = 1

@@ -18,9 +18,11 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describ
 
 from ..errors import InputError, ReadingNotes
 from ..files import cache_root, discard
+from ..maps import check_span, read_map
+from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
-from .files import MANIFEST, VERSION, check_span, hash_file, load_library, manifest_warnings, save_library
+from .files import MANIFEST, VERSION, hash_file, load_library, manifest_warnings, save_library
 from .survey import Survey
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
@@ -36,16 +38,20 @@ def build_library(
     warn: Warn | None = None,
     log: Survey | None = None,
     yaw_rad: float = 0.0,
+    map_file: Path | None = None,
+    map_unit: str = "mm",
 ) -> Library:
     """Measure the pictures of a survey log, or of the survey given as `log`, by every channel.
 
     The library has the survey's L poses (L, 3) and one descriptor (L, D) a channel; all channels unless some
     are named. `yaw_rad` is the counter-clockwise angle from the survey camera's direction to the robot
-    camera's at the same heading. `progress` gets pictures done and in all, `warn` gets warnings.
+    camera's at the same heading. `map_file` is a ROS `map.yaml`, or wall segments in
+    `map_unit` ("mm", "m"), in place of the header's. `progress` gets pictures done and in all, `warn` warnings.
 
     The noise floor is the mean of the pictures with the lens covered (zeros, with a warning, without any),
-    the relevance the maximum of each bin over the library (thesis 3.3). Without a map everything is free
-    space. Pictures are held one at a time. A third-party channel that fails is left out, with a warning.
+    the relevance the maximum of each bin over the library (thesis 3.3). Without a map everything near the
+    references is free space. Pictures are held one at a time. A third-party channel that fails is left out,
+    with a warning.
 
     Raises InputError for a broken survey, one without any picture, or poses too far apart.
 
@@ -64,8 +70,10 @@ def build_library(
             progress(done, total)
     if not rows.poses:
         raise InputError(survey, "found no picture with a pose, expected at least one; is this the survey?")
-    check_span(survey, np.array(rows.poses), log.info.arena)
-    arena = log.info.arena or open_arena(np.array(rows.poses))
+    poses = np.array(rows.poses)
+    given = log.info.arena if map_file is None else read_map(map_file, map_unit, poses)
+    check_span(survey, poses, given)
+    arena = given or open_arena(poses)
     library = rows.library(log.info.name, arena, log.info.display_units)
     for text in [*rows.broken, *_warnings(log, library, rows.has_covered)]:
         (warn or silent)(text)
@@ -192,8 +200,9 @@ def _survey_in(path: Path) -> Path:
 def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_going: bool = False) -> str:
     """Name a survey's library by content: log, pictures, channel parameters, and what decodes pictures."""
     parameters = {name: channel.parameters() for name, channel in chosen_channels(channels).items()}
-    made_by = [VERSION, keep_going, parameters, cv2.__version__]
-    _, kind = read_header(survey)
+    info, kind = read_header(survey)
+    walls = None if info.arena is None else arena_to_json(info.arena)  # which may be a file of its own
+    made_by = [VERSION, keep_going, parameters, cv2.__version__, walls]
     digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode())
     digest.update(hash_file(survey).encode())
     for record in read_records(survey, kind, ReadingNotes(keep_going=True)):

@@ -12,8 +12,9 @@ import numpy as np
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..errors import FieldError
+from ..errors import FieldError, InputError
 from ..files import items, mapping, number, numbers, show, text
+from ..maps import read_ros_map
 
 REGIONS = ("obstacles", "floors", "rooms")
 
@@ -98,9 +99,19 @@ def _info(found: dict[str, Any], path: Path) -> SessionInfo:
         cameras=tuple(_camera(n, c) for n, c in mapping(found.get("cameras") or {}, "cameras").items()),
         start=None if start is None else np.array(numbers(start, 3, "start")),
         survey=None if survey is None else _survey(path.parent, text(survey, "survey")),
-        arena=None if arena is None else arena_from_json(arena),
+        arena=_arena(path.parent, arena),
         notes=tuple(text(n, "notes") for n in items(found.get("notes") or [], "notes")),
     )
+
+
+def _arena(folder: Path, value: Any) -> Arena | None:
+    """Read the map: an object, or the path of a ROS map.yaml beside the log."""
+    if not isinstance(value, str):
+        return None if value is None else arena_from_json(value)
+    try:
+        return read_ros_map(folder / text(value, "map"))
+    except InputError as problem:
+        raise FieldError(f"found map {show(value)}, which cannot be used: {problem}") from None
 
 
 def _survey(folder: Path, name: str) -> Path:

@@ -40,7 +40,7 @@ from maurice_mcl.sensor.references import nearest_reference
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..style import scale_for
-from .open import library_at, open_session, remark_skipped
+from .open import library_at, open_session, remark_open, remark_skipped
 
 
 def build_library(
@@ -49,6 +49,8 @@ def build_library(
     *,
     every: str | None = None,
     yaw_rad: float = 0.0,
+    map_file: str | Path | None = None,
+    map_unit: str = "mm",
     options: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -57,10 +59,10 @@ def build_library(
 
     `every` is the distance and the angle between entries of a drive, as "0.4m,45deg" (the default of a drive;
     a survey log is taken whole). `yaw_rad` is the yaw of the robot's camera from the survey's camera, in
-    radians, counter-clockwise. Returns the library, and for a drive how much of the map it covers.
+    radians, counter-clockwise. `map_file` replaces the survey's map: a ROS `map.yaml`, or wall segments
+    in `map_unit` ("mm" or "m"). Returns the library, and for a drive how much of the map it covers.
 
-    Raises OptionError for an `every` that cannot be read, and InputError for a survey without poses or a
-    folder that exists (unless `force`).
+    Raises OptionError for a bad `every`, and InputError for a survey without poses or a folder that exists.
 
         >>> import maurice_viz as mv
         >>> library, _ = mv.build_library("survey.log", "library")
@@ -81,7 +83,10 @@ def build_library(
             warn=listener.warning,
             log=source,
             yaw_rad=yaw_rad,
+            map_file=None if map_file is None else Path(map_file),
+            map_unit=map_unit,
         )
+        remark_open(built, listener)
         save_library(built, Path(to), force=force)
         reach_m = (spaced or EVERY).distance_m
         return built, None if isinstance(source, SessionLog) else coverage_of(built, reach_m)

@@ -31,7 +31,7 @@ from ..entities import RESERVED
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun
-from ..style import Units, units_named
+from ..style import Units, scale_for, units_named
 
 FARTHEST_M = 1e9  # no map reaches further
 STARTS = "a start is tracking, truth, global or X,Y,HEADING"
@@ -140,7 +140,21 @@ def open_library_for(
 def library_at(path: Path, listener: Listener, *, keep_going: bool = False) -> Library:
     """Open a library's folder or a survey log, with progress. InputError."""
     advance = progress_of(listener, "library")
-    return open_library(path, keep_going=keep_going, progress=advance, warn=listener.warning)
+    library = open_library(path, keep_going=keep_going, progress=advance, warn=listener.warning)
+    remark_open(library, listener)
+    return library
+
+
+def remark_open(library: Library, listener: Listener) -> None:
+    """Say so where no wall is known: then only the bounds keep the particles in."""
+    arena = library.arena
+    if len(arena.walls) or arena.obstacles:
+        return
+    width, depth = map(scale_for(library.display_units, arena).say, arena.size_m)
+    listener.remark(
+        f"library {library.name}: found no walls, so all of {width} x {depth} around its references is free "
+        "space; `library build --map map.yaml` gives it a map"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -219,10 +219,8 @@ def pictures(
     heading_unit: Annotated[
         str | None, option("--heading-unit", "deg or rad. [default: by the suffix of the column's name]")
     ] = None,
-    map_lines: Annotated[
-        Path | None, option("--map", "Wall segments, x1 y1 x2 y2 per line.", metavar="FILE")
-    ] = None,
-    map_unit: Annotated[str, option("--map-unit", "Unit of the wall segments: mm or m.")] = DEFAULTS.map_unit,
+    map_lines: opt.MapFile = None,
+    map_unit: opt.MapUnit = DEFAULTS.map_unit,
     name: Annotated[str | None, option("--name", "Name of the place. [default: the table's folder]")] = None,
     every: Annotated[
         int, option("--every", "Of this many runs of equal poses one goes to the session.", min=2)
@@ -248,8 +246,6 @@ def pictures(
     """
     if heading_unit not in (None, "deg", "rad"):
         raise typer.BadParameter(f"--heading-unit is deg or rad, found {heading_unit!r}")
-    if map_unit not in ("mm", "m"):
-        raise typer.BadParameter(f"--map-unit is mm or m, found {map_unit!r}")
     options = ImportOptions(
         columns=Columns(image_column, x_column, y_column, heading_column, heading_unit),
         name=name,

@@ -51,6 +51,8 @@ def build(
             max=180,
         ),
     ] = 0.0,
+    map_file: opt.MapFile = None,
+    map_unit: opt.MapUnit = "mm",
     force: opt.Force = False,
     keep_going: opt.KeepGoing = False,
     reading: opt.Reading = None,
@@ -59,7 +61,15 @@ def build(
     how, yaw_rad = reading_of(reading, keep_going=keep_going), float(np.radians(yaw))
     with listening() as listener:
         built, covered = build_library(
-            survey, output, every=every, yaw_rad=yaw_rad, options=how, force=force, listener=listener
+            survey,
+            output,
+            every=every,
+            yaw_rad=yaw_rad,
+            map_file=map_file,
+            map_unit=map_unit,
+            options=how,
+            force=force,
+            listener=listener,
         )
     results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}", soft_wrap=True)
     if covered is not None:

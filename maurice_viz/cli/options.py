@@ -126,6 +126,14 @@ Rrd = Annotated[
 ]
 _SAVE = "Save every step to this new folder, for `explain`, `report`, `verify` and others."
 SaveRun = Annotated[Path | None, option("--save-run", _SAVE, OUTPUT, metavar="DIR")]
+MapFile = Annotated[
+    Path | None,
+    option("--map", "A ROS map.yaml, or a file of wall segments, x1 y1 x2 y2 per line.", metavar="FILE"),
+]
+MapUnit = Annotated[
+    str,
+    option("--map-unit", "Unit of wall segments: mm or m.", callback=one_of(("mm", "m"), "unit of a map")),
+]
 Force = Annotated[bool, option("--force", "Overwrite what exists.", OUTPUT)]
 Json = Annotated[bool, option("--json", "Print JSON instead of a table.", OUTPUT)]
 Layout = Annotated[

@@ -118,6 +118,21 @@ def test_starts_and_motion_are_checked(small_session, tmp_path):
     assert "turn_gian" in said
 
 
+def test_a_library_takes_a_map_of_ros_and_without_walls_this_is_said(small_session, tmp_path):
+    header, *rest = (tmp_path / "survey.log").read_text().splitlines()
+    info = {key: value for key, value in json.loads(header).items() if key != "map"}
+    (tmp_path / "survey.log").write_text("\n".join([json.dumps(info), *rest]) + "\n")
+    bare = run("library", "build", "survey.log", "-o", "bare")
+    assert "found no walls, so all of" in bare.stderr
+    assert "found no walls, so all of" in run(small_session, "--particles", "20", "--rrd", "none").stderr
+    (tmp_path / "map.pgm").write_bytes(b"P5\n# made\n60 60\n255\n" + bytes([254] * 3600))
+    (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.1\norigin: [-1, -1, 0]\n")
+    done = run("library", "build", "survey.log", "-o", "kept", "--map", "map.yaml")
+    assert "found no walls" not in done.stderr
+    shown = json.loads(run("library", "show", "kept", "--json").stdout)
+    assert (shown["width_m"], shown["walls"]) == (pytest.approx(6.0), 4)
+
+
 def test_library_build_show_and_use(small_session, tmp_path):
     run("library", "build", "survey.log", "-o", "kept")
     assert "--force" in failure("library", "build", "survey.log", "-o", "kept")

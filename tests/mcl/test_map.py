@@ -73,3 +73,12 @@ def test_odd_maps():
     assert _at(grid, 3.01, 4.01) != (-1, -1)
     grid = make_grid(Arena((0, 0, 1000, 500), NO_WALLS), np.array([[1.0, 1.0], [1.1, 1.0]]))
     assert np.prod(grid.shape) < 1.1e6
+
+
+@pytest.mark.parametrize(("apart_m", "margin_m"), [(0.1, 0.2), (0.4, 0.8), (0.7, 1.0), (5.0, 5.0)])
+def test_without_a_map_the_bounds_stay_as_near_as_the_places_are_to_each_other(
+    apart_m: float, margin_m: float
+) -> None:
+    places = apart_m * np.array([[0, 0, 0.0], [0, 0, 1.0], [1, 0, 0.0], [2, 0, 0.0]])
+    low, high = -margin_m, margin_m
+    assert open_arena(places).bounds == pytest.approx((low, low, 2 * apart_m + high, high))

@@ -13,10 +13,11 @@ from typer.testing import CliRunner
 
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
-from maurice_loaders.bags.localizer import MOST_WALLS, RecordedLocalizer, RecordedUpdate, arena_of
+from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate, arena_of
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess
+from maurice_loaders.maps import MOST_WALLS
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
 from maurice_mcl.records import StepRecord

@@ -14,10 +14,10 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.importing import (
     Columns,
     PoseRow,
-    arena_from_lines,
     pose_runs,
     read_pose_table,
 )
+from maurice_loaders.maps import arena_from_lines
 
 HEAD = "image,x_m,y_m,heading_deg"
 

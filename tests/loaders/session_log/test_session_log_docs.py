@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.files import MOST, MOST_T_S
-from maurice_loaders.libraries.files import MOST_SPAN_M
+from maurice_loaders.maps import MOST_SPAN_M
 from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import RECORD_KEYS
