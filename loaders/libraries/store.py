@@ -45,8 +45,8 @@ def build_library(
 
     The library has the survey's L poses (L, 3) and one descriptor (L, D) a channel; all channels unless some
     are named. `yaw_rad` is the counter-clockwise angle from the survey camera's direction to the robot
-    camera's at the same heading. `map_file` is a ROS `map.yaml`, or wall segments in
-    `map_unit` ("mm", "m"), in place of the header's. `progress` gets pictures done and in all, `warn` warnings.
+    camera's at the same heading. `map_file`, a ROS `map.yaml` or wall segments in
+    `map_unit` ("mm", "m"), replaces the header's. `progress` gets pictures done and in all, `warn` warnings.
 
     The noise floor is the mean of the pictures with the lens covered (zeros, with a warning, without any),
     the relevance the maximum of each bin over the library (thesis 3.3). Without a map everything near the

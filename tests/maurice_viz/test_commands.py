@@ -203,7 +203,7 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, 
     assert b"Traceback" not in err
     (found,) = json.loads(out)["runs"]
     assert 0 < found["updates"] < 14
-    assert RrdReader(tmp_path / "session.rrd").recordings()
+    assert RrdReader(tmp_path / "session-particles-300000.rrd").recordings()
 
 
 def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(small_session, tmp_path):
