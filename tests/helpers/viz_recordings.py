@@ -45,6 +45,17 @@ def draw(
     return played
 
 
+def draw_run(path: Path, session: fakes.FakeSession, label: str, localizer: Any, played: Played) -> None:
+    """Draw one run that was played already."""
+    run = RunView.live(label, localizer)
+    scale = scale_for(session.info.display_units, session.library.arena)
+    shown = SceneInfo(session.library.arena, scale, session.has_truth)
+    with sinks.to_file(path, session.info.name, runs_blueprint([run], shown)) as rec:
+        distances = localizer.sensor.distances
+        observer = RerunObserver(rec, label, distances, True, session.has_truth, sensor=localizer.sensor)
+        observe(observer, session.info, session.library, played)
+
+
 def observe(observer: RerunObserver, info: SessionInfo, library: Library, updates: Iterable[Update]) -> None:
     """Draw all updates of a run."""
     observer.begin(info, library)

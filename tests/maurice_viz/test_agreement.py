@@ -1,0 +1,166 @@
+"""Every panel, text, trace and score of a kidnapped drive is what its step records say, phase by phase."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
+from maurice_mcl.analysis.events import EventDetector
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.filter.estimate import CONFIDENCE_M, share_within
+from maurice_mcl.filter.localizer import run
+from maurice_mcl.session import Moment
+from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
+from maurice_viz.panels.belief import positions
+from maurice_viz.panels.events import SHORT, noticed_path, status_path
+from maurice_viz.panels.population import outline
+from maurice_viz.playback import ResultCollector
+from maurice_viz.style import scale_for, weight_colors
+from maurice_viz.text import narration
+
+RUN, STEPS, CARRIED = RunPaths("robust"), 16, 8
+COMPONENTS = {
+    RUN.particles: "Points2D:positions",
+    RUN.estimate: "Points2D:positions",
+    RUN.headings: "LineStrips2D:strips",
+    RUN.text: "TextDocument:text",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Carried(fakes.FakeSession):
+    """The robot is carried to the opposite corner before one of its pictures."""
+
+    def moments(self):
+        for moment in fakes.FakeSession.moments(self):
+            if moment.frame.step < CARRIED:
+                yield Moment(moment.frame, moment.truth, ())
+                continue
+            x_min, y_min, x_max, y_max = self.library.arena.bounds
+            truth = moment.truth + np.array([0.35 * (x_max - x_min), 0.4 * (y_max - y_min), 0.0])
+            truth[:2] = np.clip(truth[:2], (x_min + 0.1, y_min + 0.1), (x_max - 0.1, y_max - 0.1))
+            frame = fakes.changed(moment.frame, image=fakes.picture_at(truth))
+            yield Moment(frame, truth, ("kidnapped",) if moment.frame.step == CARRIED else ())
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """The records of a drive, and what of them was drawn: by entity, component and phase number."""
+    library = fakes.make_library()
+    made = fakes.make_session(library, STEPS)
+    session = Carried(made.info, library, STEPS)
+    settings = {"recovery.strategy": "augmented", "recovery.augmented.slow": 0.05}
+    localizer = make_localizer(library, feature="blended", particles=150, settings=settings)
+    first = next(iter(session.moments()))
+    played = list(run(localizer.of_session(session), session, first.truth))
+    path = tmp_path_factory.mktemp("agreement") / "out.rrd"
+    scale = scale_for("in", library.arena)
+    recordings.draw_run(path, session, RUN.label, localizer, played)
+    return played, path, scale
+
+
+def shown(path, entity, component):
+    """What a person sees of a component at every phase number: the latest value."""
+    logged = {
+        row.phase: row.values[component]
+        for row in recordings.having(recordings.rows(path, entity), component)
+    }
+    seen, last = {}, None
+    for number in range(PHASES_PER_STEP, PHASES_PER_STEP * (STEPS + 1)):
+        last = logged.get(number, last)
+        seen[number] = last
+    return seen
+
+
+def test_the_drive_has_what_the_walk_is_for(drive):
+    played, _, _ = drive
+    events = {event for _, record in played for event in record.events}
+    assert "reseeded" in events
+    errors = [np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])) for moment, record in played]
+    assert errors[CARRIED - 2] < 0.2 < 0.5 < errors[CARRIED - 1]
+    assert errors[-1] < 0.3
+
+
+def test_cloud_estimate_and_headings_are_those_of_each_phase(drive):
+    played, path, scale = drive
+    cloud, estimate, heads = (
+        shown(path, entity, COMPONENTS[entity]) for entity in (RUN.particles, RUN.estimate, RUN.headings)
+    )
+    for moment, record in played:
+        base = PHASES_PER_STEP * moment.frame.step
+        for phase in Phase:
+            number = base + phase
+            belief = (
+                record.belief if phase >= Phase.RESEED and record.injected is not None else record.predicted
+            )
+            if phase == Phase.ESTIMATE:
+                belief = None  # the phase timeline keeps what the last phase left
+            if belief is not None:
+                assert np.asarray(cloud[number]) == pytest.approx(positions(belief, scale), abs=1e-3)
+            weighed = phase >= Phase.WEIGHT
+            expected = [scale.screen(record.estimate.pose[None, :2])[0].tolist()] if weighed else []
+            assert np.asarray(estimate[number]) == pytest.approx(np.asarray(expected), abs=1e-3)
+            of = outline(record.weighted if weighed else record.predicted)
+            assert np.asarray(heads[number][0]) == pytest.approx(of, abs=1e-5)
+
+
+def test_texts_are_those_of_each_phase(drive):
+    played, path, scale = drive
+    texts = shown(path, RUN.text, COMPONENTS[RUN.text])
+    for moment, record in played:
+        for phase in Phase:
+            (text,) = texts[PHASES_PER_STEP * moment.frame.step + phase]
+            if phase == Phase.ESTIMATE:
+                assert text == narration.summary(moment, record, scale)
+            else:
+                assert text == narration.phase(moment, record, phase, scale)
+                assert f"Phase {phase + 1} of {PHASES_PER_STEP}: {phase.name.lower()}" in text
+
+
+def test_traces_scores_and_verdict_agree(drive):
+    played, path, scale = drive
+    collector = ResultCollector([RUN.label], (2.0, 2.0))
+    rows = defaultdict(list)
+    for moment, record in played:
+        collector.add(moment, {RUN.label: record})
+        distance, angle = narration.errors(record.estimate, moment.truth)
+        rows["position_error"].append(scale.length(distance))
+        rows["heading_error"].append(np.degrees(angle))
+        rows["spread"].append(scale.length(narration.spread_m(record.weighted)))
+        rows["confidence"].append(share_within(record.weighted, record.estimate.pose, CONFIDENCE_M))
+        rows["effective_sample"].append(1 / (record.weighted.weights**2).sum() / record.weighted.size)
+    for quantity, expected in rows.items():
+        drawn = [
+            row.values["Scalars:scalars"][0]
+            for row in recordings.having(recordings.rows(path, RUN.trace(quantity)), "Scalars:scalars")
+        ]
+        assert drawn == pytest.approx(expected, rel=1e-5, abs=1e-6), quantity
+    (result,) = collector.results()
+    verdict = result.verdict
+    assert scale.length(verdict.error_most_m) == pytest.approx(max(rows["position_error"]))
+    assert scale.length(verdict.error_end_m) == pytest.approx(rows["position_error"][-1])
+    assert verdict.error_mean_m == pytest.approx(np.mean(rows["position_error"]) / scale.length(1.0))
+    (trouble,) = verdict.troubles
+    assert (trouble.kind, trouble.step, verdict.decisive) == ("kidnapped", CARRIED, CARRIED)
+    fresh = [int(record.injected.sum()) for _, record in played if record.injected is not None]
+    assert trouble.recovered is not None
+    assert 0 < trouble.fresh <= sum(fresh)
+
+
+def test_lanes_are_what_the_detector_says(drive):
+    played, path, scale = drive
+    detector = EventDetector(scale.say)
+    noticed = shown(path, noticed_path(RUN), "StateChange:state")
+    status = shown(path, status_path(RUN), "StateChange:state")
+    for moment, record in played:
+        events = [event for event in detector.see(moment, record) if not event.is_routine]
+        number = PHASES_PER_STEP * moment.frame.step + Phase.ESTIMATE
+        assert status[number] == [detector.state]
+        kinds = {event.kind for event in events} - {"kidnapped", "session", "lights-changed"}
+        if kinds:
+            assert noticed[number][0] in kinds
+    assert set(SHORT.values()) & {"left map", "all zero"}
+    assert weight_colors(played[0][1].weighted.log_weights).shape[0] == played[0][1].weighted.size
