@@ -46,10 +46,14 @@ from .readers import (
     read_bag,
 )
 from .source import BagSource, OpenBag, starts_with
-from .topics import PoseTopic, TopicRequest, choose, nothing_to_read, readable
+from .topics import PoseTopic, TopicRequest, choose, is_estimate, nothing_to_read, readable
 
 PoseKind = type[OdometryPose] | type[TruthPose]
 ROLES = ("image", "odometry", "truth")
+ESTIMATE = (
+    "is a localizer's own estimate, not the truth: errors say how far from that estimate one is, "
+    "not how far from where the robot was"
+)
 PEEKED = 3  # messages of a topic that are examined before reading
 TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames exist
 
@@ -77,9 +81,14 @@ class BagRecording:
             self._events = _events_topic(bag) if recorded_as_measured(first) else None
             self._motions = has_motions(bag) and options.odometry_topic is None
             header = header_of(path, bag)  # of a file that we exported
+            truth = self.chosen.truth
+            self._doubt = ""
+            if truth is not None and header is None and is_estimate(bag.topics, truth):
+                self._doubt = f"{truth} {ESTIMATE}"
         self._guessed = "; ".join(text for text in (self.chosen.guess, looking) if text)
-        notes, cameras = (self._guessed,) if self._guessed else (), (camera,) if camera else ()
-        self.info = header or SessionInfo(name=path.stem, cameras=cameras, notes=notes)
+        notes = tuple(text for text in (self._guessed, self._doubt) if text)
+        name = f"{path.stem} (truth: the estimate of {truth})" if self._doubt else path.stem
+        self.info = header or SessionInfo(name=name, cameras=(camera,) if camera else (), notes=notes)
         self._ours = header is not None  # then nothing is guessed, and a time of 0 is valid
         self._planes: dict[PoseTopic, Plane] = {}
 
@@ -92,7 +101,7 @@ class BagRecording:
             for route in dict.fromkeys((self.chosen.odometry, self.chosen.truth))
             if route is not None
         ]
-        for text in () if self._ours else (self._guessed, clock, *planes):
+        for text in () if self._ours else (self._guessed, self._doubt, clock, *planes):
             if text:
                 notes.warning(text)
         late: dict[str, int] = {}

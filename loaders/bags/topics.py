@@ -25,6 +25,7 @@ TRUE = re.compile(r"ground_?truth|(^|[/_])(gt|truth|vicon|mocap|optitrack|qualis
 GUESSED = re.compile(
     r"amcl|beluga|localiz|estimate|particle|initial_?pose|(^|[/_])(goal|plan|target)([/_]|$)", re.I
 )
+ESTIMATED = re.compile(r"amcl|beluga|localiz|estimate|particle|slam|ptam|rtabmap|cartographer|vins", re.I)
 FIXED = re.compile(r"(^|/)(odom|odom_combined|odometry)$")
 BASE = ("base_footprint", "base_link")
 FIRST = re.compile(r"color|rgb|front|left", re.I)  # of several cameras
@@ -78,6 +79,16 @@ def choose(
     taken = truth.topic if truth is not None and truth.frames is None else None
     odometry = _route(path, topics, wishes.odometry, _guess_odometry(topics, edges, taken))
     return TopicChoice(image, odometry, truth, _guess_in_words(topics, wishes, image, odometry, truth))
+
+
+def is_estimate(topics: Sequence[Topic], truth: PoseTopic) -> bool:
+    """Return whether what is taken as truth is what a localizer published, by its name, type or frame."""
+    if TRUE.search(truth.topic):
+        return False
+    if truth.frames is not None:
+        return truth.frames[0] == "map" and not any(TRUE.search(name) for name in truth.frames)
+    types = {known_type(t.type) for t in topics if t.name.lstrip("/") == truth.topic.lstrip("/")}
+    return bool(ESTIMATED.search(truth.topic)) or POSE_WITH_COVARIANCE in types
 
 
 def nothing_to_read(topics: Sequence[Topic]) -> str:

@@ -16,7 +16,7 @@ from helpers.bags import BEGIN_NS, Ros, Said
 from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate, arena_of
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
-from maurice_loaders.formats.registry import guess
+from maurice_loaders.formats.registry import guess, open_session
 from maurice_loaders.maps import MOST_WALLS
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
@@ -169,6 +169,21 @@ def test_options_and_sources_that_do_not_go_with_it(
     result = CliRunner().invoke(app, ["replay", source or str(nav2), "--as-recorded", "--headless", *more])
     assert result.exit_code == 2
     assert told in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize(
+    ("topic", "is_estimate"), [("/amcl_pose", True), ("/ground_truth", False), ("/odom", False)]
+)
+def test_a_truth_that_is_a_localizer_s_estimate_is_called_so(
+    topic: str, is_estimate: bool, nav2: Path
+) -> None:
+    session = open_session(nav2, truth_topic=topic)
+    list(session.moments())
+    for text in (*session.info.notes, *session.warnings):
+        assert ("own estimate, not the truth" in text) == (is_estimate and text.startswith(topic))
+    told = " ".join(session.warnings)
+    assert (f"{topic} is a localizer's own estimate, not the truth" in told) == is_estimate
+    assert session.info.name == (f"nav2 (truth: the estimate of {topic})" if is_estimate else "nav2")
 
 
 def grid(
