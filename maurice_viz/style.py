@@ -30,7 +30,8 @@ RGB = tuple[int, int, int]
 RGBA = tuple[int, int, int, int]
 
 GROUND: RGB = (16, 17, 20)
-TRUTH: RGB = (255, 255, 255)
+TRUTH: RGB = (255, 255, 255)  # and nothing else is white
+CLOUD: RGB = (164, 214, 240)  # particles where their weight is not shown
 ESTIMATE: RGB = (255, 92, 51)
 CIRCLE: RGB = (74, 170, 110)
 RANK: RGB = (255, 208, 92)

@@ -67,7 +67,7 @@ def _encoded(suffix: str, image: U8, options: list[int]) -> bytes:
 LONG_SIDE_PX = 1280  # of the drawing: twice what a map view has on a screen of 1600 x 1000
 MARGIN = {"left": 0.075, "right": 0.045, "top": 0.075, "bottom": 0.05}  # shares of the arena's long side
 TEXT = 0.02  # height of capitals, as a share of the arena's long side
-FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (34, 44, 66)}
+FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (54, 54, 60)}
 OTHER_FLOORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
 MOST_TICKS = 9  # labels along one side of the ruler
 LEAST_SHRUNK = 0.7  # of the usual size of text, to make a name fit its obstacle

@@ -80,7 +80,7 @@ def weight_key(has_truth: bool) -> U8:
 def likelihood_key(has_truth: bool) -> U8:
     """Draw the likelihood maps' key: the color scale, the cloud, estimate and truth."""
     scale = [_text(f"{style.DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
-    marks = [_disk(style.TRUTH, 6), _text("particles  "), _disk(style.ESTIMATE, 13), _text("estimate")]
+    marks = [_disk(style.CLOUD, 6), _text("particles  "), _disk(style.ESTIMATE, 13), _text("estimate")]
     return _joined(*scale, *marks, *_truth_disk(has_truth, "truth"))
 
 
@@ -97,7 +97,7 @@ def circle_key() -> U8:
     """Draw the match map's key: circles, ranks and the cloud."""
     circles = [_disk(style.CIRCLE, 20), _text("area: likelihood of a reference  ")]
     return _joined(
-        *circles, _disk(style.RANK, 13), _text("best five  "), _disk(style.TRUTH, 6), _text("particles")
+        *circles, _disk(style.RANK, 13), _text("best five  "), _disk(style.CLOUD, 6), _text("particles")
     )
 
 

@@ -21,7 +21,18 @@ from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import weight_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
-from ..style import DEAD, ESTIMATE, RGB, TRUTH, Scale, copy_colors, heading_vector, packed, weight_colors
+from ..style import (
+    DEAD,
+    ESTIMATE,
+    PALE,
+    RGB,
+    TRUTH,
+    Scale,
+    copy_colors,
+    heading_vector,
+    packed,
+    weight_colors,
+)
 from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 from .views import MAP, map_view, plane_view
 
@@ -42,7 +53,8 @@ BARS: dict[str, tuple[float, ...]] = {  # lengths of the bar, by unit
     "m": (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0),
 }
 BARS_WIDE = 4.0  # the frame reaches so many bars from its middle
-REACH = 3.0  # standard deviations of the cloud that are seen at least
+SOME = 400  # particles, by weight, from which the extent of the cloud is estimated
+MARGIN = 1.3  # of the view, over what it must hold
 ASIDE = 0.2  # of the frame: the frame follows a cloud farther from its middle
 LOOSE = 0.35  # of the frame: a smaller cloud makes the frame smaller
 KEY_WIDTH = 1.5  # of the key above, in frames (the frame is 2 wide)
@@ -231,20 +243,20 @@ class CloseupPanel(Panel):
         radius = rr.components.Radius.ui_points
         end = LEFT + 1 / BARS_WIDE
         bar = np.array([[LEFT, BOTTOM - 0.02], [LEFT, BOTTOM], [end, BOTTOM], [end, BOTTOM - 0.02]])
-        lines = rr.LineStrips2D([bar], colors=[TRUTH], radii=radius(1.25), draw_order=70.0)
+        lines = rr.LineStrips2D([bar], colors=[PALE], radii=radius(1.25), draw_order=70.0)
         rec.log(f"{self._path}/bar", lines, static=True)
         middle = [(LEFT + end) / 2, BOTTOM - 0.1]
         # no labels yet: static ones would hide all later ones
-        style = rr.Points2D([middle], colors=[TRUTH], radii=radius(0.1), show_labels=True, draw_order=70.0)
+        style = rr.Points2D([middle], colors=[PALE], radii=radius(0.1), show_labels=True, draw_order=70.0)
         rec.log(f"{self._path}/length", style, static=True)
         key = weight_key(self._run.has_truth)
         place_drawing(rec, f"{self._path}/key", key, (LEFT, TOP), KEY_WIDTH / key.shape[1], 60.0)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        mean = update.record.mean_estimate
-        needed = REACH * self._scale.length(float(np.hypot(*mean.sd_m))) / BARS_WIDE
+        middle, reach_m = seen_whole(update.record.weighted, update.moment.truth)
+        needed = self._scale.length(reach_m) / BARS_WIDE
         resized = not LOOSE * self._bar < needed <= self._bar
-        at = self._scale.screen(mean.pose[None, :2])[0]
+        at = self._scale.screen(middle[None])[0]
         if not resized and np.abs(at - self._at).max() < ASIDE * self._bar * BARS_WIDE:
             return  # a still view is easier to read and costs nothing
         set_phase(rec, update.moment, Phase.PREDICT)
@@ -255,6 +267,17 @@ class CloseupPanel(Panel):
         self._at = at
         frame = rr.Transform3D.from_fields(translation=[*at.tolist(), 0], scale=[self._bar * BARS_WIDE] * 3)
         rec.log(self._path, frame)
+
+
+def seen_whole(belief: Belief, truth: F64 | None) -> tuple[F64, float]:
+    """Return middle (2,) and half the side of a square that holds 95 % of the weight, and the truth."""
+    ends = np.cumsum(belief.weights)
+    chosen = np.searchsorted(ends, (np.arange(SOME) + 0.5) / SOME * ends[-1])  # heavy ones several times
+    some = belief.poses[chosen, :2] + belief.origin
+    low, high = np.quantile(some, [0.025, 0.975], axis=0)
+    if truth is not None:
+        low, high = np.minimum(low, truth[:2]), np.maximum(high, truth[:2])
+    return (low + high) / 2, MARGIN * float((high - low).max()) / 2
 
 
 def bar_for(needed: float, unit: str) -> float:

@@ -189,7 +189,7 @@ def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
 # be seen: in the phase `predict` to where each copy has moved, in `resample` along ancestors of survivors.
 
 MOST_MOVES = 150  # lines of moved particles; more cannot be distinguished
-MOST_FAMILIES = 40
+MOST_FAMILIES = 15
 LINE_PT = 0.6  # radius in points of the screen
 SURVIVORS = "survivors"
 ANCESTORS = "ancestors"

@@ -13,20 +13,20 @@ from rerun.encodings import EntityPathLike
 from ..drawing.canvas import Extent, map_extent
 from ..entities import FLOORS, STEP, WALLS, RunPaths
 from ..scene import SceneInfo
-from ..style import GROUND, RUN_COLORS, TRUTH
+from ..style import CLOUD, GROUND, RUN_COLORS
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 MAP = (FLOORS, WALLS)
 FPS = 4.0  # updates a second when the viewer plays
-SMALL_AND_WHITE = rr.Points2D.from_fields(colors=[TRUTH], radii=rr.components.Radius.ui_points(1.0))
+SMALL_AND_PALE = rr.Points2D.from_fields(colors=[CLOUD], radii=rr.components.Radius.ui_points(1.0))
 
 
 def map_view(
-    name: str, contents: Sequence[str], scene: SceneInfo, white_cloud: str | None = None
+    name: str, contents: Sequence[str], scene: SceneInfo, pale_cloud: str | None = None
 ) -> rrb.Spatial2DView:
-    """Show some entities on the map; `white_cloud` is drawn small and white."""
-    overrides: Overrides = {white_cloud: SMALL_AND_WHITE} if white_cloud else {}
+    """Show some entities on the map; `pale_cloud` is drawn small, in one color."""
+    overrides: Overrides = {pale_cloud: SMALL_AND_PALE} if pale_cloud else {}
     return plane_view(name, contents, map_extent(scene.arena, scene.scale), overrides)
 
 

@@ -16,10 +16,11 @@ from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
+from maurice_viz.panels.belief import seen_whole
 from maurice_viz.panels.camera import COLUMNS
 from maurice_viz.panels.observer import AROUND, Detail, DetailFilter, expected_bytes
 from maurice_viz.panels.panel import EntryFinder, StepUpdate
-from maurice_viz.panels.population import ANCESTORS, ROWS, UPDATES_SEEN, bands, outline, shares
+from maurice_viz.panels.population import ANCESTORS, MOST_FAMILIES, ROWS, UPDATES_SEEN, bands, outline, shares
 from maurice_viz.panels.references import map_names
 from maurice_viz.panels.traces import (
     EVIDENCE,
@@ -65,7 +66,7 @@ def test_families_are_the_ancestors_ways(drawn):
     for step, (_, record) in enumerate(played, start=1):
         tree.see(record)
         at = entities.phase_number(step, Phase.RESAMPLE)
-        ways = [way for way in tree.lines(40) if len(way) > 1]
+        ways = [way for way in tree.lines(MOST_FAMILIES) if len(way) > 1]
         found = [r for r in recordings.rows(path, RUN.families) if r.phase == at]
         assert [len(strip) for strip in found[0].values["LineStrips2D:strips"]] == [len(w) for w in ways]
 
@@ -192,3 +193,16 @@ def test_full_and_light_do_not_wait(detail, whole):
 )
 def test_scales_reach_a_number_that_the_viewer_labels(most, top):
     assert round_top(most, 4.5) == pytest.approx(top)
+
+
+def test_the_close_view_holds_the_truth_and_nearly_all_weight():
+    rng = np.random.default_rng(3)
+    poses = np.column_stack([rng.normal(size=(500, 2)) * (0.1, 0.4), np.zeros(500)]).astype(np.float32)
+    weights = rng.random(500)
+    belief = Belief(poses, np.log(weights / weights.sum()), np.array([10.0, 20.0]))
+    for truth in (None, np.array([10.0, 20.0, 0.0]), np.array([14.0, 20.0, 0.0])):
+        middle, reach = seen_whole(belief, truth)
+        off = np.abs(belief.world_poses[:, :2] - middle).max(axis=1)
+        assert belief.weights @ (off <= reach) > 0.93
+        assert truth is None or np.abs(truth[:2] - middle).max() < reach
+        assert reach < (1.1 if truth is None or truth[0] == 10 else 3.5)
