@@ -66,14 +66,34 @@ class LocalizerPoseReader(OneTopic):
     """Converts a topic of PoseWithCovarianceStamped to a localizer's poses."""
 
     types: ClassVar[Collection[str]] = (POSE_WITH_COVARIANCE,)
+    alone: bool = False  # there is no cloud: poses of the same mean and covariance stand for it
 
     def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the pose of one message."""
-        variances = np.asarray(found.pose.covariance, np.float64)[[0, 7, 35]]
+        covariance = covariance_of(found)
+        variances = np.diag(covariance)
         sd = np.sqrt(np.where(variances > 0, variances, 0))
-        yield LocalizerPose(t_s, pose_of(found), sd)
+        pose = LocalizerPose(t_s, pose_of(found), sd)
+        yield pose
+        if self.alone:
+            yield Cloud(t_s, sigma_points(pose.pose, covariance), None)
 
 
+def covariance_of(message: Any) -> F64:
+    """Return the covariance (3, 3) of x_m, y_m and heading_rad of a PoseWithCovarianceStamped."""
+    return np.asarray(message.pose.covariance, np.float64).reshape(6, 6)[np.ix_(PLANAR, PLANAR)]
+
+
+def sigma_points(pose: F64, covariance: F64) -> F64:
+    """Return six poses (6, 3) of this mean and covariance; what is no covariance counts as 0."""
+    if not np.isfinite(covariance).all():
+        return np.repeat(pose[None], 6, axis=0)
+    variances, axes = np.linalg.eigh((covariance + covariance.T) / 2)
+    away = np.sqrt(3 * np.maximum(variances, 0)) * axes
+    return pose + np.concatenate([away.T, -away.T])
+
+
+PLANAR = [0, 1, 5]  # x, y and the turn about z, of six
 NEAR_S = 0.5  # most time between pose and cloud of one update
 MAX_DT_S = 1.0  # most time between an update and the odometry used for it
 
@@ -119,16 +139,22 @@ class RecordedLocalizer:
         self._options = options
         self._drive = BagRecording(path, open_bag, options, may_be_empty=True)
         with open_bag(path) as bag:
-            self.cloud = _cloud_topic(path, bag.topics)
             self.pose = _pose_topic(bag.topics)
+            self.cloud = _cloud_topic(path, bag.topics, self.pose)  # or that of the poses, without a cloud
             self._map = _map_of(bag)
-            names = [self.cloud.name, *([self.pose.name] if self.pose else []), *self._drive.chosen.topics]
+            own = [one.name for one in (self.cloud, self.pose) if one is not None]
+            names = [*dict.fromkeys(own), *self._drive.chosen.topics]
             self._recorded = bool(use_recorded({name: peek(bag, name) for name in names}))
 
     @property
     def info(self) -> SessionInfo:
         """What is known before the first update."""
         return self._drive.info
+
+    @property
+    def has_cloud(self) -> bool:
+        """Whether particles were recorded, and not only poses with their covariance."""
+        return self.cloud is not self.pose
 
     @property
     def has_pictures(self) -> bool:
@@ -172,9 +198,11 @@ class RecordedLocalizer:
         return Overview(count, truth, most, self._map or open_arena(np.stack([low, high]), 1.0))
 
     def _stream(self, notes: ReadingNotes) -> Iterator[Timed]:
-        readers = [*self._drive.readers(), CloudReader(self.cloud.name)]
+        readers = [*self._drive.readers()]
+        if self.has_cloud:
+            readers.append(CloudReader(self.cloud.name))
         if self.pose is not None:
-            readers.append(LocalizerPoseReader(self.pose.name))
+            readers.append(LocalizerPoseReader(self.pose.name, alone=not self.has_cloud))
         late: list[float] = []
         records = read_bag(self.path, self._drive.open_bag, readers, notes, recorded=self._recorded)
         yield from in_order(records, lambda record: late.append(record.t_s))
@@ -212,11 +240,13 @@ def _passed(held: deque[Timed], last: list[Picture | LocalizerPose | None]) -> I
         yield _CloudPicture(record.t_s, lambda: np.zeros((1, 1, 3), np.uint8), "", record, pose, camera)
 
 
-def _cloud_topic(path: Path, topics: tuple[Topic, ...]) -> Topic:
-    """Return the cloud with the most messages; clouds with weights come first."""
+def _cloud_topic(path: Path, topics: tuple[Topic, ...], pose: Topic | None) -> Topic:
+    """Return the cloud with the most messages, weighted ones first; without a cloud the localizer's poses."""
     found = readable(topics, CLOUDS)
+    if not found and pose is not None:
+        return pose
     if not found:
-        wanted = "expected a localizer's particles (PoseArray or ParticleCloud)"
+        wanted = "expected a localizer's particles (PoseArray, ParticleCloud) or PoseWithCovarianceStamped"
         raise InputError(path, f"found no cloud, {wanted}; it holds {listed(topics)}")
     return min(found, key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
 

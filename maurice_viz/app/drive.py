@@ -143,6 +143,12 @@ AFTER_RESAMPLING = (
 )
 
 
+WITHOUT_CLOUD = (
+    "shown as recorded: the bag has no particles, so ellipses of two standard deviations are drawn along the "
+    "path, and six points of the same mean and covariance stand for the cloud"
+)
+
+
 def map_of(localizer: RecordedLocalizer, overview: Overview) -> Library:
     """Make a library without entries, of which only the map can be drawn."""
     return Library(localizer.info.name, np.zeros((0, 3)), (), {}, overview.arena)
@@ -167,7 +173,7 @@ class AsRecorded:
             image = self._image(update)
             name = update.picture or "no picture"
             frame = Frame(number, update.t_s - self._begin_s, update.motions, image, name)
-            events = (AFTER_RESAMPLING,) if number == 1 else ()
+            events = (_shown(self.localizer),) if number == 1 else ()
             moment = Moment(frame, update.truth, events)
             yield {self.label: (moment, record_of(frame, update, self._belief(update, origin)))}
 
@@ -188,6 +194,10 @@ class AsRecorded:
             self.unweighted += update.weights is not None
             log_weights = uniform_log_weights(len(local))
         return Belief(local.astype(np.float32), log_weights, origin)
+
+
+def _shown(localizer: RecordedLocalizer) -> str:
+    return AFTER_RESAMPLING if localizer.has_cloud else WITHOUT_CLOUD
 
 
 def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecord:
@@ -267,7 +277,7 @@ def _remark(recorded: AsRecorded, listener: Listener) -> None:
     """Report what the scores stand for, and what was skipped."""
     pose = recorded.localizer.pose
     where = f"the pose of {pose.name}" if pose else "the heaviest cluster of the cloud"
-    listener.remark(f"{recorded.localizer.cloud.name} {AFTER_RESAMPLING}; the estimate is {where}")
+    listener.remark(f"{recorded.localizer.cloud.name} {_shown(recorded.localizer)}; the estimate is {where}")
     for text in recorded.localizer.info.notes:
         listener.remark(text)
     if recorded.unweighted:

@@ -229,6 +229,39 @@ class EstimatePanel(Panel):
         self._marker.draw(rec, pose, bool(jumped))
 
 
+SIGMAS = 2.0  # an ellipse reaches so many standard deviations
+AROUND = np.linspace(0, 2 * np.pi, 33)
+
+
+class EllipsesPanel(Panel):
+    """Draws the covariance of a recorded localizer's clouds, along the last `TRAIL` poses of its path."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
+        self._path = f"{run.paths.estimate}/ellipses"
+        self._drawn: deque[F32] = deque(maxlen=TRAIL)
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        radius = rr.components.Radius.ui_points(0.75)
+        lines = rr.LineStrips2D.from_fields(colors=[ESTIMATE], radii=radius, draw_order=46.0)
+        rec.log(self._path, lines, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        self._drawn.append(ellipse_of(update.record.weighted, self._scale))
+        set_phase(rec, update.moment, Phase.WEIGHT)
+        rec.log(self._path, rr.LineStrips2D.from_fields(strips=list(self._drawn)))
+
+
+def ellipse_of(belief: Belief, scale: Scale) -> F32:
+    """Return the outline (33, 2), as drawn, of two standard deviations of a cloud's positions."""
+    weights, places = belief.weights, belief.poses[:, :2].astype(np.float64)
+    middle = weights @ places
+    off = places - middle
+    variances, axes = np.linalg.eigh((weights[:, None] * off).T @ off)
+    away = np.column_stack([np.cos(AROUND), np.sin(AROUND)]) * np.sqrt(np.maximum(variances, 0))
+    return scale.screen(middle + belief.origin + SIGMAS * away @ axes.T)
+
+
 class CloseupPanel(Panel):
     """Moves the frame of a view that follows the cloud, with a scale bar."""
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
-from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate, arena_of
+from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate, arena_of, sigma_points
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_session
@@ -22,12 +22,13 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
-from maurice_viz.app.drive import AFTER_RESAMPLING, open_as_recorded, playback_as_recorded
+from maurice_viz.app.drive import AFTER_RESAMPLING, WITHOUT_CLOUD, open_as_recorded, playback_as_recorded
 from maurice_viz.app.open import RunSpec
 from maurice_viz.app.output import OutputOptions, layout_of
 from maurice_viz.app.replay import replay_any
 from maurice_viz.cli.app import app
 from maurice_viz.entities import Phase
+from maurice_viz.panels.belief import ellipse_of
 from maurice_viz.style import scale_for
 from maurice_viz.text import narration as narrate
 
@@ -103,6 +104,31 @@ def test_a_far_pose_is_not_the_clouds(tmp_path: Path) -> None:
     said.append(Said("/amcl_pose", "geometry_msgs/PoseWithCovarianceStamped", late_ns, pose))
     (update,) = updates(making.write_ros1(tmp_path / "a.bag", said))
     assert update.pose is None
+
+
+def test_poses_with_covariance_are_shown_without_a_cloud(tmp_path: Path) -> None:
+    said = [one for one in making.amcl_drive(Ros(2)) if one.topic != "/particle_cloud"]
+    path = making.write_ros2(tmp_path / "bag", said)
+    shown = updates_shown(path)
+    assert len(shown) == 4
+    assert WITHOUT_CLOUD in shown[0][0].events
+    for number, (_, record) in enumerate(shown):
+        np.testing.assert_allclose(record.estimate.pose, [1.0 + 0.1 * number, 2.0, 0.5], atol=1e-6)
+        assert record.estimate.sd_m == pytest.approx((0.2, 0.3))
+        np.testing.assert_allclose(record.mean_estimate.sd_m, (0.2, 0.3), rtol=1e-5)
+        ellipse = ellipse_of(record.weighted, scale_for("m", ARENA))
+        np.testing.assert_allclose(np.ptp(ellipse, axis=0), (0.8, 1.2), rtol=1e-3)
+    file = tmp_path / "out.rrd"
+    replay_any(path, None, RunSpec(), OutputOptions("out", file), as_recorded=True)
+    assert file.stat().st_size > 10_000
+
+
+def test_sigma_points_have_the_covariance() -> None:
+    turned = np.array([[2.0, 0.6, 0.1], [0.6, 1.0, 0.2], [0.1, 0.2, 0.3]])
+    points = sigma_points(np.array([1.0, 2.0, 3.0]), turned)
+    np.testing.assert_allclose(points.mean(axis=0), [1, 2, 3])
+    np.testing.assert_allclose(np.cov(points.T, bias=True), turned, atol=1e-12)
+    assert (sigma_points(np.ones(3), np.full((3, 3), np.nan)) == 1).all()
 
 
 def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
