@@ -90,7 +90,8 @@ def sigma_points(pose: F64, covariance: F64) -> F64:
         return np.repeat(pose[None], 6, axis=0)
     variances, axes = np.linalg.eigh((covariance + covariance.T) / 2)
     away = np.sqrt(3 * np.maximum(variances, 0)) * axes
-    return pose + np.concatenate([away.T, -away.T])
+    points: F64 = pose + np.concatenate([away.T, -away.T])
+    return points
 
 
 PLANAR = [0, 1, 5]  # x, y and the turn about z, of six
