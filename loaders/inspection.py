@@ -55,6 +55,7 @@ class Inspection:
     problem_count: int
     problems: tuple[str, ...]  # the first 100, each with its line
     warnings: tuple[str, ...]
+    display_units: str = "m"  # of the header, for tables; distances here are in meters
 
 
 def inspect_session(path: Path) -> Inspection:
@@ -183,6 +184,7 @@ class _Tally:
             problem_count=notes.count,
             problems=tuple(str(problem) for problem in notes.problems),
             warnings=notes.warnings,
+            display_units=info.display_units,
         )
 
 

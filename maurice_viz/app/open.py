@@ -267,10 +267,12 @@ def _check_start(
     session: SourcedSession, library: Library, reference: NearestReference, start: F64, listener: Listener
 ) -> None:
     """Refuse a start outside the map; warn where the map has something solid there."""
-    at = f"the start pose ({start[0]:.2f}, {start[1]:.2f}) m"
+    units = units_named(session.info.display_units)
+    x, y, *borders = (f"{v * units.per_m:.{units.digits}f}" for v in (*start[:2], *library.arena.bounds))
+    at = f"the start pose ({x}, {y}) {units.name}"
     x_min, y_min, x_max, y_max = library.arena.bounds
     if not (x_min <= start[0] <= x_max and y_min <= start[1] <= y_max):
-        bounds = f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"
+        bounds = f"x {borders[0]} to {borders[2]}, y {borders[1]} to {borders[3]} {units.name}"
         raise InputError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
     local = np.array([[*(start[:2] - library.origin), start[2]]], np.float32)
     if reference.entries(local, library.origin)[0] < 0:

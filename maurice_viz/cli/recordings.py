@@ -16,6 +16,7 @@ from maurice_loaders.inspection import Inspection
 
 from ..app.inspect import diagnose
 from ..app.inspect import inspect as inspect_recording
+from ..style import Units, units_named
 from ..text.diagnosis import describe, evidence_for, fix_for
 from . import options as opt
 from .console import listening, note, print_json, results
@@ -43,6 +44,7 @@ def inspect(session: opt.Session, json_output: opt.Json = False, reading: opt.Re
 def _rows(found: Inspection) -> list[tuple[str, str]]:
     events = ", ".join(dict.fromkeys(found.events)) or "none"
     survey = "none named" if found.survey is None else found.survey
+    units = units_named(found.display_units)
     return [
         ("file", found.path),
         ("records", ", ".join(f"{count} {kind}" for kind, count in found.records.items()) or "none"),
@@ -51,14 +53,18 @@ def _rows(found: Inspection) -> list[tuple[str, str]]:
         ("odometry rate (Hz)", _number(found.odometry_rate_hz, 2)),
         ("pictures", ", ".join(f"{count} {kind}" for kind, count in found.pictures.items()) or "none"),
         ("cameras", ", ".join(found.cameras) or "none described"),
-        ("distance by odometry (m)", _number(found.distance_odometry_m, 2)),
-        ("distance by truth (m)", _number(found.distance_truth_m, 2)),
+        (f"distance by odometry ({units.name})", _length(found.distance_odometry_m, units)),
+        (f"distance by truth ({units.name})", _length(found.distance_truth_m, units)),
         ("pictures with truth", "-" if found.truth_share is None else f"{found.truth_share:.0%}"),
         ("kinds of events", events),
         ("survey or library", survey + ("" if found.survey_found is not False else ", which is not there")),
         ("map", "yes" if found.has_map else "no"),
         ("problems", str(found.problem_count)),
     ]
+
+
+def _length(value_m: float | None, units: Units) -> str:
+    return _number(None if value_m is None else value_m * units.per_m, units.digits)
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich import box
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -214,19 +216,36 @@ def printed(json_output: bool) -> Report:
             units = units_named(scores.display_units)
             line = verdict_line({run.label: run.verdict for run in scores.runs}, Scale(units))
             results.print(Text(line, style="bold"))
-            results.print(to_table(scores.runs, units, scores.name))
+            results.print(to_table(scores.runs, units, scores.name, results))
 
     return report
 
 
-def to_table(runs: Sequence[RunResult], units: Units, title: str) -> Table:
-    """Return a table of scores with one column per run, in the session's own units."""
+NAMES_WIDTH = 22  # of the first column of a table that is too wide; the runs share the rest
+
+
+def to_table(runs: Sequence[RunResult], units: Units, title: str, console: Console) -> Table:
+    """Return a table of scores with one column per run, in the session's own units, that the console holds.
+
+    Where it is too wide, it has no frame, and a cell has up to two lines: the interval stands below the mean.
+    """
+    table = _score_table(runs, units, title)
+    if console.measure(table, options=console.options.update(max_width=1000)).maximum <= console.width:
+        return table
+    return _score_table(runs, units, title, (console.width - NAMES_WIDTH - 1) // len(runs) - 2)
+
+
+def _score_table(runs: Sequence[RunResult], units: Units, title: str, cell_width: int | None = None) -> Table:
+    narrow = cell_width is not None
     table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
-    table.add_column("")
+    if narrow:
+        table.box, table.show_edge, table.pad_edge = box.SIMPLE_HEAD, False, False
+        table.padding = (0, 1, 0, 0)
+    table.add_column("", width=NAMES_WIDTH if narrow else None)
     for result in runs:
-        table.add_column(result.label, justify="right")
+        table.add_column(result.label, justify="right", width=cell_width, overflow="fold")
     for rows in (score_rows(runs, units), paired_rows(runs, units)):
         for name, cells in rows:
-            table.add_row(name, *cells)
+            table.add_row(name, *(cell.replace(" [", "\n[") if narrow else cell for cell in cells))
         table.add_section()
     return table

@@ -133,6 +133,19 @@ def test_a_library_takes_a_map_of_ros_and_without_walls_this_is_said(small_sessi
     assert (shown["width_m"], shown["walls"]) == (pytest.approx(6.0), 4)
 
 
+def test_one_unit_in_all_that_a_command_says(small_session, tmp_path):
+    header, *rest = small_session.read_text().splitlines()
+    info = json.loads(header) | {"display_units": "in"}
+    small_session.write_text("\n".join([json.dumps(info), *rest]) + "\n")
+    shown = run("inspect", small_session).stdout
+    assert "distance by truth (in)" in shown
+    assert " m)" not in shown
+    assert "(m)" not in shown
+    assert "(-100.0, -100.0) in is outside the map (x 0.0 to" in failure(
+        small_session, "--rrd", "none", "--start", "-100,-100,0"
+    )
+
+
 def test_library_build_show_and_use(small_session, tmp_path):
     run("library", "build", "survey.log", "-o", "kept")
     assert "--force" in failure("library", "build", "survey.log", "-o", "kept")
