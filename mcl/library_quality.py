@@ -17,6 +17,7 @@ from .arrays import F64, I32, Bool
 from .geometry import wrap
 from .library import Library
 from .map import Grid, make_grid, place_tree, spacing
+from .sensor.left_out import places_of
 from .sensor.model import SensorModel
 from .sensor.references import distinct_places
 
@@ -111,7 +112,6 @@ NEAR = 1.6  # spacings: a neighbor, diagonal ones included
 SAME_WAY_RAD = float(np.radians(46))  # a neighbor's heading may be one of eight further
 FAR = 3.0  # spacings: further entries are other places
 LEAST_SPACING_M = 0.25  # from a place to the next one
-ONE_PLACE = 0.75  # of the distance to the next place: nearer entries are at one place
 CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
 
 Progress = Callable[[int, int], None]
@@ -182,21 +182,6 @@ def self_similarity_of(
         ambiguity=ambiguity,
         similarity=_medians(np.array(curve)),
     )
-
-
-def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
-    """Cluster positions (L, 2) about the first of near ones: centers (P, 2), place of each (L,)."""
-    firsts, place_of = np.empty((0, 2)), np.empty(len(xy), np.int32)
-    for number, at in enumerate(xy):
-        apart = np.hypot(*(firsts - at).T)
-        if not len(firsts) or apart.min() > ONE_PLACE * size_m:
-            place_of[number] = len(firsts)
-            firsts = np.vstack([firsts, at])
-        else:
-            place_of[number] = apart.argmin()
-    count = np.bincount(place_of)
-    middles = [np.bincount(place_of, xy[:, k]) / count for k in (0, 1)]
-    return np.column_stack(middles), place_of
 
 
 def _spacing(library: Library, place_of: I32) -> float:

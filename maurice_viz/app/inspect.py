@@ -13,12 +13,14 @@ from maurice_loaders.files import expect_absent
 from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.inspection import Inspection, inspect_recording, inspect_session
+from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions, write_reading
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_mcl.library import Library
+from maurice_mcl.sensor.descriptors.registry import FEATURES
 
 from ..listener import SILENT, Listener, progress_of
-from .open import library_at
+from .open import default_said, library_at
 
 EXTRAS = {"ros": "rosbags"}  # the module that tells whether an extra is installed
 
@@ -69,9 +71,23 @@ def inspect(session: str | Path, *, options: ReadingOptions | None = None) -> tu
     path, options = Path(session), replace(options or ReadingOptions(), keep_going=True)
     one = chosen(path, options)
     if one.name == NATIVE and options.as_it_is:
-        return one.name, inspect_session(path)
-    recording = open_recording(path, replace(options, format=one.name))
-    return one.name, inspect_recording(RecordedSession(recording, options))
+        found = inspect_session(path)
+    else:
+        recording = open_recording(path, replace(options, format=one.name))
+        found = inspect_recording(RecordedSession(recording, options))
+    return one.name, replace(found, warnings=(*_about_places(path, found), *found.warnings))
+
+
+def _about_places(path: Path, found: Inspection) -> list[str]:
+    """Return what there is to say of the recording's library: whether its places can be told apart."""
+    named = found.survey if found.survey_found else None
+    library = path if found.kind == "survey" else None if named is None else Path(named)
+    if library is None:
+        return []
+    try:
+        return list(default_said(open_library(library, list(FEATURES["blended"]), keep_going=True)))
+    except (InputError, ValueError):  # another command says what is wrong with it
+        return []
 
 
 def diagnose(

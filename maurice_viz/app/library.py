@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -34,13 +34,14 @@ from maurice_mcl.calibration.sensor import tune as fit_channels
 from maurice_mcl.library import Library
 from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.sensor.left_out import PlaceScore, score_places
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..style import scale_for
-from .open import library_at, open_session, remark_open, remark_skipped
+from .open import default_said, library_at, open_session, remark_open, remark_skipped
 
 
 def build_library(
@@ -99,6 +100,7 @@ class LibraryCheck:
     library: Library
     similarity: SelfSimilarity
     coverage: Coverage
+    telling: PlaceScore  # whether its places can be told apart, with the fitted scales
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, in meters and radians."""
@@ -111,10 +113,7 @@ class LibraryCheck:
             "spacing_m": found.spacing_m,
             "covered_share": covered.covered,
             "directions_share": covered.directions,
-            "gaps": [
-                {"x_m": g.x_m, "y_m": g.y_m, "area_m2": g.area_m2, "to_entry_m": g.to_entry_m}
-                for g in covered.gaps
-            ],
+            "gaps": [asdict(gap) for gap in covered.gaps],
             "retrieved_right_share": found.retrieved_right,
             "retrieval_error_median_m": float(np.median(found.error_m[known])) if known.any() else None,
             "retrieval_error_90_m": float(np.percentile(found.error_m[known], 90)) if known.any() else None,
@@ -128,6 +127,7 @@ class LibraryCheck:
                 for (x, y), value in zip(found.places, places, strict=True)
             ],
             "similarity_nats": [None if np.isnan(v) else float(v) for v in found.similarity],
+            "places_told_apart": self.telling.to_json(),
         }
 
     def draw(self, to: str | Path, *, force: bool = False) -> Path:
@@ -175,7 +175,7 @@ def check_library(
     nearest = nearest_reference(opened.poses, opened.arena)
     sensor = SensorModel(opened, nearest, SensorParameters(dict(weights)))
     similarity = self_similarity_of(opened, sensor, progress_of(listener, "compare"))
-    check = LibraryCheck(opened, similarity, coverage_of(opened, similarity.spacing_m))
+    check = LibraryCheck(opened, similarity, coverage_of(opened, similarity.spacing_m), score_places(sensor))
     if to is not None:
         check.draw(to, force=force)
     return check
@@ -189,7 +189,6 @@ def _checked_map(path: Path, *, force: bool) -> Path:
 
 
 BEFORE = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with
-DIGITS = 4  # of scales and weights; more would be noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,6 +298,8 @@ def tune(
             raise InputError(path, f"{which}, and would flatter the result; score another drive")
     path = Path(library)
     opened = library_at(path, listener)
+    for text in default_said(opened):
+        listener.warning(text)
     tuning = _Tuning(path, opened, _wanted(path, opened, channels), keep_going, listener)
     result = _tuned(tuning, fit, test)
     if not test:
@@ -376,9 +377,8 @@ def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[Sample]:
     advance = progress_of(tuning.listener, "compare references")
     found = library_samples(tuning.measuring, tuning.measuring.most_pictures(), advance)
     if not found:
-        raise InputError(
-            tuning.path, "found no two references near each other that look one way; fit on a --session"
-        )
+        none = "found no two references near each other that look one way; fit on a --session"
+        raise InputError(tuning.path, none)
     return found
 
 
@@ -397,4 +397,4 @@ def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
 
 
 def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
+    return float(f"{value:.4g}")  # more digits would be noise

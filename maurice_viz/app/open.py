@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -20,8 +20,8 @@ from maurice_loaders.recorded_session import RecordedSession, first_truth
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms import MadeOdometry
 from maurice_mcl.arrays import F64
-from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import PRESETS, Configuration
+from maurice_mcl.config.build import adapted, build_localizer
+from maurice_mcl.config.parameters import PRESETS, Configuration, configure
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
@@ -32,6 +32,7 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
+from ..text.places import places_said
 
 FARTHEST_M = 1e9  # no map reaches further
 STARTS = "a start is tracking, truth, global or X,Y,HEADING"
@@ -233,6 +234,7 @@ def make_runs(
     if not reference.grid.free.any():
         found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
         raise InputError(session.path, f"{found}; fix the map in the survey's header")
+    configurations = _adapted(configurations, library, reference, listener)
     starts: list[F64 | None] = []
     for spec in specs:
         if starts and spec.start is specs[0].start:
@@ -254,6 +256,31 @@ def make_runs(
     labels = unique_labels([one.label for one in specs])
     parts = zip(labels, localizers, starts, configurations, strict=True)
     return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
+
+
+def _adapted(
+    configurations: Sequence[Configuration],
+    library: Library,
+    reference: NearestReference,
+    listener: Listener,
+) -> list[Configuration]:
+    """Fit the scales of each run to the library's places; say once what its pictures show."""
+    result, said = list[Configuration](), dict[str, None]()
+    for one in configurations:
+        fitted, found = adapted(one, library, reference)
+        result.append(fitted)
+        said |= dict.fromkeys(places_said(library.name, one.parameters.sensor.weights, found))
+    for text in said:
+        listener.warning(text)
+    return result
+
+
+def default_said(library: Library) -> Iterator[str]:
+    """Yield what the library's own pictures show about the default filter."""
+    if library.size:
+        reference = nearest_reference(library.poses, library.arena)
+        _, found = adapted(configure([]), library, reference)
+        yield from places_said(library.name, FEATURES["blended"], found)
 
 
 def _first_truth(session: SourcedSession) -> F64 | None:

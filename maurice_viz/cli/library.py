@@ -12,11 +12,13 @@ from rich.table import Table
 
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.library_quality import CURVE, Coverage, SelfSimilarity
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
 
 from ..app.library import TuningResult, build_library, check_library
 from ..app.library import tune as tune_channels
 from ..app.open import library_at
 from ..style import Scale, scale_for, units_named
+from ..text.places import places_said, scores_of
 from . import options as opt
 from .console import listening, note, print_json, results
 from .options import argument, option, reading_of
@@ -105,12 +107,13 @@ def _facts(found: Library) -> dict[str, object]:
         "walls": len(found.arena.walls),
         "obstacles": [region.name for region in found.arena.obstacles],
         "floors": list(dict.fromkeys(region.name for region in found.arena.floors)),
-        "channels": {name: _channel_facts(index) for name, index in found.index.items()},
+        "channels": {name: _channel_facts(name, index) for name, index in found.index.items()},
     }
 
 
-def _channel_facts(index: ChannelIndex) -> dict[str, float]:
+def _channel_facts(name: str, index: ChannelIndex) -> dict[str, float | str]:
     return {
+        "unit": CHANNELS[name].unit if name in CHANNELS else "its own unit",
         "length": len(index.relevance),
         "noise_floor_peak": float(index.noise_floor.max()),
         "relevance_peak": float(index.relevance.max()),
@@ -131,11 +134,11 @@ def _facts_table(found: Library) -> Table:
     table.add_row("obstacles", ", ".join(region.name for region in found.arena.obstacles) or "none")
     table.add_row("floors", ", ".join(dict.fromkeys(r.name for r in found.arena.floors)) or "none named")
     for name, index in found.index.items():
-        channel = _channel_facts(index)
+        channel = _channel_facts(name, index)
         table.add_row(
             f"channel {name}",
-            f"{channel['length']:.0f} bins, noise floor up to {channel['noise_floor_peak']:.1f}, "
-            f"relevance up to {channel['relevance_peak']:.1f} (256 x share of pixels)",
+            f"{channel['length']} numbers, noise floor up to {channel['noise_floor_peak']:.3g}, "
+            f"relevance up to {channel['relevance_peak']:.3g} ({channel['unit']})",
         )
     return table
 
@@ -160,9 +163,12 @@ def check(
         print_json(found.to_json())
         return
     scale = scale_for(found.library.display_units, found.library.arena)
-    results.print(_check_table(found.library, found.similarity, found.coverage, scale))
+    table = _check_table(found.library, found.similarity, found.coverage, scale)
+    table.add_row("places", scores_of(found.telling))
+    results.print(table)
     gaps, pairs = _gap_lines(found.coverage, scale), _pair_lines(found.library, found.similarity, scale)
-    for line in (*gaps, *pairs):
+    places = places_said(found.library.name, weights_of(feature or "blended"), found.telling)
+    for line in (*places, *gaps, *pairs):
         results.print(line, soft_wrap=True)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from ..arrays import F32, F64, I32, U8
 from ..geometry import wrap
 from ..library import ChannelIndex, Library
-from ..map import place_tree
 from ..sensor.descriptors.channel import BINS, LOW, WIDTH, camera_histogram
 from ..sensor.descriptors.registry import CHANNELS
 from ..sensor.distances import DISTANCES
-from ..sensor.references import NearestReference, crosses, distinct_places
+from ..sensor.left_out import log_scores, neighbors
+from ..sensor.references import NearestReference
 from ..session import Moment
 
 COLORS = ("red", "green", "blue")
@@ -92,7 +92,6 @@ def _peak(color: str, mean: F64, sd: F64) -> Peak:
 
 # Tuning: scales and weights of channels, fitted on drives with known truth.
 
-LEAST_PROBABILITY = 1e-6  # a picture that says the truth is impossible costs 13.8 nats and no more
 LEAST_WEIGHT = 0.02  # a channel with less of the sum is dropped
 Progress = Callable[[int, int], None]  # steps done, steps in all
 REACH = 5.0  # natural log of how far scales and weights may move from where the search starts
@@ -168,14 +167,6 @@ def true_entry(nearest: NearestReference, library: Library, pose: F64) -> int:
     local = (pose - np.append(library.origin, 0))[None]
     local[:, 2] = wrap(local[:, 2])
     return int(nearest.entries(np.asarray(local, np.float32), library.origin)[0])
-
-
-def log_scores(cost: F64, truth: I32) -> F64:
-    """Return the log score (T,) of costs (T, L) in nats."""
-    logits = -cost + cost.min(axis=1, keepdims=True)
-    log_total = np.log(np.exp(logits).sum(axis=1))
-    found = logits[np.arange(len(truth)), truth] - log_total
-    return np.asarray(np.maximum(found, np.log(LEAST_PROBABILITY)))
 
 
 def score(samples: Sequence[Sample], per_distance: F64) -> float:
@@ -262,8 +253,6 @@ def tune(channels: Sequence[str], samples: Sequence[Sample], progress: Progress 
 
 MOST_DISTANCES = 2**25  # numbers in total: 128 MiB
 MOST_IN_BLOCK = 2**21  # numbers in one sample
-NEIGHBORS = 9  # places tried, including itself, for one without a wall in between
-SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference turned further shows another view
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -312,35 +301,6 @@ def library_samples(measuring: Measuring, most: int, progress: Progress | None =
     chosen = [int(known[k]) for k in sorted(spread_out(len(known), most))] if len(known) else []
     pictures = (_left_out(measuring, entry, int(stands_for[entry])) for entry in chosen)
     return _blocks(_counted(pictures, len(chosen), progress), measuring)
-
-
-def neighbors(library: Library) -> I32:
-    """Return for every entry (L,) the one that replaces it when it is left out; -1 for none."""
-    places, place_of = distinct_places(library.poses[:, :2])
-    if len(places) < 2:
-        return np.full(library.size, -1, np.int32)
-    beside = _beside(places, library.arena.walls)
-    found = np.full(library.size, -1, np.int32)
-    at_place = [np.flatnonzero(place_of == place) for place in range(len(places))]
-    for entry, place in enumerate(place_of):
-        if beside[place] >= 0:
-            others = at_place[beside[place]]
-            turn = library.poses[others, 2] - library.poses[entry, 2]
-            apart = np.abs((turn + np.pi) % (2 * np.pi) - np.pi)
-            if apart.min() <= SAME_WAY_RAD:
-                found[entry] = others[apart.argmin()]
-    return found
-
-
-def _beside(places: F64, walls: F64) -> I32:
-    """Return for every place (P,) the nearest other visible one; -1 for none near."""
-    near = np.asarray(place_tree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
-    itself = np.arange(len(places))
-    found = np.full(len(places), -1, np.int32)
-    for other in near.T:
-        seen = (found < 0) & (other != itself) & ~crosses(places, places[other], walls)
-        found[seen] = other[seen]
-    return found
 
 
 def _of_drive(

@@ -1,6 +1,7 @@
 """From a configuration to a localizer. Every name is looked up here and nowhere else."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..filter.recovery import always as always_some
 from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
 from ..library import Library
 from ..sensor.descriptors.registry import weights_of
+from ..sensor.left_out import PlaceScore, score_places
 from ..sensor.model import SensorModel
 from ..sensor.references import (
     NearestReference,
@@ -22,7 +24,16 @@ from ..sensor.references import (
     virtual_references,
 )
 from ..session import Session
-from .parameters import PRESETS, FilterParameters, Layer, RecoveryParameters, ResamplingParameters, configure
+from .parameters import (
+    PRESETS,
+    Configuration,
+    FilterParameters,
+    Layer,
+    RecoveryParameters,
+    ResamplingParameters,
+    Setting,
+    configure,
+)
 
 
 def make_localizer(
@@ -42,7 +53,7 @@ def make_localizer(
     bit for bit. `motion` holds motion parameters as under robot.motion in a session's header; with None, the
     motion model is that of the session which `run` is given. `settings` maps any key of
     docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
-    Environment variables are not read.
+    Environment variables are not read. The scales of a library with few places are widened (`adapted`).
 
     Raises InputError, in one line, for an unknown name, key or channel and for a value out of range.
 
@@ -60,8 +71,9 @@ def make_localizer(
     layers += [Layer("settings", settings or {})]
     layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
     try:
-        parameters = configure(layers).parameters
-        localizer = build_localizer(library, None, parameters, seed=seed)
+        nearest = nearest_reference(library.poses, library.arena)
+        parameters = adapted(configure(layers), library, nearest)[0].parameters
+        localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed)
     except ValueError as problem:
         raise InputError(None, str(problem)) from None
     missing = [channel for channel in parameters.sensor.weights if channel not in library.index]
@@ -108,6 +120,28 @@ def build_localizer(
         particles=p.particles,
         seed=seed,
     )
+
+
+def adapted(
+    configuration: Configuration, library: Library, nearest: NearestReference
+) -> tuple[Configuration, PlaceScore | None]:
+    """Widen the scales where the library's own pictures show that they are overconfident there.
+
+    That is done only where nobody has set `sensor.widening` or `sensor.scales`, and for likelihoods that have
+    scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
+    """
+    sensor = configuration.parameters.sensor
+    if sensor.sharpness == 0 or any(name not in library.index for name in sensor.weights):
+        return configuration, None
+    found = score_places(SensorModel(library, nearest, sensor))
+    origins = {setting.key: setting.origin for setting in configuration.settings}
+    chosen = any(origins[key] != "default" for key in ("sensor.widening", "sensor.scales"))
+    if chosen or (sensor.blend, sensor.likelihood) != ("calibrated", "exponential") or found.widening == 1:
+        return configuration, replace(found, widening=1.0)
+    made = Setting("sensor.widening", found.widening, f"library {library.name}")
+    settings = tuple(made if one.key == made.key else one for one in configuration.settings)
+    parameters = replace(configuration.parameters, sensor=replace(sensor, widening=found.widening))
+    return replace(configuration, parameters=parameters, settings=settings), found
 
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:

@@ -220,6 +220,7 @@ RULES: Mapping[str, Rule] = {
     "sensor.quality": choice(*QUALITIES),
     "sensor.distances": channels(choice(*DISTANCES)),
     "sensor.scales": channels(number(1e-9, 1e9)),
+    "sensor.widening": number(1, 1e6),
     "references.method": choice("nearest", "interpolated"),
     "references.interpolation.virtual": truth,
     "references.interpolation.places": whole(1, 64),

@@ -111,6 +111,7 @@ class SensorParameters:
     quality: str = "relative"  # QUALITIES
     distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
     scales: Mapping[str, float] = field(default_factory=dict)  # channel to distance of a nat; others: SCALES
+    widening: float = 1.0  # multiplies the scales of SCALES: above 1 where a library has few places
 
     def distance_of(self, channel: str) -> str:
         """Return the name of the distance that a channel is compared by."""
@@ -119,7 +120,7 @@ class SensorParameters:
     def scale_of(self, channel: str) -> float:
         """Return the distance that costs one nat of log-likelihood at weight 1 and sharpness 1."""
         usual = SCALES.get(channel, {}).get(self.distance_of(channel), 1.0)
-        return self.scales.get(channel, usual)
+        return self.scales.get(channel, usual * self.widening)
 
     def check_names(self) -> None:
         """Raise KeyError for an unknown name now, instead of at the first picture."""

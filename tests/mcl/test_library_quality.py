@@ -7,8 +7,9 @@ import pytest
 
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.library_quality import SelfSimilarity, coverage_of, places_of, self_similarity_of
+from maurice_mcl.library_quality import SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.map import Arena, open_arena
+from maurice_mcl.sensor.left_out import places_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 

@@ -9,6 +9,7 @@ from maurice_mcl.calibration import sensor as tuning
 from maurice_mcl.calibration import sensor as tuning_samples
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
+from maurice_mcl.sensor.left_out import LEAST_PROBABILITY
 from maurice_mcl.sensor.references import nearest_reference
 
 
@@ -23,7 +24,7 @@ def _drawn(rng, scales, pictures=400, entries=30):
 def test_scores_by_hand():
     cost = np.array([[0.0, np.log(3.0)], [1e6, 0.0]])
     found = tuning.log_scores(cost, np.array([0, 0], np.int32))
-    assert found == pytest.approx([np.log(0.75), np.log(tuning.LEAST_PROBABILITY)])
+    assert found == pytest.approx([np.log(0.75), np.log(LEAST_PROBABILITY)])
     sample = _drawn(np.random.default_rng(0), [1.0], 90)
     blocks = [
         tuning.Sample(sample.distances[:, :7], sample.truth[:7]),

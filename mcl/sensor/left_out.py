@@ -1,0 +1,193 @@
+"""How well a library tells its places apart: its own pictures, each with its whole place left out.
+
+Such a picture stands for one that a robot takes where nothing was surveyed. Its log score is the log of the
+probability that it alone gives the stand-in, the entry of similar heading at the nearest other place, under a
+uniform prior. Intervals are by place: pictures of one place err together.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import F32, F64, I32
+from ..geometry import INCH_M, wrap_angle
+from ..library import Library
+from ..map import place_tree, spacing
+from .model import SensorModel
+from .references import crosses, distinct_places
+
+LEAST_PROBABILITY = 1e-6  # a picture that says the truth is impossible costs 13.8 nats and no more
+NEIGHBORS = 9  # places tried, including itself, for one without a wall in between
+SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference turned further shows another view
+ONE_PLACE = 0.75  # of the distance to the next place: nearer entries are at one place
+LEAST_SPACING_M, OF_MAP = 0.25, 0.1  # from a place to the next one: the smaller of this, and of its share
+MOST_CLUSTERED = 4000  # entries; in larger libraries only equal positions are one place
+
+MOST_PICTURES, FEWEST_PICTURES = 64, 16
+MOST_COMPARED = 60_000  # entries in all, which bounds the time: about 0.1 s for 624 entries
+ENOUGH_PLACES = 20  # with fewer, the score has to be better than nothing beyond doubt
+FITTED_SPACING_M = 18 * INCH_M  # of the libraries that the scales were fitted on
+FAR_APART = 1.5  # times that
+CONFIDENCE = 0.95
+WIDENINGS: F64 = np.geomspace(1, 100, 41)
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceScore:
+    """What a library's own pictures say about places that are left out, in nats per picture."""
+
+    places: int
+    pictures: int  # that were left out; 0: there are no two places that see each other
+    score: float  # mean log score; nan without pictures
+    blind: float  # that of knowing nothing
+    widening: float  # of the scales, so that the sensor is not overconfident; 1: they hold here
+
+    @property
+    def worse_than_nothing(self) -> bool:
+        """Whether the sensor knows less than knowing nothing."""
+        return self.pictures > 0 and self.score < self.blind
+
+    def to_json(self) -> dict[str, float | bool | None]:
+        """Return everything as JSON."""
+        tested = self.pictures > 0
+        return {
+            "places": self.places,
+            "pictures": self.pictures,
+            "log_score": self.score if tested else None,
+            "knowing_nothing": self.blind if tested else None,
+            "worse_than_nothing": self.worse_than_nothing,
+            "widening": self.widening,
+        }
+
+
+def score_places(sensor: SensorModel) -> PlaceScore:
+    """Compare some of the library's pictures with all other places; bounded in time, whatever the library."""
+    places, place_of = clustered(sensor.library)
+    tested = _left_out(replace(sensor, index={}), places, place_of)
+    if not len(tested.groups) or tested.groups.max() < 1:
+        return PlaceScore(len(places), 0, np.nan, np.nan, 1.0)
+    gains, nothing = tested.gains(1.0), float(tested.by_place(tested.blind).mean())
+    dense = len(places) >= ENOUGH_PLACES and spacing(places) <= FAR_APART * FITTED_SPACING_M
+    known = mean if dense else lower_bound
+    widening = 1.0
+    if known(gains) < 0:
+        widening = float(WIDENINGS[np.argmax([known(tested.gains(k)) for k in WIDENINGS.tolist()])])
+    score = nothing + float(gains.mean())
+    return PlaceScore(len(places), len(tested.costs), score, nothing, float(f"{widening:.3g}"))
+
+
+def mean(values: F64) -> float:
+    """Return the mean of values (P,)."""
+    return float(values.mean())
+
+
+def lower_bound(values: F64) -> float:
+    """Return the lower confidence bound of the mean of values (P,), by Student."""
+    from scipy.special import stdtrit
+
+    error = float(values.std(ddof=1) / np.sqrt(len(values)))
+    return mean(values) - float(stdtrit(len(values) - 1, CONFIDENCE)) * error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LeftOut:
+    """Some pictures, each compared with all entries at other places."""
+
+    costs: list[F64]  # n of them, in nats
+    truth: I32  # (n,) which of the entries compared with is the stand-in
+    groups: I32  # (n,) place of each picture, numbered among those tested
+
+    @property
+    def blind(self) -> F64:
+        """The log score (n,) of knowing nothing."""
+        return -np.log([len(cost) for cost in self.costs])
+
+    def by_place(self, values: F64) -> F64:
+        """Return the mean (G,) of values (n,) at each place."""
+        return np.asarray(np.bincount(self.groups, values) / np.bincount(self.groups))
+
+    def gains(self, widening: float) -> F64:
+        """Return by how much each place (G,) does better than knowing nothing."""
+        pairs = zip(self.costs, self.truth, strict=True)
+        scores = [log_scores(cost[None] / widening, np.array([truth])) for cost, truth in pairs]
+        return self.by_place(np.concatenate(scores) - self.blind)
+
+
+def _left_out(sensor: SensorModel, places: F64, place_of: I32) -> _LeftOut:
+    library, weights = sensor.library, sensor.parameters.weights
+    stands_for = stand_ins(library, places, place_of)
+    known = np.flatnonzero(stands_for >= 0)
+    most = min(max(MOST_COMPARED // library.size, FEWEST_PICTURES), MOST_PICTURES)
+    tested = known[np.linspace(0, len(known) - 1, min(len(known), most)).round().astype(int)]
+    costs, truth = list[F64](), list[int]()
+    for entry in tested.tolist():
+        others = np.flatnonzero(place_of != place_of[entry])
+        found = sensor.compare({name: library.index[name].references[entry] for name in weights})
+        costs.append(-np.asarray(found.log_likelihood[others], np.float64))
+        truth.append(int(np.searchsorted(others, stands_for[entry])))
+    groups = np.unique(place_of[tested], return_inverse=True)[1]
+    return _LeftOut(costs, np.array(truth, np.int32), groups.astype(np.int32))
+
+
+def log_scores(cost: F64 | F32, truth: I32) -> F64:
+    """Return the log score (T,) of costs (T, L) in nats."""
+    logits = -cost + cost.min(axis=1, keepdims=True)
+    log_total = np.log(np.exp(logits).sum(axis=1))
+    found = logits[np.arange(len(truth)), truth] - log_total
+    return np.asarray(np.maximum(found, np.log(LEAST_PROBABILITY)))
+
+
+def neighbors(library: Library) -> I32:
+    """Return for every entry (L,) the one that replaces it when it is left out; -1 for none."""
+    return stand_ins(library, *distinct_places(library.poses[:, :2]))
+
+
+def stand_ins(library: Library, places: F64, place_of: I32) -> I32:
+    """Return for every entry (L,) that of similar heading at the nearest other visible place; -1 for none."""
+    found = np.full(library.size, -1, np.int32)
+    if len(places) < 2:
+        return found
+    beside = _beside(places, library.arena.walls)
+    at_place = [np.flatnonzero(place_of == place) for place in range(len(places))]
+    for entry, place in enumerate(place_of):
+        if beside[place] >= 0:
+            others = at_place[beside[place]]
+            apart = np.abs(wrap_angle(library.poses[others, 2] - library.poses[entry, 2]))
+            if apart.min() <= SAME_WAY_RAD:
+                found[entry] = others[apart.argmin()]
+    return found
+
+
+def _beside(places: F64, walls: F64) -> I32:
+    """Return for every place (P,) the nearest other visible one; -1 for none near."""
+    near = np.asarray(place_tree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
+    itself = np.arange(len(places))
+    found = np.full(len(places), -1, np.int32)
+    for other in near.T:
+        seen = (found < 0) & (other != itself) & ~crosses(places, places[other], walls)
+        found[seen] = other[seen]
+    return found
+
+
+def clustered(library: Library) -> tuple[F64, I32]:
+    """Return the places (P, 2) of a library, positions that nearly agree as one, and each entry's (L,)."""
+    distinct, place_of = distinct_places(library.poses[:, :2])
+    if library.size > MOST_CLUSTERED:
+        return distinct, place_of
+    least = min(LEAST_SPACING_M, OF_MAP * max(library.arena.size_m))
+    return places_of(library.poses[:, :2], max(spacing(distinct), least))
+
+
+def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
+    """Cluster positions (L, 2) about the first of near ones: centers (P, 2), place of each (L,)."""
+    firsts, place_of = np.empty((0, 2)), np.empty(len(xy), np.int32)
+    for number, at in enumerate(xy):
+        apart = np.hypot(*(firsts - at).T)
+        if not len(firsts) or apart.min() > ONE_PLACE * size_m:
+            place_of[number] = len(firsts)
+            firsts = np.vstack([firsts, at])
+        else:
+            place_of[number] = apart.argmin()
+    count = np.bincount(place_of)
+    middles = [np.bincount(place_of, xy[:, k]) / count for k in (0, 1)]
+    return np.column_stack(middles), place_of

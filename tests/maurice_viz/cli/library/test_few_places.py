@@ -1,0 +1,52 @@
+"""A library with few places says so wherever it is used, and each channel is shown in its own unit."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.session import SessionInfo
+from maurice_viz.cli.app import app
+from maurice_viz.text.places import WORSE
+
+RUNNER = CliRunner()
+SPOTS, HEADINGS = ((0.2, 0.2), (0.6, 0.2), (1.0, 0.3)), 8
+
+
+def said(*args):
+    done = RUNNER.invoke(app, [str(arg) for arg in args], env={"COLUMNS": "500"})
+    assert done.exit_code == 0, (done.stdout, done.stderr, done.exception)
+    return done
+
+
+@pytest.fixture
+def survey(tmp_path):
+    path, rng = tmp_path / "survey.log", np.random.default_rng(0)
+    with SessionWriter(path, SessionInfo("three spots"), "survey") as log:
+        for spot, (x, y) in enumerate(SPOTS):
+            for k in range(HEADINGS):
+                level = 40 + 24 * ((k + 3 * spot) % HEADINGS)  # alike where the robot looks another way
+                picture = np.clip(rng.normal(level, 12, (30, 40, 3)), 0, 255).astype(np.uint8)
+                log.image(spot * 10.0 + k, picture, pose=np.array([x, y, k * 2 * np.pi / HEADINGS]))
+    return path
+
+
+def test_every_command_says_that_the_sensor_is_worse_than_nothing(survey):
+    assert WORSE in said("library", "check", survey).stdout
+    assert WORSE in said("inspect", survey).stdout
+    assert WORSE in said("library", "tune", survey, "--channels", "color,edges").stderr
+    found = json.loads(said("library", "check", survey, "--json").stdout)["places_told_apart"]
+    assert (found["places"], found["worse_than_nothing"]) == (3, True)
+    assert found["log_score"] < found["knowing_nothing"]
+    assert found["widening"] > 1
+
+
+def test_every_channel_is_shown_in_its_own_unit(survey):
+    channels = json.loads(said("library", "show", survey, "--json").stdout)["channels"]
+    units = {name: channels[name]["unit"] for name in ("color", "tiny", "moments", "hog")}
+    assert list(units.values()) == ["256 x share", "relative brightness", "gray levels", "root of share"]
+    shown = " ".join(said("library", "show", survey).stdout.split())
+    assert "256 x share of pixels" not in shown
+    assert "gray levels)" in shown
