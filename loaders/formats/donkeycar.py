@@ -113,5 +113,11 @@ def _is_list(lines: list[str]) -> bool:
 
 
 FORMATS = (
-    Format("donkeycar", "a Donkeycar tub: manifest.json, catalogs, images", looks_like_tub, open_donkeycar),
+    Format(
+        "donkeycar",
+        "a Donkeycar tub: manifest.json, catalogs, images",
+        looks_like_tub,
+        open_donkeycar,
+        beside=lambda path: [path / MANIFEST],  # which a saved run's hash of a folder leaves out
+    ),
 )

@@ -23,6 +23,7 @@ from maurice_mcl.library import Library
 from ..errors import FieldError, InputError
 from ..files import PICTURES, flag, items, mapping, numbers, read_json, show, text, whole
 from ..formats.cmucam import ENDINGS as DUMPS
+from ..formats.donkeycar import looks_like_tub
 from ..formats.registry import NATIVE
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
@@ -183,7 +184,7 @@ def _units(value: Any) -> str:
 
 
 # what a folder is read from, beside pictures
-CONTENTS = (".log", ".csv", ".tsv", ".yaml", ".yml", ".db3", ".mcap", ".zstd", *VIDEOS, *DUMPS)
+CONTENTS = (".log", ".csv", ".tsv", ".yaml", ".yml", ".db3", ".mcap", ".zstd", *VIDEOS, *DUMPS, ".catalog")
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +217,7 @@ def source_hash(path: Path, others: Sequence[Path] = ()) -> str:
         return sha256("\n".join([source_hash(path), *map(hash_file, others)]).encode()).hexdigest()
     if not path.is_dir():
         return hash_file(path)
-    if (path / MANIFEST).is_file():
+    if (path / MANIFEST).is_file() and not looks_like_tub(path):
         return hash_file(path / MANIFEST)
     digest = sha256()
     for file in sorted(path.rglob("*")):

@@ -20,6 +20,7 @@ from maurice_mcl.map import Arena
 from ..config_files import read_config
 from ..errors import FieldError, InputError
 from ..files import items, read_json, show, write_whole
+from ..formats.donkeycar import looks_like_tub
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
 from .manifest import COMPARISON, CONFIGURATION, FORMAT, MAP, RunManifest, read_manifest, read_object
@@ -59,7 +60,7 @@ class SavedRun:
 
 def is_saved(path: Path) -> bool:
     """Return whether a path looks like a saved run, a broken one as well."""
-    return (path / MANIFEST).is_file()
+    return (path / MANIFEST).is_file() and not looks_like_tub(path)
 
 
 def open_runs(path: Path) -> list[SavedRun]:

@@ -19,6 +19,8 @@ from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import Motion, OdometryPose, Picture, TruthPose
+from maurice_loaders.runs.manifest import source_hash
+from maurice_loaders.runs.store import is_saved
 
 # CARMEN
 
@@ -350,5 +352,9 @@ def test_a_tub_leaves_deleted_records_out_and_counts_broken_ones(tmp_path: Path)
     names = [one.name for one in open_recording(tub).records(notes) if isinstance(one, Picture)]
     assert names == [f"images/{k}_cam_image_array_.jpg" for k in range(4)]
     assert notes.count == 2
+    assert not is_saved(tub)  # though it has a manifest.json
+    hashed = source_hash(tub)
+    (tub / "catalog_0.catalog").write_text("")
+    assert source_hash(tub) != hashed
     with pytest.raises(InputError, match="found cameras cam/image_array and 1 catalogs, expected 'left'"):
         open_recording(tub, ReadingOptions(camera="left"))
