@@ -62,6 +62,9 @@ class ReadingOptions:
     truth_topic: Annotated[
         Text, Meaning("Topic of a bag's true poses. [default: detected, printed]", "source")
     ] = None
+    localizer_topic: Annotated[
+        Text, Meaning("Topics of recorded localizers, with commas. [default: detected, printed]", "source")
+    ] = None
     plane: Annotated[
         Text,
         Meaning("Axes of the plane that poses in space move in. [default: auto, printed]", "source", PLANES),

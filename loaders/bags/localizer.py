@@ -22,14 +22,24 @@ from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..maps import MOST_CELLS, cell_walls
+from ..plane import Plane
 from ..reading import ReadingOptions
 from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..time_alignment import Aligner, Steps, as_rows
-from .messages import CLOUDS, POSE_WITH_COVARIANCE, cloud_of, pose_of, use_recorded
+from .messages import (
+    CLOUDS,
+    IN_XY,
+    POSE_WITH_COVARIANCE,
+    POSES,
+    cloud_of,
+    known_type,
+    pose_of,
+    use_recorded,
+)
 from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_bag
 from .recording import BagRecording, peek
 from .source import BagSource, Message, OpenBag, Topic
-from .topics import listed, readable
+from .topics import PoseTopic, listed, named_topic, readable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,25 +73,31 @@ class LocalizerPose:
 
 @dataclass(frozen=True, slots=True)
 class LocalizerPoseReader(OneTopic):
-    """Converts a topic of PoseWithCovarianceStamped to a localizer's poses."""
+    """Converts a topic of poses to a localizer's; without a covariance they are taken as exact."""
 
-    types: ClassVar[Collection[str]] = (POSE_WITH_COVARIANCE,)
+    types: ClassVar[Collection[str]] = POSES
+    plane: Plane = IN_XY
     alone: bool = False  # there is no cloud: poses of the same mean and covariance stand for it
 
     def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the pose of one message."""
-        covariance = covariance_of(found)
+        covariance = covariance_of(found, self.plane)
         variances = np.diag(covariance)
         sd = np.sqrt(np.where(variances > 0, variances, 0))
-        pose = LocalizerPose(t_s, pose_of(found), sd)
+        pose = LocalizerPose(t_s, pose_of(found, self.plane), sd)
         yield pose
         if self.alone:
             yield Cloud(t_s, sigma_points(pose.pose, covariance), None)
 
 
-def covariance_of(message: Any) -> F64:
-    """Return the covariance (3, 3) of x_m, y_m and heading_rad of a PoseWithCovarianceStamped."""
-    return np.asarray(message.pose.covariance, np.float64).reshape(6, 6)[np.ix_(PLANAR, PLANAR)]
+def covariance_of(message: Any, plane: Plane) -> F64:
+    """Return the covariance (3, 3) of x_m, y_m and heading_rad; zeros for a message without one."""
+    given = getattr(getattr(message, "pose", None), "covariance", None)
+    if given is None:
+        return np.zeros((3, 3))
+    turned = np.kron(np.eye(2), plane.turned)
+    covariance: F64 = turned @ np.asarray(given, np.float64).reshape(6, 6) @ turned.T
+    return covariance[np.ix_(PLANAR, PLANAR)]
 
 
 def sigma_points(pose: F64, covariance: F64) -> F64:
@@ -135,13 +151,19 @@ class _CloudPicture(Picture):
 class RecordedLocalizer:
     """The localizer of a bag. InputError where the bag holds no particles, or is damaged."""
 
-    def __init__(self, path: Path, open_bag: OpenBag, options: ReadingOptions) -> None:
+    def __init__(
+        self, path: Path, open_bag: OpenBag, options: ReadingOptions, topic: str | None = None
+    ) -> None:
         self.path = path
         self._options = options
         self._drive = BagRecording(path, open_bag, options, may_be_empty=True)
         with open_bag(path) as bag:
             self.pose = _pose_topic(bag.topics)
             self.cloud = _cloud_topic(path, bag.topics, self.pose)  # or that of the poses, without a cloud
+            if topic is not None:
+                self.cloud = named_topic(path, bag.topics, topic, CLOUDS | POSES)
+                if known_type(self.cloud.type) in POSES:
+                    self.pose = self.cloud
             self._map = _map_of(bag)
             own = [one.name for one in (self.cloud, self.pose) if one is not None]
             names = [*dict.fromkeys(own), *self._drive.chosen.topics]
@@ -203,12 +225,30 @@ class RecordedLocalizer:
         if self.has_cloud:
             readers.append(CloudReader(self.cloud.name))
         if self.pose is not None:
-            readers.append(LocalizerPoseReader(self.pose.name, alone=not self.has_cloud))
+            alone = not self.has_cloud
+            plane = self._drive.plane(PoseTopic(self.pose.name)) if alone else IN_XY
+            readers.append(LocalizerPoseReader(self.pose.name, plane, alone))
         late: list[float] = []
         records = read_bag(self.path, self._drive.open_bag, readers, notes, recorded=self._recorded)
         yield from in_order(records, lambda record: late.append(record.t_s))
         if late:
             notes.warning(f"{len(late)} messages were left out: their times fall by more than {WINDOW_S:g} s")
+
+
+class Nearest:
+    """The updates of a localizer that are nearest to some rising times."""
+
+    def __init__(self, updates: Iterator[RecordedUpdate]) -> None:
+        self._updates = updates
+        self._before: RecordedUpdate | None = None
+        self._after = next(updates, None)
+
+    def at(self, t_s: float) -> RecordedUpdate | None:
+        """Return the update nearest to a time, None where none is within 0.5 s."""
+        while self._after is not None and self._after.t_s <= t_s:
+            self._before, self._after = self._after, next(self._updates, None)
+        near = [one for one in (self._before, self._after) if one and abs(one.t_s - t_s) <= NEAR_S]
+        return min(near, key=lambda one: abs(one.t_s - t_s), default=None)
 
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:

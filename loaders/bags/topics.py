@@ -123,7 +123,7 @@ def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
         return found[0].name if found else None
     if wish == "none":
         return None
-    named = _named(path, topics, wish, PICTURES | VIDEOS)
+    named = named_topic(path, topics, wish, PICTURES | VIDEOS)
     if known_type(named.type) in VIDEOS and not can_decode():
         raise InputError(path, _needs_extra(named))
     return named.name
@@ -159,18 +159,19 @@ def _route(
         return None
     name, _, frames = wish.partition(":")
     if not frames:
-        topic = _named(path, topics, name, POSES | TRANSFORMS)
+        topic = named_topic(path, topics, name, POSES | TRANSFORMS)
         if known_type(topic.type) in TRANSFORMS:
             raise InputError(path, f"found transforms at {name}, expected frames too: {name}:odom.base_link")
         return PoseTopic(name)
-    _named(path, topics, name, TRANSFORMS)
+    named_topic(path, topics, name, TRANSFORMS)
     parent, _, child = frames.partition(".")
     if not parent or not child:
         raise InputError(path, f"found frames {frames!r}, expected two: {name}:odom.base_link")
     return PoseTopic(name, (parent.lstrip("/"), child.lstrip("/")))
 
 
-def _named(path: Path, topics: Sequence[Topic], name: str, types: Collection[str]) -> Topic:
+def named_topic(path: Path, topics: Sequence[Topic], name: str, types: Collection[str]) -> Topic:
+    """Return the topic of a name that carries one of these types. InputError without one."""
     same = [t for t in topics if t.name.lstrip("/") == name.lstrip("/")]
     if not same:
         raise InputError(path, f"found no topic {name}; it holds {listed(topics)}")

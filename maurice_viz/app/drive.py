@@ -6,13 +6,13 @@ Of the latter nothing is filtered and no picture is compared: what a bag does no
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.bags.localizer import Overview, RecordedLocalizer, RecordedUpdate
+from maurice_loaders.bags.localizer import Nearest, Overview, RecordedLocalizer, RecordedUpdate
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen, open_recording
@@ -23,6 +23,7 @@ from maurice_loaders.transforms import FewerPictures, Placeholders
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.estimate import CLUSTER_M, CONFIDENCE_M, heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.library import Library
+from maurice_mcl.map import open_arena
 from maurice_mcl.records import (
     Belief,
     Estimate,
@@ -41,6 +42,7 @@ from .output import NEXT_KEYS, DriveScene, OutputOptions, opened
 from .run import Playback
 from .saved_steps import NO_PICTURE, nothing_seen
 
+MOST_RUNS = 4  # recorded localizers side by side
 MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
 MISSING = "Nothing was localized: there is no library"
 
@@ -144,7 +146,7 @@ AFTER_RESAMPLING = (
 
 
 WITHOUT_CLOUD = (
-    "shown as recorded: the bag has no particles, so ellipses of two standard deviations are drawn along the "
+    "shown as recorded: poses without particles, so ellipses of two standard deviations are drawn along the "
     "path, and six points of the same mean and covariance stand for the cloud"
 )
 
@@ -169,13 +171,19 @@ class AsRecorded:
         """Yield one moment and record a cloud, in order."""
         origin = map_of(self.localizer, self.overview).origin
         for number, update in enumerate(self.localizer.updates(self.findings), start=1):
-            self._begin_s = update.t_s if self._begin_s is None else self._begin_s
-            image = self._image(update)
-            name = update.picture or "no picture"
-            frame = Frame(number, update.t_s - self._begin_s, update.motions, image, name)
-            events = (_shown(self.localizer),) if number == 1 else ()
-            moment = Moment(frame, update.truth, events)
-            yield {self.label: (moment, record_of(frame, update, self._belief(update, origin)))}
+            yield {self.label: self.step(self.frame(update, number), update, origin)}
+
+    def frame(self, update: RecordedUpdate, number: int) -> Frame:
+        """Return what was recorded beside an update, the `number`-th."""
+        self._begin_s = update.t_s if self._begin_s is None else self._begin_s
+        image, name = self._image(update), update.picture or "no picture"
+        return Frame(number, update.t_s - self._begin_s, update.motions, image, name)
+
+    def step(self, frame: Frame, update: RecordedUpdate, origin: F64) -> tuple[Moment, StepRecord]:
+        """Return moment and record of an update."""
+        events = (_shown(self.localizer),) if frame.step == 1 else ()
+        moment = Moment(frame, update.truth, events)
+        return moment, record_of(frame, update, self._belief(update, origin))
 
     def _image(self, update: RecordedUpdate) -> U8:
         if update.read is None:
@@ -257,9 +265,66 @@ def open_as_recorded(path: Path, options: ReadingOptions) -> AsRecorded:
     own = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
     if own.corrections:
         raise InputError(path, f"--as-recorded shows a bag as it is, expected no {own.corrections[0]}")
-    localizer = RecordedLocalizer(path, BAGS[name], options)
+    return _opened(path, name, options, _topics(path, options)[0])
+
+
+def open_several(path: Path, options: ReadingOptions) -> list[AsRecorded]:
+    """Open the localizers that `localizer_topic` names, or the one that is detected. InputError as above."""
+    first, *others = _topics(path, options)
+    opened = [open_as_recorded(path, replace(options, localizer_topic=first))]
+    return opened + [_opened(path, chosen(path, options).name, options, topic) for topic in others]
+
+
+def _topics(path: Path, options: ReadingOptions) -> list[str | None]:
+    if options.localizer_topic is None:
+        return [None]
+    names: list[str | None] = [name.strip() for name in options.localizer_topic.split(",")]
+    if not all(names) or len(set(names)) < len(names) or len(names) > MOST_RUNS:
+        found = f"found --reading localizer_topic={options.localizer_topic}"
+        raise InputError(path, f"{found}, expected one to {MOST_RUNS} topics, with commas between them")
+    return names
+
+
+def _opened(path: Path, bag: str, options: ReadingOptions, topic: str | None) -> AsRecorded:
+    localizer = RecordedLocalizer(path, BAGS[bag], options, topic)
     label = localizer.cloud.name.strip("/").replace("/", "-") or "recorded"
     return AsRecorded(localizer, localizer.overview(), label, ReadingNotes(options.keep_going))
+
+
+def together(recorded: Sequence[AsRecorded]) -> Iterator[Mapping[str, tuple[Moment, StepRecord]]]:
+    """Yield the updates of the first localizer for which every other has one within 0.5 s."""
+    first, *others = recorded
+    origin = map_of(first.localizer, first.overview).origin
+    beside = [Nearest(one.localizer.updates(one.findings)) for one in others]
+    number = 0
+    for update in first.localizer.updates(first.findings):
+        near = [update, *(found for one in beside if (found := one.at(update.t_s)) is not None)]
+        if len(near) == len(recorded):
+            number += 1
+            frame = first.frame(update, number)
+            pairs = zip(recorded, near, strict=True)
+            yield {one.label: one.step(frame, found, origin) for one, found in pairs}
+
+
+def playback_together(recorded: Sequence[AsRecorded], listener: Listener = SILENT) -> Playback:
+    """Prepare recorded localizers for `play`, on one map that holds them all."""
+    if len(recorded) == 1:
+        return playback_as_recorded(recorded[0], listener)
+    corners = np.array([one.overview.arena.bounds for one in recorded]).reshape(-1, 2)
+    first = recorded[0]
+    arena = first.overview.arena
+    if not len(arena.walls):
+        arena = open_arena(np.stack([corners.min(axis=0), corners.max(axis=0)]), 0.0)
+    for one in recorded:
+        one.overview = replace(one.overview, arena=arena)
+    playing = playback_as_recorded(first, listener)
+    views = [RunView(one.label, (), None, one.overview.most_particles) for one in recorded]
+
+    def remarks(_: object) -> None:
+        for one in recorded:
+            _remark(one, listener, first=one is first)
+
+    return Playback(together(recorded), playing.total, views, playing.scene, remarks)
 
 
 def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> Playback:
@@ -273,12 +338,12 @@ def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> P
     return Playback(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded, listener))
 
 
-def _remark(recorded: AsRecorded, listener: Listener) -> None:
+def _remark(recorded: AsRecorded, listener: Listener, *, first: bool = True) -> None:
     """Report what the scores stand for, and what was skipped."""
     pose = recorded.localizer.pose
     where = f"the pose of {pose.name}" if pose else "the heaviest cluster of the cloud"
     listener.remark(f"{recorded.localizer.cloud.name} {_shown(recorded.localizer)}; the estimate is {where}")
-    for text in recorded.localizer.info.notes:
+    for text in recorded.localizer.info.notes if first else ():
         listener.remark(text)
     if recorded.unweighted:
         listener.warning(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")

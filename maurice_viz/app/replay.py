@@ -23,7 +23,7 @@ from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
 from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
 from ..scene import RunView
-from .drive import open_as_recorded, playback_as_recorded, show_alone
+from .drive import open_several, playback_together, show_alone
 from .open import (
     AnySession,
     RunSpec,
@@ -132,7 +132,7 @@ def replay_any(
         if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
             names = " and ".join(RECORDED_LAYOUT_NAMES)
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
-        recorded = playback_as_recorded(open_as_recorded(path, how), listener)
+        recorded = playback_together(open_several(path, how), listener)
         return play(recorded, output.named(["as recorded"]), listener, report=report)
     if listened:
         if isinstance(library, Library):

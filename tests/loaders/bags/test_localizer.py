@@ -22,7 +22,14 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.map import open_arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
-from maurice_viz.app.drive import AFTER_RESAMPLING, WITHOUT_CLOUD, open_as_recorded, playback_as_recorded
+from maurice_viz.app.drive import (
+    AFTER_RESAMPLING,
+    WITHOUT_CLOUD,
+    open_as_recorded,
+    open_several,
+    playback_as_recorded,
+    together,
+)
 from maurice_viz.app.open import RunSpec
 from maurice_viz.app.output import OutputOptions, layout_of
 from maurice_viz.app.replay import replay_any
@@ -123,6 +130,29 @@ def test_poses_with_covariance_are_shown_without_a_cloud(tmp_path: Path) -> None
     assert file.stat().st_size > 10_000
 
 
+def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
+    ros = Ros(2)
+    said = making.amcl_drive(ros)
+    for k in range(8):
+        t_ns = BEGIN_NS + k * 10**8 + 3 * 10**6
+        aside = ros.pose_stamped(t_ns, [1.3 + 0.05 * k, 2.0, 0.5])
+        said.append(Said("/orb_slam/pose", "geometry_msgs/PoseStamped", t_ns, aside))
+    path = making.write_ros2(tmp_path / "bag", sorted(said, key=lambda one: one.log_ns))
+    asked = ReadingOptions(localizer_topic="/amcl_pose, /orb_slam/pose,/particle_cloud")
+    file = tmp_path / "out.rrd"
+    scores = replay_any(path, None, RunSpec(), OutputOptions("out", file), reading=asked, as_recorded=True)
+    assert [run.label for run in scores.runs] == ["amcl_pose", "orb_slam-pose", "particle_cloud"]
+    assert [run.score.updates for run in scores.runs] == [4, 4, 4]
+    off = [run.score.position_error_mean_m for run in scores.runs]
+    assert off == pytest.approx([0.0, 0.3, 0.0], abs=0.01)
+    [first, *_] = together(open_several(path, asked))
+    assert {record.frame.step for _, record in first.values()} == {1}
+    with pytest.raises(InputError, match="expected one to 4 topics"):
+        open_several(path, ReadingOptions(localizer_topic="/amcl_pose,/amcl_pose"))
+    with pytest.raises(InputError, match="found no topic /nowhere"):
+        open_several(path, ReadingOptions(localizer_topic="/amcl_pose,/nowhere"))
+
+
 def test_sigma_points_have_the_covariance() -> None:
     turned = np.array([[2.0, 0.6, 0.1], [0.6, 1.0, 0.2], [0.1, 0.2, 0.3]])
     points = sigma_points(np.array([1.0, 2.0, 3.0]), turned)
@@ -184,7 +214,7 @@ def test_words_are_only_of_what_a_bag_holds(nav2: Path, tmp_path: Path) -> None:
     ("source", "more", "told"),
     [
         ("", ["--follow"], "not a live source"),
-        ("", ["--layout", "explain"], "has the layouts overview and traces"),
+        ("", ["--layout", "explain"], "has the layouts story and overview and traces"),
         ("", ["--particles", "10"], "runs no filter"),
         *((live, [], "not a live source") for live in ("-", "tcp://127.0.0.1:1", "ws://127.0.0.1:1")),
     ],
