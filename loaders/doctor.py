@@ -176,7 +176,10 @@ def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
     if not wanted:
         raise InputError(path, f"the library {library.name!r} holds neither color nor edges; build it again")
     parameters = of_feature("blended" if len(wanted) > 1 else next(iter(wanted)))
-    return build_localizer(library, _Named(info), parameters)
+    try:
+        return build_localizer(library, _Named(info), parameters)
+    except ValueError as problem:  # of the header's motion
+        raise InputError(path, str(problem), 1) from None
 
 
 def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:

@@ -278,6 +278,11 @@ def text(value: Any, what: str) -> str:
     """Return a text that is not empty."""
     if not isinstance(value, str) or not value:
         raise FieldError(f"found {what} {show(value)}, expected a text")
+    return whole_characters(value, what)
+
+
+def whole_characters(value: str, what: str) -> str:
+    """Return a text without lone surrogates, which JSON can hold but no file can be written with."""
     if any("\ud800" <= character <= "\udfff" for character in value):
         raise FieldError(f"found half a character in {what} {show(value)}, expected whole ones")
     return value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import struct
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,10 +20,11 @@ from maurice_mcl.map import Arena
 
 from ..config_files import read_config
 from ..errors import FieldError, InputError
-from ..files import items, read_json, show, write_whole
+from ..files import expect_regular, items, read_json, show, write_whole
 from ..formats.donkeycar import looks_like_tub
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
+from .checks import check_cloud, check_step, check_update, expect_files, step_rules
 from .manifest import COMPARISON, CONFIGURATION, FORMAT, MAP, RunManifest, read_manifest, read_object
 from .writer import PARTICLES, RENEWED, TOOK, StepRows, steps_schema
 
@@ -38,6 +40,7 @@ class SavedRun:
     def arena(self) -> Arena:
         """Read the map. Raises InputError if it is damaged."""
         file = self.folder / MAP
+        expect_regular(file, "a map")
         try:
             return arena_from_json(read_json(file.read_bytes()))
         except (OSError, ValueError) as problem:
@@ -45,13 +48,14 @@ class SavedRun:
 
     def steps(self) -> Iterator[StepRows]:
         """Read update after update from the first. InputError if a part is missing or damaged."""
-        number = 0
+        number, last_s = 0, -math.inf
         for file in sorted((self.folder / "steps").glob("*.parquet")):
-            for rows in _part(self.folder, file.name, self.manifest):
-                number += 1
-                if rows.step["step"] != number:
-                    found = f"found step {rows.step['step']}, expected step {number}"
-                    raise InputError(file, f"{found}; is a part missing?")
+            for rows in _part(self.folder, file.name, self.manifest, number + 1):
+                number, time_s = number + 1, rows.step["time_s"]
+                if time_s < last_s:
+                    found = f"found time_s {time_s:.15g} at step {number}, expected at least {last_s:.15g}"
+                    raise InputError(file, f"{found}, that of the step before; is it damaged?")
+                last_s = time_s
                 yield rows
         if self.manifest.steps is not None and number != self.manifest.steps:
             found = f"found {number} steps, expected the {self.manifest.steps} of its manifest"
@@ -92,6 +96,7 @@ def open_run(folder: str | Path) -> SavedRun:
     """
     folder = Path(folder)
     manifest = read_manifest(folder)
+    expect_files(folder)
     file = folder / CONFIGURATION
     if not file.is_file() or hash_file(file) != manifest.configuration_sha256:
         found = "was changed after it was written" if file.is_file() else "is missing"
@@ -102,37 +107,35 @@ def open_run(folder: str | Path) -> SavedRun:
         raise InputError(file, f"{problem}; was it made by another version?") from None
 
 
-def _part(folder: Path, name: str, manifest: RunManifest) -> Iterator[StepRows]:
-    schema = steps_schema(manifest.channels)
-    optional = {column for column in schema if column.startswith("truth_")}
-    steps = _table(folder / "steps" / name, schema, optional)
-    particles = _by_step(_table(folder / "particles" / name, PARTICLES))
-    renewed = _by_step(_table(folder / "renewed" / name, RENEWED))
-    for row in steps.iter_rows(named=True):
+def _part(folder: Path, name: str, manifest: RunManifest, first: int) -> Iterator[StepRows]:
+    """Read the updates of one part, each checked; the first of them should have the number `first`."""
+    rules, file = step_rules(manifest.channels), folder / "steps" / name
+    steps = _table(file, steps_schema(manifest.channels))
+    for number, found in enumerate(steps["step"], first):
+        if found != number:
+            raise InputError(file, f"found step {show(found)}, expected step {number}; is a part missing?")
+    particles = _cloud(folder / "particles" / name, PARTICLES, steps)
+    renewed = _cloud(folder / "renewed" / name, RENEWED, steps)
+    for number, row in enumerate(steps.iter_rows(named=True), first):
+        check_step(file, row, rules)
         rows = StepRows(
             row,
-            particles.get(row["step"], pl.DataFrame(schema=PARTICLES)),
-            renewed.get(row["step"], pl.DataFrame(schema=RENEWED)),
+            particles.get(number, pl.DataFrame(schema=PARTICLES)),
+            renewed.get(number, pl.DataFrame(schema=RENEWED)),
         )
-        _check_clouds(folder / "particles" / name, rows)
+        check_update(folder, name, rows)
         yield rows
 
 
-def _check_clouds(file: Path, rows: StepRows) -> None:
-    expected, found = rows.step["particles"], rows.particles.height
-    if found != expected or not found:
-        step = rows.step["step"]
-        raise InputError(file, f"found {found} particles at step {step}, expected {expected}; is it damaged?")
-    if rows.renewed.height and int(rows.renewed["parent"].max()) >= found:  # type: ignore[arg-type]  # a number
-        raise InputError(file.parent.parent / "renewed" / file.name, "found a parent that is no particle")
-
-
-def _by_step(cloud: pl.DataFrame) -> dict[int, pl.DataFrame]:
+def _cloud(file: Path, schema: Mapping[str, Any], steps: pl.DataFrame) -> dict[int, pl.DataFrame]:
+    """Read a table of clouds; the cloud of each step that has one."""
+    cloud = _table(file, schema)
+    check_cloud(file, cloud, steps["step"])
     parts = cloud.partition_by("step", maintain_order=True, as_dict=True)
     return {int(step): part for (step,), part in parts.items()}
 
 
-def _table(file: Path, schema: Mapping[str, Any], optional: set[str] | None = None) -> pl.DataFrame:
+def _table(file: Path, schema: Mapping[str, Any]) -> pl.DataFrame:
     try:
         held = io.BytesIO(file.read_bytes())
         found = pl.read_parquet_schema(held)
@@ -140,16 +143,12 @@ def _table(file: Path, schema: Mapping[str, Any], optional: set[str] | None = No
         if wrong:
             raise InputError(file, f"found no column {wrong[0]} as expected; was it made by another version?")
         held.seek(0)
-        table = pl.read_parquet(held, columns=list(schema))
+        return pl.read_parquet(held, columns=list(schema))
     except FileNotFoundError:
         raise InputError(file, "is missing; is the run whole?") from None
     except (OSError, pl.exceptions.PolarsError) as problem:
         first = str(problem).strip().splitlines()[:1]
         raise InputError(file, f"is a damaged Parquet file ({''.join(first)}); restore it") from None
-    empty = [name for name in schema if name not in (optional or ()) and table[name].null_count()]
-    if empty:
-        raise InputError(file, f"found no value of {empty[0]} in some rows; is it damaged?")
-    return table
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,6 +271,7 @@ def remove_bookmarks(folder: Path, unwanted: Iterable[Bookmark]) -> int:
 
 def _lines(folder: Path) -> list[bytes]:
     file = bookmarks_file(folder)
+    expect_regular(file, "bookmarks")
     try:
         return file.read_bytes().splitlines(keepends=True) if file.exists() else []
     except OSError as problem:

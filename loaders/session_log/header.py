@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +14,7 @@ from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import Camera, SessionInfo
 
 from ..errors import FieldError, InputError
-from ..files import items, mapping, number, numbers, show, text
+from ..files import items, mapping, number, numbers, show, text, whole_characters
 from ..maps import read_ros_map
 
 REGIONS = ("obstacles", "floors", "rooms")
@@ -95,8 +96,11 @@ def _info(found: dict[str, Any], path: Path) -> SessionInfo:
         name=text(found.get("name", path.stem), "name"),
         display_units=_units(found.get("display_units", "m")),
         robot=text(robot.get("name", "robot"), "robot.name"),
-        motion=None if motion is None else mapping(motion, "robot.motion"),
-        cameras=tuple(_camera(n, c) for n, c in mapping(found.get("cameras") or {}, "cameras").items()),
+        motion=None if motion is None else _motion(motion),
+        cameras=tuple(
+            _camera(whole_characters(n, "cameras"), c)
+            for n, c in mapping(found.get("cameras") or {}, "cameras").items()
+        ),
         start=None if start is None else np.array(numbers(start, 3, "start")),
         survey=None if survey is None else _survey(path.parent, text(survey, "survey")),
         arena=_arena(path.parent, arena),
@@ -112,6 +116,12 @@ def _arena(folder: Path, value: Any) -> Arena | None:
         return read_ros_map(folder / text(value, "map"))
     except InputError as problem:
         raise FieldError(f"found map {show(value)}, which cannot be used: {problem}") from None
+
+
+def _motion(value: Any) -> dict[str, Any]:
+    found = mapping(value, "robot.motion")
+    whole_characters(json.dumps(found, ensure_ascii=False), "robot.motion")
+    return found
 
 
 def _survey(folder: Path, name: str) -> Path:

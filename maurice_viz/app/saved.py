@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import expect_regular
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions
@@ -52,6 +53,7 @@ def unchanged(
     path = source.find(folder)
     if path is None:
         raise InputError(Path(source.path), f"the {what} that the run was made from is gone; put it back")
+    expect_regular(path, f"the {what} that the run was made from")
     if source_hash(path, beside(path)) != source.sha256:
         raise InputError(
             path, f"the {what} was changed after the run was made; restore it, or replay it anew"

@@ -140,7 +140,9 @@ def edit(file: Path, **changes: Any) -> None:
 
 
 def numbered(played: Played) -> Played:
-    """Count the steps on, so that one short drive serves as a long one."""
-    frames = [replace(moment.frame, step=step) for step, (moment, _) in enumerate(played, 1)]
+    """Count steps and seconds on, so that one short drive serves as a long one."""
+    frames = [
+        replace(moment.frame, step=step, time_s=2.0 * step) for step, (moment, _) in enumerate(played, 1)
+    ]
     pairs = zip(played, frames, strict=True)
     return [(replace(m, frame=f), replace(r, frame=f)) for (m, r), f in pairs]

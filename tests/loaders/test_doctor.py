@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -176,6 +177,15 @@ def test_broken_lines_are_counted_and_what_is_no_session_is_refused(
         diagnose(survey, ReadingOptions(), None)
     with pytest.raises(InputError, match="no such file"):
         diagnose(tmp_path / "gone.log", ReadingOptions(), None)
+
+
+def test_a_motion_model_that_nobody_knows_is_one_line(
+    write_log: WriteLog, pixel: dict[str, Any], drive: tuple[Path, Library]
+) -> None:
+    records = [{"t": t, "odometry": [0.1, 0, 0]} for t in range(3)] + [{"t": 3, "image": pixel}]
+    log = write_log(*records, robot={"motion": {"model": "hover"}})
+    with pytest.raises(InputError, match=r"session.log:1: robot.motion.model is 'hover'; known are"):
+        diagnose(log, ReadingOptions(), drive[1])
 
 
 @pytest.mark.parametrize(("known", "lacking"), [("truth", "odometry"), ("odometry", "truth")])

@@ -228,3 +228,17 @@ def test_broken_pictures(write_log: WriteLog, tmp_path: Path, image: U8, picture
     cv2.imwrite(str(tmp_path / "depth.png"), np.zeros((4, 4), np.uint16))
     with pytest.raises(InputError, match=told):
         moments(write_log({"t": 0, "image": picture}))
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"robot": {"motion": {"note": "\ud800"}}},
+        {"robot": {"motion": {"\ud800": 1}}},
+        {"cameras": {"\ud800": {}}},
+    ],
+    ids=["motion", "a key of it", "camera"],
+)
+def test_half_a_character_in_a_header_is_refused(write_log: WriteLog, header: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"session.log:1: found half a character in"):
+        SessionLog(write_log(**header))
