@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from helpers.format_samples import SAMPLES, sample
 from helpers.recordings import odometry, read, truths
 from maurice_loaders.bags.recording import BagRecording
 from maurice_loaders.errors import InputError
@@ -17,6 +18,7 @@ from maurice_loaders.inspection import inspect_recording
 from maurice_loaders.plane import plane_of
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
+from maurice_loaders.recording import OdometryPose, TruthPose
 from maurice_mcl.arrays import F64
 from maurice_viz.app.inspect import diagnose
 from maurice_viz.cli.spelling import modern
@@ -150,6 +152,19 @@ def test_a_motion_in_x_y_is_read_as_ever(body: str, bumps: float, tmp_path: Path
     assert not any("the motion lies" in text for text in warnings)
     np.testing.assert_array_equal(truths(path), truths(path, ReadingOptions(plane="xy")))
     assert len(found) == STEPS
+
+
+@pytest.mark.parametrize("kind", SAMPLES)
+def test_every_format_is_read_as_ever(kind: str, tmp_path: Path) -> None:
+    path = sample(kind, tmp_path, 60)
+    found, warnings = read(path)
+    assert not any("the motion lies" in text for text in warnings)
+    flat, _ = read(path, ReadingOptions(plane="xy"))
+    assert [type(one) for one in found] == [type(one) for one in flat]
+    for one, other in zip(found, flat, strict=True):
+        assert one.t_s == other.t_s
+        if isinstance(one, OdometryPose | TruthPose) and isinstance(other, OdometryPose | TruthPose):
+            np.testing.assert_array_equal(one.pose, other.pose)
 
 
 def test_a_doubtful_plane_changes_nothing() -> None:
