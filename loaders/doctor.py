@@ -26,7 +26,13 @@ from maurice_mcl.diagnosis.findings import (
     turn_finding,
 )
 from maurice_mcl.diagnosis.odometry import compared_with_truth
-from maurice_mcl.diagnosis.pictures import ComparedPictures, doubted_by_pictures, seen_with_truth
+from maurice_mcl.diagnosis.pictures import (
+    FEWEST_PLACES,
+    ComparedPictures,
+    doubted_by_pictures,
+    places_seen,
+    seen_with_truth,
+)
 from maurice_mcl.diagnosis.plausibility import clocks_apart, odometry_doubts, time_unit, truth_apart
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import MauriceParameters
@@ -242,6 +248,11 @@ def diagnose(
     else:
         looks = look(path, options, library, found.info, drive, factor, progress)
         checks.append(f"{len(looks.t_s)} pictures against the library")
+        if drive.truth.size > 1:
+            places = len(np.unique(places_seen(looks, drive.truth)))
+            if places < FEWEST_PLACES:
+                text = f"they are of {places} distinct places, and {FEWEST_PLACES} are needed"
+                without.append(f"where and when the camera looks, by the pictures: {text}")
         known = _about_pictures(looks, drive, found, known)
     delayed = any(one.code == "picture-delay" for one in known)  # why truth seems to be elsewhere in time
     format_name = chosen(path, options).name

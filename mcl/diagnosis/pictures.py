@@ -10,13 +10,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..arrays import F64, Bool
+from ..arrays import F64, I32, Bool
 from ..filter.localizer import Localizer
 from ..filter.proposal import uniform_belief
 from ..filter.resampling import systematic
 from ..geometry import compose, wrap_angle
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import Belief, Comparison, normalize, uniform_log_weights
+from ..sensor.left_out import places_of
 from .findings import (
     Evidence,
     Finding,
@@ -40,6 +41,8 @@ COARSE: F64 = np.arange(2.5, 15.1, 0.5)  # further delays, in seconds, of truth 
 DENSE_S = 0.5  # spacing of truth below which delays shorter than an update are detectable
 MAX_GAP_S = 1.0  # longest gap across which truth is interpolated
 FEWEST_PICTURES = 8
+FEWEST_PLACES = 8  # pictures of one place err together: fewer places tell nothing about the camera
+PLACE_M, OF_MAP = 0.25, 0.05  # pictures nearer than the smaller of this, and of its share, are at one place
 LEAST_NATS, LEAST_SIGMAS = 0.3, 2.5  # mean gain per picture for a finding, and its significance
 LEAST_YAW_RAD = float(np.radians(20))
 MOST_NATS = 3.0  # limit on one picture's gain when computing the significance
@@ -71,7 +74,7 @@ class Gained:
 
     value: float  # radians or seconds
     nats: float  # mean gain in log-likelihood per picture
-    sigmas: float  # of that mean, by the scatter over pictures
+    sigmas: float  # of that mean, by the scatter over places
     pictures: int
 
 
@@ -79,14 +82,20 @@ def best_yaw(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
     """Return the camera's direction, counter-clockwise from forward; None for too little truth."""
     poses = truth_at(track, looks.t_s)[:, None].repeat(len(YAWS), axis=1)
     poses[..., 2] += YAWS
-    return _best(looks.at(poses), YAWS, circular=True)
+    return _best(looks.at(poses), YAWS, places_seen(looks, track), circular=True)
 
 
 def best_delay(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
     """Return by how many seconds the pictures' time stamps are late (below zero: early)."""
     delays = delays_tried(track)
     poses = np.stack([truth_at(track, looks.t_s - delay) for delay in delays], axis=1)
-    return _best(looks.at(poses), delays, circular=False)
+    return _best(looks.at(poses), delays, places_seen(looks, track), circular=False)
+
+
+def places_seen(looks: ComparedPictures, track: RecordedTruth) -> I32:
+    """Return the number (n,) of the distinct place at which each picture was taken."""
+    size_m = min(PLACE_M, OF_MAP * max(looks.localizer.library.arena.size_m))
+    return places_of(truth_at(track, looks.t_s)[:, :2], size_m)[1]
 
 
 def delays_tried(track: RecordedTruth) -> F64:
@@ -110,11 +119,12 @@ def truth_at(track: RecordedTruth, t_s: F64) -> F64:
     return np.asarray(track.poses[before] + step * share[:, None])
 
 
-def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
+def _best(found: F64, values: F64, place_of: I32, *, circular: bool) -> Gained | None:
     """Return the value of highest mean: the middle of its neighbors that are nearly as high."""
     usual = found[:, np.abs(values).argmin()]
     counted = np.isfinite(usual)
-    if counted.sum() < FEWEST_PICTURES:
+    groups = np.unique(place_of[counted], return_inverse=True)[1]
+    if counted.sum() < FEWEST_PICTURES or groups.max() + 1 < FEWEST_PLACES:
         return None
     floor = float(np.nanmin(found))  # outside free space counts as the worst place inside
     gains = np.where(np.isfinite(found), found, floor)[counted] - usual[counted, None]
@@ -128,8 +138,8 @@ def _best(found: F64, values: F64, *, circular: bool) -> Gained | None:
     else:
         high = values[_run(mean, top)]
         value = float(high[0] + high[-1]) / 2
-    bounded = np.clip(gains[:, top], -MOST_NATS, MOST_NATS)
-    scatter = max(float(bounded.std(ddof=1)) / len(gains) ** 0.5, 1e-9)
+    bounded = np.bincount(groups, np.clip(gains[:, top], -MOST_NATS, MOST_NATS)) / np.bincount(groups)
+    scatter = max(float(bounded.std(ddof=1)) / len(bounded) ** 0.5, 1e-9)
     return Gained(value, float(mean[top]), float(bounded.mean()) / scatter, len(gains))
 
 

@@ -1,6 +1,7 @@
 """Odometry that is wrong in one way is told from odometry that is merely noisy."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from maurice_mcl.diagnosis.odometry import (
     readings,
     segments_of,
 )
+from maurice_mcl.diagnosis.pictures import ComparedPictures, best_yaw, places_seen, seen_with_truth
 from maurice_mcl.diagnosis.plausibility import (
     aside_share,
     clocks_apart,
@@ -30,6 +32,7 @@ from maurice_mcl.diagnosis.plausibility import (
     time_unit,
     truth_apart,
 )
+from maurice_mcl.map import Arena
 
 RATE_HZ = 10.0
 
@@ -232,3 +235,32 @@ def test_forward_and_millimeters_are_told():
     truth = replace(drive.truth, poses=drive.truth.poses * [1000, 1000, 1])
     (found,) = compared_with_truth(replace(drive, truth=truth))
     assert found.options == {"truth_scale": 0.001}
+
+
+def looks_and_track(places, pictures=45, seed=0):
+    """Compare pictures on some spots with a sensor that finds every spot turned by its own angle."""
+    rng = np.random.default_rng(seed)
+    spot = np.arange(pictures) * places // pictures
+    poses = np.column_stack([spot * 1.0, 0.0 * spot, rng.uniform(-3, 3, pictures)])
+    turned = np.radians(-65) + rng.normal(0, 0.1, places)
+
+    class Sensor:
+        def at(self, number, local):
+            apart = local[:, 2] - poses[number, 2] - turned[spot[number]]
+            heading = 4 * np.cos(apart) + rng.normal(0, 0.3)
+            return SimpleNamespace(log_likelihood=heading)
+
+    library = SimpleNamespace(origin=np.zeros(2), arena=Arena((0, 0, 50, 10), np.zeros((0, 4))))
+    t_s = np.arange(pictures) * 2.0
+    looks = ComparedPictures(t_s, range(pictures), SimpleNamespace(sensor=Sensor(), library=library))
+    return looks, RecordedTruth(t_s, poses, np.zeros(pictures, np.int32))
+
+
+def test_a_camera_is_not_judged_by_few_places_and_errors_are_by_place():
+    looks, track = looks_and_track(3)
+    assert len(set(places_seen(looks, track).tolist())) == 3
+    assert best_yaw(looks, track) is None
+    assert seen_with_truth(looks, track) == []
+    found = best_yaw(*looks_and_track(15))
+    assert np.degrees(found.value) == pytest.approx(-65, abs=10)
+    assert found.sigmas > 2.5
