@@ -58,6 +58,11 @@ class TableRecording:
     frames: Sequence[Path] | Frames | None  # for tables that name no files
     unit: str | None
 
+    @property
+    def surveyed(self) -> bool:
+        """Whether the rows are pictures with poses and nothing of a drive: no time, and no odometry."""
+        return not any(role in self.roles for role in ("time", *ODOMETRY, *MOTION))
+
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the table row by row; poses come before the picture of their row."""
         if "time" not in self.roles:

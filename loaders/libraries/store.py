@@ -22,8 +22,8 @@ from ..maps import check_span, read_map
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
-from .files import MANIFEST, VERSION, hash_file, load_library, manifest_warnings, save_library
-from .survey import Survey
+from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
+from .survey import Survey, survey_in
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
 Warn = Callable[[str], None]
@@ -177,7 +177,7 @@ def open_library(
         >>> library.poses.shape
         (2, 3)
     """
-    path = _survey_in(Path(path))
+    path = survey_in(Path(path))
     if path.is_dir():
         return load_library(path)
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
@@ -190,11 +190,6 @@ def open_library(
     for text in warnings:
         (warn or silent)(text)
     return kept_now
-
-
-def _survey_in(path: Path) -> Path:
-    log = path / "survey.log"
-    return log if log.is_file() and not (path / MANIFEST).exists() else path
 
 
 def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_going: bool = False) -> str:

@@ -17,12 +17,15 @@ from maurice_mcl.arrays import F64, U8, Bool
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import InputError
+from ..formats.picture_folder import TableRecording
 from ..formats.registry import NATIVE, chosen, open_session
 from ..pictures import encode_jpeg
 from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
+from ..recording import RecordingWrapper
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import read_header
+from .files import MANIFEST
 
 METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
 FEWEST_JUDGED = 12  # pictures; fewer do not tell what is usual
@@ -135,9 +138,11 @@ def open_survey(
 ) -> Survey:
     """Open a survey log, or choose the entries of a drive. Raises InputError if no picture has a pose.
 
-    A survey log is taken completely unless `every` is given. Pictures that are no files are written to the
+    A survey log, a folder that holds one, and a table of pictures with poses that has neither times nor
+    odometry are taken completely unless `every` is given. Pictures that are no files are written to the
     folder `keep`, where there is one.
     """
+    path = survey_in(path)
     native = chosen(path, options).name == NATIVE
     if native and read_header(path)[1] == "survey":
         survey = SessionLog(path, keep_going=options.keep_going, camera=options.camera)
@@ -150,7 +155,21 @@ def open_survey(
         for moment in drive.moments():
             yield SurveyPicture(_file_of(drive, moment), moment.frame.image, moment.truth, covered=False)
 
-    return SelectedSurvey(drive, pictures, every or EVERY, keep, progress)
+    usual = None if _is_surveyed(drive) else EVERY
+    return SelectedSurvey(drive, pictures, every or usual, keep, progress)
+
+
+def survey_in(path: Path) -> Path:
+    """Return the survey log in a folder that is no library; else the path itself."""
+    log = path / "survey.log"
+    return log if log.is_file() and not (path / MANIFEST).exists() else path
+
+
+def _is_surveyed(drive: SessionLog | RecordedSession) -> bool:
+    recording = getattr(drive, "recording", None)
+    while isinstance(recording, RecordingWrapper):
+        recording = recording.measured
+    return isinstance(recording, TableRecording) and recording.surveyed
 
 
 def _file_of(drive: SessionLog | RecordedSession, moment: Moment) -> Path | None:
@@ -168,7 +187,7 @@ class SelectedSurvey:
         self,
         source: SessionLog | RecordedSession,
         pictures: Callable[[], Iterator[SurveyPicture]],
-        every: Spacing,
+        every: Spacing | None,
         keep: Path | None,
         progress: Progress | None,
     ) -> None:
@@ -210,7 +229,7 @@ class SelectedSurvey:
             if taken:
                 yield self._kept(picture, number)
 
-    def _choose(self, every: Spacing, progress: Progress | None) -> tuple[Bool, SurveySelection]:
+    def _choose(self, every: Spacing | None, progress: Progress | None) -> tuple[Bool, SurveySelection]:
         poses: list[F64] = []
         sharp: list[F64] = []
         covered: list[bool] = []
@@ -230,9 +249,9 @@ class SelectedSurvey:
             found = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
             text = f"{found}; see --reading truth_topic=..., table=... and truth_offset_s=..."
             raise InputError(self.path, text)
-        unsharp = blurred(values[known])
+        unsharp = np.zeros(len(known), bool) if every is None else blurred(values[known])
         left = known[~unsharp]
-        entries = left[choose(rows[left], values[left].min(axis=1), every)]
+        entries = left if every is None else left[choose(rows[left], values[left].min(axis=1), every)]
         taken[entries] = True
         pictures = int((~np.array(covered, bool)).sum())
         return taken, SurveySelection(pictures, pictures - len(known), int(unsharp.sum()), len(entries))

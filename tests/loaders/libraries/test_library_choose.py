@@ -168,3 +168,23 @@ def _inlined(text: str, folder: Path) -> str:
         if "image" in line:
             line["image"] = {"base64": base64.b64encode((folder / line["image"]).read_bytes()).decode()}
     return "\n".join(json.dumps(line) for line in lines) + "\n"
+
+
+def test_a_table_of_surveyed_pictures_is_taken_whole_and_a_folder_with_a_survey_is_the_survey(
+    survey: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "table"
+    folder.mkdir()
+    rows = ["image,x_m,y_m,heading_deg"]
+    for k in range(24):
+        (folder / f"{k:02d}.png").write_bytes(cv2.imencode(".png", scene(k))[1].tobytes())
+        rows.append(f"{k:02d}.png,{k % 3},0,{k // 3 * 15}")
+    table = folder / "poses.csv"
+    table.write_text("\n".join(rows) + "\n")
+    whole = surveys.open_survey(table, ReadingOptions())
+    assert isinstance(whole, surveys.SelectedSurvey)
+    assert whole.chosen.taken == 24
+    thinned = surveys.open_survey(table, ReadingOptions(), EVERY)
+    assert isinstance(thinned, surveys.SelectedSurvey)
+    assert thinned.chosen.taken < 24
+    assert isinstance(surveys.open_survey(survey.parent, ReadingOptions()), SessionLog)
