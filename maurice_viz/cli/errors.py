@@ -26,8 +26,11 @@ def errors_end_the_command() -> Iterator[None]:
         with one_line_errors():
             yield
     except KeyboardInterrupt as stop:
+        end_at_once()
         typer.echo("; ".join(["maurice-replay: stopped", *map(str, stop.args)]), err=True)
         raise typer.Exit(status_of(stop)) from None
+    finally:
+        end_at_once()
 
 
 @contextmanager
@@ -80,6 +83,13 @@ def stop_by_exception() -> None:
     for number in STATUS:
         if signal.getsignal(number) is _end_at_once:
             signal.signal(number, _stop)
+
+
+def end_at_once() -> None:
+    """From here on nothing needs to be closed: undo `stop_by_exception`."""
+    for number in STATUS:
+        if signal.getsignal(number) is _stop:
+            signal.signal(number, _end_at_once)
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:

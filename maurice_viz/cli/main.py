@@ -1,8 +1,10 @@
-"""Where the command begins: being stopped gives no traceback, not even while starting."""
+"""Where the command begins and ends: being stopped gives no traceback, not even while starting or ending."""
 
 from __future__ import annotations
 
-from .errors import end_while_starting
+import sys
+
+from .errors import end_while_starting, status_of
 
 
 def main() -> None:
@@ -10,4 +12,9 @@ def main() -> None:
     end_while_starting()
     from .app import app  # takes a fifth of a second
 
-    app()
+    try:
+        app()
+    except KeyboardInterrupt as stop:  # one more, while the first was handled
+        sys.exit(status_of(stop))
+    finally:
+        end_while_starting()  # also while what is left is written out

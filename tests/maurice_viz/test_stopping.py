@@ -190,3 +190,23 @@ maurice_viz.cli.main.main()
 def test_a_job_in_the_background_keeps_ignoring_ctrl_c():
     done = subprocess.run([sys.executable, "-c", IGNORED], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "went on\n", "")
+
+
+ENDING = """
+import atexit, os, signal, maurice_viz.cli.app, maurice_viz.cli.main
+from maurice_viz.cli.errors import errors_end_the_command, stop_by_exception
+def app():
+    with errors_end_the_command():
+        stop_by_exception()
+    atexit.register(os.kill, os.getpid(), signal.{name})  # as while a recording is written out at the end
+maurice_viz.cli.app.app = app
+maurice_viz.cli.main.main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are otherwise on Windows")
+@pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_a_signal_that_comes_after_the_command_has_its_status(name, status):
+    code = ENDING.format(name=name)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (status, "maurice-replay: stopped\n")
