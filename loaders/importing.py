@@ -12,6 +12,7 @@ import numpy as np
 
 from maurice_mcl.arrays import F64
 from maurice_mcl.map import open_arena
+from maurice_mcl.radii import fitted_m
 from maurice_mcl.session import SessionInfo
 
 from .errors import InputError, PictureError
@@ -156,6 +157,9 @@ def xy_of(rows: Sequence[PoseRow]) -> F64:
     return np.array([row.pose[:2] for row in rows], np.float64).reshape(-1, 2)
 
 
+GUARD_M = 0.5  # in rooms: neighbors look alike
+
+
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
     """What is read, and how it is split into library and session."""
@@ -167,7 +171,7 @@ class ImportOptions:
     session_every: int = 10  # each so many-th run of equal poses is the session's, from the first one
     session_pictures: int = 5  # at most so many of a run, evenly spread: standing still tells little
     library_pictures: int = 1  # at most so many of a run; 1 takes the middle one, others are near copies
-    guard_m: float = 0.5  # no library picture this near to any session pose: neighbors look alike
+    guard_m: float | None = None  # no library picture this near to any session pose; None: by the place
     noise: OdometryNoise = field(default_factory=OdometryNoise)  # of the synthetic odometry
     seed: int = 0  # of that noise
 
@@ -209,12 +213,14 @@ def import_pictures(
     rows = read_pose_table(poses_csv, options.columns)
     check_span(poses_csv, xy_of(rows))
     runs = pose_runs(rows)
+    guard_m = fitted_m(GUARD_M, xy_of(rows)) if options.guard_m is None else options.guard_m
+    options = replace(options, guard_m=guard_m)
     split = split_runs(
-        runs, options.session_every, options.guard_m, options.session_pictures, options.library_pictures
+        runs, options.session_every, guard_m, options.session_pictures, options.library_pictures
     )
     if not split.library:
         advice = "lower the guard, or give fewer runs to the session"
-        raise InputError(poses_csv, f"found no picture {options.guard_m:g} m off the session's; {advice}")
+        raise InputError(poses_csv, f"found no picture {guard_m:.3g} m off the session's; {advice}")
     info = _info(rows, options, poses_csv)
     with new_folder(out, force=force, ours="session.log") as filling:
         copy = _Copier(source, poses_csv, filling)
@@ -240,7 +246,7 @@ def import_pictures(
 
 def _check(options: ImportOptions) -> None:
     counts = (options.session_pictures, options.library_pictures, options.session_every - 1)
-    if min(counts) < 1 or not options.guard_m >= 0:
+    if min(counts) < 1 or (options.guard_m is not None and not options.guard_m >= 0):
         raise ValueError("expected session_every from 2, at least one picture of a run, and a guard from 0 m")
 
 
@@ -260,7 +266,7 @@ def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> S
     split_note = (
         f"one run of equal poses in {options.session_every} is the session, at most "
         f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "
-        f"other run that is at least {options.guard_m:g} m from every session pose"
+        f"other run that is at least {options.guard_m:.3g} m from every session pose"
     )
     return SessionInfo(
         name=options.name or poses_csv.resolve().parent.name or "pictures",

@@ -14,6 +14,7 @@ from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison,
 from maurice_mcl.analysis.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
+from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
@@ -36,6 +37,7 @@ class RunResult:
     score: RunScore
     steps_per_s: float | None  # filter steps per second, without decoding and drawing; None before the first
     verdict: RunVerdict = field(default_factory=RunVerdict)  # what happened
+    radii: Radii = USUAL  # by which it was judged
     against: str | None = None  # label of the run that it is compared with; None: the first or only one
     paired: ComparisonResult | None = None  # how it compares
 
@@ -90,6 +92,7 @@ class ResultCollector:
             for label in labels[1:]
         }
         self._verdicts = {label: VerdictBuilder() for label in labels}
+        self._radii = dict.fromkeys(labels, USUAL)
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
         self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, per run
@@ -106,6 +109,7 @@ class ResultCollector:
             self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
             self._judges[label].add(record, moment.truth)
             self._verdicts[label].add(moment, record)
+            self._radii[label] = record.estimate.radii
             self._took_s[label] += sum(record.took_s.values())
         return {label: one.see(steps[one.first], steps[label]) for label, one in self._pairings.items()}
 
@@ -121,6 +125,6 @@ class ResultCollector:
         took_s = self._took_s[label]
         score = replace(score, success=self._judges[label].result())
         per_s = score.updates / took_s if took_s > 0 else None
-        result = RunResult(label, score, per_s, self._verdicts[label].result())
+        result = RunResult(label, score, per_s, self._verdicts[label].result(), self._radii[label])
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.map import Arena
+from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.sensor.model import SensorModel
 
 from .drawing.contact_sheet import CELL_PX
@@ -33,9 +34,11 @@ class RunView:
     sensor: SensorModel | None = None  # None: comparisons are not available, and their panels stay empty
     particles: int = 0
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
+    radii: Radii = USUAL  # by which it is judged
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
 
     @classmethod
     def live(cls, label: str, localizer: Localizer) -> RunView:
         """Return the view of a run all of whose panels will be filled."""
-        return cls(label, tuple(localizer.sensor.distances), localizer.sensor, localizer.particles)
+        sensor = localizer.sensor
+        return cls(label, tuple(sensor.distances), sensor, localizer.particles, radii=localizer.radii)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .arrays import F32, F64, I32, Bool
+from .radii import USUAL, Radii
 from .session import Frame
 
 # The belief: a weighted cloud of poses, as a value.
@@ -128,8 +129,9 @@ class Estimate:
     sd_m: tuple[float, float]  # weighted standard deviation along x and y of its particles
     heading_sd_rad: float  # circular standard deviation of the same particles
     mass: float  # share of all weight that these particles hold
-    confidence: float  # share of weight within 12 in (0.3048 m) of the pose
-    converged: float  # share of weight within 24 in (0.6096 m)
+    confidence: float  # share of weight within `radii.confidence_m` of the pose
+    converged: float  # share of weight within `radii.cluster_m`
+    radii: Radii = USUAL  # by which it was made, and is judged
 
 
 @dataclass(frozen=True, slots=True, eq=False)

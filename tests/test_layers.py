@@ -34,6 +34,7 @@ ROOMS = {
         ("randomness", "geometry"),
         ("map",),
         ("library", "session"),
+        ("radii",),
         ("records",),
         ("sensor",),
         ("filter",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maurice_mcl.arrays import F64, U8, Bool
+from maurice_mcl.radii import fitted_m
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import InputError
@@ -109,7 +110,7 @@ def _same(a: F64, b: F64, every: Spacing) -> bool:
     return apart < every.distance_m * (1 - 1e-9) and turned < every.angle_rad * (1 - 1e-9)
 
 
-EVERY = Spacing(0.4, float(np.radians(45)))  # what a drive is thinned to unless asked otherwise
+EVERY = Spacing(0.4, float(np.radians(45)))  # what a drive through rooms is thinned to
 
 Progress = Callable[[int, int], None]
 
@@ -122,10 +123,13 @@ class SurveySelection:
     without_pose: int
     blurred: int
     taken: int
+    every: Spacing | None  # by which they were chosen; None: all are taken
 
     def __str__(self) -> str:
         near = self.pictures - self.without_pose - self.blurred - self.taken
-        left = f"{near} near another, {self.blurred} blurred, {self.without_pose} without a pose"
+        every = self.every or EVERY
+        spacing = f"{every.distance_m:.3g} m, {np.degrees(every.angle_rad):.0f} deg"
+        left = f"{near} near another ({spacing}), {self.blurred} blurred, {self.without_pose} without a pose"
         return f"{self.taken} of {self.pictures} pictures taken; left out: {left}"
 
 
@@ -191,6 +195,7 @@ class SelectedSurvey:
         keep: Path | None,
         progress: Progress | None,
     ) -> None:
+        """With `every` None all are taken; EVERY is fitted to the size of the place."""
         self._source, self._pictures, self._keep = source, pictures, keep
         self._taken, self.chosen = self._choose(every, progress)
 
@@ -251,10 +256,14 @@ class SelectedSurvey:
             raise InputError(self.path, text)
         unsharp = np.zeros(len(known), bool) if every is None else blurred(values[known])
         left = known[~unsharp]
+        if every is EVERY:
+            every = replace(EVERY, distance_m=fitted_m(EVERY.distance_m, rows[known, :2]))
         entries = left if every is None else left[choose(rows[left], values[left].min(axis=1), every)]
         taken[entries] = True
         pictures = int((~np.array(covered, bool)).sum())
-        return taken, SurveySelection(pictures, pictures - len(known), int(unsharp.sum()), len(entries))
+        return taken, SurveySelection(
+            pictures, pictures - len(known), int(unsharp.sum()), len(entries), every
+        )
 
     def _kept(self, picture: SurveyPicture, number: int) -> SurveyPicture:
         if picture.path is not None or self._keep is None or picture.covered:

@@ -19,9 +19,10 @@ import scipy
 from numpy.typing import NDArray
 
 from maurice_mcl.library import Library
+from maurice_mcl.radii import NAMES, USUAL, Radii
 
 from ..errors import FieldError, InputError
-from ..files import PICTURES, flag, items, mapping, numbers, read_json, show, text, whole
+from ..files import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole
 from ..formats.cmucam import ENDINGS as DUMPS
 from ..formats.donkeycar import looks_like_tub
 from ..formats.registry import NATIVE
@@ -59,6 +60,7 @@ class RunManifest:
     configuration_sha256: str
     versions: Mapping[str, str]
     state: str = "writing"
+    radii: Radii = USUAL  # by which it was judged; manifests without any are of runs judged by these
     steps: int | None = None  # written when it ended; None while writing
     reading: ReadingOptions = field(default_factory=ReadingOptions)  # all but its `table` and `keep_going`
     table: Source | None = None  # the file of `table` among the options of reading
@@ -159,6 +161,7 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
         configuration_sha256=text(found.get("configuration_sha256"), "configuration_sha256"),
         versions={k: text(v, k) for k, v in mapping(found.get("versions"), "versions").items()},
         state=str(state),
+        radii=_radii(found.get("radii")),
         steps=None if steps is None else whole(steps, "steps"),
         reading=reading_from_json(found.get("reading", READING_1)),
         table=None if found.get("table") is None else _source(found["table"], "table"),
@@ -168,6 +171,16 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
 def _source(value: Any, what: str) -> Source:
     found = mapping(value, what)
     return Source(*(text(found.get(key), f"{what}.{key}") for key in ("path", "beside", "sha256")))
+
+
+def _radii(value: Any) -> Radii:
+    if value is None:
+        return USUAL
+    found = mapping(value, "radii")
+    radii = Radii(**{name: number(found.get(name), f"radii.{name}") for name in NAMES})
+    if not min(radii.confidence_m, radii.cluster_m, radii.right_m) > 0 or radii.lost_m < radii.right_m:
+        raise FieldError(f"found radii {show(value)}, expected lengths above 0, and no lost_m below right_m")
+    return radii
 
 
 def _label(value: Any) -> str:

@@ -17,6 +17,7 @@ import polars as pl
 
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.map import Arena
+from maurice_mcl.radii import Radii
 from maurice_mcl.records import Belief, Estimate, Sighting, StepRecord
 from maurice_mcl.session import Frame, Moment
 
@@ -226,7 +227,7 @@ def weighted_of(rows: StepRows, origin: F64) -> Belief:
     return _belief_of(rows.particles, origin)
 
 
-def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64) -> StepRecord:
+def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64, radii: Radii) -> StepRecord:
     """Return the record back, with a sighting from elsewhere: of that, a run keeps only the best few."""
     row, weighted = rows.step, weighted_of(rows, origin)
     carried = rows.particles["carried_log_weight"].to_numpy()
@@ -237,8 +238,8 @@ def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64) -> 
         predicted=Belief(weighted.poses, carried, origin),
         sighting=sighting,
         weighted=weighted,
-        estimate=_estimate_of(row, "estimate"),
-        mean_estimate=_estimate_of(row, "mean"),
+        estimate=_estimate_of(row, "estimate", radii),
+        mean_estimate=_estimate_of(row, "mean", radii),
         effective_sample_size=row["effective_sample_size"],
         log_evidence=row["log_evidence"],
         calibrated_evidence=row["calibrated_evidence"],
@@ -256,7 +257,8 @@ def _belief_of(cloud: pl.DataFrame, origin: F64) -> Belief:
     return Belief(poses, cloud["log_weight"].to_numpy(), origin)
 
 
-def _estimate_of(row: Mapping[str, Any], kind: str) -> Estimate:
+def _estimate_of(row: Mapping[str, Any], kind: str, radii: Radii) -> Estimate:
     pose = np.array([row[f"{kind}_{name}"] for name in _POSE])
-    sd_x, sd_y, *others = (row[f"{kind}_{name}"] for name in _SPREAD)
-    return Estimate(pose, (sd_x, sd_y), *others)
+    sd_x, sd_y, *shares = (row[f"{kind}_{name}"] for name in _SPREAD)
+    heading_sd, mass, confidence, converged = shares
+    return Estimate(pose, (sd_x, sd_y), heading_sd, mass, confidence, converged, radii)

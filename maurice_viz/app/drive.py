@@ -21,9 +21,10 @@ from maurice_loaders.recorded_session import Glance, RecordedSession
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms import FewerPictures, Placeholders
 from maurice_mcl.arrays import F64, U8
-from maurice_mcl.filter.estimate import CLUSTER_M, CONFIDENCE_M, heaviest_cluster, share_within, weighted_mean
+from maurice_mcl.filter.estimate import heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.library import Library
 from maurice_mcl.map import open_arena
+from maurice_mcl.radii import USUAL, Radii, radii_of
 from maurice_mcl.records import (
     Belief,
     Estimate,
@@ -173,6 +174,11 @@ class AsRecorded:
         for number, update in enumerate(self.localizer.updates(self.findings), start=1):
             yield {self.label: self.step(self.frame(update, number), update, origin)}
 
+    @property
+    def radii(self) -> Radii:
+        """By which it is judged: those of the map."""
+        return radii_of(map_of(self.localizer, self.overview))
+
     def frame(self, update: RecordedUpdate, number: int) -> Frame:
         """Return what was recorded beside an update, the `number`-th."""
         self._begin_s = update.t_s if self._begin_s is None else self._begin_s
@@ -183,7 +189,7 @@ class AsRecorded:
         """Return moment and record of an update."""
         events = (_shown(self.localizer),) if frame.step == 1 else ()
         moment = Moment(frame, update.truth, events)
-        return moment, record_of(frame, update, self._belief(update, origin))
+        return moment, record_of(frame, update, self._belief(update, origin), self.radii)
 
     def _image(self, update: RecordedUpdate) -> U8:
         if update.read is None:
@@ -208,7 +214,7 @@ def _shown(localizer: RecordedLocalizer) -> str:
     return AFTER_RESAMPLING if localizer.has_cloud else WITHOUT_CLOUD
 
 
-def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecord:
+def record_of(frame: Frame, update: RecordedUpdate, belief: Belief, radii: Radii = USUAL) -> StepRecord:
     """Make the record of one cloud; what only the filter itself could know is left empty or NaN.
 
     Whom the next cloud's particles come from is not in the bag. Lines from particle to particle are drawn
@@ -221,8 +227,8 @@ def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecor
         predicted=belief,  # as it was before the sensor is not in the bag
         sighting=nothing_seen(belief.size),
         weighted=belief,
-        estimate=estimate_of(update, belief),
-        mean_estimate=weighted_mean(belief),
+        estimate=estimate_of(update, belief, radii),
+        mean_estimate=weighted_mean(belief, radii),
         effective_sample_size=effective_sample_size(belief.log_weights),
         log_evidence=float("nan"),
         calibrated_evidence=float("nan"),
@@ -235,16 +241,15 @@ def record_of(frame: Frame, update: RecordedUpdate, belief: Belief) -> StepRecor
     )
 
 
-def estimate_of(update: RecordedUpdate, belief: Belief) -> Estimate:
+def estimate_of(update: RecordedUpdate, belief: Belief, radii: Radii) -> Estimate:
     """Return the localizer's own pose with its own spread, or the heaviest cluster where it said none."""
     if update.pose is None:
-        return heaviest_cluster(belief)
+        return heaviest_cluster(belief, radii)
     own = update.pose
     x, y, heading = (float(value) for value in own.sd)
-    near = share_within(belief, own.pose, CLUSTER_M)
-    return Estimate(
-        own.pose, (x, y), heading, near, share_within(belief, own.pose, CONFIDENCE_M), converged=near
-    )
+    near = share_within(belief, own.pose, radii.cluster_m)
+    sure = share_within(belief, own.pose, radii.confidence_m)
+    return Estimate(own.pose, (x, y), heading, near, sure, converged=near, radii=radii)
 
 
 def _log_weights(weights: F64 | None) -> F64 | None:
@@ -318,7 +323,7 @@ def playback_together(recorded: Sequence[AsRecorded], listener: Listener = SILEN
     for one in recorded:
         one.overview = replace(one.overview, arena=arena)
     playing = playback_as_recorded(first, listener)
-    views = [RunView(one.label, (), None, one.overview.most_particles) for one in recorded]
+    views = [RunView(one.label, (), None, one.overview.most_particles, radii=one.radii) for one in recorded]
 
     def remarks(_: object) -> None:
         for one in recorded:
@@ -330,8 +335,8 @@ def playback_together(recorded: Sequence[AsRecorded], listener: Listener = SILEN
 def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> Playback:
     """Prepare a recorded localizer for `play`."""
     seen = recorded.overview
-    drawn = RunView(recorded.label, (), None, seen.most_particles)
     library = map_of(recorded.localizer, seen)
+    drawn = RunView(recorded.label, (), None, seen.most_particles, radii=recorded.radii)
     scene = DriveScene(
         recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
     )

@@ -15,9 +15,8 @@ from maurice_loaders.files import expect_absent, toml_value, write_whole
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
-from maurice_loaders.libraries.survey import EVERY, open_survey, read_every
+from maurice_loaders.libraries.survey import EVERY, SelectedSurvey, open_survey, read_every
 from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.calibration.sensor import (
     Measuring,
     Sample,
@@ -89,8 +88,9 @@ def build_library(
         )
         remark_open(built, listener)
         save_library(built, Path(to), force=force)
-        reach_m = (spaced or EVERY).distance_m
-        return built, None if isinstance(source, SessionLog) else coverage_of(built, reach_m)
+        if isinstance(source, SelectedSurvey):
+            return built, coverage_of(built, (source.chosen.every or EVERY).distance_m)
+        return built, None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

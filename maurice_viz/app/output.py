@@ -61,6 +61,7 @@ def observed(
             sensor=run.sensor,
             updates=scene.updates,
             bookmarks=run.bookmarks,
+            radii=run.radii,
         )
     for observer in observers.values():
         observer.begin(scene.info, scene.library)

@@ -88,7 +88,7 @@ def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Locali
     """Build the filter of a run again. InputError when its parameters are refused today."""
     parameters = run.configuration.parameters
     try:
-        return build_localizer(library, session, parameters, seed=run.manifest.seed)
+        return build_localizer(library, session, parameters, seed=run.manifest.seed, radii=run.manifest.radii)
     except (ValueError, KeyError) as problem:
         raise InputError(run.folder, f"its filter cannot be built here: {problem}") from None
 
@@ -162,7 +162,9 @@ def view_of(one: Restored) -> RunView:
     """Return how one saved run is shown."""
     manifest = one.saved.manifest
     particles = one.saved.configuration.parameters.particles
-    return RunView(manifest.label, manifest.channels, one.sensor, particles, one.bookmarks)
+    return RunView(
+        manifest.label, manifest.channels, one.sensor, particles, one.bookmarks, radii=manifest.radii
+    )
 
 
 def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun], listener: Listener) -> None:
@@ -255,6 +257,7 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
         library_content=library_hash(localizer.library, channels),
         configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
         versions=versions_now(),
+        radii=localizer.radii,
         reading=replace(opening, format=form.name),
         table=None if opening.table is None else source_of(opening.table, folder),
     )

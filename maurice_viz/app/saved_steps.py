@@ -69,12 +69,12 @@ class Restored:
 
     def record(self, rows: StepRows, moment: Moment, image: U8 | None) -> StepRecord:
         """Return the record of one update, its comparison made again where possible."""
-        origin = np.array(self.saved.manifest.origin_m)
+        origin, radii = np.array(self.saved.manifest.origin_m), self.saved.manifest.radii
         if self.sensor is None or image is None:
-            return record_of(rows, moment.frame, nothing_seen(rows.particles.height), origin)
+            return record_of(rows, moment.frame, nothing_seen(rows.particles.height), origin, radii)
         comparison = self.sensor.compare(self.sensor.measure(image))
         sighting = self.sensor.at(comparison, weighted_of(rows, origin).poses)
-        return record_of(rows, moment.frame, sighting, origin)
+        return record_of(rows, moment.frame, sighting, origin, radii)
 
 
 def restored_together(

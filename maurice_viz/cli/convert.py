@@ -226,8 +226,13 @@ def pictures(
         int, option("--every", "Of this many runs of equal poses one goes to the session.", min=2)
     ] = DEFAULTS.session_every,
     guard: Annotated[
-        float, option("--guard", "Meters around session poses without library pictures.", min=0.0)
-    ] = DEFAULTS.guard_m,
+        float | None,
+        option(
+            "--guard",
+            "Meters around session poses without library pictures. [default: 0.5, in a small place less]",
+            min=0.0,
+        ),
+    ] = None,
     session_pictures: Annotated[
         int, option("--session-pictures", "Most pictures of a run in the session.", min=1)
     ] = DEFAULTS.session_pictures,

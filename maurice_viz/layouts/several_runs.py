@@ -94,7 +94,7 @@ def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     columns = []
     if scene.has_truth:
         columns.append(rrb.Vertical(*lines.error_plots(labels, scene, who), *lines.truth_plots(labels)))
-    cloud = lines.cloud_plots(labels, scene, "" if scene.has_truth else who)
+    cloud = lines.cloud_plots(runs, scene, "" if scene.has_truth else who)
     columns.append(rrb.Vertical(*cloud, *lines.survival_plots(labels)))
     return over_events(rrb.Horizontal(*columns, _last(runs)), runs)
 
@@ -118,5 +118,5 @@ def recorded_traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     """Plot one quantity per panel of another localizer's clouds, whose evidence is not known."""
     labels = [run.label for run in runs]
     columns = [lines.error_plots(labels, scene)] if scene.has_truth else []
-    columns.append(lines.cloud_plots(labels, scene))
+    columns.append(lines.cloud_plots(runs, scene))
     return over_events(rrb.Horizontal(*(rrb.Vertical(*column) for column in columns)), runs)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.arrays import F32, F64, I32
-from maurice_mcl.filter.estimate import CLUSTER_M
 from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 
@@ -222,7 +221,8 @@ class EstimatePanel(Panel):
             set_phase_only(rec, update.moment, Phase.PREDICT)
             no_arrow = rr.Arrows2D.from_fields(origins=[], vectors=[])
             rec.log(self._marker.path, rr.Points2D.from_fields(positions=[]), no_arrow)
-        reach = CLUSTER_M + float(np.hypot(*update.record.frame.motions[:, :2].T).sum())
+        moved = float(np.hypot(*update.record.frame.motions[:, :2].T).sum())
+        reach = update.record.estimate.radii.cluster_m + moved
         jumped = last is not None and np.hypot(*(pose[:2] - last[:2])) > reach
         self._last = pose
         set_phase(rec, update.moment, Phase.WEIGHT)

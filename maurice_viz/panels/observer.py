@@ -12,6 +12,7 @@ import rerun as rr
 
 from maurice_mcl.analysis.events import EventDetector
 from maurice_mcl.library import Library
+from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
@@ -106,6 +107,7 @@ class RerunObserver:
     sensor: SensorModel | None = None  # to explain with; None: that panel stays empty
     updates: int = 0  # how many there will be; 0 where that is not known
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
+    radii: Radii = USUAL  # by which the run is judged
     _panels: list[Panel] = field(init=False, default_factory=list)
     _detector: EventDetector | None = field(init=False, default=None)
     _filter: DetailFilter = field(init=False)
@@ -129,6 +131,7 @@ class RerunObserver:
             has_truth=self.has_truth,
             draws_scene=self.scene,
             updates=self.updates,
+            radii=self.radii,
         )
         self._panels = panels_of(run)
         for panel in self._panels:

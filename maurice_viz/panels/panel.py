@@ -17,6 +17,7 @@ from maurice_mcl.analysis.modes import TrackedMode
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.localizer import EXPANDED
 from maurice_mcl.library import Library
+from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
@@ -60,6 +61,7 @@ class DrawnRun:
     has_truth: bool = True
     draws_scene: bool = True  # whether this run draws what all runs share: map, camera, truth
     updates: int = 0  # how many there will be; 0 where that is not known
+    radii: Radii = USUAL  # by which the run is judged
 
 
 @dataclass(frozen=True, slots=True, eq=False)

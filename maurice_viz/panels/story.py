@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.analysis.metrics import LOST_M, RIGHT_M
 from maurice_mcl.analysis.verdict import RunVerdict, decisive_step
 from maurice_mcl.session import Moment
 
@@ -28,8 +27,9 @@ class LimitsPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        self._values = [run.scale.length(limit_m) for limit_m in (RIGHT_M, LOST_M)]
-        self._names = [f"{run.scale.say(limit_m)}" for limit_m in (RIGHT_M, LOST_M)]
+        limits_m = (run.radii.right_m, run.radii.lost_m)
+        self._values = [run.scale.length(limit_m) for limit_m in limits_m]
+        self._names = [run.scale.say(limit_m) for limit_m in limits_m]
         self._has_truth, self._seen = run.has_truth, 0
         self._last: Moment | None = None
 
@@ -95,9 +95,9 @@ def errors_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView
     who = f": {', '.join(names)}" if len(runs) > 1 else ""
     if not scene.has_truth:
         return plot(f"Spread of the cloud ({unit}){who}", contents, overrides=styles)
-    say = scene.scale.say
+    say, radii = scene.scale.say, runs[0].radii
     what = f"Position error thick, spread thin ({unit}){who}"
-    limits = f"gray {say(RIGHT_M)}: right below, red {say(LOST_M)}: lost above"
+    limits = f"gray {say(radii.right_m)}: right below, red {say(radii.lost_m)}: lost above"
     return plot(f"{what}; {limits}", [*contents, LIMITS], overrides=styles)
 
 

@@ -8,8 +8,6 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.filter.estimate import CONFIDENCE_M
-
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
 from ..entities import Phase, RunPaths
@@ -160,9 +158,9 @@ def truth_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def cloud_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
+def cloud_plots(runs: Sequence[RunView], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
     """Plot spread, confidence and effective sample size of some runs."""
-    near = scene.scale.say(CONFIDENCE_M)
+    labels, near = [run.label for run in runs], scene.scale.say(runs[0].radii.confidence_m)
     return [
         plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who}", labels),
         plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near})", labels, top=1.1),

@@ -18,7 +18,6 @@ from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.analysis.events import KINDS
-from maurice_mcl.filter.estimate import CONFIDENCE_M
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
@@ -98,7 +97,13 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         verdict=verdict_line({one.label: one.verdict for one in results}, scale).replace("`", ""),
         summaries=[(result.label, _summary(result, scale)) for result in collected.results],
         scores=[(name, *cells) for rows in (score_rows, paired_rows) for name, cells in rows(results, units)],
-        map=DrawnMap(library.arena, scale, collected.tracks, [(one.step, one.number) for one in pictured]),
+        map=DrawnMap(
+            library.arena,
+            scale,
+            collected.tracks,
+            [(one.step, one.number) for one in pictured],
+            results[0].radii.lost_m,
+        ),
         charts=charts,
         unknown=unknown,
         many=MANY,
@@ -157,7 +162,7 @@ def _summary(result: RunResult, scale: Scale) -> str:
 def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[list[DrawnChart], list[str]]:
     """Return a chart for each trace that is known, and the names of the others."""
     unit, per_m, per_rad = scale.units.name, scale.units.per_m, 180 / np.pi
-    near = f"Weight within {scale.say(CONFIDENCE_M)} of the estimate."
+    near = f"Weight within {scale.say(collected.results[0].radii.confidence_m)} of the estimate."
     explained = "How well the cloud explained each picture; higher is better."
     kinds = (
         (Chart("Position error", unit, "From estimate to truth."), "position_error_m", per_m),

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.analysis.metrics import LOST_M
 from maurice_mcl.arrays import F64
 from maurice_mcl.map import Arena
+from maurice_mcl.radii import USUAL
 
 from ..app.saved_steps import Track
 from ..drawing.canvas import ticks
@@ -44,6 +44,7 @@ class DrawnMap:
     scale: Scale
     tracks: Sequence[Track]
     numbered: Sequence[tuple[int, int]]  # step and number of each event with a picture
+    jump_m: float = USUAL.lost_m  # a path is broken where a step is longer
 
     @property
     def axes(self) -> Axes:
@@ -122,7 +123,7 @@ class DrawnMap:
 
     def parts(self, path: MapPath) -> Iterator[str]:
         """Yield the points of each unbroken part of a path."""
-        for part in unbroken(path.poses[:, :2], self.tracks[0].column("odometry_m")):
+        for part in unbroken(path.poses[:, :2], self.tracks[0].column("odometry_m"), self.jump_m):
             if len(part) > 1:
                 yield self.axes.points(thin_path(part))
 
@@ -146,7 +147,7 @@ class DrawnMap:
     @property
     def jump(self) -> str:
         """The distance above which a path is broken."""
-        return self.scale.say(LOST_M)
+        return self.scale.say(self.jump_m)
 
     @property
     def label(self) -> str:
@@ -156,10 +157,10 @@ class DrawnMap:
         return f"Map of {size} with the estimated path of {runs}{' and the true path' * self.has_truth}"
 
 
-def unbroken(places: F64, moved_m: F64) -> list[F64]:
+def unbroken(places: F64, moved_m: F64, jump_m: float = USUAL.lost_m) -> list[F64]:
     """Cut a path (S, 2) where a step jumps, and leave out what is not known."""
     distance = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
-    jumps = ~(distance <= np.maximum(LOST_M, JUMP_OF_MOTION * moved_m[1:]))  # also where it is not known
+    jumps = ~(distance <= np.maximum(jump_m, JUMP_OF_MOTION * moved_m[1:]))  # also where it is not known
     parts = np.split(places, np.flatnonzero(jumps) + 1)
     return [part for part in parts if np.isfinite(part).all()]
 

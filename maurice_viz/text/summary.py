@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,12 @@ import numpy as np
 from maurice_mcl.analysis.metrics import LEFT
 from maurice_mcl.analysis.run_comparison import (
     APART_FOR,
-    APART_M,
     ComparisonResult,
     ErrorDifference,
     Step,
     StepComparison,
 )
+from maurice_mcl.radii import Radii
 
 from ..playback import RunResult
 from ..style import COLOR_WORDS, UNITS, Scale, Units
@@ -85,7 +86,8 @@ def _run_json(result: RunResult) -> dict[str, Any]:
     success = {one.preset: _values(one, SUCCESS) for one in result.score.success}
     scores = _values(result.score, SCORES)
     head = {"label": result.label, "verdict": _verdict_json(result)}
-    return head | scores | {"thesis_success": success, "steps_per_s": result.steps_per_s}
+    tail = {"thesis_success": success, "radii": asdict(result.radii), "steps_per_s": result.steps_per_s}
+    return head | scores | tail
 
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
@@ -161,6 +163,7 @@ def _rows(units: Units) -> list[tuple[str, Cell]]:
         ("wrong and confident", lambda r: _written(r.score.wrong_confident_share, ".0%")),
         ("localized (thesis, sd < 10 %)", lambda r: _success(r, "tenth", units)),
         ("localized (thesis, one foot)", lambda r: _success(r, "circle", units)),
+        (f"right, converged, lost ({unit})", lambda r: _radii(r.radii, units)),
         ("filter steps per second", lambda r: _written(r.steps_per_s, ".0f")),
     ]
 
@@ -175,6 +178,11 @@ def _degrees(value_rad: float | None) -> str:
 
 def _length(value_m: float | None, units: Units) -> str:
     return _written(value_m, f".{units.digits}f", units.per_m)
+
+
+def _radii(radii: Radii, units: Units) -> str:
+    """Return the radii that a run was judged by."""
+    return ", ".join(_length(one, units) for one in (radii.right_m, radii.cluster_m, radii.lost_m))
 
 
 def _or_never(update: int | None, lost: bool | None) -> str:
@@ -230,7 +238,7 @@ class StepWords:
             _table_row(["---", *["---:"] * (len(heads) - 1)]),
             *(self._row(label, number, steps, pairs) for number, label in enumerate(self._labels)),
             "",
-            self._meaning(pairs),
+            self._meaning(steps, pairs),
         ]
         return "\n".join(lines)
 
@@ -252,10 +260,11 @@ class StepWords:
     def _number(self, length_m: float) -> str:
         return f"{self._scale.length(length_m):.{self._scale.units.digits}f}"
 
-    def _meaning(self, pairs: Mapping[str, StepComparison]) -> str:
+    def _meaning(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> str:
         if not _on_one_drive(pairs):
             return "Runs of different drives, side by side by the number of the step."
-        far, first = self._scale.say(APART_M), plain(self._labels[0])
+        radii, first = steps[self._labels[0]][1].estimate.radii, plain(self._labels[0])
+        far = self._scale.say(radii.confidence_m)
         return f"Parted: more than {far} from {first} for {APART_FOR} steps running."
 
 

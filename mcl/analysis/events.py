@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arrays import F64
-from ..filter.estimate import CLUSTER_M
 from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED, RESEEDED
 from ..records import StepRecord
 from ..session import Moment
@@ -34,7 +33,7 @@ STATES: Mapping[str, str] = {
     SEARCHING: "not converged, or not correct and not converged",
     WRONG: "converged and not correct: nothing in the cloud warns of it",
     LOST: "too far off for four updates in a row, and still so",
-    CONVERGED: "truth not known: at least 90 % of the weight within 24 in of the estimate",
+    CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
     SPREAD: "truth not known: less than that",
 }
 
@@ -110,7 +109,7 @@ class EventThresholds:
     least_sd_m: float = 0.0254  # lower bound on a cloud's width, 1 in: the accuracy of the truth
     leads_with: float = 0.3  # share of the weight that a mode needs to take over
     leads_by: float = 0.1  # lead over the last leader, or two equals would alternate
-    jump_m: float = CLUSTER_M  # 24 in, a mode's radius: nearer ones are the same place to a person
+    jump_m: float | None = None  # None: a mode's radius; nearer ones are the same place to a person
     quiet_for: int = 5  # updates without, after which fresh particles begin a new burst
 
 
@@ -165,8 +164,9 @@ class BeyondSigma:
 def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
     """Return the Mahalanobis distance of the truth from the estimate, by its cluster and a least sd."""
     middle = record.estimate.pose[:2] - record.weighted.origin
+    reach_m = record.estimate.radii.cluster_m
     x, y = (record.weighted.poses[:, axis] - np.float32(middle[axis]) for axis in (0, 1))
-    held = record.weighted.weights * (x * x + y * y <= CLUSTER_M**2)
+    held = record.weighted.weights * (x * x + y * y <= reach_m**2)
     total = float(held.sum()) or 1.0
     xx, yy, xy = (float(held @ product) / total for product in (x * x, y * y, x * y))
     xx, yy = xx + least_sd_m**2, yy + least_sd_m**2
@@ -197,7 +197,8 @@ class Leader:
             return None
         old = (now or last).estimate
         apart = float(np.hypot(*(first.estimate.pose[:2] - old.pose[:2])))
-        if apart < limits.jump_m:
+        jump_m = first.estimate.radii.cluster_m if limits.jump_m is None else limits.jump_m
+        if apart < jump_m:
             return None
         left = f"{now.estimate.mass:.0%}" if now else "gone"
         share = f"{first.estimate.mass:.0%}"
@@ -217,7 +218,7 @@ KINDS: Mapping[str, str] = {
     LIGHTS_CHANGED: "the log says that the light changed",
     SESSION: "anything else that the log says: a bump, a slip, another floor",
     LOCALIZED: "converged and correct in 4 of 5 updates, for the first time",
-    LOST: "for four updates in a row more than 36 in or 45 degrees off",
+    LOST: "for four updates in a row beyond the lost radius, or more than 45 degrees off",
     RECOVERED: "localized again after it was lost or kidnapped",
     BEYOND_THREE_SIGMA: "the truth lies more than three standard deviations from the estimate",
     MODE_SWITCH: "another mode has become the heaviest: the estimate jumps",

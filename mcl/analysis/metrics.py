@@ -18,8 +18,8 @@ from ..records import Estimate, StepRecord
 from ..session import Moment
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are not scored
-LOST_M, LOST_RAD, LOST_FOR = 36 * INCH_M, float(np.deg2rad(45)), 4
-RIGHT_M, RIGHT_RAD = 18 * INCH_M, float(np.deg2rad(30))
+LOST_RAD, LOST_FOR = float(np.deg2rad(45)), 4
+RIGHT_RAD = float(np.deg2rad(30))
 CONVERGED_SHARE = 0.9
 LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
 RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
@@ -48,14 +48,15 @@ class StepScore:
 
 
 def score_step(estimate: Estimate, truth: F64 | None) -> StepScore:
-    """Score one estimate against one true pose (3,)."""
+    """Score one estimate against one true pose (3,), by the estimate's radii."""
+    radii = estimate.radii
     converged = estimate.converged >= CONVERGED_SHARE
     if truth is None:
         return StepScore(None, None, converged, None, None)
     off_m = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
     off_rad = angle_between(float(estimate.pose[2]), float(truth[2]))
-    correct = off_m <= RIGHT_M and off_rad <= RIGHT_RAD
-    return StepScore(off_m, off_rad, converged, correct, off_m > LOST_M or off_rad > LOST_RAD)
+    correct = off_m <= radii.right_m and off_rad <= RIGHT_RAD
+    return StepScore(off_m, off_rad, converged, correct, off_m > radii.lost_m or off_rad > LOST_RAD)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +185,6 @@ MORE_THAN = 0.9  # share of the weight about one point
 SD_UNDER = 0.1  # of the arena's width and depth
 CIRCLE_M = 6 * INCH_M  # radius of a circle one foot in diameter
 IN_TIME_S = 300.0
-LEFT_M = 36 * INCH_M  # assumed, see above
 TOO_LATE, LEFT = "time", "left"
 
 
@@ -196,12 +196,12 @@ class Success:
     at_update: int | None = None  # of the first success, counted from 1
     at_m: float | None = None  # driven by then: by the truth where it is known, else by odometry
     at_s: float | None = None  # robot time by then, since the session's first record
-    failed: str | None = None  # "time": not in five minutes; "left": was 36 in off the truth (assumed)
+    failed: str | None = None  # "time": not in five minutes; "left": was off by the lost radius (assumed)
     failed_at_update: int | None = None  # also after it was localized
 
 
 def meets_tenth(record: StepRecord, arena_m: tuple[float, float]) -> bool:
-    """Return whether over 90 % is within 24 in of the estimate, and sd below 10 % of the arena per axis."""
+    """Return whether over 90 % is converged on the estimate, and sd below 10 % of the arena per axis."""
     narrow = [sd < SD_UNDER * side for sd, side in zip(record.mean_estimate.sd_m, arena_m, strict=True)]
     return record.estimate.converged > MORE_THAN and all(narrow)
 
@@ -251,6 +251,7 @@ class SuccessJudge:
                 return so_far
             driven_m = float(self._driven_m[0 if self._truth is not None else 1])
             so_far = replace(so_far, at_update=self._updates, at_m=driven_m, at_s=time_s)
-        if truth is not None and np.hypot(*(record.estimate.pose[:2] - truth[:2])) > LEFT_M:
+        estimate = record.estimate
+        if truth is not None and np.hypot(*(estimate.pose[:2] - truth[:2])) > estimate.radii.lost_m:
             return replace(so_far, failed=LEFT, failed_at_update=self._updates)
         return so_far

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arrays import F32, F64, I32
-from ..filter.estimate import CLUSTER_M, TIE, Modes, first_heaviest, modes
+from ..filter.estimate import TIE, Modes, first_heaviest, modes
 from ..records import Estimate, StepRecord
 
 NO_MODE = 0  # identity of particles that were never in a mode; modes count from 1
@@ -40,7 +40,7 @@ class ModeTracker:
         held = self._identities
         carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
         alone = record.estimate.mass > ALONE * (1 + TIE)
-        found = (record.estimate,) if alone else modes(record.weighted)
+        found = (record.estimate,) if alone else modes(record.weighted, record.estimate.radii)
         places = _places(record, found)
         named = self._named(places, carried, record.weighted.weights, len(found))
         now = np.where(places >= 0, np.append(named, NO_MODE).astype(np.int32)[places], carried)
@@ -71,11 +71,11 @@ class ModeTracker:
 
 def _places(record: StepRecord, found: Modes) -> I32:
     """Return the number of the mode that each particle (N,) is in, the heaviest of several; -1: none."""
-    poses = record.weighted.poses
+    poses, reach_m = record.weighted.poses, record.estimate.radii.cluster_m
     place = np.full(len(poses), -1, np.int32)
     for number in reversed(range(len(found))):
         x, y = found[number].pose[:2] - record.weighted.origin
-        near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= CLUSTER_M**2
+        near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= reach_m**2
         place[near] = number
     return place
 

@@ -10,7 +10,6 @@ from typing import TypeAlias
 import numpy as np
 
 from ..arrays import F64
-from ..geometry import INCH_M
 from ..randomness import Domain, stream
 from ..records import StepRecord
 from ..session import Moment
@@ -69,8 +68,7 @@ def _critical(blocks: F64, count: int, seed: int) -> float:
 
 Step: TypeAlias = tuple[Moment, StepRecord]
 
-APART_M = 12 * INCH_M  # estimates that differ by more are different places ...
-APART_FOR = 2  # ... if they do for this many steps in a row
+APART_FOR = 2  # steps in a row at which estimates are more than `confidence_m` apart: different places
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,10 +132,11 @@ class RunComparison:
             return StepComparison(position, heading, None, None)
         apart = float(np.hypot(*(other[1].estimate.pose[:2] - first[1].estimate.pose[:2])))
         self._apart.append(apart)
-        return StepComparison(position, heading, apart, self._parting(apart, first[0]))
+        return StepComparison(position, heading, apart, self._parting(apart, first))
 
-    def _parting(self, apart_m: float, moment: Moment) -> RunEvent | None:
-        self._running = self._running + 1 if apart_m > APART_M else 0
+    def _parting(self, apart_m: float, first: Step) -> RunEvent | None:
+        moment, record = first
+        self._running = self._running + 1 if apart_m > record.estimate.radii.confidence_m else 0
         if self._running != APART_FOR or self.parted_at is not None:
             return None
         self.parted_at = moment.frame.step - APART_FOR + 1

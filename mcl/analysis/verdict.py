@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..filter.localizer import LEFT_MAP
+from ..radii import USUAL
 from ..records import StepRecord
 from ..session import Moment
 from .events import KIDNAPPED, LocalizationStatus, in_meters, is_kidnapping
-from .metrics import LOCALIZED_OF, LOST_FOR, LOST_M, StepScore, score_step
+from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 
 LOST = "lost"
 MOSTLY = 0.5  # share of the updates of a trouble from which on it counts as "sure"
@@ -65,6 +66,7 @@ class RunVerdict:
     error_mean_m: float | None = None
     error_end_m: float | None = None
     error_most_m: float | None = None
+    lost_m: float = USUAL.lost_m  # an error above it is lost
     most_at: int = 0  # step of the largest error
     sure_share: float = 0.0  # of the updates: wrong and confident
     converged_share: float = 0.0  # of the updates
@@ -73,7 +75,7 @@ class RunVerdict:
     @property
     def is_off_at_end(self) -> bool:
         """Whether the last estimate is too far off to be on the way back."""
-        return self.error_end_m is not None and self.error_end_m > LOST_M
+        return self.error_end_m is not None and self.error_end_m > self.lost_m
 
     @property
     def decisive(self) -> int:
@@ -117,6 +119,7 @@ class VerdictBuilder:
         self._verdict = replace(
             self._with_error(verdict, step, score),
             updates=verdict.updates + 1,
+            lost_m=record.estimate.radii.lost_m,
             left_map=(*verdict.left_map, step) if left else verdict.left_map,
             troubles=self._troubles(step, changes, kidnapped),
         )

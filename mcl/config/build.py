@@ -14,6 +14,7 @@ from ..filter.recovery import RecoveryStep, RecoveryStrategy, none
 from ..filter.recovery import always as always_some
 from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
 from ..library import Library
+from ..radii import Radii, radii_of
 from ..sensor.descriptors.registry import weights_of
 from ..sensor.left_out import PlaceScore, score_places
 from ..sensor.model import SensorModel
@@ -91,10 +92,12 @@ def build_localizer(
     *,
     reference: NearestReference | None = None,
     seed: int = 0,
+    radii: Radii | None = None,
 ) -> Localizer:
     """Build the localizer that some parameters describe; `reference` can be shared among localizers.
 
-    The motion model is that of the parameters, else of the session, else of the one that `run` is given.
+    The motion model is that of the parameters, else of the session, else of the one that `run` is given. The
+    radii, unless they are known (those of a saved run), are made to measure for the library.
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()
@@ -119,6 +122,7 @@ def build_localizer(
         outliers=p.motion_outliers,
         particles=p.particles,
         seed=seed,
+        radii=radii_of(library, p.radii) if radii is None else radii,
     )
 
 

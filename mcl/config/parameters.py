@@ -14,6 +14,8 @@ from ..filter.motion import MotionOutliers
 from ..filter.proposal import MixtureParameters
 from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
 from ..filter.resampling import RESAMPLERS, KldParameters
+from ..radii import NAMES as RADII
+from ..radii import RadiiParameters
 from ..sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from ..sensor.distances import DISTANCES
 from ..sensor.model import BLENDS, LIKELIHOODS, QUALITIES, SensorParameters
@@ -66,6 +68,7 @@ class FilterParameters:
     motion_outliers: MotionOutliers = field(default_factory=MotionOutliers)
     motion: Mapping[str, object] | None = None  # replaces the session header's
     particles: int = 2000
+    radii: RadiiParameters = field(default_factory=RadiiParameters)
 
 
 def of_feature(feature: str, particles: int = 2000, sharpness: float = 1.0) -> FilterParameters:
@@ -115,6 +118,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 
 # One rule per key; messages name the key, the value and its range.
 
+LEAST_RADIUS_M = 0.001
+
 Rule = Callable[[str, Any], Any]  # from key and raw value to the value; raises ValueError in one line
 
 
@@ -128,6 +133,14 @@ def number(low: float, high: float) -> Rule:
         return float(given)
 
     return rule
+
+
+def radius(key: str, value: Any) -> float:
+    """Take a radius in meters; 0 stands for one made to measure."""
+    given: float = number(0, 1e4)(key, value)
+    if 0 < given < LEAST_RADIUS_M:
+        raise ValueError(f"{key}: found {value!r}, expected 0 or a number from {LEAST_RADIUS_M:g} to 10000")
+    return given
 
 
 def whole(low: int, high: int) -> Rule:
@@ -257,6 +270,7 @@ RULES: Mapping[str, Rule] = {
     "motion_outliers.share": SHARE,
     "motion_outliers.widen": number(1, 1000),
     "motion": table,
+    **{f"radii.{name}": radius for name in RADII},
 }
 
 # Names of earlier versions, still found in saved runs, configuration files and environment variables.
@@ -337,6 +351,12 @@ def configure(layers: Iterable[Layer]) -> Configuration:
         origin = found["resampling.kld.least"].origin
         raise ValueError(
             f"{origin}: resampling.kld.least: found {least}, expected at most resampling.kld.most, {most}"
+        )
+    if 0 < values["radii.lost_m"] < values["radii.right_m"]:
+        lost, right = values["radii.lost_m"], values["radii.right_m"]
+        origin = found["radii.lost_m"].origin
+        raise ValueError(
+            f"{origin}: radii.lost_m: found {lost:g}, expected at least radii.right_m, {right:g}"
         )
     return Configuration(_built(FilterParameters, values, ""), tuple(found[key] for key in RULES))
 

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, Bool
-from ..geometry import INCH_M, circular_mean, wrap
+from ..geometry import circular_mean, wrap
+from ..radii import USUAL, Radii
 from ..records import Belief, Estimate
 
-CLUSTER_M = 24 * INCH_M  # radius of the mean shift, and of "converged"
-CONFIDENCE_M = 12 * INCH_M
-CELL_M = CLUSTER_M / 4  # the mode is first sought on a raster of such cells ...
-MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than 60 m
+CELLS_A_CLUSTER = 4  # in its radius: the mode is first sought on a raster of such cells ...
+MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than a hundred radii
 SETTLED_M = 0.001  # a mean that shifts by less has converged
 MOST_SHIFTS = 30  # an evenly spread cloud has no mode to converge to
 TIE = 1e-9  # relative difference below which shares of weight are equal: processors round differently
@@ -24,47 +23,47 @@ Modes: TypeAlias = tuple[Estimate, ...]
 Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
 
 
-def weighted_mean(belief: Belief) -> Estimate:
+def weighted_mean(belief: Belief, radii: Radii = USUAL) -> Estimate:
     """Return the mean of the entire cloud. With several modes it lies between them."""
     weights = belief.weights
-    return _stand_for(belief, weights, weights)
+    return _stand_for(belief, weights, weights, radii)
 
 
-def heaviest_cluster(belief: Belief) -> Estimate:
-    """Return the heaviest cluster, by mean shift with a flat kernel of 24 in: the scored estimate.
+def heaviest_cluster(belief: Belief, radii: Radii = USUAL) -> Estimate:
+    """Return the heaviest cluster, by mean shift with a flat kernel of `cluster_m`: the scored estimate.
 
-    Of equals the lowest y wins, then x, by cells of 6 in.
+    Of equals the lowest y wins, then x, by cells of a quarter of that.
     """
-    weights = belief.weights
+    weights, reach_m = belief.weights, radii.cluster_m
     x, y = _columns(belief)
-    mode = _shift(_amid_most(x, y, weights), x, y, weights)
-    return _stand_for(belief, weights, weights * _near(x, y, mode, CLUSTER_M))
+    mode = _shift(_amid_most(x, y, weights, reach_m), x, y, weights, reach_m)
+    return _stand_for(belief, weights, weights * _near(x, y, mode, reach_m), radii)
 
 
-def best_particle(belief: Belief) -> Estimate:
+def best_particle(belief: Belief, radii: Radii = USUAL) -> Estimate:
     """Return the particle with the most weight, the first of equals; its spread is zero."""
     weights = belief.weights
     held = np.zeros_like(weights)
     best = first_heaviest(weights)
     held[best] = weights[best]
-    return _stand_for(belief, weights, held)
+    return _stand_for(belief, weights, held, radii)
 
 
-def modes(belief: Belief, *, most: int = 5, least: float = 0.01) -> Modes:
+def modes(belief: Belief, radii: Radii = USUAL, *, most: int = 5, least: float = 0.01) -> Modes:
     """Return at most `most` clusters with at least the share `least` of the weight, heaviest first.
 
-    Each holds the particles within 24 in of its mode that are in no earlier cluster.
+    Each holds the particles within `cluster_m` of its mode that are in no earlier cluster.
     """
     least *= 1 - TIE
-    weights = belief.weights
+    weights, reach_m = belief.weights, radii.cluster_m
     x, y = _columns(belief)
     left, found = weights, list[Estimate]()
     while len(found) < most and float(left.sum()) >= least:
-        mode = _shift(_amid_most(x, y, left), x, y, left)
-        held = left * _near(x, y, mode, CLUSTER_M)
+        mode = _shift(_amid_most(x, y, left, reach_m), x, y, left, reach_m)
+        held = left * _near(x, y, mode, reach_m)
         if float(held.sum()) < least:
             break
-        found.append(_stand_for(belief, weights, held))
+        found.append(_stand_for(belief, weights, held, radii))
         left = np.asarray(np.where(held > 0, 0, left))
     return tuple(sorted(found, key=cmp_to_key(_heavier_first)))
 
@@ -102,14 +101,15 @@ def _columns(belief: Belief) -> tuple[F64, F64]:
     return belief.poses[:, 0].astype(np.float64), belief.poses[:, 1].astype(np.float64)
 
 
-def _amid_most(x: F64, y: F64, weights: F64) -> Point:
-    """Return the particle's position where the mean shift starts: most weight lies within 24 in."""
+def _amid_most(x: F64, y: F64, weights: F64, reach_m: float) -> Point:
+    """Return the particle's position where the mean shift starts: most weight lies within reach."""
     left, low = float(x.min()), float(y.min())
-    side = max(CELL_M, float(x.max() - left) / MOST_CELLS_A_SIDE, float(y.max() - low) / MOST_CELLS_A_SIDE)
+    cell_m = reach_m / CELLS_A_CLUSTER
+    side = max(cell_m, float(x.max() - left) / MOST_CELLS_A_SIDE, float(y.max() - low) / MOST_CELLS_A_SIDE)
     column, row = ((x - left) / side).astype(np.int64), ((y - low) / side).astype(np.int64)
     columns, rows = int(column.max()) + 1, int(row.max()) + 1
     raster = np.bincount(row * columns + column, weights, rows * columns).reshape(rows, columns)
-    held = cv2.filter2D(raster, -1, _disc(CLUSTER_M / side), borderType=cv2.BORDER_CONSTANT)
+    held = cv2.filter2D(raster, -1, _disc(reach_m / side), borderType=cv2.BORDER_CONSTANT)
     fullest_row, fullest_column = divmod(first_heaviest(held), columns)
     away = np.hypot(x - left - side * (fullest_column + 0.5), y - low - side * (fullest_row + 0.5))
     away = np.where(weights > 0, away, np.inf)
@@ -123,10 +123,10 @@ def _disc(radius: float) -> F64:
     return np.asarray(reach**2 + reach[:, None] ** 2 <= radius**2, np.float64)
 
 
-def _shift(center: Point, x: F64, y: F64, weights: F64) -> Point:
-    """Shift the center to the mean of the particles within 24 in until it converges (flat mean shift)."""
+def _shift(center: Point, x: F64, y: F64, weights: F64, reach_m: float) -> Point:
+    """Shift the center to the mean of the particles in reach until it converges (flat mean shift)."""
     for _ in range(MOST_SHIFTS):
-        last, center = center, _mean(x, y, weights * _near(x, y, center, CLUSTER_M))
+        last, center = center, _mean(x, y, weights * _near(x, y, center, reach_m))
         if math.dist(center, last) < SETTLED_M:
             break
     return center
@@ -141,7 +141,7 @@ def _near(x: F64, y: F64, center: Point, radius_m: float) -> Bool:
     return np.square(x - center[0]) + np.square(y - center[1]) <= radius_m**2
 
 
-def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
+def _stand_for(belief: Belief, weights: F64, held: F64, radii: Radii) -> Estimate:
     """Summarize the part `held` (N,) of a cloud with weights (N,) that sum to one."""
     x, y = _columns(belief)
     center, mass = _mean(x, y, held), float(held.sum())
@@ -153,8 +153,9 @@ def _stand_for(belief: Belief, weights: F64, held: F64) -> Estimate:
         sd_m=(math.sqrt(held @ along_x / mass), math.sqrt(held @ along_y / mass)),
         heading_sd_rad=heading_sd,
         mass=mass,
-        confidence=float(weights @ (away <= CONFIDENCE_M**2)),
-        converged=float(weights @ (away <= CLUSTER_M**2)),
+        confidence=float(weights @ (away <= radii.confidence_m**2)),
+        converged=float(weights @ (away <= radii.cluster_m**2)),
+        radii=radii,
     )
 
 

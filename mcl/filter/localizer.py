@@ -20,6 +20,7 @@ import numpy as np
 from ..arrays import F32, F64, I32
 from ..errors import InputError
 from ..library import Library
+from ..radii import USUAL, Radii
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import Belief, Comparison, FilterState, StepRecord, effective_sample_size, normalize
 from ..sensor.model import SensorModel
@@ -69,6 +70,7 @@ class Localizer:
     outliers: MotionOutliers = NO_OUTLIERS
     particles: int = 2000
     seed: int = 0
+    radii: Radii = USUAL  # by which the cloud is summarized, and the run judged
 
     def of_session(self, session: Session) -> Localizer:
         """Return a localizer with the motion model of a session's header, if it has none."""
@@ -103,8 +105,8 @@ class Localizer:
                 weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
             evidence, by_channel = calibrated_evidence(comparison, proposal, sighting.entries)
         with _timed(took, "estimate"):
-            estimate = heaviest_cluster(weighted)
-            mean_estimate = weighted_mean(weighted)
+            estimate = heaviest_cluster(weighted, self.radii)
+            mean_estimate = weighted_mean(weighted, self.radii)
         with _timed(took, "resample"):
             recovery = self.recovery.strategy(-np.inf if left else evidence, state.recovery)
             resampled = self.resample(weighted, recovery, frame.step)

@@ -22,6 +22,7 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
+from maurice_mcl.radii import radii_of
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment, SessionInfo
 
@@ -100,6 +101,7 @@ def manifest_for(session: Path, library: Library, folder: Path, toml: str) -> Ru
         library_content=library_hash(library, channels),
         configuration_sha256=sha256(toml.encode()).hexdigest(),
         versions=versions_now(),
+        radii=radii_of(library),
     )
 
 

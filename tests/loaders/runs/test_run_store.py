@@ -63,7 +63,7 @@ def test_what_is_read_is_what_was_written_to_the_last_bit(save_run: Save, settin
     for rows, (moment, record) in zip(saved.steps(), played, strict=True):
         again = writing.moment_of(rows, moment.frame.image)
         assert_same(again, moment)
-        found = writing.record_of(rows, again.frame, record.sighting, origin)
+        found = writing.record_of(rows, again.frame, record.sighting, origin, saved.manifest.radii)
         assert_same(found, record)
         assert sum(found.took_s.values()) == sum(record.took_s.values())
 

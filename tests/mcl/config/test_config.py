@@ -101,7 +101,7 @@ def test_fresh_particles_count_in_the_estimate_once_a_picture_has_weighted_them(
     state, _ = localizer.step(localizer.initialize(world.start), world.drive.all_moments[0].frame)
     _, record = localizer.step(state, world.drive.all_moments[1].frame)
     for found, estimator in ((record.estimate, heaviest_cluster), (record.mean_estimate, weighted_mean)):
-        expected = estimator(record.weighted)
+        expected = estimator(record.weighted, localizer.radii)
         assert np.array_equal(found.pose, expected.pose)
         assert found.converged == expected.converged
     assert record.estimate.converged < 0.8

@@ -2,8 +2,6 @@ import numpy as np
 import pytest
 
 from maurice_mcl.filter.estimate import (
-    CLUSTER_M,
-    CONFIDENCE_M,
     best_particle,
     covariance,
     heaviest_cluster,
@@ -13,6 +11,7 @@ from maurice_mcl.filter.estimate import (
     weighted_mean,
 )
 from maurice_mcl.geometry import INCH_M
+from maurice_mcl.radii import USUAL
 from maurice_mcl.records import Belief, normalize, uniform_log_weights
 
 RADIUS_M = 24 * INCH_M
@@ -174,7 +173,7 @@ def test_the_first_mode_is_the_scored_estimate():
 
 def test_modes_share_no_particle():
     rng = np.random.default_rng(2)
-    poses = np.column_stack([np.linspace(0, 6 * CLUSTER_M, 900), np.zeros((900, 2))])
+    poses = np.column_stack([np.linspace(0, 6 * USUAL.cluster_m, 900), np.zeros((900, 2))])
     found = modes(_belief(poses, rng.random(900)), most=50, least=0.0001)
     assert sum(m.mass for m in found) == pytest.approx(1)
     belief = _belief([[0, 0, 0], [4, 0, 0]], [0.5, 0.5 + 1e-7])
@@ -206,7 +205,7 @@ def test_share_within_counts_its_rim_and_agrees_with_confidence():
     assert [share_within(belief, at, r) for r in (0.5, 1.0, 2.0)] == pytest.approx([0.5, 0.8, 1.0])
     belief = _belief(_blobs(np.random.default_rng(8), *THREE, sd=0.3))
     found = heaviest_cluster(belief)
-    assert share_within(belief, found.pose, CONFIDENCE_M) == pytest.approx(found.confidence, abs=1e-3)
+    assert share_within(belief, found.pose, USUAL.confidence_m) == pytest.approx(found.confidence, abs=1e-3)
 
 
 def _rounded_elsewhere(weights, seed):
