@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from maurice_mcl.analysis.events import KIDNAPPED
-from maurice_mcl.analysis.metrics import LOST_M
 from maurice_mcl.analysis.verdict import RunVerdict, Trouble
 
 from ..style import Scale
@@ -76,7 +75,11 @@ def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
     most = f"{scale.say(verdict.error_most_m or 0.0)} at most (step {verdict.most_at})"
     off = f"{scale.say(mean)} off on average, {most}"
     if verdict.found <= verdict.first + 1:
-        stayed = "stayed localized" if (verdict.error_most_m or 0.0) <= LOST_M else "was never lost for long"
+        stayed = (
+            "stayed localized"
+            if (verdict.error_most_m or 0.0) <= verdict.lost_m
+            else "was never lost for long"
+        )
         return f"{stayed}: {off}"
     return f"found itself at {verdict.found} and stayed localized: {off}"
 

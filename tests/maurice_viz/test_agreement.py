@@ -10,7 +10,7 @@ from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_mcl.analysis.events import EventDetector
 from maurice_mcl.config.build import make_localizer
-from maurice_mcl.filter.estimate import CONFIDENCE_M, share_within
+from maurice_mcl.filter.estimate import share_within
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.session import Moment
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
@@ -130,7 +130,9 @@ def test_traces_scores_and_verdict_agree(drive):
         rows["position_error"].append(scale.length(distance))
         rows["heading_error"].append(np.degrees(angle))
         rows["spread"].append(scale.length(narration.spread_m(record.weighted)))
-        rows["confidence"].append(share_within(record.weighted, record.estimate.pose, CONFIDENCE_M))
+        rows["confidence"].append(
+            share_within(record.weighted, record.estimate.pose, record.estimate.radii.confidence_m)
+        )
         rows["effective_sample"].append(1 / (record.weighted.weights**2).sum() / record.weighted.size)
     for quantity, expected in rows.items():
         drawn = [
