@@ -11,7 +11,7 @@ import shutil
 import tomllib
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any, TypeVar
@@ -48,9 +48,33 @@ def pictures_in(folder: Path) -> list[Path]:
     return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
 
 
+def remove_leftovers(target: Path) -> None:
+    """Remove parts of this target whose process, named in them, was killed; those of a living one stay."""
+    stem = re.escape(target.stem)
+    named = re.compile(rf"\.?{stem}(?:{re.escape(target.suffix)})?\.(\d+)\.part(?:\.\w+)?")
+    with suppress(OSError):
+        for found in target.parent.iterdir():
+            match = named.fullmatch(found.name)
+            if match and not _is_alive(int(match[1])):
+                found.unlink(missing_ok=True)
+
+
+def _is_alive(process: int) -> bool:
+    if os.name == "nt":  # where asking would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # of another user
+        return True
+    return True
+
+
 def write_whole(file: Path, data: bytes, *, force: bool = False) -> None:
     """Write a file completely or not at all. Raises InputError if it exists and `force` is not given."""
     expect_absent(file, force=force)
+    remove_leftovers(file)
     filling = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
         with writing(file):

@@ -29,7 +29,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose
 
 from ..errors import InputError
-from ..files import expect_absent, writing
+from ..files import expect_absent, remove_leftovers, writing
 from ..runs.store import SavedRun
 from ..runs.writer import StepRows, steps_schema
 
@@ -85,6 +85,7 @@ def filling(target: Path, *, force: bool) -> Iterator[Path]:
     InputError if the target exists and `force` is not given, or when it cannot be written.
     """
     expect_absent(target, force=force)
+    remove_leftovers(target)
     part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         with writing(target):

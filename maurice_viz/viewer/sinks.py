@@ -19,6 +19,8 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_loaders.files import remove_leftovers
+
 from ..errors import SinkError
 from .open_viewers import (
     HOST,
@@ -165,6 +167,7 @@ def _check_target(path: Path, force: bool) -> None:
         raise SinkError(path, "is a folder, not a file; choose another name")
     if path.exists() and not force:
         raise SinkError(path, "exists already; use --force to replace it or --rrd to choose another name")
+    remove_leftovers(path)
     try:
         part_of(path).open("wb").close()
     except OSError as error:

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -144,3 +146,16 @@ def test_a_folder_a_device_or_a_pipe_is_never_replaced_by_a_file(tmp_path: Path)
         with pytest.raises(InputError, match=told):
             write_whole(place, b"data", force=True)
     assert pipe.is_fifo()
+
+
+def test_what_a_killed_process_left_goes_with_the_next_writing_and_no_others(
+    tmp_path: Path,
+) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    dead = [tmp_path / name for name in (f"a.{gone.pid}.part.rrd", f".a.rrd.{gone.pid}.part")]
+    living = [tmp_path / f"a.{os.getppid()}.part.rrd", tmp_path / f"b.{gone.pid}.part.rrd"]
+    for file in (*dead, *living):
+        file.write_bytes(b"x")
+    write_whole(tmp_path / "a.rrd", b"whole")
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.rrd", *living])
