@@ -96,7 +96,7 @@ TROUBLE = ("kind", "step", "recovered", "lost", "fresh", "updates", "is_sure")
 
 def _verdict_json(result: RunResult) -> dict[str, Any]:
     verdict = result.verdict
-    facts = _values(verdict, VERDICT) | {"text": said(verdict, METRIC)}
+    facts = _values(verdict, VERDICT) | {"left_map": list(verdict.left_map), "text": said(verdict, METRIC)}
     return facts | {"troubles": [_values(one, TROUBLE) for one in verdict.troubles]}
 
 
