@@ -138,8 +138,11 @@ def _best(found: F64, values: F64, place_of: I32, *, circular: bool) -> Gained |
     else:
         high = values[_run(mean, top)]
         value = float(high[0] + high[-1]) / 2
-    bounded = np.bincount(groups, np.clip(gains[:, top], -MOST_NATS, MOST_NATS)) / np.bincount(groups)
-    scatter = max(float(bounded.std(ddof=1)) / len(bounded) ** 0.5, 1e-9)
+    bounded = np.clip(gains[:, top], -MOST_NATS, MOST_NATS)
+    by_place = np.bincount(groups, bounded - bounded.mean())  # pictures of one place err together
+    scatter = max(
+        float(np.sqrt((by_place**2).sum() * len(by_place) / (len(by_place) - 1))) / len(gains), 1e-9
+    )
     return Gained(value, float(mean[top]), float(bounded.mean()) / scatter, len(gains))
 
 
