@@ -50,13 +50,20 @@ def pictures_in(folder: Path) -> list[Path]:
 
 def remove_leftovers(target: Path) -> None:
     """Remove parts of this target whose process, named in them, was killed; those of a living one stay."""
-    stem = re.escape(target.stem)
-    named = re.compile(rf"\.?{stem}(?:{re.escape(target.suffix)})?\.(\d+)\.part(?:\.\w+)?")
+    name = rf"\.?{re.escape(target.stem)}(?:{re.escape(target.suffix)})?"
+    named = re.compile(rf"{name}(?:\.\w{{32}})?\.(\d+)\.(?:part|old)(?:\.\w+)?")
     with suppress(OSError):
         for found in target.parent.iterdir():
             match = named.fullmatch(found.name)
             if match and not _is_alive(int(match[1])):
-                found.unlink(missing_ok=True)
+                _remove(found)
+
+
+def _remove(found: Path) -> None:
+    if found.is_dir():
+        shutil.rmtree(found, ignore_errors=True)
+    else:
+        found.unlink(missing_ok=True)
 
 
 def _is_alive(process: int) -> bool:
@@ -117,7 +124,8 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
     InputError if `target` exists, unless `force`, and it is empty or holds the file `ours`.
     """
     check_target(target, force, ours)
-    filling = _sibling(target, "part")
+    remove_leftovers(target)
+    filling = sibling(target, "part")
     try:  # from before it is made: a request to stop may come between that and the next line
         with writing(target):
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -166,13 +174,14 @@ def _swap(filling: Path, target: Path, force: bool) -> None:
 
 def discard(folder: Path) -> None:
     """Remove a folder; it is renamed first, so that nobody sees it half gone."""
-    aside = _sibling(folder, "old")
+    aside = sibling(folder, "old")
     folder.replace(aside)
     shutil.rmtree(aside, ignore_errors=True)
 
 
-def _sibling(target: Path, ending: str) -> Path:
-    return target.parent / f".{target.name}-{uuid.uuid4().hex}.{ending}"
+def sibling(target: Path, ending: str) -> Path:
+    """Return a hidden name of this process's own beside a target, which `remove_leftovers` recognizes."""
+    return target.parent / f".{target.name}.{uuid.uuid4().hex}.{os.getpid()}.{ending}"
 
 
 # Text files: CSV, TOML, rows of numbers.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import shutil
-import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..bags.readers import HEADER, MOTIONS
 from ..bags.source import INSTALL
 from ..errors import InputError
-from ..files import expect_absent, writing
+from ..files import expect_absent, remove_leftovers, sibling, writing
 from ..pictures import PictureKind, encode_picture
 from ..recording import SimplifiedPath
 from ..runs.writer import weighted_of
@@ -106,7 +105,8 @@ def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
     expect_absent(file, force=force)
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    filling = file.with_name(f".{file.name}-{uuid.uuid4().hex}.part")
+    remove_leftovers(file)
+    filling = sibling(file, "part")
     bag = filling / file.stem  # rosbags names the file after its folder, and keeps that name in it
     try:
         with writing(file):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import shutil
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ from maurice_mcl.session import Moment, Session, SessionInfo
 
 from ..bags.readers import MOTIONS
 from ..errors import InputError, ReadingNotes
-from ..files import discard, expect_absent, writing
+from ..files import discard, expect_absent, remove_leftovers, sibling, writing
 from ..pictures import PictureKind, encode_picture
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, checked
@@ -128,7 +127,8 @@ def _check_pictures(pictures: Path, force: bool) -> None:
 def _filling(file: Path) -> Iterator[Path]:
     """Return a new folder beside the file, gone afterwards, like a folder made for nothing."""
     made = not file.parent.exists()
-    folder = file.with_name(f".{file.name}-{uuid.uuid4().hex}.part")
+    remove_leftovers(file)
+    folder = sibling(file, "part")
     try:
         with writing(file):
             file.parent.mkdir(parents=True, exist_ok=True)

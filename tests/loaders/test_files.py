@@ -159,3 +159,9 @@ def test_what_a_killed_process_left_goes_with_the_next_writing_and_no_others(
         file.write_bytes(b"x")
     write_whole(tmp_path / "a.rrd", b"whole")
     assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.rrd", *living])
+
+    folder = tmp_path / f".drive.{'0' * 32}.{gone.pid}.part"
+    (folder / "survey").mkdir(parents=True)
+    with new_folder(tmp_path / "drive") as filling:
+        assert not folder.exists()
+        assert filling.name.endswith(f".{os.getpid()}.part")

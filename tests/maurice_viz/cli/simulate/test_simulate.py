@@ -93,7 +93,7 @@ def test_being_stopped_half_way_leaves_no_folder(sent, status, tmp_path):
         text=True,
     ) as going:
         until = time.monotonic() + PATIENCE_S
-        while not list(out.glob(".drive-*.part")) and time.monotonic() < until:
+        while not list(out.glob(".drive.*.part")) and time.monotonic() < until:
             time.sleep(0.02)
         going.send_signal(sent)
         said = going.communicate(timeout=PATIENCE_S)[1]
