@@ -50,7 +50,7 @@ def test_a_request_to_stop_at_any_moment_leaves_nothing(
 
     def make_and_stop(folder: Path, *args: Any, **options: Any) -> None:
         make(folder, *args, **options)
-        if folder.name.startswith(".a-"):  # the signal comes before the next line
+        if folder.name.startswith(".a."):  # the signal comes before the next line
             raise KeyboardInterrupt
 
     def stop_and_remove(folder: Path, **options: Any) -> None:
