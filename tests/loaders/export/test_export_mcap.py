@@ -129,7 +129,7 @@ def test_poses_and_stamps_are_the_runs(exported) -> None:
         covered = by_topic[export_mcap.WITH_COVARIANCE][number][1].pose
         deviations = np.sqrt(covered.covariance[[0, 7, 35]])
         assert deviations == pytest.approx([*record.estimate.sd_m, record.estimate.heading_sd_rad])
-        assert np.count_nonzero(covered.covariance) == 3
+        assert not np.delete(covered.covariance, [0, 7, 35]).any()
 
 
 def test_a_header_without_sense_is_one_line_and_a_fisheye_has_no_pinhole(tmp_path: Path) -> None:
