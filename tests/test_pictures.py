@@ -28,78 +28,89 @@ REMAKE = "MAURICE_REMAKE_PICTURES"
 MEAN_DIFFERENCE, CLEARLY, CLEARLY_CHANGED = 3.0, 48, 0.02
 # Where panels lie in a window of 1600 x 1000: left, top, right, bottom, titles left out.
 PANELS = {
+    "story": {
+        "verdict": (5, 100, 800, 150),
+        "belief": (110, 215, 680, 640),
+        "camera": (1050, 180, 1330, 400),
+        "best match": (1100, 440, 1290, 650),
+        "events": (5, 730, 1595, 820),
+        "errors": (30, 870, 1595, 955),
+    },
     "overview": {
-        "belief": (5, 70, 595, 450),
-        "words": (5, 510, 595, 600),
-        "events": (5, 690, 595, 790),
-        "distances": (25, 845, 595, 950),
-        "circles": (605, 70, 1095, 480),
-        "histogram": (640, 515, 1090, 715),
-        "difference": (640, 760, 1090, 945),
-        "camera": (1105, 70, 1345, 310),
-        "edges": (1355, 70, 1595, 310),
-        "best five": (1105, 385, 1595, 510),
-        "heading": (1125, 560, 1595, 720),
-        "shares": (1125, 775, 1595, 950),
+        "belief": (5, 95, 595, 445),
+        "words": (5, 485, 595, 610),
+        "events": (5, 830, 1595, 950),
+        "distances": (25, 650, 595, 765),
+        "circles": (605, 75, 1095, 392),
+        "histogram": (640, 430, 1090, 579),
+        "difference": (640, 625, 1090, 762),
+        "camera": (1105, 75, 1345, 256),
+        "edges": (1355, 75, 1595, 256),
+        "best five": (1105, 326, 1595, 416),
+        "heading": (1125, 466, 1595, 583),
+        "shares": (1125, 637, 1595, 766),
     },
     "inside-a-step": {
-        "cloud from near": (60, 100, 540, 570),
-        "words": (5, 620, 595, 720),
-        "events": (5, 830, 595, 950),
-        "likelihood": (610, 100, 1060, 480),
-        "headings": (605, 530, 830, 740),
-        "camera": (840, 530, 1070, 740),
-        "survivors": (620, 790, 1070, 950),
-        "film": (1080, 100, 1595, 340),
-        "modes": (1100, 390, 1595, 570),
-        "evidence": (1100, 610, 1595, 840),
-        "key": (1080, 890, 1595, 960),
+        "cloud from near": (60, 95, 540, 570),
+        "words": (5, 620, 595, 770),
+        "events": (5, 830, 1595, 950),
+        "likelihood": (610, 99, 1060, 392),
+        "headings": (605, 442, 830, 599),
+        "camera": (840, 442, 1070, 599),
+        "survivors": (620, 649, 1070, 766),
+        "film": (1080, 99, 1595, 280),
+        "modes": (1100, 330, 1595, 463),
+        "evidence": (1100, 505, 1595, 679),
+        "key": (1080, 729, 1595, 774),
     },
     "explain": {
-        "map": (5, 110, 545, 560),
-        "words": (5, 650, 545, 780),
-        "camera": (560, 95, 810, 210),
-        "truth's": (820, 95, 1070, 360),
-        "estimate's": (1080, 95, 1330, 360),
-        "winner": (1340, 95, 1595, 360),
-        "descriptors": (570, 395, 1595, 475),
-        "costs": (570, 520, 1595, 625),
-        "table": (560, 680, 1150, 900),
+        "map": (5, 108, 545, 473),
+        "words": (5, 558, 545, 656),
+        "camera": (560, 96, 810, 182),
+        "truth's": (820, 96, 1070, 306),
+        "estimate's": (1080, 96, 1330, 306),
+        "winner": (1340, 96, 1595, 306),
+        "descriptors": (570, 346, 1595, 402),
+        "costs": (570, 450, 1595, 527),
+        "table": (560, 583, 1150, 756),
+        "events": (5, 850, 1595, 950),
     },
     "traces": {
-        "position error": (25, 95, 530, 275),
-        "heading error": (25, 320, 530, 500),
-        "ratio": (25, 545, 530, 730),
-        "rank": (25, 775, 530, 955),
-        "spread": (550, 95, 1060, 230),
-        "ancestors": (550, 820, 1060, 955),
-        "evidence": (1090, 95, 1595, 660),
-        "key": (1070, 720, 1595, 790),
-        "events": (1070, 830, 1595, 960),
+        "position error": (25, 96, 530, 236),
+        "heading error": (25, 283, 530, 423),
+        "ratio": (25, 470, 530, 614),
+        "rank": (25, 662, 530, 801),
+        "spread": (550, 96, 1060, 198),
+        "ancestors": (550, 699, 1060, 801),
+        "evidence": (1090, 95, 1595, 640),
+        "key": (1070, 720, 1595, 795),
+        "events": (5, 850, 1595, 950),
     },
     "compare": {
-        "left belief": (5, 95, 510, 465),
-        "right belief": (1090, 95, 1595, 465),
-        "all on one map": (650, 115, 960, 355),
-        "camera": (580, 392, 730, 515),
-        "position error": (535, 548, 1080, 645),
-        "error minus the first's": (535, 690, 1080, 790),
-        "left words": (5, 850, 510, 955),
-        "shared words": (525, 840, 880, 955),
-        "right words": (1090, 850, 1595, 955),
+        "left belief": (5, 95, 510, 380),
+        "right belief": (1090, 95, 1595, 380),
+        "all on one map": (650, 111, 960, 292),
+        "camera": (580, 332, 730, 420),
+        "position error": (535, 456, 1080, 523),
+        "error minus the first's": (535, 569, 1080, 639),
+        "left words": (5, 697, 510, 770),
+        "shared words": (525, 689, 880, 770),
+        "right words": (1090, 697, 1595, 770),
+        "events": (5, 830, 1595, 950),
     },
 }
 FOUR = {
-    "first belief": (5, 130, 310, 400),
-    "second belief": (320, 130, 620, 400),
-    "last belief": (1290, 130, 1590, 400),
-    "first circles": (5, 470, 310, 720),
-    "last circles": (1290, 470, 1590, 720),
-    "all on one map": (660, 100, 950, 300),
-    "position error": (640, 460, 970, 530),
-    "apart": (640, 670, 970, 740),
-    "shared words": (640, 790, 960, 955),
-    "last words": (1290, 760, 1590, 900),
+    "all on one map": (60, 115, 480, 440),
+    "shared words": (5, 500, 480, 680),
+    "first belief": (545, 130, 815, 340),
+    "second belief": (840, 130, 1100, 340),
+    "third belief": (545, 450, 815, 660),
+    "last belief": (840, 450, 1100, 660),
+    "camera": (1155, 95, 1320, 220),
+    "position error": (1145, 250, 1590, 370),
+    "error minus": (1130, 410, 1590, 530),
+    "distance": (1130, 575, 1590, 690),
+    "events": (5, 745, 1595, 950),
 }
 
 
@@ -143,7 +154,7 @@ def assert_looks_as_stored(image: U8, layout: str) -> None:
 def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session, tmp_path):
     out = recorded(tmp_path / "one.rrd", str(small_session))
     with headless_viewer(out) as viewer:
-        for layout in ("overview", "inside-a-step", "explain", "traces"):
+        for layout in ("story", "overview", "inside-a-step", "explain", "traces"):
             viewer.show_layout(layout)
             image = taken(viewer, "step", 10)
             assert_filled(image, PANELS[layout])
@@ -155,6 +166,7 @@ def test_every_layout_of_one_run_is_filled_and_looks_as_it_did(small_session, tm
 def test_steps_and_phases_are_different_pictures(small_session, tmp_path):
     out = recorded(tmp_path / "one.rrd", str(small_session))
     with headless_viewer(out) as viewer:
+        viewer.show_layout("overview")
         first, last, resampled = (
             taken(viewer, *place) for place in (("step", 1), ("step", 14), ("phase", 6 * 14 + 3))
         )
@@ -170,6 +182,7 @@ def test_steps_and_phases_are_different_pictures(small_session, tmp_path):
 def test_a_comparison_is_filled_and_looks_as_it_did(small_session, tmp_path):
     out = recorded(tmp_path / "two.rrd", "compare", str(small_session))
     with headless_viewer(out) as viewer:
+        viewer.show_layout("compare")
         image = taken(viewer, "step", 10)
     assert_filled(image, PANELS["compare"])
     assert_looks_as_stored(image, "compare")
@@ -181,6 +194,7 @@ def test_every_panel_of_four_runs_is_filled(small_session, tmp_path):
     seeds = [f"--seed={seed}" for seed in range(4)]
     out = recorded(tmp_path / "four.rrd", "compare", str(small_session), *seeds)
     with headless_viewer(out) as viewer:
+        viewer.show_layout("compare")
         assert_filled(taken(viewer, "step", 10), FOUR)
 
 
