@@ -4,6 +4,7 @@ The chapters are
 
 * `reading`: how a recording is read; `recording`: records in time order, which every format is read into
 * `formats`: one file a format, and the registry that detects it; `bags`: ROS bags and MCAP
+* `maps`: walls from a ROS map or from a file of segments; `plane`: the plane of the motion
 * `session_log`: our own format, read and written
 * `transforms`: recordings corrected, with odometry made, with fewer pictures
 * `time_alignment`: clocks, and pictures paired with odometry and truth by time

@@ -7,7 +7,7 @@ values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belie
 The chapters, from the ground up:
 
 - vocabulary: `arrays`, `errors`, `randomness`, `geometry`, `map`, `library`, `session`,
-  `radii`, `records`
+  `radii`, `records`; `examples`: a tiny library and session
 - `sensor`: what is measured in a picture, and how likely it makes every place
 - `filter`: propose, measure, weight, estimate, resample, recover
 - `config`: parameters, their checks, presets, and a filter built from them

@@ -36,7 +36,7 @@ COMMANDS = {
     for one in (
         Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
         Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY),
-        Listed("demo", "replay", "Compare color and blended features in simulation.", _REPLAY),
+        Listed("demo", "replay", "Replay a simulated drive: a kidnapping, or two features.", _REPLAY),
         Listed("verify", "replay", "Run a saved run again and compare it bit by bit.", _REPLAY),
         Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND),
         Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND),

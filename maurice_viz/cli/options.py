@@ -140,8 +140,7 @@ Layout = Annotated[
     str | None,
     option(
         "--layout",
-        f"The layout to begin with, of the tabs in the viewer: {', '.join(LAYOUT_NAMES)}. "
-        "[default: overview, or compare for several runs]",
+        f"The layout to begin with, of the tabs in the viewer: {', '.join(LAYOUT_NAMES)}. [default: story]",
         OUTPUT,
         metavar="NAME",
         callback=one_of(LAYOUT_NAMES, "layout"),

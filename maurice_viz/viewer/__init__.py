@@ -1,1 +1,7 @@
-"""The viewer: starting it, sinks of recordings, tabs, its cursor, snapshots and movies without a screen."""
+"""The viewer's process and what it shows.
+
+open_viewers  starting viewers, remembering them, and moving their time cursor
+sinks         where a recording goes: a file, a viewer, or a file and every viewer that connects
+snapshot      pictures of the viewer without a screen
+movie         movies made of them
+"""

@@ -3,5 +3,6 @@
 - `descriptors`: what is measured in a picture, one file per channel (`color` is the color histogram)
 - `distances`: how far a picture's descriptor is from every reference's
 - `references`: which references a particle is compared with: lookup, interpolation, virtual references
-- `model`: fusion of the channels' distances to one, its log-likelihood, and all of these together
+- `model`: fusion of the channels' distances, its log-likelihood with its floor, and all of these together
+- `left_out`: whether a library can tell its places apart, by leaving each place out
 """

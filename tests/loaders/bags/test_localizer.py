@@ -214,7 +214,7 @@ def test_words_are_only_of_what_a_bag_holds(nav2: Path, tmp_path: Path) -> None:
     ("source", "more", "told"),
     [
         ("", ["--follow"], "not a live source"),
-        ("", ["--layout", "explain"], "has the layouts story and overview and traces"),
+        ("", ["--layout", "explain"], "has the layouts overview and traces"),
         ("", ["--particles", "10"], "runs no filter"),
         *((live, [], "not a live source") for live in ("-", "tcp://127.0.0.1:1", "ws://127.0.0.1:1")),
     ],
