@@ -107,7 +107,7 @@ class ConnectedReader:
 
 
 class Broadcast:
-    """Listens at an address and sends every reader the header, then each line; OSError where it cannot."""
+    """Listens at an address and sends every reader the header, then each line; OSError if it cannot."""
 
     def __init__(self, address: Address, header: bytes) -> None:
         self._header = header

@@ -199,7 +199,7 @@ def demo_paths(seed: int = DEMO_SEED, progress: Progress | None = None) -> Simul
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedSession:
-    """The session of a plan: the same moments as its log would hold, but for JPEG and text rounding none."""
+    """The session of a plan: the moments of its log, without JPEG compression and rounding to text."""
 
     set_up: Stage
     info: SessionInfo

@@ -122,7 +122,7 @@ def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
 
 
 def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Course:
-    """Follow a recorded path, moved to where it fits. InputError where it fits nowhere."""
+    """Follow a recorded path, moved to where it fits. InputError if it fits nowhere."""
     found = read_recording(path, plan.updates)
     at = fit(map_, found.track, stream(Domain.SIMULATOR, plan.seed, 0, SimPurpose.START))
     if at is None:

@@ -67,7 +67,7 @@ def references(nodes: F64, camera: CameraSession, surveyor: Surveyor) -> Iterato
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep OpenCV to one thread for a while: faces are too small to be worth sharing out."""
+    """Limit OpenCV to one thread inside the block: faces are too small to gain from more."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -133,7 +133,7 @@ def write_survey_folder(
     force: bool = False,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a survey log with its pictures into a new folder, all of it or nothing; gives the log's path."""
+    """Write a survey log with its pictures into a new folder, all or nothing; return the log's path."""
     report = progress or (lambda done, total, what: None)
     with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
         camera = survey_camera(world, seed, half_resolution=half_resolution)

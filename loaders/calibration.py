@@ -213,7 +213,7 @@ def floor_at(arena: Arena, point: F64) -> str:
 
 
 def covered_pictures(path: Path) -> Iterator[U8]:
-    """Read the covered pictures of a log, or all of a folder, one at a time. InputError if there are none."""
+    """Yield the covered pictures of a log, or all pictures of a folder. InputError if there are none."""
     log = _log_of(path) if path.is_dir() else path
     return _of_folder(path) if log is None else _of_log(log)
 

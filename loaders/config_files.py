@@ -57,7 +57,7 @@ def configuration_of(
 
 
 def check_config(file: Path) -> int:
-    """Return how many values a file sets, without the environment. InputError where a run would refuse."""
+    """Return how many values a file sets, without the environment. InputError if a run would refuse."""
     _check_motion(file, configuration_of(None, file, {}, {}).values()["motion"])
     return len(read_config(file).values)
 
@@ -75,7 +75,7 @@ def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
 
 
 def to_toml(configuration: Configuration, *, origins: bool = False) -> str:
-    """Write everything in force as TOML; with `origins` a comment says where each value came from."""
+    """Write the effective configuration as TOML; with `origins`, comments say where values came from."""
     tables: dict[str, list[str]] = {"": []}
     for setting in configuration.settings:
         if setting.value is None:
@@ -89,7 +89,7 @@ def to_toml(configuration: Configuration, *, origins: bool = False) -> str:
 
 
 def _printable(text: str) -> str:
-    """Keep a comment in its line, whatever a file is called."""
+    """Replace unprintable characters, such as line breaks in file names: a comment is one line."""
     return "".join(c if c.isprintable() else "?" for c in text)
 
 

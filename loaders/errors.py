@@ -76,7 +76,7 @@ class ReadingNotes:
 
 
 class HasReadingNotes:
-    """What a session shows of its findings; each says by itself when a reading begins them anew."""
+    """The problems and warnings of a session's last reading; subclasses reset them when a reading begins."""
 
     _notes: ReadingNotes
 
@@ -92,5 +92,5 @@ class HasReadingNotes:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the last reading found worth saying, for example an unfinished last line."""
+        """The warnings of the last reading, for example about an unfinished last line."""
         return self._notes.warnings

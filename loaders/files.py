@@ -204,7 +204,7 @@ def _reading(file: Path, regular: str, wanted: str, form: str, *errors: type[Exc
 def read_csv(
     file: Path, wanted: str, each: str, parse: Callable[[csv.DictReader[str]], Iterator[Row]]
 ) -> list[Row]:
-    """Read a CSV table row by row. Raises InputError where it cannot be read, or has no rows."""
+    """Read a CSV table row by row. Raises InputError if it cannot be read, or has no rows."""
     with (
         _reading(file, wanted, wanted, "a CSV table", csv.Error),
         file.open(newline="", encoding="utf-8-sig") as data,
@@ -216,7 +216,7 @@ def read_csv(
 
 
 def read_toml(file: Path, wanted: str) -> dict[str, Any]:
-    """Read a TOML file. Raises InputError where it cannot be read."""
+    """Read a TOML file. Raises InputError if it cannot be read."""
     with _reading(file, "a TOML file", wanted, "TOML", tomllib.TOMLDecodeError, RecursionError):
         return tomllib.loads(file.read_text(encoding="utf-8-sig"))
 

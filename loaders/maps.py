@@ -19,7 +19,7 @@ from .files import MOST, expect_regular, number, read_number_rows, show, text, u
 
 # How much ground a survey may cover: one wild pose would make the map's cells larger than the rooms.
 
-MOST_SPAN_M = 10_000.0  # from its middle to its border float32 still tells half a millimetre
+MOST_SPAN_M = 10_000.0  # from its middle to its border, float32 still resolves half a millimeter
 
 
 def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
@@ -34,7 +34,7 @@ def check_span(file: Path, poses: F64, arena: Arena | None = None) -> None:
     if arena is not None:
         span_m = _span(np.concatenate([xy, _corners(arena)]))
         if span_m > MOST_SPAN_M:
-            raise InputError(file, f"found a map that with the poses spans {span_m:g} m, {expected}")
+            raise InputError(file, f"found a map and poses that together span {span_m:g} m, {expected}")
 
 
 def _span(points: F64) -> float:
@@ -47,14 +47,14 @@ def _corners(arena: Arena) -> F64:
     return np.concatenate([borders, arena.walls.reshape(-1, 2), *(region.polygon for region in regions)])
 
 
-# A map that is named beside poses: by its ending a ROS map, else a file of wall segments.
+# A map that is given with poses: a ROS map if its suffix says so, else a file of wall segments.
 
 METERS = {"m": 1.0, "mm": 0.001}
 ROS_ENDINGS = (".yaml", ".yml")
 
 
 def read_map(file: Path, unit: str, poses: F64) -> Arena:
-    """Read a ROS `map.yaml`, or a file of segments in `unit`, for poses (L, 2 or 3). InputError."""
+    """Read a ROS `map.yaml`, or a file of segments in `unit`, for poses (L, 2 or 3). Raises InputError."""
     if file.suffix.lower() in ROS_ENDINGS:
         arena = read_ros_map(file)
         check_span(file, poses, arena)
@@ -63,7 +63,7 @@ def read_map(file: Path, unit: str, poses: F64) -> Arena:
 
 
 def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -> Arena:
-    """Read `x1 y1 x2 y2` a line, in "m" or "mm". InputError names a bad line.
+    """Read `x1 y1 x2 y2` per line, in "m" or "mm". InputError names a bad line.
 
     The bounds reach a margin beyond the poses (L, 2 or 3); walls entirely outside are left out.
     """
@@ -89,7 +89,7 @@ def _near(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 # ROS's map.yaml, as map_server and map_saver write it: flat keys, of which one is a list of three numbers.
 
 MOST_MAP_BYTES = 2**16
-THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # map_server's own
+THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # defaults of map_server
 MODES = ("trinary", "scale")  # which differ only in what lies between free and occupied
 _LINE = re.compile(r"(?P<key>\w+)\s*:(?:\s+(?P<value>.*))?$")
 _ITEM = re.compile(r"\s*-\s+(?P<value>.*)$")
@@ -100,7 +100,7 @@ _QUOTED = re.compile(r"""(["'])(.*)\1$""")
 def read_ros_map(file: Path) -> Arena:
     """Read `map.yaml` and its picture (PGM, PNG and others) as walls. Raises InputError.
 
-    Robots can be in free cells only. Walls run along the borders between free cells and those that are
+    Robots can only be in free cells. Walls run along the borders between free cells and those that are
     occupied or unknown; the bounds are those of the free cells.
     """
     try:
@@ -115,7 +115,7 @@ def read_ros_map(file: Path) -> Arena:
                 f"found {side_m:g} m, mode {mode!r}, {free:g} and {occupied:g}, expected {expected}"
             )
     except FieldError as problem:
-        raise InputError(file, f"{problem}; is this a map of ROS?") from None
+        raise InputError(file, f"{problem}; is this a ROS map?") from None
     shade = _shades(file, file.parent / picture)
     taken = shade if values.get("negate") in (1.0, "true") else 1 - shade
     is_free = np.flipud(taken < free)  # the picture's top row is the farthest in y
@@ -150,7 +150,7 @@ def _yaml_values(file: Path) -> dict[str, Any]:
             key = pair["key"]
             found[key] = _yaml_value(pair["value"] or "")
         else:
-            raise InputError(file, f"found {show(line)}, expected KEY: VALUE as in a map of ROS", at)
+            raise InputError(file, f"found {show(line)}, expected KEY: VALUE as in a ROS map", at)
     return found
 
 
@@ -173,12 +173,12 @@ def _three(value: Any) -> Sequence[Any]:
 
 
 def _shades(file: Path, picture: Path) -> F64:
-    """Read a map's picture as shades (H, W), 0 black to 1 white; what is transparent is neither."""
+    """Read a map's picture as shades (H, W), 0 black to 1 white; transparent pixels are 0.5."""
     expect_regular(picture, "a picture")
     try:
         image = cv2.imdecode(np.frombuffer(picture.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
     except (OSError, cv2.error) as problem:
-        reason = getattr(problem, "strerror", None) or "it is no picture"
+        reason = getattr(problem, "strerror", None) or "it is not a picture"
         raise InputError(file, f"its image {picture} cannot be read: {reason}") from None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise InputError(file, f"its image {picture} cannot be read as a picture, expected PGM or PNG")
@@ -206,8 +206,8 @@ def cell_walls(
 ) -> tuple[F64, tuple[float, float, float, float]]:
     """Return the borders between cells (rows, columns) and others as walls (W, 4), and the cells' bounds.
 
-    `low` (2,) is their corner in the grid's frame, `origin` that frame's pose in the map's. Where there are
-    too many, four cells become one that is `joined` (np.any, np.all).
+    `low` (2,) is the cells' corner in the grid's frame, `origin` the pose of that frame in the map. If there
+    are too many walls, `joined` (np.any or np.all) merges four cells into one.
     """
     height, width = cells.shape
     size = np.array([[0, 0, width, 0], [width, height, 0, height]], np.float64) * side_m
@@ -221,7 +221,7 @@ def cell_walls(
 
 
 def _edges(cells: Bool) -> F64:
-    """Return the borders between cells and others as segments (W, 4), each as long as it runs."""
+    """Return the borders between cells and others as segments (W, 4), each as long as possible."""
     padded = np.pad(cells, 1)
     level = _runs(padded[1:, 1:-1] != padded[:-1, 1:-1])
     upright = _runs((padded[1:-1, 1:] != padded[1:-1, :-1]).T)

@@ -1,4 +1,4 @@
-"""From poses in space to poses in the plane: which plane the motion lies in, and where a body looks in it."""
+"""Poses in space projected to a plane: which plane the motion lies in, and the heading of a body in it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ PLANES = ("auto", "xy", *TURNED)
 AXES = "xyz"
 UP_ON_BODY = (1.0, -1.0, 1.0)  # which way x, y or z points on a body where it is upright; cameras have y down
 
-FEWEST = 20  # poses from which a plane is told
-MOST = 4000  # poses that are kept to tell it: of more every second, fourth, ...
+FEWEST = 20  # fewest poses to detect a plane from
+MOST = 4000  # poses kept for that; of more than that, every second, fourth, ...
 FIRST = 200  # poses after which a flat path is known to be in x-y
 THIN = 1 / 3  # most spread across the plane, relative to the lesser spread in it
 WIDE = 0.2  # least spread in the plane, relative to the greater, where only the positions tell it
@@ -33,7 +33,7 @@ class Plane:
 
     name: str = "xy"
     turned: F64 = field(default_factory=lambda: np.eye(3))  # (3, 3) to a frame with z up
-    forward: str = "x"  # which axis of the body looks forward
+    forward: str = "x"  # which axis of the body points forward
     remark: str = ""  # why it is not x-y, or why that is doubtful
 
     def place(self, position: F64, rotation: F64) -> Pose:
@@ -46,7 +46,7 @@ class Plane:
 
 
 def plane_of(poses: Iterable[Pose], wanted: str | None) -> Plane:
-    """Return the plane of a motion: the one that was asked for, or the one that is clear from its poses."""
+    """Return the plane of a motion: the requested one, or the one that its poses show clearly."""
     if wanted == "xy":
         return Plane()
     positions, rotations = _sampled(poses, FIRST if wanted in TURNED else MOST)
@@ -65,16 +65,16 @@ def plane_of(poses: Iterable[Pose], wanted: str | None) -> Plane:
     found = f"the motion lies in the plane of {name[0]} and {name[1]} (extents {size} m)"
     steady, upright = _steadiness(rotations, normal), _steadiness(rotations, np.array([0.0, 0.0, 1.0]))
     if steady >= STEADY and upright <= steady - STEADIER:
-        said = f"{found}, as in a camera's frame, and is read so; --reading plane=xy reads x and y"
+        said = f"{found}, as in a camera's frame, so these are read; --reading plane=xy reads x and y"
         return _seen_from_above(name, rotations, said)
     if upright > STEADY and steady > STEADY and less > WIDE * most:
-        text = f"{found}, but no turn tells which axis is up: x and y are read; --reading plane={name} reads"
+        text = f"{found}, but no turn shows which axis is up: x and y are read; --reading plane={name} reads"
         return Plane(remark=f"{text} {name[0]} and {name[1]}")
     return Plane()
 
 
 def _sampled(poses: Iterable[Pose], most: int) -> Pose:
-    """Return positions (n, 3) and rotations (n, 3, 3), thinned out; the first alone where z stands still."""
+    """Return positions (n, 3) and rotations (n, 3, 3), thinned out; only the first ones if z is constant."""
     kept: list[Pose] = []
     stride = 1
     for number, pose in enumerate(poses):
@@ -94,12 +94,12 @@ def _is_flat(poses: list[Pose]) -> bool:
 
 
 def _steadiness(rotations: F64, direction: F64) -> float:
-    """Return the length of the mean of a direction (3,) as seen from the body, 1 where it stands still."""
+    """Return the length of the mean of a direction (3,) as seen from the body; 1 if it is constant."""
     return float(np.linalg.norm(np.einsum("nij,i->nj", rotations, direction).mean(axis=0)))
 
 
 def _seen_from_above(name: str, rotations: F64, remark: str = "") -> Plane:
-    """Return the plane of two axes; which side of it is up, the bodies' upright axis tells."""
+    """Return the plane of two axes; the upright axis of the bodies determines which side is up."""
     across = 3 - AXES.index(name[0]) - AXES.index(name[1])
     upright = rotations[:, across].mean(axis=0) if len(rotations) else np.array([0.0, 1.0, 0.0])
     on_body = int(np.argmax(np.abs(upright)))
@@ -110,7 +110,7 @@ def _seen_from_above(name: str, rotations: F64, remark: str = "") -> Plane:
     return Plane(name, turned, forward_axis(turned @ rotations) if len(rotations) else "z", remark)
 
 
-LEANING_RAD = math.radians(30)  # more than that off the plane is worth saying
+LEANING_RAD = math.radians(30)  # a larger angle to the plane is reported
 
 
 def rotation(quaternion_wxyz: F64) -> F64:
@@ -129,7 +129,7 @@ def rotation(quaternion_wxyz: F64) -> F64:
 
 
 def forward_axis(rotations: Iterable[F64]) -> str:
-    """Return which axis of a body looks forward, "x" (robots, z up) or "z" (cameras), by what is upright."""
+    """Return which axis of a body points forward, "x" (z is upright: robots) or "z" (cameras)."""
     upright = np.mean([np.abs(r[2]) for r in rotations], axis=0)
     return "x" if int(np.argmax(upright)) == 2 else "z"
 

@@ -32,7 +32,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryPose:
-    """Where the robot's own odometry believes to be, in a frame of its own."""
+    """The robot's pose by its odometry, in the frame of that odometry."""
 
     t_s: float
     pose: F64  # (3,) x_m, y_m, heading_rad
@@ -116,7 +116,7 @@ def _fault(record: Record, last_t_s: float) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordingWrapper:
-    """Path and info of the recording within. What is otherwise, a class of its own says in `records`."""
+    """A recording around another one, with its path and info; subclasses define `records`."""
 
     measured: Recording
 

@@ -172,7 +172,7 @@ def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
 
 
 def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record], ...]]]:
-    """Return the kinds of records moved in time alike; pictures last, so that poses come before them."""
+    """Return each time offset and the kinds of records that it applies to; pictures last, after the poses."""
     c = correction
     offsets: dict[type[Record], float] = {
         Motion: c.odometry_offset_s,

@@ -1,4 +1,4 @@
-"""The radii by which a cloud is summarized and an estimate judged, by default to measure of the library."""
+"""The radii by which a cloud is summarized and an estimate judged, by default derived from the library."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OF_RIGHT = {"confidence_m": 2 / 3, "right_m": 1.0, "cluster_m": 4 / 3, "lost_m":
 
 LEAST_M = INCH_M  # the accuracy of a true pose: nothing is judged more strictly
 LEAST_OF_MAP, MOST_OF_MAP = 1 / 200, 1 / 8  # of the map's side, the square root of its area
-SAME_WAY_RAD = math.radians(46)  # a neighbor's heading may be one of eight further
+SAME_WAY_RAD = math.radians(46)  # a neighbor's heading may differ by one of eight steps
 ONE_PLACE = 0.75  # of the least radius: nearer entries are at one place
 MOST_ENTRIES = 1000  # that the spacing is taken from
 
@@ -36,7 +36,7 @@ USUAL = Radii()
 
 @dataclass(frozen=True, slots=True)
 class RadiiParameters:
-    """Radii that a user has set; 0: made to measure for the library, in proportion to `right_m`."""
+    """Radii that a user has set; 0: derived from the library, in proportion to `right_m`."""
 
     confidence_m: float = 0.0
     right_m: float = 0.0
@@ -47,8 +47,8 @@ class RadiiParameters:
 def radii_of(library: Library, given: RadiiParameters | None = None) -> Radii:
     """Return the radii for a library: an estimate is right where it is within the references' spacing.
 
-    That is at most an eighth of the map's side, or a cloud that knows nothing would count as converged, and
-    at least a 200th of it, and an inch. Nothing is right that a given `lost_m` calls lost.
+    That radius is at most an eighth of the map's side: otherwise a uniform cloud would count as converged.
+    It is at least a 200th of that side and one inch, and never above a given `lost_m`.
     """
     given = given or RadiiParameters()
     least_m, most_m = bounds_of(library.arena.size_m)
@@ -73,7 +73,7 @@ def bounds_of(size_m: tuple[float, float]) -> tuple[float, float]:
 
 
 def fitted_m(usual_m: float, xy: F64) -> float:
-    """Return a length that suits rooms; shorter or longer where positions (n, 2) cover far less or more.
+    """Return a length that suits rooms, scaled if positions (n, 2) cover a far smaller or larger area.
 
     It stays between a twelfth and a 400th of the positions' diagonal.
     """

@@ -184,7 +184,7 @@ def wardrobe(seed: int) -> tuple[tuple[Skin, ...], ...]:
 
 
 def stands_at(arena: Arena, pose: F64, seed: int, number: int, share: float) -> tuple[StandingPerson, ...]:
-    """Draw who stands where in frame `number` (from 1) as seen from pose (3,); () in most frames."""
+    """Draw the people visible in frame `number` (from 1) as seen from pose (3,); () in most frames."""
     rng = stream(Domain.SIMULATOR, seed, number, SimPurpose.OCCLUDERS)
     if rng.random() >= share:
         return ()

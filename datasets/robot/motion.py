@@ -115,7 +115,7 @@ def turn_by(pose: F64, commanded_rad: float, luck: Luck, chassis: Chassis) -> Mo
 
 
 def drive_by(pose: F64, commanded_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> Movement:
-    """Drive straight on: falls short once, drifts by the floor beneath as it goes, stops where it touches.
+    """Drive straight: with one error of length, a drift by floor on the way, and a stop at contact.
 
     A length of 0 is no movement; a robot that is stopped has measured what it drove, and a little more.
     """

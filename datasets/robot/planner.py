@@ -25,7 +25,7 @@ TRACK = 400  # points of a path that are looked at first
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raster:
-    """Free cells that hang together, and which are neighbors; made once per drive."""
+    """The connected free cells and which of them are neighbors; computed once per drive."""
 
     arena: Arena
     centers: F64  # (K, 2) of the free cells
@@ -80,7 +80,7 @@ class Placement:
 
 
 def raster(arena: Arena) -> Raster | None:
-    """Cut the arena into cells, keep those with room enough that hang together; None when there are none."""
+    """Cut the arena into cells, keep the connected ones with enough room; None if there are none."""
     x_min, y_min, x_max, y_max = arena.bounds
     x = np.arange(x_min + CELL_M / 2, x_max, CELL_M)
     y = np.arange(y_min + CELL_M / 2, y_max, CELL_M)

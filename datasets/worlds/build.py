@@ -43,7 +43,7 @@ def _pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan
 def place_all(
     rng: np.random.Generator, layout: tuple[FurniturePlan, ...], plan: WorldPlan
 ) -> tuple[Piece, ...]:
-    """Put up all pieces; WorldError where one stands in a wall or in another."""
+    """Put up all pieces; WorldError if one stands in a wall or in another."""
     rooms = {room.name: room for room in plan.rooms}
     placed: list[tuple[FurniturePlan, Piece]] = []
     for piece in layout:
@@ -92,7 +92,7 @@ def within(room: RoomPlan, plan_m: F64) -> bool:
 
 
 def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
-    """Draw the world of a seed; WorldError where what is drawn cannot stand or no node is free."""
+    """Draw the world of a seed; WorldError if what is drawn cannot stand or no node is free."""
     check_rooms(plan)
     openings = tuple(opening_of(plan, door) for door in plan.doors)
     check_doors(plan, openings)
@@ -289,7 +289,7 @@ def load_plan(name_or_path: str | Path) -> WorldPlan:
 def load_world(name_or_path: str | Path, seed: int = 0, tier: str = "nominal") -> World:
     """Return a simulated world: a shipped one by name, or one from a TOML file, as a seed draws it in a tier.
 
-    Lengths in meters, angles in radians. Raises WorldError where name, file or tier is wrong.
+    Lengths in meters, angles in radians. Raises WorldError if name, file or tier is wrong.
 
         >>> import maurice_datasets as md
         >>> world = md.load_world("two-rooms", seed=0)
@@ -300,7 +300,7 @@ def load_world(name_or_path: str | Path, seed: int = 0, tier: str = "nominal") -
 
 
 def check_tier(name_or_path: str | Path, tier: str) -> str:
-    """Return the name of a tier; WorldError where there is none of that name."""
+    """Return the name of a tier; WorldError if there is none of that name."""
     if tier not in TIERS:
         raise WorldError(Path(name_or_path), f"found no tier {tier!r}; there are {', '.join(TIERS)}")
     return tier

@@ -65,7 +65,7 @@ TEXTURES: dict[str, Texture] = {
 
 @lru_cache(maxsize=32)
 def read_image(file: Path) -> F32:
-    """Read an image as linear reflectance (H, W, 3) in 0.02 to 0.95; InputError where it is none."""
+    """Read an image as linear reflectance (H, W, 3) from 0.02 to 0.95; InputError if it is not an image."""
     try:
         data = np.frombuffer(file.read_bytes(), np.uint8)
     except OSError as problem:

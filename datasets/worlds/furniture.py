@@ -22,7 +22,7 @@ from .world import Face, Piece
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """Where a piece stands: the center of its plan, its size there, and the direction of its back."""
+    """The footprint of a piece on the floor: center, size, and the direction of the piece's back."""
 
     x_in: float
     y_in: float

@@ -56,7 +56,7 @@ def check_rooms(plan: WorldPlan) -> None:
 
 
 def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
-    """Find the two rooms that a door joins and the wall it goes through; WorldError where it joins none."""
+    """Find the two rooms that a door joins and the wall it goes through; WorldError if it joins none."""
     shared = {r: [overlap(door.rect, r.rect, axis) for axis in (0, 1)] for r in plan.rooms}
     joined = [r for r, both in shared.items() if all(high >= low for low, high in both)]
     joined.sort(key=lambda room: room.rect[:2])

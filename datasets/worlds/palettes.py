@@ -124,16 +124,16 @@ def color_of(rng: np.random.Generator, word: str) -> Rgb:
 
 
 def is_color(word: str) -> bool:
-    """Return whether a word stands for a color."""
+    """Return whether a word is the name of a color."""
     return word in COLORS or word in GROUPS or from_hex(word) is not None
 
 
 def is_light(word: str) -> bool:
-    """Return whether a word stands for a color of light."""
+    """Return whether a word is the name of a color of light."""
     return word in LIGHTS or from_hex(word) is not None
 
 
 def light_of(word: str) -> Rgb:
-    """Return the color of light that a word stands for, green 1; KeyError where it is none."""
+    """Return the color of light that a word stands for, green 1; KeyError if it is none."""
     exact = from_hex(word)
     return LIGHTS[word] if exact is None else (exact[0] / exact[1], 1.0, exact[2] / exact[1])

@@ -45,7 +45,7 @@ class PaintPlan:
 
 @dataclass(frozen=True, slots=True)
 class LightPlan:
-    """Something that gives light: how much (radiance of a white face 1 m away) and of what color."""
+    """A light source: how much (radiance of a white face 1 m away) and of what color."""
 
     brightness: Number
     color: Word
@@ -114,7 +114,7 @@ class FloorPlan:
 
 @dataclass(frozen=True, slots=True)
 class PosterPlan:
-    """One thing that hangs at a place of its own."""
+    """An object that hangs at a given position on a wall."""
 
     key: str
     room: str

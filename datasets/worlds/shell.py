@@ -38,7 +38,7 @@ class DrawnStyle:
 
 
 def draw_look(rng: np.random.Generator, style: StylePlan, light: float, bare: Bareness) -> DrawnStyle:
-    """Draw colors, paints and light of one room; all light times `light`."""
+    """Draw colors, paints and lights of one room; all lights are multiplied by `light`."""
     palette = Palette({name: Palette().color(rng, value) for name, value in style.colors})
     plans = [style.walls[k % len(style.walls)] for k in range(4)]
     order = rng.permutation(4) if style.shuffle_walls else np.arange(4)

@@ -81,7 +81,7 @@ def footprint(solid: Solid) -> F64:
 
 
 def box_of(solid: Solid) -> Box:
-    """Return the shadow-throwing box of a solid, in meters."""
+    """Return the shadow-casting box of a solid, in meters."""
     center = np.array([solid.x_in, solid.y_in, solid.z_in + solid.height_in / 2]) * INCH_M
     half = np.array([solid.width_in, solid.depth_in, solid.height_in]) / 2 * INCH_M
     (x, y, z), (wide, deep, high) = center.tolist(), half.tolist()

@@ -73,13 +73,13 @@ class Table:
         return self.as_table(key, self.take(key) if self.has(key) else {})
 
     def as_table(self, key: str, value: object) -> Table:
-        """Make a table of a value; an error where it is none."""
+        """Return a value as a table; an error if it is not one."""
         if not isinstance(value, dict):
             self.fail(key, f"found {value!r}, expected a table")
         return Table(self.file, self.named(key), value, self.inches)
 
     def items(self) -> list[tuple[str, object]]:
-        """Return all that was not read yet."""
+        """Return all items that have not been read yet."""
         return list(self._left.items())
 
     def items_of(self, key: str, count: tuple[int, ...]) -> list[object]:
@@ -159,7 +159,7 @@ class Table:
 
 
 def read_toml(file: Path) -> Table:
-    """Read a file as one table; WorldError where it cannot be read or is no TOML."""
+    """Read a file as one table; WorldError if it cannot be read or is no TOML."""
     try:
         return Table(file, "", tomllib.loads(file.read_text(encoding="utf-8")))
     except tomllib.TOMLDecodeError as problem:

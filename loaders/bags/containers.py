@@ -190,7 +190,7 @@ def _files_in(path: Path) -> list[Path]:
 
 
 def _folder_or_file(path: Path) -> Path:
-    """Return a folder with metadata, else its only file. InputError where that cannot be opened alone."""
+    """Return a folder with metadata, else its only file. InputError if that cannot be opened alone."""
     if path.is_file():
         if path.name.endswith(COMPRESSED):
             found = "found a compressed file, expected a plain one"

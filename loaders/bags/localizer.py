@@ -149,7 +149,7 @@ class _CloudPicture(Picture):
 
 
 class RecordedLocalizer:
-    """The localizer of a bag. InputError where the bag holds no particles, or is damaged."""
+    """The localizer of a bag. InputError if the bag holds no particles, or is damaged."""
 
     def __init__(
         self, path: Path, open_bag: OpenBag, options: ReadingOptions, topic: str | None = None

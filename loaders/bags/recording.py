@@ -59,7 +59,7 @@ TRANSFORMS_PEEKED = 200  # and of transforms, to learn which frames exist
 
 
 class BagRecording:
-    """A bag as a `Recording`, opened again for each reading. InputError where it is damaged."""
+    """A bag as a `Recording`, opened again for each reading. InputError if it is damaged."""
 
     def __init__(
         self, path: Path, open_bag: OpenBag, options: ReadingOptions, *, may_be_empty: bool = False

@@ -50,7 +50,7 @@ class BagSource(Protocol):
         """All topics, by name; a name appears twice when it carries two types."""
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Yield the messages of these topics by recording time. InputError where the bag is damaged."""
+        """Yield the messages of these topics by recording time. InputError if the bag is damaged."""
 
 
 OpenBag = Callable[[Path], AbstractContextManager[BagSource]]  # called each time the bag is read; InputError
@@ -79,7 +79,7 @@ def require_ros(path: Path) -> None:
 
 @contextmanager
 def bag_errors(path: Path, repair: str = "was the recording closed properly?") -> Iterator[None]:
-    """Convert whatever a bag library raises, which is anything, into one InputError that names the repair."""
+    """Convert any exception of a bag library into one InputError that names the repair."""
     try:
         yield
     except InputError:

@@ -215,7 +215,7 @@ class PathSink:
         self.left_out = 0  # updates of which no path has a line
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
-        """Write one update. With `together` one whose truth is not known has no line in any file."""
+        """Write one update. With `together`, an update without a known truth is left out of all files."""
         if self._together and step.truth is None:
             self.left_out += 1
             return

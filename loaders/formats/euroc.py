@@ -32,7 +32,7 @@ MOST_BYTES = 2**16  # a description has one or two thousand
 
 
 def camera_of(file: Path, name: str, poses: PoseFile | None) -> Camera:
-    """Describe a camera as far as its file does, and its yaw as far as the poses of the body tell it.
+    """Return the camera that a file describes, with its yaw if the poses of the body are known.
 
     The YAML has `resolution: [w, h]`, `intrinsics: [fu, fv, cu, cv]` in pixels, and `T_BS` (4, 4), from the
     camera's frame (z along its optical axis) to the body's.

@@ -71,7 +71,7 @@ class VideoRecording:
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the frames in order."""
         if self.path.suffix.lower() in ROW_OF_JPEGS:
-            notes.warning("found JPEG pictures one after the other, without times: 25 a second are taken")
+            notes.warning("found JPEG pictures one after the other, without times: 25 per second are assumed")
         reading = Frames(self.path)
         for number, t_s in Frames(self.path).times(notes):
             yield Picture(t_s, _Frame(reading, number).read, f"{self.path.name}, frame {number}")

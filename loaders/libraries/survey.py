@@ -221,11 +221,11 @@ class SelectedSurvey:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is worth saying, first of all what was chosen."""
+        """Remarks for the user; the first one says what was chosen."""
         return (f"{self.path}: {self.chosen}", *self._source.warnings)
 
     def count_pictures(self) -> int:
-        """Return how many pictures were chosen, covered ones counted."""
+        """Return the number of chosen pictures, including covered ones."""
         return int(self._taken.sum())
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:

@@ -110,7 +110,7 @@ class LiveRecorder:
     """Writes `session.log` into a folder, pictures inline; every line is passed to the system at once."""
 
     def __init__(self, folder: Path, *, force: bool = False) -> None:
-        """Claim the folder. InputError where it holds a session already, or cannot be written to."""
+        """Claim the folder. InputError if it holds a session already, or cannot be written to."""
         self.path = folder / NAME
         self._file: BinaryIO | None = None
         self._made = not folder.exists()
@@ -121,7 +121,7 @@ class LiveRecorder:
             folder.mkdir(parents=True, exist_ok=True)
 
     def begin(self, info: SessionInfo) -> None:
-        """Write the header. InputError where that does not work."""
+        """Write the header. InputError if that fails."""
         header = json.dumps(header_to_json(info, "session", self.path.parent), ensure_ascii=False)
         with self._recording():
             self._file = self.path.open("wb", buffering=0)

@@ -33,7 +33,7 @@ class LiveSource:
     """A source of session-log lines."""
 
     name: str  # as the user typed it
-    connect: Callable[[], ByteStream]  # OSError where it cannot be reached now, InputError where it never can
+    connect: Callable[[], ByteStream]  # OSError if it cannot be reached now, InputError if it never can
     once: bool = False  # it cannot be reopened after its end
     peer: bool = False  # a remote program, disconnected when it sends invalid data
     folder: Path | None = None  # of pictures given by their path; None: paths are refused
@@ -99,7 +99,7 @@ class SocketStream:
     """A TCP connection that we opened; nothing is ever sent."""
 
     def __init__(self, host: str, port: int) -> None:
-        """Connect. OSError where nothing listens."""
+        """Connect. OSError if nothing listens."""
         self._socket = socket.create_connection((host, port), CONNECT_S)
 
     def read(self, wait_s: float) -> bytes | None:
@@ -137,7 +137,7 @@ class FileStream:
     """A file that another program writes. The stream ends when it is replaced, cut or deleted."""
 
     def __init__(self, path: Path) -> None:
-        """Open it. OSError where it does not exist, InputError where it is no regular file."""
+        """Open it. OSError if it does not exist, InputError if it is no regular file."""
         expect_regular(path, "a growing log")
         self._path = path
         self._file: BinaryIO = path.open("rb")

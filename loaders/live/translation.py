@@ -174,7 +174,7 @@ class _Item:
 
 @dataclass(frozen=True, slots=True)
 class _Unencoded:
-    encoded: Callable[[], str]  # returns its file as base64. FieldError where it cannot be read
+    encoded: Callable[[], str]  # returns its file as base64. FieldError if it cannot be read
     note: str = ""  # a remark for the user
 
 
@@ -299,7 +299,7 @@ class Translator:
 
 
 def decoded(message: Message) -> Any:
-    """Decode a message. FieldError where that does not work."""
+    """Decode a message. FieldError if that does not work."""
     try:
         return message.decode()
     except Exception as problem:  # decoders raise anything on what a broken peer sends

@@ -189,7 +189,7 @@ Bridge = Foxglove | Rosbridge
 
 
 def connect_websocket(name: str, options: ReadingOptions) -> WebsocketStream:
-    """Connect to a bridge. OSError where it cannot be reached, SourceError without the extra."""
+    """Connect to a bridge. OSError if it cannot be reached, SourceError without the extra."""
     if any(importlib.util.find_spec(package) is None for package in ("websockets", "rosbags")):
         raise SourceError(name, f"listening to a bridge needs an extra; {INSTALL}")
     from websockets.exceptions import InvalidHandshake, InvalidURI

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..files import MOST, MOST_T_S, show, up_to
 from .writer import BEST, TABLES, TOOK, StepRows, steps_schema
 
-SLACK = 1e-3  # of shares and sums of weights: processors round differently
+SLACK = 1e-3  # tolerance of shares and sums of weights: processors round differently
 SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
@@ -24,7 +24,7 @@ SHA256 = re.compile(r"[0-9a-f]{64}")
 class Rule:
     """What one value of a column may be."""
 
-    holds: Callable[[Any], Any]  # whether it may be this
+    holds: Callable[[Any], Any]  # whether a value is allowed
     expected: str
 
 
@@ -84,7 +84,7 @@ CLOUDS |= {"carried_log_weight": LOG_WEIGHT, "log_weight": LOG_WEIGHT}
 
 
 def step_rules(channels: Sequence[str]) -> dict[str, Rule]:
-    """Return what each column of `steps` may hold, but for the number of the step, which is counted."""
+    """Return what each column of `steps` may hold, except the step number, which is checked by counting."""
     return {name: _rule(name) for name in steps_schema(channels) if name != "step"}
 
 
@@ -98,7 +98,7 @@ def _rule(name: str) -> Rule:
 
 
 def expect_files(folder: Path) -> None:
-    """Raise InputError for a device, a pipe or a folder in the place of a table's part."""
+    """Raise InputError for a device, a pipe or a folder in place of a part of a table."""
     for table in TABLES:
         for part in sorted((folder / table).glob("*.parquet")):
             if not part.is_file():
@@ -106,7 +106,7 @@ def expect_files(folder: Path) -> None:
 
 
 def check_step(file: Path, row: Mapping[str, Any], rules: Mapping[str, Rule]) -> None:
-    """Raise InputError for the first value of a row of `steps` that its column cannot hold."""
+    """Raise InputError for the first value in a row of `steps` that its column does not allow."""
     for name, rule in rules.items():
         if not rule.holds(row[name]):
             _refuse(file, name, row[name], row["step"], rule.expected)
@@ -119,7 +119,7 @@ def check_step(file: Path, row: Mapping[str, Any], rules: Mapping[str, Rule]) ->
 
 
 def check_cloud(file: Path, cloud: pl.DataFrame, steps: pl.Series) -> None:
-    """Raise InputError for the first row of a table of clouds that a column, or the run, cannot hold."""
+    """Raise InputError for the first row of a table of clouds with a value that is not allowed."""
     for name in cloud.columns:
         missing, rule = cloud[name].is_null(), CLOUDS.get(name)
         if missing.any():
@@ -134,7 +134,7 @@ def check_cloud(file: Path, cloud: pl.DataFrame, steps: pl.Series) -> None:
 
 
 def check_update(folder: Path, part: str, rows: StepRows) -> None:
-    """Raise InputError where the clouds of an update do not fit its row, or each other."""
+    """Raise InputError if the clouds of an update do not fit its row, or each other."""
     step, size = rows.step["step"], rows.particles.height
     weighted, renewed = folder / "particles" / part, folder / "renewed" / part
     if size != rows.step["particles"]:

@@ -117,7 +117,7 @@ def calibrate_motion(
 def calibrate_noise(source: str | Path, *, listener: Listener = SILENT) -> NoiseFloor:
     """Measure the camera's noise floor in pictures taken with the lens covered.
 
-    `source` is a survey log or its folder, or a folder of such pictures. Raises InputError where there are
+    `source` is a survey log or its folder, or a folder of such pictures. Raises InputError if there are
     none.
 
         >>> import maurice_viz as mv
@@ -145,7 +145,7 @@ def noise_json(floor: NoiseFloor) -> dict[str, Any]:
 def make_trials(to: str | Path, *, trials: int = 41, seed: int = 0, force: bool = False) -> Path:
     """Write a CSV of calibration trials of the simulated Maurice and return its path.
 
-    So many turns, and so many straights on both floors, in meters and radians. Raises InputError where the
+    So many turns, and so many straights on both floors, in meters and radians. Raises InputError if the
     file exists (unless `force`).
 
         >>> import maurice_viz as mv

@@ -171,7 +171,7 @@ def _option(kind: str) -> str:
 
 
 def one_filter(given: Given) -> RunSpec:
-    """Return the filter that several sessions are replayed with. OptionError where there would be several."""
+    """Return the filter that several sessions are replayed with. OptionError if there would be several."""
     for kind, values in given.items():
         if len(values) > 1:
             raise OptionError(f"sessions are compared with one filter; give --{_option(kind)} once")
@@ -338,7 +338,7 @@ def _same_map(one: Arena, other: Arena) -> bool:
 def _one_library(
     sessions: Sequence[AnySession], asked: Path | Library | None, keep_going: bool, listener: Listener
 ) -> Library:
-    """Open the library that all sessions belong to. InputError where there are several."""
+    """Open the library that all sessions belong to. InputError if there are several."""
     if isinstance(asked, Library):
         return asked
     found: dict[Path, Library] = {}

@@ -62,7 +62,7 @@ def advice_for(path: Path, drive: DriveView) -> str:
 def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener) -> Path | None:
     """Draw a drive by itself; return the recording, None for a viewer. InputError without anything to draw.
 
-    KeyboardInterrupt goes on when the recording, as far as it got, is written.
+    KeyboardInterrupt goes on when the recording up to that point is written.
     """
     session, ways = _looked_over(whole)
     drive = DriveView(session.info, ways, not isinstance(session.recording, Placeholders))
@@ -88,7 +88,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     remark_skipped(drawn, listener)
     listener.remark(f"{MISSING}, so only the drive itself is shown. {advice}")
     if stopped is not None:
-        raise type(stopped)("the recording goes as far as it got")
+        raise type(stopped)("the recording is complete up to that point")
     return written[0] if written else None
 
 

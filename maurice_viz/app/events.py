@@ -168,7 +168,7 @@ def keep_bookmark(run: str | Path, step: int, note: str) -> Path:
 def drop_bookmarks(run: str | Path, which: str) -> int:
     """Remove the bookmarks of a step, or those with exactly this note, and return how many there were.
 
-    Raises InputError where there is none.
+    Raises InputError if there is none.
 
         >>> import maurice_viz as mv
         >>> file = mv.keep_bookmark("my-run", 4, "odd turn")
@@ -215,7 +215,7 @@ def jump(
     the `nth` of them, counted from 1, in any run or the one of `run_label`. `phase` is one of PHASES. The
     viewer is the one opened last that shows this session, or the one that listens on `port`.
 
-    Raises OptionError for contradicting arguments and InputError where no such event, step or viewer is.
+    Raises OptionError for contradicting arguments and InputError if event, step or viewer is missing.
 
         >>> import maurice_viz as mv
         >>> mv.jump("my-run", step=4)  # doctest: +SKIP

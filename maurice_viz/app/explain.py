@@ -77,13 +77,13 @@ class Explanation:
         return path
 
     def show(self) -> None:
-        """Show the panel in a new viewer. Raises SinkError where none comes up."""
+        """Show the panel in a new viewer. Raises SinkError if none comes up."""
         port = sinks.bring_up_viewer()
         with sinks.to_viewer(port, self._name, self._layout) as rec:
             draw_explanation(rec, RunPaths(self.label), self.update)
 
     def record(self, path: Path, *, force: bool = False) -> None:
-        """Write the panel to a Rerun recording. Raises SinkError where it exists (unless `force`)."""
+        """Write the panel to a Rerun recording. Raises SinkError if it exists (unless `force`)."""
         with sinks.to_file(path, self._name, self._layout, force=force) as rec:
             draw_explanation(rec, RunPaths(self.label), self.update)
 

@@ -38,7 +38,7 @@ class FormatInfo:
 def formats(path: str | Path | None = None) -> list[FormatInfo]:
     """Return the formats that can be read, or the one that a file or folder is detected as.
 
-    Raises InputError where there is no such file, or it has no known format.
+    Raises InputError if there is no such file, or it has no known format.
 
         >>> import maurice_viz as mv
         >>> [found] = mv.formats("session.log")
@@ -60,7 +60,7 @@ def formats(path: str | Path | None = None) -> list[FormatInfo]:
 def inspect(session: str | Path, *, options: ReadingOptions | None = None) -> tuple[str, Inspection]:
     """Return the name of a recording's format, and what it holds: counts, rates, distances, problems.
 
-    Distances are in meters, rates in Hz; broken records are counted, not raised. Raises InputError where the
+    Distances are in meters, rates in Hz; broken records are counted, not raised. Raises InputError if the
     recording cannot be read at all.
 
         >>> import maurice_viz as mv
@@ -104,7 +104,7 @@ def diagnose(
 
     Pictures are compared with the `library`, or the one that the recording names if there is one, unless
     `pictures` is False. `Diagnosis.fixed` are the options that fix everything; `to` writes them to a
-    reading file (.toml), if there is anything to fix. Raises InputError where the recording or the library
+    reading file (.toml), if there is anything to fix. Raises InputError if the recording or the library
     cannot be read, or the file exists (unless `force`).
 
         >>> import maurice_viz as mv

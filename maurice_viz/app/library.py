@@ -133,7 +133,7 @@ class LibraryCheck:
     def draw(self, to: str | Path, *, force: bool = False) -> Path:
         """Write the map of expected ambiguity (.png) and return its path.
 
-        Raises OptionError for another ending and InputError where the file exists (unless `force`).
+        Raises OptionError for another ending and InputError if the file exists (unless `force`).
         """
         from ..drawing.canvas import png
         from ..plots.sheets import draw_ambiguity

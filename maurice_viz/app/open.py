@@ -91,7 +91,7 @@ class SourcedSession(Session, Protocol):
 
     @property
     def path(self) -> Path:
-        """The file or folder, or what stands for it in messages."""
+        """The file or folder, or the name used for it in messages."""
         ...
 
 
@@ -147,14 +147,14 @@ def library_at(path: Path, listener: Listener, *, keep_going: bool = False) -> L
 
 
 def remark_open(library: Library, listener: Listener) -> None:
-    """Say so where no wall is known: then only the bounds keep the particles in."""
+    """Remark that no wall is known, so that only the bounds confine the particles."""
     arena = library.arena
     if len(arena.walls) or arena.obstacles:
         return
     width, depth = map(scale_for(library.display_units, arena).say, arena.size_m)
     listener.remark(
         f"library {library.name}: found no walls, so all of {width} x {depth} around its references is free "
-        "space; `library build --map map.yaml` gives it a map"
+        "space; `library build --map map.yaml` adds a map"
     )
 
 
@@ -179,7 +179,7 @@ class RunSpec:
         return self.name or "-".join(named) or (self.config.stem if self.config else "blended")
 
     def configuration(self) -> Configuration:
-        """Return what is in force: default, preset, file, environment, then what is given here.
+        """Return the effective values: default, preset, file, environment, then what is given here.
 
         InputError for a bad file or environment, OptionError for a setting that is not known or out of range.
         """

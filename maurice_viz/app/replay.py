@@ -163,7 +163,7 @@ def replay_session(
     if output.save_run is not None:
         check_run_target(output.save_run, force=output.force)
         if isinstance(library, Library):
-            raise OptionError("a saved run names its library: give the path, found an opened library")
+            raise OptionError("a saved run stores its library's path: give a path, not an opened library")
     opened = open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ..panels.observer import Observer
     from ..panels.story import VerdictDrawing
 
-AS_FAR = "the recording and the figures go as far as it got"
+AS_FAR = "the recording and the scores are complete up to that point"
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ def snapshot(
     `step` is the last one by default, `phase` one of PHASES within it. `layout` and `view` are names as the
     viewer shows them: a tab, and the one view to fill the window of `size` (width, height) pixels.
 
-    Raises OptionError for arguments out of range and InputError where the step, view or layout does not
+    Raises OptionError for arguments out of range and InputError if the step, view or layout does not
     exist, the file exists (unless `force`), or no Vulkan driver is installed.
 
         >>> import maurice_viz as mv

@@ -59,13 +59,13 @@ COMMANDS = {
         Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE),
         Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE),
         Listed("calibrate drive", "calibrate", "Simulate a table of trials.", _SIMULATE),
-        Listed("config show", "config", "Show the configuration in force.", _CONFIGURE),
+        Listed("config show", "config", "Show the effective configuration.", _CONFIGURE),
         Listed("config check", "config", "Check a configuration file.", _CONFIGURE),
     )
 }
 FAMILIES = {
-    "library": "Build a library of reference pictures, show or check one, or tune channels to one.",
-    "import": "Turn other people's data into session and survey logs.",
+    "library": "Build, show or check a library of reference pictures, or tune channels to it.",
+    "import": "Convert other data to session and survey logs.",
     "calibrate": "Calibrate the motion model and the camera.",
     "config": "Show and check configurations.",
 }
@@ -76,7 +76,7 @@ class PanelCommand(TyperCommand):
     """A command whose help lists its options by panel, and whose errors end in one line."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Replace spellings of the release before; explain options that have moved."""
+        """Replace the previous release's spellings; explain options that have moved."""
         known = {name for one in self.params for name in (*one.opts, *one.secondary_opts)}
         return super().parse_args(ctx, modern(args, known))
 
@@ -88,7 +88,7 @@ class PanelCommand(TyperCommand):
             if record is not None:
                 usual = "Arguments" if one.param_type_name == "argument" else "Options"
                 panels.setdefault(getattr(one, "rich_help_panel", None) or usual, []).append(record)
-        panels["Options"] = panels.pop("Options")  # the ones of no panel, and --help, at the end
+        panels["Options"] = panels.pop("Options")  # those without a panel, and --help, come last
         for panel, rows in panels.items():
             if rows:
                 with formatter.section(panel):
@@ -115,7 +115,7 @@ class CommandList(TyperGroup):
         return {name.split()[1]: one for name, one in COMMANDS.items() if name.split()[0] == family}
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Return the names, the families' among them."""
+        """Return the names, including those of the families."""
         return list(dict.fromkeys(name.split()[0] for name in self._listed))
 
     def get_command(self, ctx: Any, name: str) -> Any:
@@ -128,13 +128,13 @@ class CommandList(TyperGroup):
         return CommandList(name=name, help=FAMILIES[name], no_args_is_help=True, rich_markup_mode=None)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command of the first word. A usage error with the nearest name where there is none."""
+        """Find the command of the first word. If there is none, a usage error suggests one."""
         if args[0] not in self.list_commands(ctx):
             ctx.fail(f"there is no command {args[0]!r}; {_nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands by group, from the list alone."""
+        """Write the commands by group, without importing them."""
         width = max(map(len, self._listed))
         for group in GROUPS:
             rows = [(f"{name:{width}}", one.what) for name, one in self._listed.items() if one.group == group]
@@ -196,4 +196,4 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    """Take the options that stand before a command."""
+    """Read the options that precede a command."""

@@ -27,9 +27,7 @@ DEG = 180 / math.pi
 def motion(
     source: Annotated[
         Path,
-        argument(
-            "SOURCE", "A session log with truth, a CSV of trials, or a folder of odometry beside truth."
-        ),
+        argument("SOURCE", "A session log with truth, a CSV of trials, or a folder with odometry and truth."),
     ],
     output: Annotated[
         Path | None, option("-o --output", "Write the parameters here.", metavar="OUT.toml")

@@ -1,4 +1,4 @@
-"""`maurice-replay config show|check`: the configuration in force and its origin, and checking a file."""
+"""`maurice-replay config show|check`: show the effective configuration and its origin, or check a file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def show(
     file: opt.Config = None,
     json_output: opt.Json = False,
 ) -> None:
-    """Print the configuration in force as TOML that --config reads back."""
+    """Print the effective configuration as TOML that --config can read."""
     found = configuration_of(preset, file, os.environ, {})
     if json_output:
         both = {one.key: {"value": one.value, "origin": one.origin} for one in found.settings}

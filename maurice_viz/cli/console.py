@@ -52,7 +52,7 @@ class ConsoleListener:
         note(text)
 
     def progress(self, done: int, total: int, what: str) -> None:
-        """Move the bar of `what`, which replaces any other; it goes when all is done."""
+        """Move the bar of `what`, which replaces any other; it is removed when all is done."""
         if not notes.is_terminal:  # a pipe would get blank lines
             return
         if self._bar is None or what != self._what:
@@ -79,9 +79,9 @@ TO_CONSOLE = ConsoleListener()
 
 @contextmanager
 def listening(*, usage: bool = True) -> Iterator[ConsoleListener]:
-    """Yield a listener that writes to standard error; its progress bar goes when the block ends.
+    """Yield a listener that writes to standard error; its progress bar is removed when the block ends.
 
-    With `usage` a bad argument that is found inside is reported below the command's usage.
+    With `usage`, a bad argument found inside the block is reported below the command's usage.
     """
     with one_line_errors() if usage else nullcontext():
         try:

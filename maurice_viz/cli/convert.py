@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 FILES = "Files to write"
 DEFAULTS, COLUMNS = ImportOptions(), Columns()
 
-Topic = Annotated[str | None, typer.Option(help="Of ws://: which topic it is. [default: detected, printed]")]
+Topic = Annotated[str | None, typer.Option(help="With ws://: the topic to use. [default: detected, printed]")]
 
 
 def record(
@@ -45,13 +45,14 @@ def record(
     odometry_topic: Topic = None,
     truth_topic: Topic = None,
     max_dt: Annotated[
-        float, option("--max-dt", "Of ws://: most seconds between picture and odometry.", min=0.0)
+        float, option("--max-dt", "With ws://: most seconds from a picture to its odometry.", min=0.0)
     ] = MAX_DT_S,
     patience: Annotated[
         float | None,
         option(
             "--patience",
-            "End when the source was away, or silent, for this long. [default: 30 away; silent forever]",
+            "End after the source was disconnected, or silent, for this long. "
+            "[default: 30 disconnected; silent forever]",
             min=0.0,
             metavar="SECONDS",
         ),
@@ -207,7 +208,7 @@ def formats(
 
 
 def pictures(
-    folder: Annotated[str, typer.Argument(help="The folder that the table's picture names start from.")],
+    folder: Annotated[str, typer.Argument(help="The folder that the table's picture names are relative to.")],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
     output: Annotated[Path, option("-o --output", "The folder to write.", metavar="DIR")],
     image_column: Annotated[str, option("--image-column", "Column of picture names.")] = COLUMNS.image,
@@ -223,21 +224,22 @@ def pictures(
     map_unit: opt.MapUnit = DEFAULTS.map_unit,
     name: Annotated[str | None, option("--name", "Name of the place. [default: the table's folder]")] = None,
     every: Annotated[
-        int, option("--every", "Of this many runs of equal poses one goes to the session.", min=2)
+        int, option("--every", "Put one in this many runs of equal poses into the session.", min=2)
     ] = DEFAULTS.session_every,
     guard: Annotated[
         float | None,
         option(
             "--guard",
-            "Meters around session poses without library pictures. [default: 0.5, in a small place less]",
+            "Radius in meters around session poses without library pictures. "
+            "[default: 0.5, or less in a small place]",
             min=0.0,
         ),
     ] = None,
     session_pictures: Annotated[
-        int, option("--session-pictures", "Most pictures of a run in the session.", min=1)
+        int, option("--session-pictures", "Maximum number of pictures of a run in the session.", min=1)
     ] = DEFAULTS.session_pictures,
     library_pictures: Annotated[
-        int, option("--library-pictures", "Most pictures of a run in the library.", min=1)
+        int, option("--library-pictures", "Maximum number of pictures of a run in the library.", min=1)
     ] = DEFAULTS.library_pictures,
     seed: Annotated[
         int, option("--seed", "Seed of the odometry's noise.", min=0, max=MOST_SEED)

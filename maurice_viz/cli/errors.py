@@ -1,6 +1,6 @@
 """How a command ends: bad input in one line and status 1, a request to stop in 130 or 143; no traceback.
 
-Typer takes a tenth of a second to import, in which a request to stop should count as well.
+Importing Typer takes a tenth of a second, and a request to stop has to work during that time too.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def fail(text: str) -> NoReturn:
 
 
 def end_while_starting() -> None:
-    """Let both signals end the process at once, unless its parent has it ignore them."""
+    """Let both signals end the process at once, unless the parent process set them to be ignored."""
     for number in STATUS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end_at_once)

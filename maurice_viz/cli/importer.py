@@ -1,7 +1,7 @@
 """`rerun-importer-maurice`: on the PATH it makes `rerun session.log` show a replay.
 
-Rerun starts every importer for every file that it opens, so that a file of somebody else is given back
-quickly: only the standard library is loaded before that is known. Exit status 66 says "not mine".
+Rerun starts every importer for every file that it opens. Files of other programs are declined quickly:
+until the file is recognized, only the standard library is loaded. Exit status 66 means "not supported".
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _is_run(manifest: Path) -> bool:
 
 
 def _import(path: Path, recording_id: str | None) -> int:
-    """Draw it; what is wrong with it ends in one line and status 1."""
+    """Draw it; an error ends in one line and status 1."""
     from maurice_loaders.errors import InputError
 
     try:

@@ -40,7 +40,7 @@ def build(
         option(
             "--every",
             "Distance or turn between the entries of a drive: 0.4m,45deg. "
-            "[default: that for a drive, and all of a survey log]",
+            "[default: this for a drive; every picture of a survey log]",
             metavar="LENGTH,ANGLE",
         ),
     ] = None,
@@ -48,7 +48,7 @@ def build(
         float,
         option(
             "--yaw",
-            "Yaw of the robot's camera from the survey's camera, in degrees, counter-clockwise.",
+            "Yaw of the robot's camera relative to the survey's, in degrees, counter-clockwise.",
             min=-180,
             max=180,
         ),
@@ -238,7 +238,7 @@ def tune(
         option("--score", "A drive with truth to score on; may be repeated.", metavar="TEST.log"),
     ] = None,
     channels: Annotated[
-        str | None, option("--channels", "Fit these. [default: all of the library]", metavar="A,B,C")
+        str | None, option("--channels", "Channels to fit. [default: all of the library]", metavar="A,B,C")
     ] = None,
     output: Annotated[
         Path | None, option("-o --output", "Write the result here.", metavar="TUNED.toml")

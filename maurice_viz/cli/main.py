@@ -1,4 +1,4 @@
-"""Where the command begins and ends: being stopped gives no traceback, not even while starting or ending."""
+"""The entry point of the command: a request to stop prints no traceback, even during startup and exit."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def argument(metavar: str | None, text: str, **more: Any) -> Any:
 
 
 def one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
-    """Make what checks an option's value, or each of its values, to be the name of a known one."""
+    """Return a callback that checks that an option's value, or each of its values, is a known name."""
     names = list(dict.fromkeys(known))
 
     def check(typed: Any) -> Any:
@@ -61,7 +61,7 @@ Run = Annotated[Path, argument("RUN", "A saved run's folder, or a comparison's."
 RunLabel = Annotated[str | None, option("--run-label", "Which run of a comparison.", metavar="LABEL")]
 _FEATURE = option(
     "--feature",
-    f"What is compared: {', '.join(FEATURES)}, or any one channel. [default: blended]",
+    f"Feature to compare: {', '.join(FEATURES)}, or any one channel. [default: blended]",
     FILTER,
     metavar="NAME",
     callback=one_of([*FEATURES, *CHANNELS], "feature"),
@@ -73,7 +73,7 @@ _PRESET = option(
     metavar="|".join(PRESETS),
     callback=one_of(PRESETS, "preset"),
 )
-_CONFIG = option("--config", "A configuration file, over the preset.", FILTER, metavar="FILE.toml")
+_CONFIG = option("--config", "A configuration file, applied after the preset.", FILTER, metavar="FILE.toml")
 _PARTICLES = option("--particles", "Number of particles. [default: 2000]", FILTER, min=1, max=10_000_000)
 _SEED = option(
     "--seed",
@@ -85,7 +85,7 @@ _SEED = option(
 )
 _START = option(
     "--start",
-    "Where the particles begin: on the header's start pose, on the first true pose, anywhere, or on a "
+    "Where the particles begin: at the header's start pose, at the first true pose, anywhere, or at a "
     "pose in display units and degrees. [default: tracking where there is a start pose, else global]",
     FILTER,
     metavar="tracking|truth|global|X,Y,HEADING",
@@ -118,13 +118,13 @@ Rrd = Annotated[
     str | None,
     option(
         "--rrd",
-        "Open no viewer, and write the Rerun recording to this file; auto: <name>.rrd; none: write no "
+        "Write the Rerun recording to this file and open no viewer; auto: <name>.rrd; none: write no "
         "recording. [default: the viewer where there is a display, else auto]",
         OUTPUT,
         metavar="OUT.rrd|auto|none",
     ),
 ]
-_SAVE = "Save every step to this new folder, for `explain`, `report`, `verify` and others."
+_SAVE = "Save every step to this new folder, for `explain`, `report`, `verify` and other commands."
 SaveRun = Annotated[Path | None, option("--save-run", _SAVE, OUTPUT, metavar="DIR")]
 MapFile = Annotated[
     Path | None,
@@ -140,7 +140,7 @@ Layout = Annotated[
     str | None,
     option(
         "--layout",
-        f"The layout to begin with, of the tabs in the viewer: {', '.join(LAYOUT_NAMES)}. [default: story]",
+        f"The layout (the viewer's tab) to begin with: {', '.join(LAYOUT_NAMES)}. [default: story]",
         OUTPUT,
         metavar="NAME",
         callback=one_of(LAYOUT_NAMES, "layout"),
@@ -150,7 +150,7 @@ Detail = Annotated[
     str,
     option(
         "--detail",
-        "Draw every panel at every step, only around events, or little everywhere.",
+        "Draw every panel at every step, every panel only around events, or few panels throughout.",
         OUTPUT,
         metavar="|".join(DETAILS),
         callback=one_of(DETAILS, "detail"),
@@ -158,7 +158,7 @@ Detail = Annotated[
 ]
 _KEEP_GOING = "Skip broken lines and pictures, and report how many at the end."
 KeepGoing = Annotated[bool, option("--keep-going", _KEEP_GOING, READING)]
-_RECORDED = "Of a bag: show the particles of the localizer that was recorded; no filter runs."
+_RECORDED = "For a bag: show the particles of the recorded localizer; no filter runs."
 AsRecorded = Annotated[bool, option("--as-recorded", _RECORDED, READING)]
 Reading = Annotated[
     list[str] | None,
@@ -172,13 +172,13 @@ Reading = Annotated[
 ]
 _FOLLOW = "SESSION is a file that is still being written: continue as it grows."
 Follow = Annotated[bool, option("--follow", _FOLLOW, LIVE)]
-_CAPTURE = "Of a live source: write all that comes to DIR/session.log."
+_CAPTURE = "For a live source: write everything received to DIR/session.log."
 Capture = Annotated[Path | None, option("--capture", _CAPTURE, LIVE, metavar="DIR")]
 KeepUp = Annotated[
     bool | None,
     option(
         "--keep-up/--every-picture",
-        "Of a live source: leave out the oldest of more than four waiting pictures, and count them; or "
+        "For a live source: skip and count the oldest of more than four waiting pictures, or "
         "use every one, however late. [default: --keep-up for tcp:// and ws://]",
         LIVE,
     ),
@@ -187,8 +187,8 @@ Patience = Annotated[
     float | None,
     option(
         "--patience",
-        "Of a live source: end when it was away, or silent, for this long. "
-        "[default: 30 away; silent forever]",
+        "For a live source: end after it was disconnected, or silent, for this long. "
+        "[default: 30 disconnected; silent forever]",
         LIVE,
         hidden=True,  # of `replay`, which has enough options; `record` shows its own
         min=0.0,
@@ -238,7 +238,7 @@ KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # as they are ty
 
 
 def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> ReadingOptions:
-    """Return the options that files and KEY=VALUE pairs set, the later over the earlier.
+    """Return the options that files and KEY=VALUE pairs set; later ones override earlier ones.
 
     OptionError for a pair that is not valid, InputError for a file.
     """
@@ -255,7 +255,7 @@ def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> Read
 
 
 def typed(options: ReadingOptions) -> list[str]:
-    """Return the options that differ from their defaults as they are typed."""
+    """Return the options that differ from their defaults, as typed on the command line."""
     words = []
     for key, name in KEYS.items():
         value = getattr(options, name)

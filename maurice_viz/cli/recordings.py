@@ -141,7 +141,7 @@ def _json(found: Diagnosis, options: Options) -> dict[str, object]:
 def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> Iterator[str]:
     """Yield the report, one line per fact; findings come last and are numbered.
 
-    `beside` are words that follow the options wherever a library is asked.
+    `beside` are further words, such as the library, that are added after the options of each fix.
     """
     counts = f"{found.odometry} odometry, {found.truth} truth, {found.pictures} pictures"
     yield f"{found.name}: {counts}{', of its beginning' if found.cut else ''}"

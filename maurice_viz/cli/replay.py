@@ -126,7 +126,7 @@ def compare(
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:
-    """Return settings a run: a key that is given several times makes a run of each of its values."""
+    """Return the settings of each run: a key with several values makes one run per value."""
     values: dict[str, list[Any]] = {}
     for pair in pairs:
         for key, value in settings_of([pair]).items():
@@ -144,7 +144,7 @@ def demo(
     story: Annotated[
         str,
         typer.Argument(
-            help="kidnapped: a robot is carried away, two presets; features: color and blended on one drive.",
+            help="kidnapped: a kidnapped robot, two presets; features: color and blended on one drive.",
             callback=opt.one_of(STORIES, "story"),
         ),
     ] = STORIES[0],
@@ -191,7 +191,7 @@ def demo(
 
 
 def verify(run: opt.Run, json_output: opt.Json = False) -> None:
-    """Filter a saved run again; exit status 0 when every step is the same to the last bit, else 1."""
+    """Filter a saved run again; exit status 0 if every step is the same bit by bit, else 1."""
     from ..app.saved import verify as verify_run
 
     with listening() as listener:
@@ -206,7 +206,7 @@ def verify(run: opt.Run, json_output: opt.Json = False) -> None:
 
 
 def printed(json_output: bool) -> Report:
-    """Return what prints scores as JSON or as a table."""
+    """Return a function that prints scores as JSON or as a table."""
 
     def report(scores: RunScores) -> None:
         TO_CONSOLE.end()
@@ -225,9 +225,9 @@ NAMES_WIDTH = 22  # of the first column of a table that is too wide; the runs sh
 
 
 def to_table(runs: Sequence[RunResult], units: Units, title: str, console: Console) -> Table:
-    """Return a table of scores with one column per run, in the session's own units, that the console holds.
+    """Return a table of scores with one column per run, in the session's own units, that fits the console.
 
-    Where it is too wide, it has no frame, and a cell has up to two lines: the interval stands below the mean.
+    A table that is too wide has no frame and up to two lines per cell: the interval is below the mean.
     """
     table = _score_table(runs, units, title)
     if console.measure(table, options=console.options.update(max_width=1000)).maximum <= console.width:

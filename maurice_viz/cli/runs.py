@@ -32,9 +32,7 @@ def events(
     everything: Annotated[bool, option("--all", "List routine events too: resampling, a new floor.")] = False,
     add: Annotated[
         tuple[int, str] | None,
-        option(
-            "--add", 'Keep a bookmark beside the run: --add 40 "odd turn".', BOOKMARKS, metavar="STEP NOTE"
-        ),
+        option("--add", 'Add a bookmark to the run: --add 40 "odd turn".', BOOKMARKS, metavar="STEP NOTE"),
     ] = None,
     remove: Annotated[
         str | None,
@@ -47,7 +45,7 @@ def events(
     ] = None,
     json_output: opt.Json = False,
 ) -> None:
-    """List what happened in a saved run, and keep bookmarks of your own beside it."""
+    """List the events of a saved run, and add your own bookmarks to it."""
     from ..app.events import drop_bookmarks, keep_bookmark
     from ..app.events import events as find
 
@@ -103,7 +101,7 @@ def jump(
     to: Annotated[
         str | None, option("--to", "An event by its kind, or a bookmark by its text.", metavar="KIND|NOTE")
     ] = None,
-    nth: Annotated[int, option("--nth", "The second, third ... of them.", min=1)] = 1,
+    nth: Annotated[int, option("--nth", "Which of them: 2 for the second, 3 for the third.", min=1)] = 1,
     step: Annotated[int | None, option("--step", "A step by its number.")] = None,
     phase: Annotated[str | None, option("--phase", f"Inside the step: {PHASES}.")] = None,
     run_label: Annotated[
@@ -112,7 +110,10 @@ def jump(
     port: Annotated[
         int | None,
         option(
-            "--port", "The port of a viewer that you opened. [default: the one we opened]", min=1, max=65535
+            "--port",
+            "The port of a viewer that you opened. [default: one opened by a command]",
+            min=1,
+            max=65535,
         ),
     ] = None,
 ) -> None:
@@ -211,7 +212,7 @@ def snapshot(
     size: Annotated[str, option("--size", "Size of the window in pixels.", metavar="WxH")] = "1600x1000",
     force: opt.Force = False,
 ) -> None:
-    """Take a picture or a movie of what the viewer shows of a saved run or a recording, without a screen."""
+    """Write a picture or a movie of the viewer with a saved run or a recording; no screen is needed."""
     if output is not None and (first is not None or last is not None or phases):
         raise typer.BadParameter("--from, --to and --phases go with --movie")
     if movie is not None and (step is not None or phase is not None):

@@ -1,4 +1,4 @@
-"""Options that are spelled differently since this release: aliases for now, and advice for what has moved."""
+"""Options that this release renamed: the old names still work, and an error says where others moved."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ MOVED: Mapping[str, str] = {
 
 
 def modern(args: list[str], known: Collection[str]) -> list[str]:
-    """Replace old spellings by today's; `known` are the options of the command.
+    """Replace old spellings by the current ones; `known` are the options of the command.
 
-    A usage error for an option that has moved to `--reading`, with its key there.
+    An option that has moved to `--reading` is a usage error that names its key there.
     """
     words: list[str] = []
     rest = iter(args)

@@ -106,7 +106,7 @@ def usual_difference(index: ChannelIndex, distance: str) -> float:
 
 
 def bands_of(bins: int) -> tuple[RGBA, ...]:
-    """Return a band each for red, green and blue where there are 28 bins of each, else one for everything."""
+    """Return one band per color if each color has 28 bins, else a single band."""
     return RED_GREEN_BLUE if bins == PLANES * BINS else (PLAIN,)
 
 

@@ -32,7 +32,7 @@ MARKDOWN = "text/markdown"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EntryFinder:
-    """Finds the library entry that stands for a pose, by the library's own rule."""
+    """Finds the library entry that represents a pose, by the library's own rule."""
 
     nearest: NearestReference
     origin: F64  # (2,)

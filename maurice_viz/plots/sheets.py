@@ -61,7 +61,7 @@ def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> list[tuple[int, int]]:
 
 
 def _colors(values: F64) -> list[RGB]:
-    """Return the color of each dot, from the place that the fewest fit to the one that the most do."""
+    """Return the color of each dot by its value, on a logarithmic scale from the least to the largest."""
     share = np.log(values / values.min()) / max(float(np.log(values.max() / values.min())), 1e-9)
     packed = shade(DARKEST + (1 - DARKEST) * share).tolist()
     return [(one >> 24 & 255, one >> 16 & 255, one >> 8 & 255) for one in packed]
@@ -95,7 +95,7 @@ def write_contact_sheet(
 ) -> Path:
     """Write a sheet of 24 views of a simulated world (.png or .jpg) and return its path.
 
-    Raises InputError where the file exists (unless `force`).
+    Raises InputError if the file exists (unless `force`).
     """
     from maurice_datasets.render.camera_session import survey_camera
     from maurice_datasets.surveys import one_thread, views

@@ -98,7 +98,7 @@ def _with_walls(ground: Canvas, arena: Arena, scale: Scale) -> Canvas:
 
 
 def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> NDArray[np.int64]:
-    """Return points (K, 2) in sixteenths of a pixel, as OpenCV takes them; clipped far outside."""
+    """Return points (K, 2) in sixteenths of a pixel, as OpenCV takes them; far outside, they are clipped."""
     px = (scale.screen(xy_m) - (canvas.extent.left, canvas.extent.top)) / canvas.unit_per_px
     return np.asarray(np.clip(px * (1 << FULL), -(2**20), 2**20).round(), np.int64)
 

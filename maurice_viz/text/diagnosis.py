@@ -207,8 +207,8 @@ EVIDENCE: Mapping[str, Said] = {
     "sideways": "{aside:.0%} of the distance would go sideways, and {then:.0%} does if this is so",
     "spins": "the robot would turn at {rad_s:.3g} rad/s; in degrees it is {in_degrees:.2g}",
     "one-way": (
-        "nearly all of the distance goes {off_deg:+.0f} deg off what is called forward, "
-        "{aside:.0%} of it sideways; a robot that can do so on purpose is fine"
+        "nearly all of the motion is {off_deg:+.0f} deg off the forward direction, "
+        "{aside:.0%} of it sideways; for a robot that can drive sideways this is no error"
     ),
     "fast": lambda v: (
         f"the robot would go at {v['m_s']:.3g} m/s{_map(v, ', on a map of {} m', 1)}; "

@@ -259,7 +259,7 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
 
 
 def _and(channel: str, cost: float) -> str:
-    return f"{channel} {cost:.1f}" if cost > 0 else f"{channel} speaks for it by {-cost:.1f}"
+    return f"{channel} {cost:.1f}" if cost > 0 else f"{channel} favors it by {-cost:.1f}"
 
 
 def _weighed(step: StepExplanation) -> str:
@@ -273,7 +273,7 @@ def _weighed(step: StepExplanation) -> str:
         parts.append(f"{at} (its nearest reference alone: {entry.log_likelihood:.1f})")
     if not parts:
         return ""
-    start = "Particles are weighed by the references around them, virtual ones included"
+    start = "Particles are weighted by the references around them, including virtual ones"
     return f"{start}: one {', one '.join(parts)}."
 
 

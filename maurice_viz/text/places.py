@@ -6,26 +6,26 @@ from collections.abc import Iterable, Iterator
 
 from maurice_mcl.sensor.left_out import PlaceScore
 
-WORSE = "this library cannot tell its places apart: the sensor is worse than nothing here"
-ADVICE = "survey more places, or lower sensor.sharpness, and take a preset with recovery (robust)"
+WORSE = "this library cannot tell its places apart: the sensor is worse than knowing nothing"
+ADVICE = "survey more places, or lower sensor.sharpness, and use a preset with recovery (robust)"
 
 
 def scores_of(found: PlaceScore) -> str:
-    """Return both log scores, and what they are of."""
+    """Return both log scores, and the pictures and places that they are computed from."""
     if not found.pictures:
         return f"no two of {found.places} places see each other, so none can be left out"
     of = f"{found.pictures} pictures of {found.places} places, each place left out in turn"
-    return f"log score {found.score:.2f} a picture, {found.blind:.2f} for knowing nothing; {of}"
+    return f"log score {found.score:.2f} per picture, {found.blind:.2f} for knowing nothing; {of}"
 
 
 def places_said(name: str, channels: Iterable[str], found: PlaceScore | None) -> Iterator[str]:
-    """Yield what the user of a library should know before its first run; nothing where all is well."""
+    """Yield what the user of a library should know before its first run; nothing if there is no problem."""
     if found is None:
         return
     by = ", ".join(channels)
     if found.worse_than_nothing:
         yield f"{name}: {WORSE} ({by}: {scores_of(found)}); {ADVICE}"
     if found.widening != 1:
-        why = "" if found.worse_than_nothing else f", as {found.places} places leave in doubt what it knows"
+        why = "" if found.worse_than_nothing else f", as {found.places} places do not confirm them"
         keep = "--set sensor.widening=1 keeps the fitted ones"
         yield f"{name}: the scales of {by} are widened by {found.widening:g}{why}; {keep}"

@@ -14,7 +14,7 @@ NOTHING_YET = "No update yet."
 
 
 def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
-    """Return one line about all runs of a recording, the shared part first: "Kidnapped at 61. `a` ..."."""
+    """Return one line about all runs of a recording, shared part first: "Kidnapped at 61. `a` ..."."""
     if len(verdicts) == 1:
         return said(next(iter(verdicts.values())), scale)
     shared = _kidnapped_at(list(verdicts.values()))
@@ -33,7 +33,7 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
 
 
 def _kidnapped_at(verdicts: list[RunVerdict]) -> str:
-    """Return what the log says of all runs alike: "Kidnapped at 61. "."""
+    """Return the kidnappings in the log that all runs share: "Kidnapped at 61. "."""
     at = [[t.step for t in one.troubles if t.kind == KIDNAPPED] for one in verdicts]
     if not at[0] or any(other != at[0] for other in at):
         return ""

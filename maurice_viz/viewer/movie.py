@@ -82,7 +82,7 @@ class Video:
             size = (even.shape[1], even.shape[0])
             self._writer = cv2.VideoWriter(str(self._file), cv2.VideoWriter.fourcc(*VP9), self._fps, size)
             if not self._writer.isOpened():
-                raise InputError(self._file, "this OpenCV writes no VP9; make a .gif")
+                raise InputError(self._file, "this build of OpenCV cannot write VP9; write a .gif")
         self._writer.write(cv2.cvtColor(even, cv2.COLOR_RGB2BGR))
 
     def end(self) -> None:

@@ -174,7 +174,7 @@ def _is_alive(pid: int) -> bool:
 def move_viewer(folder: Path, session: str, port: int | None, timeline: str, value: int) -> None:
     """Move the viewer on a port, or the last opened one that shows this session, to a value of a timeline.
 
-    Raises InputError where none is open, or its recording has no such timeline.
+    Raises InputError if none is open, or its recording has no such timeline.
     """
     recording = ""  # the one in front
     if port is None:

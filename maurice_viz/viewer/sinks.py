@@ -121,7 +121,7 @@ def to_file(
         yield rec
     except BaseException:
         _close(rec)
-        remark(f"{part} goes as far as it got")
+        remark(f"{part} holds the recording up to that point")
         raise
     _check_written(part, _close(rec))
     part.replace(path)
@@ -186,7 +186,7 @@ def _close(rec: rr.RecordingStream) -> bool:
 
 def _check_written(part: Path, flushed: bool) -> None:
     if not part.exists():
-        raise SinkError(part, "has vanished while it was being written")
+        raise SinkError(part, "vanished while it was being written")
     if shutil.disk_usage(part.parent).free < LEAST_FREE:
         raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or write to another disk")
     if not flushed:

@@ -110,7 +110,7 @@ class Viewer:
         return last
 
     def span(self, timeline: str) -> tuple[int, int]:
-        """Return the first and last value of a timeline. Raises InputError where the recording lacks it."""
+        """Return the first and last value of a timeline. Raises InputError if the recording lacks it."""
         for known in self._recording.timelines:
             if known.name == timeline:
                 return int(known.start), int(known.end)

@@ -134,7 +134,7 @@ class Scorer:
 
 
 def first_run_of(flags: list[bool], length: int) -> int | None:
-    """Return the update, counted from 1, at which a flag is set for the `length`-th time in a row."""
+    """Return the update, counted from 1, at which a flag has been set `length` times in a row."""
     running = 0
     for number, flag in enumerate(flags, start=1):
         running = running + 1 if flag else 0

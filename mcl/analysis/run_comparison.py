@@ -57,7 +57,7 @@ def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
 
 
 def _critical(blocks: F64, count: int, seed: int) -> float:
-    """Return the number of standard errors that 95 of 100 means of `count` drawn blocks stay within."""
+    """Return how many standard errors 95 % of the means of `count` drawn blocks are within."""
     chosen = stream(Domain.COMPARE, seed).integers(0, len(blocks), (DRAWS, count))
     drawn = blocks[chosen]
     away = np.abs(drawn.mean(axis=1) - blocks.mean())

@@ -40,7 +40,7 @@ class Trouble:
     sure: int = 0  # of them wrong and confident
 
     def with_updates(self, updates: Sequence[_Update], sign: int) -> Trouble:
-        """Return it with some updates added (`sign` 1) or taken off (-1)."""
+        """Return a copy with some updates added (`sign` 1) or removed (-1)."""
         return replace(
             self,
             fresh=self.fresh + sign * sum(update.fresh for update in updates),
@@ -56,7 +56,7 @@ class Trouble:
 
 @dataclass(frozen=True, slots=True)
 class RunVerdict:
-    """One run in a few facts. Steps are numbers of pictures, lengths in meters."""
+    """A summary of one run. Steps are numbers of pictures, lengths in meters."""
 
     updates: int = 0
     has_truth: bool = False
@@ -74,7 +74,7 @@ class RunVerdict:
 
     @property
     def is_off_at_end(self) -> bool:
-        """Whether the last estimate is too far off to be on the way back."""
+        """Whether the error of the last estimate is above `lost_m`."""
         return self.error_end_m is not None and self.error_end_m > self.lost_m
 
     @property
@@ -88,7 +88,7 @@ class RunVerdict:
 
 
 def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
-    """Return the step to look at first of several runs: where the first of them has something to show."""
+    """Return the step to look at first: the earliest decisive step of several runs."""
     return min(verdict.decisive for verdict in verdicts.values())
 
 

@@ -136,7 +136,7 @@ def calibrate(trials: Trials) -> Calibration:
 
 
 def fit_turns(turns: Turns) -> TurnFit:
-    """Fit gain and residual. ValueError where nothing turned, or measured and actual turns are opposite."""
+    """Fit gain and residual. ValueError if nothing turned, or measured and actual turns are opposite."""
     measured, actual = turns.measured_rad, turns.actual_rad
     gain = slope(measured, actual)
     if gain <= 0:
@@ -159,7 +159,7 @@ def fit_turns(turns: Turns) -> TurnFit:
 
 
 def fit_straights(straights: Straights) -> StraightFit:
-    """Fit the error of one movement, and the scale. Raises ValueError where nothing moved."""
+    """Fit the error of one movement, and the scale. Raises ValueError if nothing moved."""
     measured, actual = straights.measured_m, straights.actual_m
     scale = _through_origin(measured, actual)
     residual = actual - scale.value * measured

@@ -149,7 +149,7 @@ def judge(tuned: Tuned, samples: Sequence[Sample], before: F64) -> Scores:
 
 
 def pooled(several: Sequence[Scores]) -> Scores:
-    """Return the mean over all pictures of several sets of them."""
+    """Return the mean over all pictures of several scores."""
     share = np.array([s.pictures for s in several], np.float64)
     share /= share.sum()
     alone = share @ np.array([s.alone for s in several])

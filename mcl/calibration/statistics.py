@@ -45,7 +45,7 @@ def spread_of(values: F64, fitted: int = 1) -> Spread:
     """Describe errors (n,) of a fit with `fitted` constants: the mean alone, or a slope as well.
 
     The mean's interval is Student's; the sd's is chi-square's, or a bootstrap's where p of normality is below
-    0.01. Raises ValueError where no degree of freedom is left.
+    0.01. Raises ValueError if no degree of freedom is left.
     """
     free = len(values) - fitted
     if free < 1:

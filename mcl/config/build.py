@@ -97,7 +97,7 @@ def build_localizer(
     """Build the localizer that some parameters describe; `reference` can be shared among localizers.
 
     The motion model is that of the parameters, else of the session, else of the one that `run` is given. The
-    radii, unless they are known (those of a saved run), are made to measure for the library.
+    radii, unless they are known (those of a saved run), are derived from the library.
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()

@@ -136,7 +136,7 @@ def number(low: float, high: float) -> Rule:
 
 
 def radius(key: str, value: Any) -> float:
-    """Take a radius in meters; 0 stands for one made to measure."""
+    """Accept a radius in meters; 0 means that it is derived from the library."""
     given: float = number(0, 1e4)(key, value)
     if 0 < given < LEAST_RADIUS_M:
         raise ValueError(f"{key}: found {value!r}, expected 0 or a number from {LEAST_RADIUS_M:g} to 10000")
@@ -156,7 +156,7 @@ def whole(low: int, high: int) -> Rule:
 
 
 def choice(*words: str) -> Rule:
-    """Take one of some words."""
+    """Accept one of several words."""
 
     def rule(key: str, value: Any) -> str:
         if value not in words:
@@ -167,7 +167,7 @@ def choice(*words: str) -> Rule:
 
 
 def truth(key: str, value: Any) -> bool:
-    """Take true or false."""
+    """Accept true or false."""
     words = {"true": True, "false": False}
     given = words.get(value, value) if isinstance(value, str) else value
     if not isinstance(given, bool):

@@ -129,7 +129,7 @@ def turn_finding(turn: str, *evidence: Evidence, **numbers: float) -> Finding:
 
 
 def frame_finding(frame: str, *evidence: Evidence, offset_rad: float = 0.0, **numbers: float) -> Finding:
-    """Report "absolute" poses, or steps along axes of the "world", turned by `offset_rad` from forward."""
+    """Report absolute poses, or steps along the world's axes; forward is off by `offset_rad`."""
     options: dict[str, Value] = {"odometry_are": {"absolute": "poses", "world": "steps"}[frame]}
     if abs(offset_rad) > LEAST_FORWARD:
         options["odometry_forward_rad"] = float(np.radians(round(float(np.degrees(-offset_rad)))))
@@ -139,7 +139,7 @@ def frame_finding(frame: str, *evidence: Evidence, offset_rad: float = 0.0, **nu
 def direction_finding(
     offset_rad: float, *evidence: Evidence, or_camera: bool = False, **numbers: float
 ) -> Finding:
-    """Report that odometry's forward is another direction; with `or_camera`, or the camera's is."""
+    """Report that odometry's forward direction is wrong; with `or_camera`, perhaps the camera's instead."""
     degrees = round(float(np.degrees(offset_rad)))
     near = 90 * round(degrees / 90)
     forward = -near if near and abs(degrees - near) <= SAME_AXIS_DEG else -degrees

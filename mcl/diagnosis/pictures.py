@@ -79,7 +79,7 @@ class Gained:
 
 
 def best_yaw(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
-    """Return the camera's direction, counter-clockwise from forward; None for too little truth."""
+    """Return the camera's direction, counter-clockwise from forward; None if there is too little truth."""
     poses = truth_at(track, looks.t_s)[:, None].repeat(len(YAWS), axis=1)
     poses[..., 2] += YAWS
     return _best(looks.at(poses), YAWS, places_seen(looks, track), circular=True)
@@ -238,7 +238,7 @@ def doubted_by_pictures(looks: ComparedPictures, drive: RecordedDrive, start: F6
 
 
 def finding_of(hypothesis: Hypothesis, drive: RecordedDrive, spacing_s: float, seen: Evidence) -> Finding:
-    """Return the finding that a hypothesis stands for; `spacing_s` is the time between two pictures."""
+    """Return the finding of a hypothesis; `spacing_s` is the time between two pictures."""
     if hypothesis.gain != 1:
         return gain_finding(hypothesis.gain * drive.turn_gain, drive.turn_gain, seen)
     if hypothesis.reading.turn:

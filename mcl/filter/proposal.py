@@ -23,7 +23,7 @@ from .resampling import systematic
 
 
 def uniform_poses(grid: Grid, n: int, origin: F64, rng: np.random.Generator) -> F32:
-    """Draw n poses (n, 3) evenly over free space and headings. ValueError where nothing is free."""
+    """Draw n poses (n, 3) evenly over free space and headings. ValueError if nothing is free."""
     free = np.flatnonzero(grid.free.ravel())
     if not len(free):
         raise ValueError("no free space to start in: obstacles and walls cover the whole map")

@@ -1,8 +1,8 @@
 """How well a library tells its places apart: its own pictures, each with its whole place left out.
 
 Such a picture stands for one that a robot takes where nothing was surveyed. Its log score is the log of the
-probability that it alone gives the stand-in, the entry of similar heading at the nearest other place, under a
-uniform prior. Intervals are by place: pictures of one place err together.
+probability that it alone assigns to the stand-in, the entry of similar heading at the nearest other place,
+under a uniform prior. Intervals are by place, as the errors of pictures at one place are correlated.
 """
 
 from dataclasses import dataclass, replace
@@ -16,16 +16,16 @@ from ..map import place_tree, spacing
 from .model import SensorModel
 from .references import crosses, distinct_places
 
-LEAST_PROBABILITY = 1e-6  # a picture that says the truth is impossible costs 13.8 nats and no more
+LEAST_PROBABILITY = 1e-6  # so that one picture costs at most 13.8 nats
 NEIGHBORS = 9  # places tried, including itself, for one without a wall in between
 SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference turned further shows another view
 ONE_PLACE = 0.75  # of the distance to the next place: nearer entries are at one place
-LEAST_SPACING_M, OF_MAP = 0.25, 0.1  # from a place to the next one: the smaller of this, and of its share
+LEAST_SPACING_M, OF_MAP = 0.25, 0.1  # between places: the smaller of a length and a share of the map
 MOST_CLUSTERED = 4000  # entries; in larger libraries only equal positions are one place
 
 MOST_PICTURES, FEWEST_PICTURES = 64, 16
 MOST_COMPARED = 60_000  # entries in all, which bounds the time: about 0.1 s for 624 entries
-ENOUGH_PLACES = 20  # with fewer, the score has to be better than nothing beyond doubt
+ENOUGH_PLACES = 20  # with fewer, the gain over knowing nothing has to be significant
 FITTED_SPACING_M = 18 * INCH_M  # of the libraries that the scales were fitted on
 FAR_APART = 1.5  # times that
 CONFIDENCE = 0.95
@@ -44,7 +44,7 @@ class PlaceScore:
 
     @property
     def worse_than_nothing(self) -> bool:
-        """Whether the sensor knows less than knowing nothing."""
+        """Whether the score is below that of knowing nothing."""
         return self.pictures > 0 and self.score < self.blind
 
     def to_json(self) -> dict[str, float | bool | None]:
@@ -61,7 +61,7 @@ class PlaceScore:
 
 
 def score_places(sensor: SensorModel) -> PlaceScore:
-    """Compare some of the library's pictures with all other places; bounded in time, whatever the library."""
+    """Compare some of the library's pictures with all other places, in bounded time for any library."""
     places, place_of = clustered(sensor.library)
     tested = _left_out(replace(sensor, index={}), places, place_of)
     if not len(tested.groups) or tested.groups.max() < 1:
@@ -143,7 +143,7 @@ def neighbors(library: Library) -> I32:
 
 
 def stand_ins(library: Library, places: F64, place_of: I32) -> I32:
-    """Return for every entry (L,) that of similar heading at the nearest other visible place; -1 for none."""
+    """Return for every entry (L,) the one of similar heading at the nearest other visible place, or -1."""
     found = np.full(library.size, -1, np.int32)
     if len(places) < 2:
         return found
@@ -170,7 +170,7 @@ def _beside(places: F64, walls: F64) -> I32:
 
 
 def clustered(library: Library) -> tuple[F64, I32]:
-    """Return the places (P, 2) of a library, positions that nearly agree as one, and each entry's (L,)."""
+    """Return the places (P, 2) of a library, nearly equal ones as one, and the place of each entry (L,)."""
     distinct, place_of = distinct_places(library.poses[:, :2])
     if library.size > MOST_CLUSTERED:
         return distinct, place_of
@@ -179,7 +179,7 @@ def clustered(library: Library) -> tuple[F64, I32]:
 
 
 def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
-    """Cluster positions (L, 2) about the first of near ones: centers (P, 2), place of each (L,)."""
+    """Cluster positions (L, 2), each around its first member: centers (P, 2), place of each (L,)."""
     firsts, place_of = np.empty((0, 2)), np.empty(len(xy), np.int32)
     for number, at in enumerate(xy):
         apart = np.hypot(*(firsts - at).T)

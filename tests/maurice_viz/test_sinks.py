@@ -53,7 +53,7 @@ def test_a_failure_keeps_the_old_file_and_leaves_a_part_that_opens(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         write_in_vain(path, said.append)
     assert path.read_bytes() == b"mine"
-    assert f"{sinks.part_of(path).name} goes as far as it got" in said[0]
+    assert f"{sinks.part_of(path).name} holds the recording up to that point" in said[0]
     assert "/a" in {str(chunk.entity_path) for chunk in RrdReader(sinks.part_of(path)).stream()}
 
 

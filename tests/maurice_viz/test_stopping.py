@@ -102,7 +102,7 @@ def test_figures_recording_and_saved_run_go_equally_far(small_session, tmp_path,
     monkeypatch.setattr(RunWriter, "add", stop_within)
     done = CliRunner().invoke(app, [str(small_session), "--run", "kept", "--save", "a.rrd", "--json"])
     assert done.exit_code == 130, done.stderr
-    assert "stopped; the recording and the figures go as far as it got" in done.stderr
+    assert "stopped; the recording and the scores are complete up to that point" in done.stderr
     assert json.loads(done.stdout)["runs"][0]["updates"] == 7
     assert read_manifest(Path("kept")).steps == 7
     estimates = RrdReader("a.rrd").stream().filter(content="/blended/belief/estimate", has_timeline="step")

@@ -156,7 +156,7 @@ def test_other_formats(folder: Path, key: str, value: object, message: str) -> N
     [
         (1e300, r"is a damaged library \(found a pose of 1e\+300, expected a number up to 1e9 in size\)"),
         (1e8, r"found poses 1e\+08 m apart, the farthest off at \(100000000, 1\), expected at most 10000 m"),
-        (None, r"far: found a map that with the poses spans 1e\+07 m"),
+        (None, r"far: found a map and poses that together span 1e\+07 m"),
     ],
 )
 def test_poses_too_far_off_and_a_map_too_large(

@@ -83,7 +83,7 @@ def test_the_sentences_name_winner_truth_and_estimate(library):
         found = step.of(who)
         assert words in text
         assert found.entry is None or str(found.entry.rank) in text
-    assert "Particles are weighed by the references around them" in text
+    assert "Particles are weighted by the references around them" in text
 
 
 def test_what_is_unknown_or_outside_is_not_told(library, tmp_path):
