@@ -17,6 +17,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -43,6 +44,7 @@ from maurice_mcl.session import SessionInfo
 
 INCH_M = 0.0254
 KIDNAP_AT, KIDNAP_UPDATES = 30, 60
+DRIVES_AT_ONCE = 5
 
 
 COLOR = {"sensor.weights": dict(FEATURES["color"])}
@@ -132,17 +134,16 @@ class MeasuredOnce:
         return found
 
 
-def library_of(plan: SimulationPlan) -> mcl.Library:
-    world = md.load_world(plan.world, plan.arena_seed, plan.tier)
-    return ml.open_library(
-        cached_survey(world, plan.arena_seed, lambda done, total, what: None) / "survey.log"
-    )
+@lru_cache(2)
+def library_of(world_name: str, arena_seed: int, tier: str) -> mcl.Library:
+    world = md.load_world(world_name, arena_seed, tier)
+    return ml.open_library(cached_survey(world, arena_seed, lambda done, total, what: None) / "survey.log")
 
 
 def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str, Any]]]:
     """Run all cases that share a session on one drive."""
     plan = plan_of(cases[0], drive)
-    simulated, library = simulated_session(plan), library_of(plan)
+    simulated, library = simulated_session(plan), library_of(plan.world, plan.arena_seed, plan.tier)
     session = Kept(simulated.info, list(simulated.moments()))
     nearest = nearest_reference(library.poses, library.arena)
     order = np.random.default_rng(drive).permutation(library.size)
@@ -216,6 +217,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--drives", type=int, default=300)
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes at once")
+    parser.add_argument("--only", default="", metavar="TEXT", help="only cases whose key contains it")
     parser.add_argument("--show", action="store_true", help="only print what there is")
     arguments = parser.parse_args()
     kept = cache_root() / "results" / f"{GENERATOR}-{frozen()}.jsonl"
@@ -228,11 +230,14 @@ def main() -> None:
     wanted = []
     for drive in range(0 if arguments.show else arguments.drives):
         for cases in together.values():
-            missing = [case for case in cases if (case.key, drive) not in known]
+            asked = [case for case in cases if arguments.only in case.key]
+            missing = [case for case in asked if (case.key, drive) not in known]
             if missing:
                 wanted.append((missing, drive))
+    # Drives of one arena in a row: a worker lights it and reads its library once. A hundred drives at a time.
+    wanted.sort(key=lambda work: (work[1] // 100, work[0][0].tier, work[1] % ARENAS))
     with ProcessPoolExecutor(arguments.workers, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-        for drive, found in pool.map(measured_on, wanted):
+        for drive, found in pool.map(measured_on, wanted, chunksize=DRIVES_AT_ONCE):
             known |= {(case.key, drive): result for case, result in found}
             with kept.open("a", encoding="utf-8") as file:
                 for case, result in found:
