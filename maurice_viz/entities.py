@@ -28,6 +28,7 @@ MATCH_KEY = "/world/key/circles"
 LIKELIHOOD_KEY = "/world/key/likelihood"
 EXPLAIN_KEY = "/world/key/explained"
 
+SEEN = "/session/**"  # everything that the runs of a recording share
 CAMERA = "/session/camera"
 EDGES = "/session/edges"
 VERDICT = "/session/verdict"  # what happened: one TextDocument, static

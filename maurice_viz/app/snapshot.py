@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,13 +11,13 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.runs.store import open_runs
 
-from ..entities import PHASE, PHASES_PER_STEP, STEP, Phase, phase_number
+from ..entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..viewer import sinks
 from ..viewer.movie import SUFFIXES as MOVIES
 from ..viewer.movie import film, from_png
-from ..viewer.snapshot import Viewer, expect_driver, headless_viewer
+from ..viewer.snapshot import Viewer, expect_driver, headless_viewer, recorded_steps
 from .events import PHASES
 from .output import layout_of, observed
 from .run import collector_of, step_through
@@ -136,14 +136,35 @@ def _checked(target: Path, suffixes: tuple[str, ...], size: tuple[int, int], *, 
 
 
 def _check_saved_steps(source: Path, *steps: int | None) -> None:
-    """Refuse steps that a saved run does not have before it is drawn, which takes long. InputError."""
+    """Refuse steps that a saved run or a recording does not have before it is drawn, which takes long.
+
+    Raises InputError. A recording that cannot be read to its end is left to the viewer, which can.
+    """
     asked = [step for step in steps if step is not None]
-    if not asked or source.suffix == ".rrd":
+    if not asked:
         return
-    manifests = [run.manifest for run in open_runs(source)]
-    counts = [one.pictures if one.steps is None else one.steps for one in manifests]
-    for step in asked:
-        _check_step(source, step, 1, max(counts))
+    if source.suffix == ".rrd":
+        span = _recorded_span(source, asked)
+    else:
+        manifests = [run.manifest for run in open_runs(source)]
+        counts = [one.pictures if one.steps is None else one.steps for one in manifests]
+        span = (1, max(counts))
+    if span is not None:
+        for step in asked:
+            _check_step(source, step, *span)
+
+
+def _recorded_span(source: Path, asked: Sequence[int]) -> tuple[int, int] | None:
+    """Return the first and last step of a recording, or any span within that holds all steps asked for."""
+    _expect_recording(source)
+    first, last = min(asked), max(asked)  # a part of the recording is quick to read and mostly tells enough
+    quick = recorded_steps(source, SEEN)
+    return quick if quick and quick[0] <= first and last <= quick[1] else recorded_steps(source)
+
+
+def _expect_recording(source: Path) -> None:
+    if not source.is_file():
+        raise InputError(source, "found no such recording; replay a session with --rrd to make one")
 
 
 def _check_step(source: Path, step: int, start: int, end: int) -> None:
@@ -178,8 +199,7 @@ def _viewer_on(
 def _recording_of(source: Path, listener: Listener) -> Iterator[Path]:
     """Yield the recording itself, or a temporary one that a saved run is drawn into."""
     if source.suffix == ".rrd":
-        if not source.is_file():
-            raise InputError(source, "found no such recording; replay a session with --rrd to make one")
+        _expect_recording(source)
         yield source
         return
     with tempfile.TemporaryDirectory(prefix="maurice-snapshot-") as folder:

@@ -10,11 +10,13 @@ import json
 import subprocess
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from maurice_loaders.errors import InputError
@@ -134,6 +136,22 @@ class Viewer:
         except LayoutError as problem:
             raise InputError(self._file, str(problem)) from None
         self._client.set_blueprint(blueprint, store_id=self._recording.store_id)
+
+
+def recorded_steps(recording: Path, content: str = "/**") -> tuple[int, int] | None:
+    """Return the first and last step of the entities `content`; None if there are none or it is damaged."""
+    first: list[int] = []
+    last: list[int] = []
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that a killed recording lacks its end
+            for chunk in RrdReader(recording).stream().filter(content=content, has_timeline=STEP):
+                steps = chunk.to_record_batch().column(STEP).to_numpy(zero_copy_only=False)
+                first.append(int(steps.min()))
+                last.append(int(steps.max()))
+    except (RuntimeError, ValueError, OSError):
+        return None
+    return (min(first), max(last)) if first else None
 
 
 def software_driver() -> Path | None:

@@ -83,6 +83,21 @@ def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small
     assert "kept: found no step 500, expected one from 1 to 14" in found
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ["-o", "x.png", "--step", "500"],
+        ["--movie", "m.gif", "--from", "3", "--to", "500"],
+    ],
+)
+def test_a_step_that_a_recording_lacks_is_refused_before_a_viewer_starts(small_session, monkeypatch, asked):
+    maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
+    monkeypatch.setattr("maurice_viz.app.snapshot.expect_driver", lambda source: None)
+    monkeypatch.setattr("maurice_viz.app.snapshot.headless_viewer", None)
+    found = one_line(maurice("snapshot", "a.rrd", *asked, expect=1)[1])
+    assert "a.rrd: found no step 500, expected one from 1 to 14" in found
+
+
 @pytest.mark.slow
 @needs_renderer
 def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):
