@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.analysis.metrics import LEFT
+from maurice_mcl.analysis.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
 from maurice_mcl.analysis.run_comparison import (
     APART_FOR,
     ComparisonResult,
@@ -86,6 +86,8 @@ def _run_json(result: RunResult) -> dict[str, Any]:
     success = {one.preset: _values(one, SUCCESS) for one in result.score.success}
     scores = _values(result.score, SCORES)
     head = {"label": result.label, "verdict": _verdict_json(result)}
+    relative = None if result.score.relative is None else asdict(result.score.relative)
+    scores["relative_error"] = relative
     tail = {"thesis_success": success, "radii": asdict(result.radii), "steps_per_s": result.steps_per_s}
     return head | scores | tail
 
@@ -106,7 +108,7 @@ def _values(of: object, names: Sequence[str]) -> dict[str, Any]:
 
 def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
     """Return the rows of a table of scores in display units: a name, and one cell per run."""
-    return [(name, [cell(result) for result in results]) for name, cell in _rows(units)]
+    return [(name, [cell(result) for result in results]) for name, cell in _rows(units, results)]
 
 
 def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
@@ -148,7 +150,7 @@ def _parts(paired: ComparisonResult) -> str:
     return "never" if paired.parted_at is None else f"at step {paired.parted_at}"
 
 
-def _rows(units: Units) -> list[tuple[str, Cell]]:
+def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
     unit = units.name
     return [
         ("updates", lambda r: str(r.score.updates)),
@@ -157,6 +159,10 @@ def _rows(units: Units) -> list[tuple[str, Cell]]:
         (f"position error, median ({unit})", lambda r: _length(r.score.position_error_median_m, units)),
         (f"position error, final ({unit})", lambda r: _length(r.score.position_error_final_m, units)),
         ("heading error, mean (deg)", lambda r: _degrees(r.score.heading_error_mean_rad)),
+        (
+            f"RPE over {_segment(results, units)}, median ({unit}, deg)",
+            lambda r: _relative(r.score.relative, units),
+        ),
         ("localized share", lambda r: _written(r.score.localized_share, ".0%")),
         ("localized at update", lambda r: _or_never(r.score.localized_at_update, r.score.lost)),
         ("lost", _lost),
@@ -178,6 +184,19 @@ def _degrees(value_rad: float | None) -> str:
 
 def _length(value_m: float | None, units: Units) -> str:
     return _written(value_m, f".{units.digits}f", units.per_m)
+
+
+def _segment(results: Sequence[RunResult], units: Units) -> str:
+    """Return the length of a segment of the relative pose error, which follows from a run's radii."""
+    lengths = {f"{_length(SEGMENT_OF_RIGHT * one.radii.right_m, units)} {units.name}" for one in results}
+    return lengths.pop() if len(lengths) == 1 else f"{SEGMENT_OF_RIGHT:g} x right"
+
+
+def _relative(error: RelativeError | None, units: Units) -> str:
+    """Return the relative pose error of position and heading."""
+    if error is None:
+        return "-"
+    return f"{_length(error.position_median_m, units)}, {_degrees(error.heading_median_rad)}"
 
 
 def _radii(radii: Radii, units: Units) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import F64, Bool
 from ..filter.estimate import share_within
-from ..geometry import INCH_M, angle_between
+from ..geometry import INCH_M, angle_between, motion_between
 from ..map import Arena
 from ..records import Estimate, StepRecord
 from ..session import Moment
@@ -24,6 +24,7 @@ CONVERGED_SHARE = 0.9
 LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
 RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
 GOAL_M = 1000 * INCH_M  # the thesis's goal for position tracking (3.6.2)
+SEGMENT_OF_RIGHT = 4.0  # length of a segment of the relative error, in radii of *right*
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +61,50 @@ def score_step(estimate: Estimate, truth: F64 | None) -> StepScore:
 
 
 @dataclass(frozen=True, slots=True)
+class RelativeError:
+    """Relative pose error: how far off the estimated motion is over segments of the true path."""
+
+    segment_m: float  # driven at least, by the truth, in every segment
+    segments: int
+    position_mean_m: float
+    position_median_m: float
+    position_rmse_m: float
+    heading_mean_rad: float
+    heading_median_rad: float
+    heading_rmse_rad: float
+
+
+def relative_error(truths: F64, estimates: F64, segment_m: float) -> RelativeError | None:
+    """Score estimates (N, 3) by the truth (N, 3) at the same updates; None for a drive without a segment."""
+    errors = segment_errors(truths, estimates, segment_m)
+    if not len(errors):
+        return None
+    means, medians = errors.mean(axis=0), np.median(errors, axis=0)
+    both = np.stack([means, medians, np.sqrt(np.square(errors).mean(axis=0))], axis=1)
+    return RelativeError(segment_m, len(errors), *(float(value) for value in both.ravel()))
+
+
+def segment_errors(truths: F64, estimates: F64, segment_m: float) -> F64:
+    """Return distance and unsigned angle (K, 2) between the true and the estimated motion of each segment.
+
+    Segments follow one another; each ends at the first pose at which the truth has driven at least
+    `segment_m` since it began. These are the pairs and errors of `evo_rpe --pairs_from_reference`.
+    """
+    steps_m = np.hypot(*np.diff(truths[:, :2], axis=0).T)
+    first, driven_m = 0, 0.0
+    errors: list[tuple[float, float]] = []
+    for last, step_m in enumerate(steps_m, start=1):
+        driven_m += float(step_m)
+        if driven_m >= segment_m:
+            true, ours = (motion_between(poses[first], poses[last]) for poses in (truths, estimates))
+            errors.append(
+                (float(np.hypot(*(ours - true)[:2])), angle_between(float(ours[2]), float(true[2])))
+            )
+            first, driven_m = last, 0.0
+    return np.array(errors).reshape(-1, 2)
+
+
+@dataclass(frozen=True, slots=True)
 class RunScore:
     """One run in numbers; None where the truth is not known or the run is too short for the figure.
 
@@ -84,6 +129,7 @@ class RunScore:
     wrong_confident_share: float | None
     right_at_end: bool | None = None  # correct in at least 7 of the last 10 updates
     success: tuple[Success, ...] = ()  # by the thesis's two readings, where judged
+    relative: RelativeError | None = None  # over segments of 4 radii of *right*
 
 
 @dataclass(slots=True)
@@ -94,6 +140,8 @@ class Scorer:
     _driven_m: list[float] = field(default_factory=list)  # true distance up to each update
     _odometry_m: float = 0.0
     _last_truth: F64 | None = None
+    _pairs: list[tuple[F64, F64]] = field(default_factory=list)  # truth and estimate, from the first scored
+    _right_m: float = 0.0
 
     def add(self, estimate: Estimate, truth: F64 | None, motions: F64) -> StepScore:
         """Process the next update; `motions` (M, 3) give the distance where there is no truth."""
@@ -105,6 +153,9 @@ class Scorer:
             driven += float(np.hypot(*(truth[:2] - self._last_truth[:2])))
         self._driven_m.append(driven)
         self._last_truth = truth if truth is not None else self._last_truth
+        self._right_m = estimate.radii.right_m
+        if truth is not None and len(self._steps) >= FIRST_SCORED:
+            self._pairs.append((truth, estimate.pose))
         return score
 
     def result(self) -> RunScore:
@@ -130,7 +181,12 @@ class Scorer:
             reached=good > 0 and self._driven_m[good - 1] >= GOAL_M if known else None,
             wrong_confident_share=_share([s.wrong_and_confident for s in known]),
             right_at_end=mostly_at_end([s.correct for s in known]),
+            relative=self._relative(),
         )
+
+    def _relative(self) -> RelativeError | None:
+        pairs = np.array(self._pairs).reshape(-1, 2, 3)
+        return relative_error(pairs[:, 0], pairs[:, 1], SEGMENT_OF_RIGHT * self._right_m)
 
 
 def first_run_of(flags: list[bool], length: int) -> int | None:

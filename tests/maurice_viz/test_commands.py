@@ -15,7 +15,7 @@ from helpers.commands import COMMAND, failure, no_display, process, run, runs_of
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
     "position_error_final_m", "heading_error_mean_rad", "localized_at_update", "localized_share", "lost",
-    "wrong_confident_share", "steps_per_s",
+    "wrong_confident_share", "relative_error", "steps_per_s",
 }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Trajectory errors against independent code: the command `evo_ape` of evo (Grupp 2017)."""
+"""Trajectory errors against independent code: the commands `evo_ape` and `evo_rpe` of evo (Grupp 2017)."""
 
 import json
 import os
@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_mcl.analysis.metrics import FIRST_SCORED, Scorer
+from maurice_mcl.analysis.metrics import FIRST_SCORED, Scorer, relative_error, segment_errors
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 
-EVO_APE = Path(sys.executable).parent / "evo_ape"
+EVO = Path(sys.executable).parent
+SEGMENTS_M = (0.3, 1.1)
 
 
 def _write_tum(path, times, poses):
@@ -27,10 +28,12 @@ def _write_tum(path, times, poses):
     np.savetxt(path, rows, fmt="%.17g")
 
 
-def _evo(folder, relation):
+def _evo(folder, relation, command="evo_ape", *options):
     """Run the command, unaligned; give what it says of all errors together, and each error."""
     kept = folder / f"{relation}.zip"
-    command = [EVO_APE, "tum", "truth.tum", "estimate.tum", "-r", relation, "--save_results", kept]
+    kept.unlink(missing_ok=True)
+    files = ("tum", "truth.tum", "estimate.tum")
+    command = [EVO / command, *files, "-r", relation, *options, "--save_results", kept]
     where = os.environ | {"HOME": str(folder), "MPLCONFIGDIR": str(folder), "NO_COLOR": "1"}
     done = subprocess.run(command, cwd=folder, env=where, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
@@ -52,12 +55,12 @@ def scored(world_at, tmp_path_factory):
         truths.append(moment.truth)
     _write_tum(folder / "estimate.tum", times, np.array(estimates))
     _write_tum(folder / "truth.tum", times, np.array(truths))
-    return folder, steps, scorer.result()
+    return folder, steps, scorer.result(), np.array(truths), np.array(estimates)
 
 
 @pytest.mark.parametrize("relation", ["trans_part", "angle_deg"])
 def test_errors_are_what_evo_finds(scored, relation):
-    folder, steps, whole = scored
+    folder, steps, whole, _, _ = scored
     if relation == "trans_part":
         ours = np.array([step.position_error_m for step in steps])
         mean, median = whole.position_error_mean_m, whole.position_error_median_m
@@ -72,3 +75,21 @@ def test_errors_are_what_evo_finds(scored, relation):
     assert (mean, median) == pytest.approx(
         (theirs[FIRST_SCORED - 1 :].mean(), np.median(theirs[FIRST_SCORED - 1 :])), abs=1e-6
     )
+
+
+@pytest.mark.parametrize("segment_m", SEGMENTS_M)
+def test_relative_errors_are_what_evo_finds(scored, segment_m):
+    folder, _, _, truths, estimates = scored
+    ours = segment_errors(truths, estimates, segment_m)
+    whole = relative_error(truths, estimates, segment_m)
+    assert whole.segments == len(ours) > 3
+    options = ("--delta", str(segment_m), "--delta_unit", "m", "--pairs_from_reference")
+    stats, theirs = _evo(folder, "trans_part", "evo_rpe", *options)
+    assert theirs == pytest.approx(ours[:, 0], abs=1e-6)
+    assert [whole.position_mean_m, whole.position_median_m, whole.position_rmse_m] == pytest.approx(
+        [stats["mean"], stats["median"], stats["rmse"]], abs=1e-6
+    )
+    stats, theirs = _evo(folder, "angle_deg", "evo_rpe", *options)
+    assert theirs == pytest.approx(np.degrees(ours[:, 1]), abs=1e-5)
+    heading = np.degrees([whole.heading_mean_rad, whole.heading_median_rad, whole.heading_rmse_rad])
+    assert heading == pytest.approx([stats["mean"], stats["median"], stats["rmse"]], abs=1e-5)

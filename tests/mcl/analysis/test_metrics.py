@@ -16,7 +16,9 @@ from maurice_mcl.analysis.metrics import (
     meets_circle,
     meets_tenth,
     mostly_at_end,
+    relative_error,
     score_step,
+    segment_errors,
 )
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.geometry import INCH_M
@@ -135,6 +137,33 @@ def test_reached_is_a_thousand_true_inches_before_going_astray():
     assert not _drive(ways, off_from=11).reached
     assert not _drive(ways, off_from=1).reached
     assert _drive(ways, off_from=19).lost is False, "three updates off are not lost yet"
+
+
+def test_relative_errors_over_segments_of_the_true_path():
+    truths = np.array([[x, 0.0, 0.0] for x in (0.0, 0.6, 1.2, 1.8, 2.4, 2.9)])
+    estimates = truths + np.array([5.0, -3.0, 0.0])
+    assert segment_errors(truths, estimates, 1.0) == pytest.approx(np.zeros((2, 2))), "a shift is no drift"
+    estimates[:, 0] = 5.0 + 1.1 * truths[:, 0]
+    estimates[3:, 2] = 0.3
+    assert segment_errors(truths, estimates, 1.0) == pytest.approx(np.array([[0.12, 0.0], [0.12, 0.3]]))
+    whole = relative_error(truths, estimates, 1.0)
+    assert (whole.segment_m, whole.segments) == (1.0, 2)
+    assert (whole.position_mean_m, whole.position_rmse_m) == pytest.approx((0.12, 0.12))
+    assert (whole.heading_mean_rad, whole.heading_rmse_rad) == pytest.approx((0.15, 0.3 / np.sqrt(2)))
+    assert relative_error(truths, estimates, 3.0) is None, "the drive is shorter"
+    assert relative_error(truths[:0], estimates[:0], 3.0) is None
+    turned = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[4.0, 4.0, np.pi / 2], [3.0, 4.0, -3.0]])
+    apart = segment_errors(*turned, 1.0)[0]
+    assert apart == pytest.approx([0.0, 2 * np.pi - 3.0 - np.pi / 2]), "as seen from each one's own frame"
+
+
+def test_a_run_has_relative_errors_from_its_first_scored_update():
+    run = _drive([0, 90, 90] + [20] * 9, off_from=8)
+    assert run.relative.segment_m == pytest.approx(72 * INCH_M)
+    assert run.relative.segments == 2, "40 in to the side come in the first of both, at update 8"
+    assert run.relative.position_mean_m == pytest.approx(20 * INCH_M)
+    assert _drive([0, 90, 90, 10, 10]).relative is None
+    assert _score([None] * 30).relative is None
 
 
 def test_short_runs_have_few_figures():
