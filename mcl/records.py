@@ -80,6 +80,20 @@ class RecoveryState:
 
 
 NO_HISTORY = RecoveryState()
+PICTURE, AVERAGES = "picture", "averages"
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryTest:
+    """What a recovery strategy compared at one update: it acts where `found` is below `threshold`.
+
+    `compared` PICTURE: the calibrated evidence of this picture, with the threshold. AVERAGES: the short-term
+    average of the mean likelihood, with the long-term one, both as logs.
+    """
+
+    compared: str  # PICTURE or AVERAGES
+    threshold: float  # nats; -inf if all pictures on average had no particle in free space
+    found: float  # nats; -inf if no particle was in free space
 
 
 # The record of one update, and the state that the next update needs.
@@ -159,6 +173,7 @@ class StepRecord:
     belief: Belief  # what the next step starts from
     events: tuple[str, ...]  # what the filter noticed: "resampled", "left the map"
     took_s: Mapping[str, float]  # seconds per stage; not part of what must repeat
+    recovery_test: RecoveryTest | None = None  # None: the strategy compared nothing, or it is not known
 
 
 @dataclass(frozen=True, slots=True, eq=False)

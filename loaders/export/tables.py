@@ -154,7 +154,7 @@ class ParquetSink:
     def add(self, step: ExportStep, image: U8 | None) -> None:
         """Take in one update."""
         row = table_row(step)
-        self._rows.append({name: row[name] for name in self._schema.names})
+        self._rows.append({name: row.get(name) for name in self._schema.names})
         if len(self._rows) >= GROUP_ROWS:
             self.flush()
 

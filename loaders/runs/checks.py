@@ -12,6 +12,8 @@ from typing import Any, NoReturn
 import numpy as np
 import polars as pl
 
+from maurice_mcl.records import AVERAGES, PICTURE
+
 from ..errors import InputError
 from ..files import MOST, MOST_T_S, show, up_to
 from .writer import BEST, TABLES, TOOK, StepRows, steps_schema
@@ -68,6 +70,9 @@ BY_COLUMN = {
     "session_events": TEXTS,
     "best_entries": _list_of(lambda k: k is not None and k >= 0, f"at most {BEST} numbers of entries", BEST),
     "best_quality": _list_of(_is_number, f"at most {BEST} finite numbers", BEST),
+    "recovery_compared": Rule(lambda v: v in (None, PICTURE, AVERAGES), f"{PICTURE} or {AVERAGES}"),
+    "recovery_threshold": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
+    "recovery_found": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
     "particles": _from(1, 2**31, "a whole number from 1"),
     TOOK: SPREAD,
 }
@@ -108,12 +113,13 @@ def expect_files(folder: Path) -> None:
 def check_step(file: Path, row: Mapping[str, Any], rules: Mapping[str, Rule]) -> None:
     """Raise InputError for the first value in a row of `steps` that its column does not allow."""
     for name, rule in rules.items():
-        if not rule.holds(row[name]):
+        if name in row and not rule.holds(row[name]):
             _refuse(file, name, row[name], row["step"], rule.expected)
-    truth = [name for name in row if name.startswith("truth_")]
-    if len({row[name] is None for name in truth}) > 1:
-        missing = next(name for name in truth if row[name] is None)
-        _refuse(file, missing, None, row["step"], "all three of the true pose or none")
+    for start, what in (("truth_", "the true pose"), ("recovery_", "the recovery columns")):
+        together = [name for name in row if name.startswith(start)]
+        if len({row[name] is None for name in together}) > 1:
+            missing = next(name for name in together if row[name] is None)
+            _refuse(file, missing, None, row["step"], f"all three of {what} or none")
     if len(row["best_entries"]) != len(row["best_quality"]):
         _refuse(file, "best_quality", row["best_quality"], row["step"], "one for each of best_entries")
 

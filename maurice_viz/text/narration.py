@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from maurice_mcl.analysis.events import say_recovery_test
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED
 from maurice_mcl.geometry import angle_between, circular_mean
@@ -185,15 +186,19 @@ def resampled(record: StepRecord) -> str:
 
 
 def reseeded(record: StepRecord) -> str:
-    """Describe how many particles were drawn anew, and why."""
+    """Describe what recovery compared, and how many particles were drawn anew."""
+    test = record.recovery_test
+    why = f": {say_recovery_test(test)}" if test else ""
     if EXPANDED in record.events:
-        return "Expanded: the picture was explained badly, so every particle was moved at random."
+        return f"Expanded{why}. Every particle was moved at random."
     if record.injected is None:
-        return "Not reseeded."
-    drawn = f"Reseeded: {int(record.injected.sum())} of {record.belief.size} particles are fresh."
+        return f"Not reseeded{why}."
+    fresh = f"**{int(record.injected.sum())} fresh** of {record.belief.size} particles."
+    if test:
+        return f"Reseeded{why}: {fresh}"
     if not np.isfinite(record.calibrated_evidence):
-        return f"{drawn} No particle was in free space, so that none explained this picture."
-    return f"{drawn} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
+        return f"Reseeded: {fresh} No particle was in free space, so that none explained this picture."
+    return f"Reseeded: {fresh} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
 
 
 def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:
@@ -227,7 +232,9 @@ def _done(record: StepRecord, scale: Scale) -> str:
     )
     kept = "Resampled." if record.parents is not None else "Not resampled."
     if record.injected is not None:
-        kept = f"{kept} {int(record.injected.sum())} fresh particles."
+        test = record.recovery_test
+        why = f"{_capital(say_recovery_test(test))}: " if test else ""
+        kept = f"{kept} {why}**{int(record.injected.sum())} fresh** particles."
     return f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
 
 

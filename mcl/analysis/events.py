@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import F64
 from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED, RESEEDED
-from ..records import StepRecord
+from ..records import AVERAGES, RecoveryTest, StepRecord
 from ..session import Moment
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
 from .modes import ModeTracker, TrackedMode
@@ -289,7 +289,7 @@ class EventDetector:
         if self._begins(RESEEDED, step, record):
             yield RESEEDED, _reseeded(record)
         if EXPANDED in record.events:
-            yield EXPANDED, f"the whole cloud was spread (evidence {_nats(record)})"
+            yield EXPANDED, _expanded(record)
         if RESAMPLED in record.events:
             yield RESAMPLED, f"effective sample size {record.effective_sample_size:.0f} of {size}"
         if (text := self._leader.see(self.modes, limits, self.say)) is not None:
@@ -327,9 +327,24 @@ def _logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
 def _reseeded(record: StepRecord) -> str:
     if record.injected is None:
         return "fresh particles"
-    count = f"{int(record.injected.sum())} of {record.belief.size} particles are fresh"
-    return f"{count} (evidence {_nats(record)})"
+    count = f"{int(record.injected.sum())} fresh of {record.belief.size} particles"
+    if record.recovery_test is None:
+        return f"{count} (evidence {record.calibrated_evidence:.1f} nats)"
+    return f"{say_recovery_test(record.recovery_test)}: {count}"
 
 
-def _nats(record: StepRecord) -> str:
-    return f"{record.calibrated_evidence:.1f} nats"
+def _expanded(record: StepRecord) -> str:
+    test = record.recovery_test
+    why = f"evidence {record.calibrated_evidence:.1f} nats" if test is None else say_recovery_test(test)
+    return f"{why}: the whole cloud was spread"
+
+
+def say_recovery_test(test: RecoveryTest) -> str:
+    """Say what recovery compared: "threshold -9.1 nats, this picture -10.7"."""
+    of_average = test.compared == AVERAGES
+    first, second = ("long-term average", "short-term") if of_average else ("threshold", "this picture")
+    if not np.isfinite(test.found):
+        return f"{first} {test.threshold:.1f} nats, {second}: no particle in free space"
+    apart = abs(test.threshold - test.found)
+    digits = 1 if not 0 < apart < 0.1 else min(-math.floor(math.log10(apart)), 6)  # so that they differ
+    return f"{first} {test.threshold:.{digits}f} nats, {second} {test.found:.{digits}f}"

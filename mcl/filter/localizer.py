@@ -128,6 +128,7 @@ class Localizer:
             belief=recovered.belief,
             events=_events(left, log_evidence, recovery, recovered),
             took_s=took,
+            recovery_test=recovery.test,
         )
         return FilterState(frame.step, recovered.belief, recovery.state), record
 

@@ -12,7 +12,16 @@ import numpy as np
 from ..geometry import wrap
 from ..map import spacing
 from ..randomness import normals
-from ..records import NO_HISTORY, Belief, Comparison, RecoveryState, uniform_log_weights
+from ..records import (
+    AVERAGES,
+    NO_HISTORY,
+    PICTURE,
+    Belief,
+    Comparison,
+    RecoveryState,
+    RecoveryTest,
+    uniform_log_weights,
+)
 from ..sensor.references import NearestReference
 from .proposal import Regions, likely_poses, uniform_poses
 from .resampling import Resampled
@@ -27,6 +36,7 @@ class Recovery:
     share: float  # of the particles, 0 to 1, replaced by fresh ones
     state: RecoveryState = NO_HISTORY
     expand: bool = False  # spread the particles instead of drawing new ones
+    test: RecoveryTest | None = None  # what the strategy compared to decide; None: nothing yet
 
 
 def none(evidence: float, state: RecoveryState) -> Recovery:
@@ -59,16 +69,17 @@ class DynamicThreshold:
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`; `slow` holds the mean of the evidence, in nats."""
-        if not math.isfinite(evidence):
-            return Recovery(self.share, state)
         sd = max(math.sqrt(state.spread), self.least_sd)
-        known = state.updates >= self.settle
-        if known and evidence < state.slow - self.deviations * sd:
-            return Recovery(self.share, state)  # a bad picture does not lower the threshold
+        threshold, test = state.slow - self.deviations * sd, None
+        if state.updates >= self.settle:
+            test = RecoveryTest(PICTURE, threshold, evidence)
+        if not math.isfinite(evidence) or (test and evidence < threshold):
+            return Recovery(self.share, state, test=test)  # a bad picture does not lower the threshold
         rate = max(self.rate, 1 / (state.updates + 1))
         off = evidence - state.slow
         spread = 0.0 if state.updates == 0 else (1 - rate) * (state.spread + rate * off * off)
-        return Recovery(0.0, RecoveryState(state.slow + rate * off, 0.0, spread, state.updates + 1))
+        seen = RecoveryState(state.slow + rate * off, 0.0, spread, state.updates + 1)
+        return Recovery(0.0, seen, test=test)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +92,8 @@ class SensorResetting:
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`: share 1 - mean likelihood / good likelihood."""
         share = 1 - math.exp(min(evidence - self.evidence, 0.0))
-        return Recovery(min(max(share, 0.0), self.most), state)
+        test = RecoveryTest(PICTURE, self.evidence, evidence)
+        return Recovery(min(max(share, 0.0), self.most), state, test=test)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +118,14 @@ class Augmented:
         slow = state.slow + max(self.slow, 1 / (state.updates + 1)) * (likelihood - state.slow)
         fast = state.fast + self.fast * (likelihood - state.fast)
         share = min(max(0.0, 1 - fast / slow), self.most) if slow > 0 else self.most
+        test = RecoveryTest(AVERAGES, _log(slow), _log(fast))
         if share > self.resets:
-            return Recovery(share, NO_HISTORY)
-        return Recovery(share, replace(state, slow=slow, fast=fast, updates=state.updates + 1))
+            return Recovery(share, NO_HISTORY, test=test)
+        return Recovery(share, replace(state, slow=slow, fast=fast, updates=state.updates + 1), test=test)
+
+
+def _log(likelihood: float) -> float:
+    return math.log(likelihood) if likelihood > 0 else -math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +136,8 @@ class Expansion:
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`."""
-        return Recovery(0.0, state, expand=evidence < self.evidence)
+        test = RecoveryTest(PICTURE, self.evidence, evidence)
+        return Recovery(0.0, state, expand=evidence < self.evidence, test=test)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,5 +1,6 @@
 """Every panel, text, trace and score of a kidnapped drive is what its step records say, phase by phase."""
 
+import re
 from collections import defaultdict
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from maurice_mcl.analysis.events import EventDetector
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.estimate import share_within
 from maurice_mcl.filter.localizer import run
+from maurice_mcl.records import PICTURE
 from maurice_mcl.session import Moment
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.panels.belief import positions
@@ -118,6 +120,40 @@ def test_texts_are_those_of_each_phase(drive):
             else:
                 assert text == narration.phase(moment, record, phase, scale)
                 assert f"Phase {phase + 1} of {PHASES_PER_STEP}: {phase.name.lower()}" in text
+
+
+@pytest.mark.parametrize("strategy", ["threshold", "sensor", "augmented", "expansion"])
+def test_texts_of_recovery_have_the_numbers_of_the_record(strategy):
+    library = fakes.make_library()
+    session = Carried(fakes.make_session(library, STEPS).info, library, STEPS)
+    settings = {
+        "recovery.strategy": strategy,
+        "recovery.sensor.evidence": -3.0,
+        "recovery.expansion.evidence": -3.0,
+        "recovery.augmented.slow": 0.05,
+    }
+    localizer = make_localizer(library, feature="blended", particles=150, settings=settings)
+    first = next(iter(session.moments()))
+    acted = 0
+    for moment, record in run(localizer.of_session(session), session, first.truth):
+        text = narration.reseeded(record)
+        numbers = [float(number) for number in re.findall(r"-?\d+\.\d+", text)]
+        test = record.recovery_test
+        if test is not None:
+            assert numbers == pytest.approx([test.threshold, test.found], abs=0.05)
+            picture = test.compared == PICTURE
+            assert not picture or test.found == record.calibrated_evidence
+            assert ("this picture" in text) == picture
+        fresh = 0 if record.injected is None else int(record.injected.sum())
+        assert (f"**{fresh} fresh** of {record.belief.size}" in text) == (fresh > 0)
+        if fresh:
+            assert test is None or numbers[1] < numbers[0]
+            assert text.removeprefix("Reseeded: ").split(":")[0][1:] in narration.summary(
+                moment, record, scale_for("in", library.arena)
+            )
+            acted += 1
+        acted += text.startswith("Expanded")
+    assert acted
 
 
 def test_traces_scores_and_verdict_agree(drive):

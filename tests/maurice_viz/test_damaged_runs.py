@@ -40,7 +40,8 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of four updates and six particles."""
     folder = tmp_path_factory.mktemp("damage")
     write_small_survey(folder)
-    mv.replay(write_small_session(folder, updates=4), particles=6, run=folder / "kept")
+    settings = {"recovery.strategy": "sensor", "recovery.sensor.evidence": -700.0}  # compares, never draws
+    mv.replay(write_small_session(folder, updates=4), particles=6, settings=settings, run=folder / "kept")
     return folder / "kept"
 
 

@@ -13,6 +13,7 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.export.tables import ExportStep, table_row
 from maurice_loaders.runs import writer as writing
 from maurice_loaders.runs.manifest import library_hash, put, read_manifest, source_of, write_manifest
 from maurice_loaders.runs.store import first_difference, open_runs, same
@@ -27,6 +28,8 @@ EVERYTHING = {
     "resampling.adaptive": True,
     "resampling.kld.least": 20,
 }
+
+THRESHOLD = {"recovery.strategy": "threshold", "recovery.threshold.settle": 2}
 
 
 def assert_same(a: Any, b: Any, where: str = "") -> None:
@@ -48,14 +51,22 @@ def assert_same(a: Any, b: Any, where: str = "") -> None:
 
 @pytest.mark.parametrize(
     "settings",
-    [{}, EVERYTHING, {"resampling.when": "effective"}, {"recovery.strategy": "mixture"}],
-    ids=["default", "injected, roughened, of changing number", "not always resampled", "dual draws"],
+    [{}, EVERYTHING, {"resampling.when": "effective"}, {"recovery.strategy": "mixture"}, THRESHOLD],
+    ids=[
+        "default",
+        "injected, roughened, of changing number",
+        "not always resampled",
+        "dual draws",
+        "threshold",
+    ],
 )
 def test_what_is_read_is_what_was_written_to_the_last_bit(save_run: Save, settings: dict[str, Any]) -> None:
     folder, played = save_run(**settings)
     if settings == EVERYTHING:  # these settings are what they are for
         assert any(r.injected is not None for _, r in played)
         assert len({r.belief.size for _, r in played}) > 1
+    if settings == THRESHOLD:
+        assert {r.recovery_test is None for _, r in played} == {True, False}
     if "resampling.when" in settings:
         assert {r.parents is None for _, r in played} == {True, False}
     saved = opened(folder)
@@ -82,6 +93,19 @@ def test_best_entries_and_evidences_can_be_read_without_the_project(save_run: Sa
     moment, record = played[0]
     rows = writing.rows_of(replace(moment, truth=None), record)
     assert writing.moment_of(rows, moment.frame.image).truth is None
+
+
+def test_runs_saved_before_recovery_wrote_what_it_compared_are_read(save_run: Save) -> None:
+    folder, played = save_run(**THRESHOLD)
+    for file in (folder / "steps").glob("*.parquet"):
+        pl.read_parquet(file).drop(writing.RECOVERY).write_parquet(file)
+    saved = opened(folder)
+    origin = np.array(saved.manifest.origin_m)
+    for rows, (moment, record) in zip(saved.steps(), played, strict=True):
+        found = writing.record_of(rows, moment.frame, record.sighting, origin, saved.manifest.radii)
+        assert_same(found, replace(record, recovery_test=None))
+        assert first_difference(rows, writing.rows_of(moment, record)) is None  # `verify` agrees
+        assert table_row(ExportStep(rows, 0.0, record.estimate.pose, None, np.zeros(3)))["step"]
 
 
 def test_the_manifest_reads_back_and_says_how_far_it_got(save_run: Save) -> None:

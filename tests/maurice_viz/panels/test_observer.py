@@ -285,4 +285,4 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
         radii = np.array(everyone.values["Points2D:radii"])
         assert (np.abs(radii) > PARTICLE).sum() == record.injected.sum() == 40 * SHARE
         said = narrate.phase(played[step - 1][0], record, Phase.RESEED, scale_for("in", library.arena))
-        assert "10 of 40 particles are fresh" in said
+        assert "**10 fresh** of 40 particles" in said

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from helpers import viz_fakes as fakes
 from maurice_mcl.analysis.metrics import Scorer, Success
-from maurice_mcl.records import Belief, Estimate, uniform_log_weights
+from maurice_mcl.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
 from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase
 from maurice_viz.playback import RunResult
@@ -51,9 +51,17 @@ def test_spread_errors_and_reseeding_by_hand():
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     fresh = np.array([0, 0, 0, 0, 1, 1], bool)
     said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
-    assert said.startswith("Reseeded: 2 of 6 particles are fresh.")
+    assert said.startswith("Reseeded: **2 fresh** of 6 particles.")
     assert "free space" in said
     assert "inf " not in said
+    test = RecoveryTest(PICTURE, -9.14, -10.73)
+    reseeded = fakes.changed(record, injected=fresh, recovery_test=test)
+    why = "threshold -9.1 nats, this picture -10.7"
+    assert narrate.reseeded(reseeded) == f"Reseeded: {why}: **2 fresh** of 6 particles."
+    kept = fakes.changed(record, recovery_test=test)
+    assert narrate.reseeded(kept) == f"Not reseeded: {why}."
+    moved = fakes.changed(kept, events=("expanded",))
+    assert narrate.reseeded(moved) == f"Expanded: {why}. Every particle was moved at random."
 
 
 def test_summaries_have_units_and_no_unknown_error():

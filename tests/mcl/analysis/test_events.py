@@ -1,6 +1,7 @@
 """Each kind of event happens exactly where its definition says, once."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,10 @@ from maurice_mcl.analysis.events import (
     EventThresholds,
     RunEvent,
     deviations,
+    say_recovery_test,
 )
 from maurice_mcl.analysis.metrics import Scorer
+from maurice_mcl.records import AVERAGES, PICTURE, RecoveryTest
 
 HERE, NEAR, FAR = at(0, 0, 1), at(0.3, 0, 1), at(3, 0, 1)  # right, right, and 118 in off
 SPREAD = [*at(0, 0, 0.4), *at(3, 0, 0.35), *at(6, 0, 0.25)]
@@ -209,8 +212,8 @@ def test_dips_and_bursts_are_one_event():
             "all-weights-zero",
             "no particle is in free space: the weights cannot be updated",
         ),
-        ("reseeded", "reseeded", "2 of 4 particles are fresh (evidence -13.2 nats)"),
-        ("expanded", "expanded", "the whole cloud was spread (evidence -13.2 nats)"),
+        ("reseeded", "reseeded", "2 fresh of 4 particles (evidence -13.2 nats)"),
+        ("expanded", "expanded", "evidence -13.2 nats: the whole cloud was spread"),
     ],
 )
 def test_what_the_filter_noticed(said, kind, text):
@@ -222,6 +225,27 @@ def test_what_the_filter_noticed(said, kind, text):
         ("resampled", "effective sample size 4 of 4"),
     ]
     assert [event.is_routine for event in found] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("test", "said"),
+    [
+        (RecoveryTest(PICTURE, -9.14, -10.73), "threshold -9.1 nats, this picture -10.7"),
+        (RecoveryTest(PICTURE, -12.01, -12.04), "threshold -12.01 nats, this picture -12.04"),
+        (RecoveryTest(AVERAGES, -3.0, -3.61), "long-term average -3.0 nats, short-term -3.6"),
+        (
+            RecoveryTest(PICTURE, -9.1, -np.inf),
+            "threshold -9.1 nats, this picture: no particle in free space",
+        ),
+    ],
+)
+def test_recovery_says_what_it_compared_with_what(test, said):
+    assert say_recovery_test(test) == said
+    record = replace(
+        made(HERE, injected=[False, False, True, True], events=("reseeded",)), recovery_test=test
+    )
+    (event,) = EventDetector().see(moment(record), record)
+    assert event.text == f"{said}: 2 fresh of 4 particles"
 
 
 Switch = Callable[[Sequence[Cloud]], list[tuple[int, str]]]

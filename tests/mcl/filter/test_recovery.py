@@ -263,6 +263,20 @@ def test_nothing_unusual_is_no_cause_for_anything(name, evidence, updates):
     assert not last.expand
 
 
+@pytest.mark.parametrize("name", ["threshold", "sensor", "augmented", "expansion"])
+@given(evidence=st.lists(NATS, min_size=1, max_size=40))
+def test_a_strategy_acts_exactly_where_what_it_compared_is_below(name, evidence):
+    for nats, verdict in zip(evidence, _run(STRATEGIES[name], evidence), strict=True):
+        acts, test = verdict.share > 0 or verdict.expand, verdict.test
+        if test is None:  # nothing to compare with yet
+            assert name in ("threshold", "augmented")
+            assert not acts or nats == -math.inf
+        elif abs(test.found - test.threshold) > 1e-6:
+            assert acts == (test.found < test.threshold or test.threshold == -math.inf)
+        if test is not None and name != "augmented":
+            assert test.found == nats
+
+
 def test_resets_by_hand():
     memory = RecoveryState(1.0, 2.0, 3.0, 4)
     assert (none(-math.inf, memory).share, none(-5.0, memory).state) == (0, memory)
