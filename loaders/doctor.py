@@ -223,6 +223,7 @@ class Diagnosis:
     not_asked: tuple[str, ...]  # what could not, and why
     findings: tuple[Finding, ...]
     fixed: ReadingOptions  # what to read it with; as it was read where no option fixes anything
+    display_units: str = "m"  # of the session: "m" or "in"
 
 
 def diagnose(
@@ -261,7 +262,8 @@ def diagnose(
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     asked = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
-    return Diagnosis(path, found.info.name, *counts, found.cut, found.warnings, *asked, fixed)
+    name, shown_in = found.info.name, found.info.display_units
+    return Diagnosis(path, name, *counts, found.cut, found.warnings, *asked, fixed, shown_in)
 
 
 def _about_odometry(

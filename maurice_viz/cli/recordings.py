@@ -152,7 +152,7 @@ def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> It
         yield f"the reader reports: {text}"
     for number, (one, fixing) in enumerate(zip(found.findings, options, strict=False), 1):
         yield f"{number}. {describe(one)} [{one.code}]"
-        yield f"   why: {evidence_for(one)}"
+        yield f"   why: {evidence_for(one, found.display_units)}"
         if fixing:
             yield f"   fix: {_command('maurice-replay', found.path, [*fixing, *beside])}"
         yield f"   {'or' if fixing else 'fix'}: {fix_for(one)}"

@@ -8,6 +8,8 @@ from typing import Any
 
 from maurice_mcl.diagnosis.findings import Finding
 
+from ..style import Units, units_named
+
 IN_LOG = "in what wrote the log: "
 Values = Mapping[str, Any]
 Said = str | Callable[[Values], str]  # a template of a sentence, or what fills it
@@ -20,9 +22,10 @@ def describe(finding: Finding) -> str:
     return f"{what}, or the camera looks {-values['offset_deg']:+d} deg off" if _or_camera(values) else what
 
 
-def evidence_for(finding: Finding) -> str:
-    """Return the numbers that support a finding, as text."""
-    return "; ".join(_said(EVIDENCE[one.kind], one.values) for one in finding.evidence)
+def evidence_for(finding: Finding, display_units: str = "m") -> str:
+    """Return the numbers that support a finding, as text, with lengths in the units of a session."""
+    units = units_named(display_units)
+    return "; ".join(_said(EVIDENCE[one.kind], {**one.values, "units": units}) for one in finding.evidence)
 
 
 def fix_for(finding: Finding) -> str:
@@ -168,8 +171,20 @@ def _agreement(v: Values) -> str:
     return f"{text}; as it stands {v['usual_turn']:.0%} and {v['usual_way']:.0%}"
 
 
-def _map(v: Values, text: str, digits: int) -> str:
-    return text.format(f"{v['map_m']:.{digits}f}") if math.isfinite(v["map_m"]) else ""
+def _map(v: Values, text: str) -> str:
+    return text.format(_length(v, v["map_m"])) if math.isfinite(v["map_m"]) else ""
+
+
+def _length(v: Values, length_m: float) -> str:
+    """Write a length with its unit, also one that is far too long because it was read wrongly."""
+    units: Units = v["units"]
+    return f"{length_m * units.per_m:,.{units.digits}f} {units.name}"
+
+
+def _speed(v: Values, speed_m_s: float) -> str:
+    units: Units = v["units"]
+    speed = speed_m_s * units.per_m
+    return f"{speed:,.0f} {units.name}/s" if speed >= 1000 else f"{speed:.3g} {units.name}/s"
 
 
 EVIDENCE: Mapping[str, Said] = {
@@ -195,14 +210,14 @@ EVIDENCE: Mapping[str, Said] = {
     "moved": "unexplained movement {before:.1%} as it is, {after:.1%} moved by {by_s:+.2g} s",
     "agreement": _agreement,
     "travel": "true travel is {off_deg:+.0f} deg off the measured one",
-    "span": lambda v: f"truth spans {v['span']:.4g}{_map(v, ', the map {} m', 2)}",
+    "span": lambda v: f"truth spans {_length(v, v['span'])}{_map(v, ', the map {}')}",
     "explained": (
         "so the true poses explain {pictures} pictures better by {nats:.2f} nats each "
         "({sigmas:.0f} standard errors)"
     ),
     "slow": lambda v: (
-        f"the robot would go at {v['m_s']:.2g} m/s and turn at {v['rad_s']:.2g} rad/s; in {v['unit']} "
-        f"it is {v['m_s'] * v['per_s']:.2g} m/s and {v['rad_s'] * v['per_s']:.2g} rad/s"
+        f"the robot would go at {_speed(v, v['m_s'])} and turn at {v['rad_s']:.2g} rad/s; in {v['unit']} "
+        f"it is {_speed(v, v['m_s'] * v['per_s'])} and {v['rad_s'] * v['per_s']:.2g} rad/s"
     ),
     "sideways": "{aside:.0%} of the distance would go sideways, and {then:.0%} does if this is so",
     "spins": "the robot would turn at {rad_s:.3g} rad/s; in degrees it is {in_degrees:.2g}",
@@ -211,7 +226,7 @@ EVIDENCE: Mapping[str, Said] = {
         "{aside:.0%} of it sideways; for a robot that can drive sideways this is no error"
     ),
     "fast": lambda v: (
-        f"the robot would go at {v['m_s']:.3g} m/s{_map(v, ', on a map of {} m', 1)}; "
-        f"so it is {v['then_m_s']:.2g} m/s"
+        f"the robot would go at {_speed(v, v['m_s'])}{_map(v, ', on a map of {}')}; "
+        f"so it is {_speed(v, v['then_m_s'])}"
     ),
 }

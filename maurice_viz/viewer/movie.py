@@ -5,7 +5,6 @@ OpenCV's wheel has no H.264 encoder, and no browser plays its MPEG-4. GIF frames
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from PIL import GifImagePlugin, Image
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent
+from maurice_loaders.files import expect_absent, remove_leftovers, sibling
 from maurice_mcl.arrays import U8
 
 SUFFIXES = (".mp4", ".gif")
@@ -37,10 +36,12 @@ class Film(Protocol):
 def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
     """Open a movie for writing; it appears under its name when the block succeeds, else not at all.
 
-    Raises InputError when the file exists (unless `force`) or cannot be written.
+    A part that a killed process left of this movie is removed. Raises InputError when the file exists
+    (unless `force`) or cannot be written.
     """
     expect_absent(path, force=force)
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    remove_leftovers(path)
+    part = sibling(path, f"part{path.suffix}")  # which also tells OpenCV the format
     try:
         if path.suffix == ".gif":
             with part.open("wb") as file:

@@ -1,5 +1,8 @@
 """Movies: read back, they hold the pictures that were put in; a broken one is not there at all."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -8,6 +11,7 @@ import pytest
 from PIL import Image
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import sibling
 from maurice_mcl.arrays import U8
 from maurice_viz.drawing.canvas import png
 from maurice_viz.viewer.movie import film, from_png
@@ -81,6 +85,20 @@ def test_a_movie_that_is_stopped_leaves_nothing(tmp_path, suffix):
         frames.add(picture(0))
         raise KeyboardInterrupt
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_a_killed_movie_is_removed_by_the_next_and_that_of_a_living_process_stays(tmp_path, suffix):
+    path, ended = tmp_path / f"m{suffix}", subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    own = sibling(path, f"part{suffix}")
+    killed = own.with_name(own.name.replace(f".{os.getpid()}.", f".{ended.pid}."))
+    killed_before = tmp_path / f".m.{ended.pid}.part{suffix}"  # as versions until now named it
+    for part in (own, killed, killed_before):
+        part.write_bytes(b"half")
+    with film(path, 4.0) as frames:
+        frames.add(picture(0))
+    assert {file.name for file in tmp_path.iterdir()} == {path.name, own.name}
 
 
 def test_earlier_movies_and_missing_folders(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -47,6 +48,20 @@ def test_what_is_wrong_is_told_and_strict_fails(small_session):
     assert found["findings"][0]["numbers"]["scale"] == pytest.approx(0.001, rel=0.05)
     assert found["findings"][0]["options"] == found["options"] == ["--reading", "odometry_scale=0.001"]
     assert found["not_asked"] == ["pictures: no library was given"]
+
+
+@pytest.mark.parametrize(
+    ("units", "told"),
+    [("m", r"would go at \d+ m/s, on a map of [\d.]+ m; so it is [\d.]+ m/s$"),
+     ("in", r"would go at [\d,]+ in/s, on a map of [\d.]+ in; so it is [\d.]+ in/s$")],
+)  # fmt: skip
+def test_evidence_has_lengths_in_the_units_of_the_session(small_session, units, told):
+    lines = [json.loads(line) for line in in_millimeters(small_session).read_text().splitlines()]
+    lines[0]["display_units"] = units
+    log = small_session.with_name("units.log")
+    log.write_text("".join(json.dumps(line) + "\n" for line in lines if "truth" not in line))
+    (why,) = (line for line in run("doctor", log, "--no-library").stdout.splitlines() if "why: " in line)
+    assert re.search(told, why), why
 
 
 def test_a_recording_without_pictures_is_not_asked_for_a_library(tmp_path):
@@ -119,7 +134,9 @@ def test_options_are_typed_as_they_are_read():
     "words", [("turn_scale", "0"), ("turn_gain", "nan"), ("picture_offset_s", "inf"), ("odometry_are", "x")]
 )
 def test_bad_corrections_are_usage_errors(words, small_session):
-    run("doctor", small_session, "--reading", "=".join(words), expect=2)
+    done = run("doctor", small_session, "--reading", "=".join(words), expect=2)
+    assert words[0] in done.stderr
+    assert not done.stdout
 
 
 def test_readings_are_for_recordings(small_session):
@@ -169,4 +186,6 @@ def test_a_library_is_built_from_a_drive(small_session, tmp_path):
 
 @pytest.mark.parametrize("every", ["0.4", "deg", "0.4m,45"])
 def test_bad_spacing_is_a_usage_error(every, small_session, tmp_path):
-    run("library", "build", small_session, "-o", tmp_path / "x", "--every", every, expect=2)
+    done = run("library", "build", small_session, "-o", tmp_path / "x", "--every", every, expect=2)
+    assert "--every" in done.stderr
+    assert not (tmp_path / "x").exists()
