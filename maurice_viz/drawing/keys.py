@@ -19,6 +19,8 @@ HEIGHT_PX = 64
 TEXT_PX = 24.0
 GAP_PX = 18
 INSET_PX = 70
+ROWS_PX = 1150  # width of a key of several rows, which is as wide as its view
+CIRCLES, CIRCLE_PX = 5, 22  # circles in a key, and the radius of the largest
 LINES_PX = 1060  # width of the key of a plot's lines
 LINE_ROW_PX, LINE_TEXT_PX, LINE_PX = 44, 20.0, 50
 
@@ -67,6 +69,12 @@ def _joined(*parts: U8) -> U8:
     return np.concatenate([_strip(INSET_PX), *parts], axis=1)
 
 
+def _rows(*rows: U8) -> U8:
+    """Set rows below each other, at least ROWS_PX wide."""
+    width = max(ROWS_PX, *(row.shape[1] for row in rows))
+    return np.concatenate([np.concatenate([row, _strip(width - row.shape[1])], axis=1) for row in rows])
+
+
 def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
     return [_disk(style.TRUTH, 13), _text(text)] if has_truth else []
 
@@ -86,19 +94,26 @@ def likelihood_key(has_truth: bool) -> U8:
 
 def explain_key(has_truth: bool) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
-    circles = [_disk(style.CIRCLE, 20), _text("area: likelihood  "), _text("nearest reference to:")]
-    truth = [_arrow(style.TRUTH), _text("truth")] if has_truth else []
-    return _joined(
-        *circles, *truth, _arrow(style.ESTIMATE), _text("estimate  "), _arrow(style.RANK), _text("winner")
-    )
+    truth = [_arrow(style.TRUTH), _text("truth  ")] if has_truth else []
+    estimate = [_arrow(style.ESTIMATE), _text("estimate  ")]
+    arrows = [_text("references: "), *truth, *estimate, _arrow(style.RANK), _text("best match")]
+    return _rows(_joined(*_circles()), _joined(*arrows))
+
+
+def _circles() -> list[U8]:
+    """Draw circles of references as large as they are so many nats below the best."""
+    steps = np.linspace(0, style.DEEPEST, CIRCLES)
+    sizes = np.maximum((CIRCLE_PX * (1 - steps / style.DEEPEST)).round().astype(int), 3).tolist()
+    labels = ["0", *(f"{nats:g}" for nats in steps[1:-1]), f"{style.DEEPEST:g} or more"]
+    disks = [_disk(style.CIRCLE, size) for size in sizes]
+    parts = [part for disk, label in zip(disks, labels, strict=True) for part in (disk, _text(label))]
+    return [_text("references, nats below the best: "), *parts]
 
 
 def circle_key() -> U8:
     """Draw the match map's key: circles, ranks and the cloud."""
-    circles = [_disk(style.CIRCLE, 20), _text("area: likelihood of a reference  ")]
-    return _joined(
-        *circles, _disk(style.RANK, 13), _text("best five  "), _disk(style.CLOUD, 6), _text("particles")
-    )
+    best, cloud = [_disk(style.RANK, 13), _text("best five  ")], [_disk(style.CLOUD, 6), _text("particles")]
+    return _rows(_joined(*_circles()), _joined(*best, *cloud))
 
 
 def paths_key(moves: bool, has_truth: bool) -> U8:

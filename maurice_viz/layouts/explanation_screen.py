@@ -212,7 +212,7 @@ def explanation_blueprint(paths: RunPaths, step: StepExplanation, scene: SceneIn
 
 
 def _map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
-    name = f"Match circles (area: likelihood), particles, references ({scene.scale.units.name})"
+    name = f"Match circles (smaller: less likely), particles, references ({scene.scale.units.name})"
     contents = [*MAP, paths.circles, paths.particles, paths.explain("marks"), f"{paths.estimate}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return map_view(name, contents, scene, paths.particles)

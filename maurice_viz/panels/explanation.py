@@ -33,6 +33,7 @@ from .. import style as look
 from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, Bars, bars_for, place_bars, tensor_of
 from ..drawing.canvas import brightened, jpeg, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
+from ..drawing.keys import explain_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import BAR, GROUND, MISSING, PALE, RANK, RGB, TINTS
@@ -251,9 +252,8 @@ def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show where the references of the columns are, over the match circles and under truth and estimate."""
     contents = [*MAP, entities.EXPLAIN_KEY, paths.circles, paths.explain("marks"), f"{paths.estimate}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
-    return map_view(
-        f"Match circles, and the references explained ({scene.scale.units.name})", contents, scene
-    )
+    name = f"Match circles, and the references explained ({scene.scale.units.name})"
+    return map_view(name, contents, scene, key=explain_key(scene.has_truth))
 
 
 def card_view(paths: RunPaths, who: str) -> rrb.Spatial2DView:

@@ -21,6 +21,7 @@ from maurice_mcl.sensor.references import NearestReference
 from .. import entities
 from ..drawing.canvas import jpeg
 from ..drawing.contact_sheet import BEST, CELL_PX, ContactSheet, best_matches
+from ..drawing.keys import circle_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
@@ -30,7 +31,7 @@ from .views import MAP, map_view, picture_view
 from .world import distinct_places
 
 OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
-LARGEST = 0.13  # radius of the best entry's circle, in node spacings: neighbors just touch
+LARGEST = 0.15  # radius of the best entry's circle, in node spacings
 LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
 SMALLEST = 0.012  # so that every entry is visible
 SHEET_QUALITY = 70
@@ -39,7 +40,7 @@ ALL_CHANNELS = "all"  # the map of all channels together
 
 
 class MatchCirclesPanel(Panel):
-    """Draws one circle per heading at every library node, its area the likelihood (thesis fig. 34)."""
+    """Draws one circle per heading at every library node, its radius the log-likelihood (thesis fig. 34)."""
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
@@ -79,8 +80,7 @@ class MatchCircles:
 
     def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
         """Log the sizes, and where the five best are."""
-        share = np.sqrt(relative_likelihood(comparison.log_likelihood))  # so that the area is the likelihood
-        radii = np.maximum(share * np.float32(LARGEST), np.float32(SMALLEST))
+        radii = np.maximum(nearness(comparison.log_likelihood) * np.float32(LARGEST), np.float32(SMALLEST))
         rec.log(paths.circles, rr.Points2D.from_fields(radii=radii * np.float32(self.spacing)))
         best = comparison.best(BEST)
         sizes = radii[best] * np.float32(self.spacing)
@@ -96,12 +96,15 @@ def node_spacing(poses: F64) -> float:
     return float(np.median(nearest[:, 1]))
 
 
-def relative_likelihood(log_likelihood: F32) -> F32:
-    """Return each entry's likelihood (L,) relative to the best one; all 0 if none is possible."""
+def nearness(log_likelihood: F32) -> F32:
+    """Return 1 for the best entry (L,), down to 0 at DEEPEST nats below it; 0 if none is possible.
+
+    Areas in proportion to the likelihood would hide all but a few: most entries are 5 to 15 nats below.
+    """
     top = log_likelihood.max()
     if not np.isfinite(top):
         return np.zeros_like(log_likelihood)
-    return np.asarray(np.exp(log_likelihood - top), np.float32)
+    return np.asarray(np.clip(1 + (log_likelihood - top) / DEEPEST, 0, 1), np.float32)
 
 
 class BestReferencesPanel(Panel):
@@ -213,7 +216,8 @@ def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
 def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
     contents = [*MAP, entities.MATCH_KEY, *_circles_of(paths)]
-    return map_view(f"Match circles ({scene.scale.units.name})", contents, scene, paths.particles)
+    name = f"Match circles ({scene.scale.units.name})"
+    return map_view(name, contents, scene, paths.particles, circle_key())
 
 
 def _circles_of(paths: RunPaths) -> list[str]:

@@ -10,7 +10,10 @@ import rerun.blueprint as rrb
 from rerun.blueprint.api import VisualizerLike
 from rerun.encodings import EntityPathLike
 
+from maurice_mcl.arrays import U8
+
 from ..drawing.canvas import Extent, map_extent
+from ..drawing.keys import extent_with
 from ..entities import FLOORS, STEP, WALLS, RunPaths
 from ..scene import SceneInfo
 from ..style import CLOUD, GROUND, RUN_COLORS
@@ -23,11 +26,17 @@ SMALL_AND_PALE = rr.Points2D.from_fields(colors=[CLOUD], radii=rr.components.Rad
 
 
 def map_view(
-    name: str, contents: Sequence[str], scene: SceneInfo, pale_cloud: str | None = None
+    name: str,
+    contents: Sequence[str],
+    scene: SceneInfo,
+    pale_cloud: str | None = None,
+    key: U8 | None = None,
 ) -> rrb.Spatial2DView:
-    """Show some entities on the map; `pale_cloud` is drawn small, in one color."""
+    """Show some entities on the map; `pale_cloud` is small, in one color, and a `key` of rows has room."""
     overrides: Overrides = {pale_cloud: SMALL_AND_PALE} if pale_cloud else {}
-    return plane_view(name, contents, map_extent(scene.arena, scene.scale), overrides)
+    arena, scale = scene.arena, scene.scale
+    extent = map_extent(arena, scale) if key is None else extent_with(key, arena, scale)
+    return plane_view(name, contents, extent, overrides)
 
 
 def plane_view(

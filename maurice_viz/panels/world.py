@@ -72,8 +72,12 @@ def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:
     """Log one key (H, W, 3) above the map, static."""
     extent = map_extent(arena, scale)
-    width = min(extent.width, 0.036 * extent.width * strip.shape[1] / keys.HEIGHT_PX)
-    place_drawing(rec, path, strip, (extent.left, extent.top), width / strip.shape[1], -10.0)
+    per_px = extent.width / strip.shape[1]
+    if len(strip) > keys.HEIGHT_PX:  # of several rows: its view has room for it, see `extent_with`
+        extent = keys.key_extent(strip, arena, scale)
+    else:
+        per_px = min(per_px, 0.036 * extent.width / keys.HEIGHT_PX)
+    place_drawing(rec, path, strip, (extent.left, extent.top), per_px, -10.0)
 
 
 def distinct_places(poses: F64) -> F64:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from helpers import viz_fakes as fakes
-from maurice_viz.panels.references import MatchCircles, node_spacing, relative_likelihood
+from maurice_viz.panels.references import MatchCircles, nearness, node_spacing
 from maurice_viz.panels.world import clipped, distinct_places
-from maurice_viz.style import scale_for
+from maurice_viz.style import DEEPEST, scale_for
 
 
 def test_circles_places_and_likelihoods():
@@ -21,8 +21,14 @@ def test_circles_places_and_likelihoods():
     assert node_spacing(poses) == 2
     assert node_spacing(poses[:1]) > 0
     logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
-    np.testing.assert_allclose(relative_likelihood(logs), [1, 0.5, 0], atol=1e-6)
-    np.testing.assert_array_equal(relative_likelihood(np.full(3, -np.inf, np.float32)), [0, 0, 0])
+    np.testing.assert_allclose(nearness(logs), [1, 1 - np.log(2) / DEEPEST, 0], atol=1e-6)
+    np.testing.assert_array_equal(nearness(np.full(3, -np.inf, np.float32)), [0, 0, 0])
+
+
+def test_circles_of_calibrated_likelihoods_have_sizes_that_differ():
+    """By area in proportion to the likelihood, 4 and 12 nats below the best were the same dot."""
+    below = np.array([0, 1, 2, 4, 6, 8, 12], np.float32)
+    np.testing.assert_allclose(nearness(-7 - below), [1, 0.875, 0.75, 0.5, 0.25, 0, 0], atol=1e-6)
 
 
 def test_walls_are_cut_at_the_bounds():
