@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
 from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
-from .survey import Survey, survey_in
+from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
 Warn = Callable[[str], None]
@@ -167,7 +168,7 @@ def open_library(
 ) -> Library:
     """Read a library folder, or build a survey's library unless the cache has it.
 
-    A survey is a log, or a folder with a `survey.log`.
+    A survey is a log, a folder with a `survey.log`, or a table (CSV) of pictures with poses and without times.
     The cache knows a library by the content of log and pictures and by the channels' parameters; what is
     damaged there is built again. Its folder: MAURICE_CACHE, or the user's cache. Arguments as for
     `build_library`. Raises InputError for anything that is neither library nor survey.
@@ -178,14 +179,17 @@ def open_library(
         (2, 3)
     """
     path = survey_in(Path(path))
-    if path.is_dir():
+    log = open_table(path) if is_table(path) else None
+    if path.is_dir() and log is None:
         return load_library(path)
     kept = cache_root() / "libraries" / library_key(path, channels, keep_going=keep_going)
     cached = _from_cache(kept, warn)
     if cached is not None and set(chosen_channels(channels)) <= set(cached.index):
         return cached  # else a channel failed when it was built, and may have been fixed since
     warnings: list[str] = []
-    built = build_library(path, channels, keep_going=keep_going, progress=progress, warn=warnings.append)
+    built = build_library(
+        path, channels, keep_going=keep_going, progress=progress, warn=warnings.append, log=log
+    )
     kept_now = _into_cache(built, kept, warnings)
     for text in warnings:
         (warn or silent)(text)
@@ -195,16 +199,21 @@ def open_library(
 def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_going: bool = False) -> str:
     """Name a survey's library by content: log, pictures, channel parameters, and what decodes pictures."""
     parameters = {name: channel.parameters() for name, channel in chosen_channels(channels).items()}
-    info, kind = read_header(survey)
-    walls = None if info.arena is None else arena_to_json(info.arena)  # which may be a file of its own
+    walls, files = (None, files_of_table(survey)) if is_table(survey) else _walls_and_files(survey)
     made_by = [VERSION, keep_going, parameters, cv2.__version__, walls]
     digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode())
-    digest.update(hash_file(survey).encode())
-    for record in read_records(survey, kind, ReadingNotes(keep_going=True)):
-        if isinstance(record, PictureRecord) and record.path is not None:
-            file = survey.parent / record.path
-            digest.update((hash_file(file) if file.is_file() else "missing").encode())
+    for file in files:
+        digest.update((hash_file(file) if file.is_file() else "missing").encode())
     return digest.hexdigest()[:32]
+
+
+def _walls_and_files(survey: Path) -> tuple[Any, list[Path]]:
+    """Return the map of a survey log, which may be a file of its own, and the log with its pictures."""
+    info, kind = read_header(survey)
+    records = read_records(survey, kind, ReadingNotes(keep_going=True))
+    named = [one.path for one in records if isinstance(one, PictureRecord) and one.path is not None]
+    walls = None if info.arena is None else arena_to_json(info.arena)
+    return walls, [survey, *(survey.parent / name for name in named)]
 
 
 def _from_cache(kept: Path, warn: Warn | None) -> Library | None:

@@ -17,13 +17,13 @@ from maurice_mcl.arrays import F64, U8, Bool
 from maurice_mcl.radii import fitted_m
 from maurice_mcl.session import Moment, SessionInfo
 
-from ..errors import InputError
-from ..formats.picture_folder import TableRecording
+from ..errors import InputError, ReadingNotes
+from ..formats.picture_folder import TABLES, TableRecording, looks_like_table
 from ..formats.registry import NATIVE, chosen, open_session
 from ..pictures import encode_jpeg
 from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
-from ..recording import RecordingWrapper
+from ..recording import Picture, RecordingWrapper
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import read_header
 from .files import MANIFEST
@@ -154,13 +154,47 @@ def open_survey(
             return survey
         return SelectedSurvey(survey, survey.survey_pictures, every, None, progress)
     drive = open_session(path, options)
+    return _selected(drive, every or (None if _is_surveyed(drive) else EVERY), keep, progress)
 
+
+def open_table(path: Path) -> SelectedSurvey:
+    """Open all pictures of a table that has poses, and neither times nor odometry. InputError for a drive's."""
+    drive = open_session(path, ReadingOptions())
+    if not _is_surveyed(drive):
+        found = "found a drive, expected a library or a survey; make a library of it first"
+        raise InputError(path, f"{found}: maurice-replay library build {path} -o LIBRARY")
+    return _selected(drive, None)
+
+
+def _selected(
+    drive: SessionLog | RecordedSession,
+    every: Spacing | None,
+    keep: Path | None = None,
+    progress: Progress | None = None,
+) -> SelectedSurvey:
     def pictures() -> Iterator[SurveyPicture]:
         for moment in drive.moments():
             yield SurveyPicture(_file_of(drive, moment), moment.frame.image, moment.truth, covered=False)
 
-    usual = None if _is_surveyed(drive) else EVERY
-    return SelectedSurvey(drive, pictures, every or usual, keep, progress)
+    return SelectedSurvey(drive, pictures, every, keep, progress)
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a path is a table (CSV), or a folder with one that is no library."""
+    if not path.is_dir():
+        return path.suffix.lower() in TABLES
+    return not (path / MANIFEST).exists() and looks_like_table(path)
+
+
+def files_of_table(path: Path) -> list[Path]:
+    """Return the table and the files of its pictures, without decoding any. InputError as `open_table`."""
+    drive = open_session(path, ReadingOptions())
+    table = _table_of(drive)
+    if table is None:
+        return [path]
+    records = table.records(ReadingNotes(keep_going=True))
+    named = [_file_named(drive, one.name) for one in records if isinstance(one, Picture)]
+    return [table.table, *(file for file in named if file is not None)]
 
 
 def survey_in(path: Path) -> Path:
@@ -169,15 +203,23 @@ def survey_in(path: Path) -> Path:
     return log if log.is_file() and not (path / MANIFEST).exists() else path
 
 
-def _is_surveyed(drive: SessionLog | RecordedSession) -> bool:
+def _table_of(drive: SessionLog | RecordedSession) -> TableRecording | None:
     recording = getattr(drive, "recording", None)
     while isinstance(recording, RecordingWrapper):
         recording = recording.measured
-    return isinstance(recording, TableRecording) and recording.surveyed
+    return recording if isinstance(recording, TableRecording) else None
+
+
+def _is_surveyed(drive: SessionLog | RecordedSession) -> bool:
+    table = _table_of(drive)
+    return table is not None and table.surveyed
 
 
 def _file_of(drive: SessionLog | RecordedSession, moment: Moment) -> Path | None:
-    name = moment.frame.picture
+    return _file_named(drive, moment.frame.picture)
+
+
+def _file_named(drive: SessionLog | RecordedSession, name: str | None) -> Path | None:
     for folder in (drive.path.parent, drive.path, Path()):
         if name and len(name) < 1000 and (folder / name).is_file():
             return folder / name
@@ -222,7 +264,8 @@ class SelectedSurvey:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Remarks for the user; the first one says what was chosen."""
-        return (f"{self.path}: {self.chosen}", *self._source.warnings)
+        of_a_drive = () if _is_surveyed(self._source) else self._source.warnings  # no odometry, no times
+        return (f"{self.path}: {self.chosen}", *of_a_drive)
 
     def count_pictures(self) -> int:
         """Return the number of chosen pictures, including covered ones."""

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries import survey as surveys
 from maurice_loaders.libraries.files import load_library, save_library
-from maurice_loaders.libraries.store import build_library
+from maurice_loaders.libraries.store import build_library, library_key, open_library
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
@@ -170,17 +171,43 @@ def _inlined(text: str, folder: Path) -> str:
     return "\n".join(json.dumps(line) for line in lines) + "\n"
 
 
+def _table(folder: Path, columns: str = "image,x_m,y_m,heading_deg") -> Path:
+    folder.mkdir()
+    rows = [columns]
+    for k in range(24):
+        (folder / f"{k:02d}.png").write_bytes(cv2.imencode(".png", scene(k))[1].tobytes())
+        rows.append(f"{k:02d}.png,{k % 3},0,{k // 3 * 15}" + (f",{k}" if "t_s" in columns else ""))
+    table = folder / "poses.csv"
+    table.write_text("\n".join(rows) + "\n")
+    return table
+
+
+def test_a_table_of_surveyed_pictures_opens_as_a_library_and_is_kept_by_its_content(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+    table, told = _table(tmp_path / "table"), list[str]()
+    by_file = open_library(table, ["color"], warn=told.append)
+    assert by_file.poses[4] == pytest.approx([1.0, 0.0, math.radians(15)])
+    assert [text for text in told if "odometry" in text or "time" in text] == []
+    monkeypatch.setattr("maurice_loaders.libraries.store.build_library", None)  # it is in the cache
+    by_folder = open_library(table.parent, ["color"])
+    assert np.array_equal(by_folder.index["color"].references, by_file.index["color"].references)
+    key = library_key(table)
+    (table.parent / "03.png").write_bytes((table.parent / "04.png").read_bytes())
+    assert library_key(table) != key
+
+
+def test_a_table_of_a_drive_is_no_library_and_the_message_says_how_to_make_one(tmp_path: Path) -> None:
+    table = _table(tmp_path / "drive", "image,x_m,y_m,heading_deg,t_s")
+    with pytest.raises(InputError, match="found a drive.*library build"):
+        open_library(table)
+
+
 def test_a_table_of_surveyed_pictures_is_taken_whole_and_a_folder_with_a_survey_is_the_survey(
     survey: Path, tmp_path: Path
 ) -> None:
-    folder = tmp_path / "table"
-    folder.mkdir()
-    rows = ["image,x_m,y_m,heading_deg"]
-    for k in range(24):
-        (folder / f"{k:02d}.png").write_bytes(cv2.imencode(".png", scene(k))[1].tobytes())
-        rows.append(f"{k:02d}.png,{k % 3},0,{k // 3 * 15}")
-    table = folder / "poses.csv"
-    table.write_text("\n".join(rows) + "\n")
+    table = _table(tmp_path / "table")
     whole = surveys.open_survey(table, ReadingOptions())
     assert isinstance(whole, surveys.SelectedSurvey)
     assert whole.chosen.taken == 24
