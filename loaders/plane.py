@@ -10,7 +10,8 @@ import numpy as np
 
 from maurice_mcl.arrays import F64
 
-TURNED = ("xz", "yz")  # planes that poses have to be turned for
+SIDES = {"zx": (0.0, 1.0, 0.0), "zy": (-1.0, 0.0, 0.0)}  # named in this order: which way is up, by right hand
+TURNED = ("xz", "yz", *SIDES)  # planes that poses have to be turned for
 PLANES = ("auto", "xy", *TURNED)
 AXES = "xyz"
 UP_ON_BODY = (1.0, -1.0, 1.0)  # which way x, y or z points on a body where it is upright; cameras have y down
@@ -99,12 +100,19 @@ def _steadiness(rotations: F64, direction: F64) -> float:
 
 
 def _seen_from_above(name: str, rotations: F64, remark: str = "") -> Plane:
-    """Return the plane of two axes; the upright axis of the bodies determines which side is up."""
+    """Return the plane of two axes; the upright axis of the bodies determines which side is up.
+
+    A body with y up in a frame with y up turns as a camera does in its own frame, where both y point down:
+    only a name of SIDES tells them apart.
+    """
     across = 3 - AXES.index(name[0]) - AXES.index(name[1])
     upright = rotations[:, across].mean(axis=0) if len(rotations) else np.array([0.0, 1.0, 0.0])
     on_body = int(np.argmax(np.abs(upright)))
     up, first = np.zeros(3), np.zeros(3)
     up[across] = 1.0 if upright[on_body] * UP_ON_BODY[on_body] > 0 else -1.0
+    up = np.array(SIDES.get(name, up))
+    if remark and AXES[on_body] == "y" and up[1] < 0:
+        remark += "; y is taken to point down, as in a camera's frame; --reading plane=zx if it points up"
     first[AXES.index(name[0])] = 1.0
     turned = np.array([first, np.cross(up, first), up])
     return Plane(name, turned, forward_axis(turned @ rotations) if len(rotations) else "z", remark)

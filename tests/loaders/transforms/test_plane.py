@@ -136,6 +136,36 @@ def test_the_plane_of_the_motion_is_found_and_said(
     assert way(truths(path, ReadingOptions(plane="xy"))) < 0.95 * way(wanted)
 
 
+@pytest.mark.parametrize(("plane", "quarters"), [("zx", 1), ("auto", None)])
+def test_a_frame_with_y_up_whose_bodies_have_y_up_is_not_mirrored_if_said(
+    plane: str, quarters: int | None, tmp_path: Path
+) -> None:
+    robots = in_space("y up", drive())
+    with_y_up = [(at, np.column_stack([turned[:, 1], turned[:, 2], turned[:, 0]])) for at, turned in robots]
+    path = tum(tmp_path, with_y_up)
+    got, wanted = truths(path, ReadingOptions(plane=plane)), drive()
+    turning = np.sign(np.median(np.diff(np.unwrap(got[:, 2]))))
+    if quarters is None:  # the poses of a camera in its own frame are the same: y is taken to point down
+        [text] = [one for one in read(path)[1] if "the motion lies" in one]
+        assert "y is taken to point down" in text
+        assert "--reading plane=zx if it points up" in text
+        assert turning == -1
+        return
+    np.testing.assert_allclose(got[:, :2], np.column_stack([-wanted[:, 1], wanted[:, 0]]), atol=1e-6)
+    np.testing.assert_allclose(np.cos(got[:, 2] - wanted[:, 2] - quarters * np.pi / 2), 1, atol=1e-9)
+    assert turning == 1
+
+
+@pytest.mark.parametrize("body", ["robot", "camera"])
+@pytest.mark.parametrize(("world", "name"), [("y up", "zx"), ("camera", "xz"), ("x up", "yz")])
+def test_a_named_side_agrees_with_what_the_bodies_show(world: str, name: str, body: str, tmp_path: Path) -> None:
+    path = tum(tmp_path, in_space(world, drive(), body))
+    found, named = truths(path), truths(path, ReadingOptions(plane=name))
+    apart = np.hypot(*(found[:, None, :2] - found[None, :, :2]).T)
+    np.testing.assert_allclose(apart, np.hypot(*(named[:, None, :2] - named[None, :, :2]).T), atol=1e-6)
+    np.testing.assert_allclose(np.diff(np.unwrap(found[:, 2])), np.diff(np.unwrap(named[:, 2])), atol=1e-9)
+
+
 def test_odometry_in_a_camera_s_frame_follows(tmp_path: Path) -> None:
     (tmp_path / "rgb.txt").write_text(f"{BEGIN_S:.1f} a.png\n")
     tum(tmp_path, in_space("camera", drive(), "camera"), "odometry.txt")
