@@ -29,8 +29,10 @@ from ..text.explanation_table import to_json
 from ..viewer import sinks
 from ..viewer.open_viewers import viewer_binary
 from ..viewer.snapshot import expect_driver, headless_viewer
+from ..viewer.web import WebViewer
 from .convert import chosen_label
 from .open import typed_pose
+from .output import OutputOptions, serving
 from .saved import Opened, open_saved
 from .saved_steps import Restored
 
@@ -76,9 +78,9 @@ class Explanation:
                 write_whole(path, viewer.picture(STEP, self.step.step), force=force)
         return path
 
-    def show(self) -> None:
-        """Show the panel in a new viewer. Raises SinkError if none comes up."""
-        port = sinks.bring_up_viewer()
+    def show(self, port: int | None = None) -> None:
+        """Show the panel in the viewer on a port, or in a new one. Raises SinkError if none comes up."""
+        port = sinks.bring_up_viewer() if port is None else port
         with sinks.to_viewer(port, self._name, self._layout) as rec:
             draw_explanation(rec, RunPaths(self.label), self.update)
 
@@ -170,6 +172,14 @@ def show(explanation: Explanation, file: Path, *, force: bool = False, listener:
         else:
             return
     record(explanation, file, force=force, listener=listener)
+
+
+def serve(explanation: Explanation, listener: Listener = SILENT) -> None:
+    """Show the panel in browsers until Ctrl-C. Raises SinkError when it cannot be served."""
+    web = WebViewer()
+    with serving(OutputOptions(web=web), listener):
+        web.serve(listener.remark)
+        explanation.show(web.data)
 
 
 def record(explanation: Explanation, file: Path, *, force: bool = False, listener: Listener = SILENT) -> None:

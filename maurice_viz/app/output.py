@@ -31,6 +31,7 @@ from ..scene import RunView, SceneInfo
 from ..style import scale_for
 from ..viewer import sinks
 from ..viewer.open_viewers import look_at
+from ..viewer.web import WebViewer
 from .open import check_name
 
 # Runs drawn into a recording that somebody else opened: their layout, and an observer a run.
@@ -92,6 +93,7 @@ class OutputOptions:
     layout: str | None = None  # the one that is open at first
     detail: str = DETAILS[0]  # how much of each step is drawn
     fixed_stem: bool = False  # the stem is the whole name, whatever is drawn
+    web: WebViewer | None = None  # show it in browsers: no window opens, and only a live source has a file
 
     def __post_init__(self) -> None:
         check_name(self.layout, LAYOUT_NAMES, "layout")
@@ -169,10 +171,13 @@ def _sink(
         force=output.force,
         window=window,
         viewer=_command("rerun"),
+        web=output.web,
         remark=listener.remark,
     ) as rec:
         yield rec
     written.append(path)
+    if output.web is not None:
+        output.web.close()  # what it showed came from here
     _remark_written(path, KEYS, listener)
 
 
@@ -187,11 +192,17 @@ def opened(
     written: list[Path] | None = None,
     decisive: Callable[[], int | None] = lambda: None,
 ) -> Iterator[rr.RecordingStream]:
-    """Open a viewer where there is a display, else a file; `beforehand` is called with the file's path.
+    """Open a page for browsers if that is asked for, a viewer where there is a display, else a file.
 
-    Remarks at the end which `keys` to press in the viewer; appends the file's path to `written`. A viewer is
-    moved to the step that `decisive` returns at the end.
+    `beforehand` is called with the file's path. Remarks at the end which `keys` to press in the viewer;
+    appends the file's path to `written`. A viewer is moved to the step that `decisive` returns at the end.
     """
+    if output.web is not None:
+        output.web.serve(listener.remark)
+        with sinks.to_viewer(output.web.data, name, layout) as rec:
+            yield rec
+        _remark_step(decisive(), listener)
+        return
     if output.rrd is None and not output.headless and sinks.has_display():
         try:
             port = sinks.bring_up_viewer()
@@ -222,11 +233,38 @@ def _remark_written(path: Path, keys: str, listener: Listener) -> None:
     listener.remark(keys)
 
 
-def show_recording(path: Path, listener: Listener) -> None:
-    """Open a Rerun recording in the viewer, at the step that its verdict names. InputError, SinkError."""
+@contextmanager
+def serving(output: OutputOptions, listener: Listener) -> Iterator[None]:
+    """Keep on serving what was shown in a browser after the block, until Ctrl-C."""
+    if output.web is None:
+        yield
+        return
+    try:
+        yield
+        if output.web.is_serving:
+            listener.remark("serving it until Ctrl-C")
+            output.web.wait()
+    finally:
+        output.web.close()
+
+
+def _remark_step(step: int | None, listener: Listener) -> None:
+    if step is not None:
+        listener.remark(f"the step to look at is {step}: type it into the field at the lower right")
+
+
+def show_recording(path: Path, listener: Listener, web: WebViewer | None = None) -> None:
+    """Open a Rerun recording in the viewer, at the step that its verdict names; with `web`, in browsers.
+
+    InputError, SinkError.
+    """
     step = decisive_step_of(path)
+    if web is not None:
+        web.serve(listener.remark, [str(path)])
+        _remark_step(step, listener)
+        return
     if not sinks.has_display():
-        how = "found no display to open it on; copy it to where there is one, and type: rerun FILE.rrd"
+        how = "found no display to open it on; add --web for a browser, or copy it to where there is one"
         raise SinkError(path, how)
     port = sinks.bring_up_viewer([str(path)])
     if step is not None and look_at(port, step):

@@ -122,7 +122,7 @@ def replay_any(
     if path.suffix == ".rrd":
         if not plain:
             raise OptionError(f"{path} is a recording of the viewer: no option applies to it")
-        show_recording(path, listener)
+        show_recording(path, listener, output.web)
         return RunScores(())
     if as_recorded:
         if not plain:

@@ -119,9 +119,10 @@ Rrd = Annotated[
     option(
         "--rrd",
         "Write the Rerun recording to this file and open no viewer; auto: <name>.rrd; none: write no "
-        "recording. [default: the viewer where there is a display, else auto]",
+        "recording; web, or --web: serve it to a browser, also over ssh, until Ctrl-C. "
+        "[default: the viewer where there is a display, else auto]",
         OUTPUT,
-        metavar="OUT.rrd|auto|none",
+        metavar="OUT.rrd|auto|none|web",
     ),
 ]
 _SAVE = "Save every step to this new folder, for `explain`, `report`, `verify` and other commands."
@@ -208,9 +209,11 @@ def output_of(
 ) -> OutputOptions:
     """Return where the output goes; `stem` names the recording where `rrd` does not."""
     from ..app.output import OutputOptions  # imports Rerun, which `inspect` and others do without
+    from ..viewer.web import WebViewer
 
-    file = None if rrd in (None, "auto", "none") else Path(str(rrd))
-    return OutputOptions(stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail)
+    file = None if rrd in (None, "auto", "none", "web") else Path(str(rrd))
+    web = WebViewer() if rrd == "web" else None
+    return OutputOptions(stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail, web=web)
 
 
 def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:

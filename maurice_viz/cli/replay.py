@@ -61,6 +61,7 @@ def replay(
     if follow or is_live(session):
         os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
     from ..app.open import RunSpec
+    from ..app.output import serving
     from ..app.replay import LiveOptions, replay_any
 
     given = settings_of(settings)
@@ -68,7 +69,7 @@ def replay(
     motion = None if motion is None else Path(motion)
     spec = RunSpec(preset, feature, particles, seed, start, config, given, motion)
     output = output_of(session.absolute().stem, rrd, save_run, layout, detail, force=force)
-    with listening(usage=False) as listener:
+    with listening(usage=False) as listener, serving(output, listener):
         replay_any(
             session,
             library,
@@ -113,6 +114,7 @@ def compare(
     values; without any, color and blended are compared.
     """
     from ..app.compare import SEVERAL, compare_any
+    from ..app.output import serving
 
     several = {"feature": feature, "preset": preset, "particles": particles, "seed": seed, "start": start}
     given: dict[str, Any] = {name: values or () for name, values in {**several, "config": config}.items()}
@@ -120,7 +122,7 @@ def compare(
     stem = paths[0].absolute().stem if len(paths) == 1 else SEVERAL
     output = output_of(stem, rrd, save_run, layout, detail, force=force)
     how = reading_of(reading, keep_going=keep_going)
-    with listening(usage=False) as listener:
+    with listening(usage=False) as listener, serving(output, listener):
         report = printed(json_output)
         compare_any(paths, library, given, output, reading=how, listener=listener, report=report)
 
@@ -166,6 +168,7 @@ def demo(
     )
 
     from ..app.compare import COLOR_AND_BLENDED, compare_any
+    from ..app.output import serving
 
     with listening(usage=False) as listener:
         if session_only is None:
@@ -175,7 +178,9 @@ def demo(
                 paths, given = kidnapping_paths(listener.progress), {"preset": KIDNAPPING_PRESETS}
             stem = "demo" if story == STORIES[0] else f"demo-{story}"
             output = replace(output_of(stem, rrd, force=force), fixed_stem=True)
-            compare_any([paths.session], None, given, output, listener=listener, report=printed(json_output))
+            report = printed(json_output)
+            with serving(output, listener):
+                compare_any([paths.session], None, given, output, listener=listener, report=report)
             return
         if story == FEATURES:
             written = write_demo(session_only, force=force, progress=listener.progress)

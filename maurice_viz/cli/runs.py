@@ -148,7 +148,7 @@ def explain(
     json_output: opt.Json = False,
 ) -> None:
     """Explain and show why the filter believed what it believed at one update of a saved run."""
-    from ..app.explain import check_picture, record, show
+    from ..app.explain import check_picture, record, serve, show
     from ..app.explain import explain as explain_run
 
     with listening() as listener:
@@ -167,6 +167,8 @@ def explain(
         usual = Path(f"{run.absolute().stem}-step-{found.step.step}.rrd")
         if rrd is None and output is None:
             show(found, usual, force=force, listener=listener)
+        elif rrd == "web":
+            serve(found, listener)
         elif rrd not in (None, "none"):
             record(found, usual if rrd == "auto" else Path(str(rrd)), force=force, listener=listener)
 

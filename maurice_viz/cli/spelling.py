@@ -1,4 +1,4 @@
-"""Options that this release renamed: the old names still work, and an error says where others moved."""
+"""Short and old spellings: `--web`, and options that were renamed; an error says where others moved."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ import typer
 
 # Old options and what they are replaced by, where the command has that and not the old one.
 ALIASES: Mapping[str, str] = {"--save": "--rrd", "--run": "--save-run", "--record": "--capture"}
-FLAGS: Mapping[str, tuple[str, str]] = {"--no-recording": ("--rrd", "none"), "--headless": ("--rrd", "auto")}
+FLAGS: Mapping[str, tuple[str, str]] = {
+    "--web": ("--rrd", "web"),
+    "--no-recording": ("--rrd", "none"),
+    "--headless": ("--rrd", "auto"),
+}
 SETTINGS: Mapping[str, str] = {
     "--resampler": "resampling.scheme",
     "--sharpness": "sensor.sharpness",

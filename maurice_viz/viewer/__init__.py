@@ -4,4 +4,5 @@ open_viewers  starting viewers, remembering them, and moving their time cursor
 sinks         where a recording goes: a file, a viewer, or a file and every viewer that connects
 snapshot      pictures of the viewer without a screen
 movie         movies made of them
+web           a page for browsers
 """

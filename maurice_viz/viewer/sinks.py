@@ -33,6 +33,7 @@ from .open_viewers import (
     viewer_binary,
     wait_until_listening,
 )
+from .web import WebViewer
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
@@ -202,16 +203,20 @@ def to_file_and_viewers(
     force: bool,
     window: bool,
     viewer: str,
+    web: WebViewer | None = None,
     remark: Remark = lambda text: None,
 ) -> Iterator[rr.RecordingStream]:
     """Open a recording that goes to a file and is served to viewers; neither waits for the other.
 
-    With `window` a viewer is started; `viewer` is its command, for people. SinkError as from `to_file`.
+    With `window` a viewer is started, with `web` a page; `viewer` is the viewer's command, for people.
+    SinkError as from `to_file`.
     """
-    port = free_port()
+    port = free_port() if web is None else web.reserve()
     with to_file(path, name, blueprint, force=force, serve=port, remark=remark) as rec:
         remark(f"live; to look at it, also from another shell: {viewer} --connect {address(port)}")
-        if window:
+        if web is not None:
+            web.serve(remark, [address(port)])
+        elif window:
             _bring_up(port, name, rec.get_recording_id() or "", remark)
         yield rec
 
