@@ -17,7 +17,7 @@ from .folders import NOTE, cached, copy_whole, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
 from .robot.segments import KIDNAPPED, Happened, Log, Moved, Progress, write_segments
-from .simulation import SimulationPlan, Stage, stage
+from .simulation import SimulationPlan, Stage, parse_span, stage
 from .surveys import GENERATOR, SURVEY, Surveyor, cached_survey, camera_of, one_thread, write_survey
 from .tasks import TASKS, UPDATES
 
@@ -30,12 +30,15 @@ class SimulationPaths:
     survey: Path
 
 
-def simulation_plan(task: str = "tracking", *, lights: str = "", **settings: Any) -> SimulationPlan:
+def simulation_plan(
+    task: str = "tracking", *, lights: str = "", slip_at: str = "", **settings: Any
+) -> SimulationPlan:
     """Return a checked plan from plain values; see `simulate`. InputError for what no session can be."""
     if task not in TASKS:
         raise InputError(None, f"found task {task!r}, expected one of {', '.join(TASKS)}")
     try:
-        return SimulationPlan(task=TASKS[task], lights=parse_lights(lights), **settings)
+        changes, slips = parse_lights(lights), parse_span(slip_at)
+        return SimulationPlan(task=TASKS[task], lights=changes, slip_at=slips, **settings)
     except (TypeError, ValueError) as problem:
         raise InputError(None, str(problem)) from None
 
@@ -50,6 +53,7 @@ def simulate(
     arena_seed: int = 0,
     updates: int = UPDATES,
     kidnap_at: int | None = None,
+    slip_at: str = "",
     lights: str = "",
     moved: int = 0,
     gain: str = "fixed",
@@ -62,8 +66,8 @@ def simulate(
 
     `task` is tracking, global or kidnapped (thesis 1), `tier` nominal, dim or hard. `arena_seed` draws
     textures, furniture, lights and the survey; `seed` the drive and its noise. `kidnap_at` is an
-    update (default: halfway), `lights` as in docs/conditions.md, `moved` a number of pieces of furniture,
-    `gain` fixed or auto.
+    update (default: halfway), `slip_at` an update or a range like 34-37 at which the wheels spin, `lights`
+    as in docs/conditions.md, `moved` a number of pieces of furniture, `gain` fixed or auto.
     `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
 
     Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
@@ -82,6 +86,7 @@ def simulate(
         arena_seed=arena_seed,
         updates=updates,
         kidnap_at=kidnap_at,
+        slip_at=slip_at,
         lights=lights,
         moved=moved,
         gain=gain,

@@ -1,5 +1,6 @@
 """A simulated session, planned and set up: which world, which task, what changes, and what the robot does."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,7 @@ class SimulationPlan:
     gain: str = "fixed"
     recording: Path | None = None  # a recorded path to drive along
     slip_chance: float = SLIP_CHANCE
+    slip_at: range = range(0)  # updates at which the wheels spin
     half_resolution: bool = False  # of survey and session alike: it is one camera
 
     def __post_init__(self) -> None:
@@ -54,6 +56,9 @@ class SimulationPlan:
         if self.updates < 1:
             raise ValueError(f"found {self.updates} updates, expected 1 or more")
         self.task.kidnap_at(self.updates, self.kidnap_at)
+        if self.slip_at and (self.recording is not None or self.slip_at[-1] > self.updates):
+            why = f"of {self.updates}" if self.recording is None else "on a recorded path"
+            raise ValueError(f"found a slip at update {self.slip_at[-1]} {why}; change --slip-at")
         for change in self.lights:
             if change.update > self.updates:
                 raise ValueError(f"found a change of light at update {change.update} of {self.updates}")
@@ -87,6 +92,15 @@ class Stage:
     course: Course
 
 
+def parse_span(text: str) -> range:
+    """Read updates like "34" or "34-37", or none from empty text. ValueError for anything else."""
+    found = re.fullmatch(r"(\d+)(?:-(\d+))?", text.strip())
+    first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, -1)
+    if text.strip() and not 1 <= first <= last:
+        raise ValueError(f"found updates {text!r}, expected one like 34, or a range like 34-37")
+    return range(first, last + 1)
+
+
 def stage(plan: SimulationPlan) -> Stage:
     """Set everything up. InputError for worlds and recordings that cannot be used."""
     surveyed = load_world(plan.world, plan.arena_seed, plan.tier)
@@ -107,7 +121,7 @@ def stage(plan: SimulationPlan) -> Stage:
 def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
     """Drive the robot by its behaviors. InputError if a kidnapped robot cannot be placed far enough away."""
     chassis = Chassis(slip_chance=plan.slip_chance)
-    robot = Robot(world.arena, plan.seed, chassis)
+    robot = Robot(world.arena, plan.seed, chassis, spins_at=plan.slip_at)
     kidnap_at = plan.task.kidnap_at(plan.updates, plan.kidnap_at)
     reach_m = float(np.ptp(map_.centers, axis=0).max())  # one of the two ends is half of it away, or more
     if kidnap_at is not None and reach_m < 2 * KIDNAP_M:

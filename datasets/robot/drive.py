@@ -75,6 +75,7 @@ class Robot:
     chassis: Chassis = field(default_factory=Chassis)
     behaviors: Sequence[Behavior] = BEHAVIORS
     ring: Ring = field(default_factory=Ring)
+    spins_at: range = range(0)  # updates at which its wheels spin
 
     def decide(
         self, step: int, pose: F64, wanted: Instructions, last: DriveUpdate | None, unseen: bool
@@ -90,7 +91,8 @@ class Robot:
         slip = draw_slip(self.chance(step, SimPurpose.SLIP), self.chassis)
         luck = draw_luck(self.chance(step, SimPurpose.ROBOT), slip)
         turn = turn_by(pose, chosen.turn_rad, luck, self.chassis)
-        straight = drive_by(turn.path[-1], chosen.forward_m, luck, self.arena, self.chassis)
+        spins = step in self.spins_at
+        straight = drive_by(turn.path[-1], chosen.forward_m, luck, self.arena, self.chassis, spins=spins)
         return DriveUpdate(turn, straight, chosen.behavior)
 
     def chance(self, step: int, purpose: SimPurpose) -> np.random.Generator:

@@ -46,6 +46,7 @@ class Chassis:
     drifts: dict[str, HeadingDrift] = field(default_factory=DRIFTS.copy)  # by floor; numbers invented
     track_m: float = 10 * INCH_M  # between left and right wheels; invented
     encoder_sd_m: float = 0.15 * INCH_M  # front against rear wheel of a side; invented
+    grip: float = 0.2  # share of a straight that a robot with spinning wheels gets ahead; invented
     radius_m: float = 5 * INCH_M  # of its body, a disc: nothing solid comes nearer to its middle; invented
     stall_m: float = 0.5 * INCH_M  # what the wheels still turn when it has run into something; invented
     slip_chance: float = 0.0  # of a slip at a movement's first crossing into another floor; simulate has 0.15
@@ -103,6 +104,7 @@ class Movement:
     path: F64  # (K, 3) true poses, the first where it started, the last where it ended
     slipped_rad: float = 0.0  # by which it was turned where the floor changed
     bumped: bool = False  # it ran into something and stopped there
+    spun_m: float = 0.0  # what the wheels counted while they only spun
 
 
 def turn_by(pose: F64, commanded_rad: float, luck: Luck, chassis: Chassis) -> Movement:
@@ -114,21 +116,25 @@ def turn_by(pose: F64, commanded_rad: float, luck: Luck, chassis: Chassis) -> Mo
     return Movement(measured, encoders(measured, luck, chassis), np.stack([pose, end]))
 
 
-def drive_by(pose: F64, commanded_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> Movement:
+def drive_by(
+    pose: F64, commanded_m: float, luck: Luck, arena: Arena, chassis: Chassis, *, spins: bool = False
+) -> Movement:
     """Drive straight: with one error of length, a drift by floor on the way, and a stop at contact.
 
-    A length of 0 is no movement; a robot that is stopped has measured what it drove, and a little more.
+    A length of 0 is no movement; a robot that is stopped has measured what it drove, and a little more. One
+    whose wheels spin has measured all of it, and gets hardly ahead.
     """
     error = chassis.straight_bias_m + chassis.straight_sd_m * luck.straight
     length = max(commanded_m + error, 0.0) if commanded_m > 0 else 0.0
-    path, slipped = follow(pose, length, luck, arena, chassis)
+    spun_m = length * (1 - chassis.grip) if spins else 0.0
+    path, slipped = follow(pose, length - spun_m, luck, arena, chassis)
     whole = len(path)
     path = path[: touches(path, arena, chassis.radius_m)]
     if bumped := len(path) < whole:
         commanded_m = min(commanded_m, commanded_m * (len(path) - 1) / (whole - 1) + chassis.stall_m)
         slipped = slipped if _floors_change(path, arena) else 0.0
     measured = np.array([commanded_m, 0.0, 0.0])
-    return Movement(measured, encoders(measured, luck, chassis), path, slipped, bumped)
+    return Movement(measured, encoders(measured, luck, chassis), path, slipped, bumped, spun_m)
 
 
 def follow(pose: F64, length_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> tuple[F64, float]:

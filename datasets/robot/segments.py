@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
 from ..worlds.world import floor_at
@@ -129,6 +130,8 @@ def timed(t_s: float, update: DriveUpdate, arena: Arena) -> Segment:
     if straight.slipped_rad:
         slip = f"slip {np.degrees(straight.slipped_rad):+.1f} deg"
         happened.insert(1, Happened(happened[0].t_s, slip))
+    if straight.spun_m:
+        happened.append(Happened(driven, f"slip {straight.spun_m / INCH_M:.1f} in ahead: the wheels spin"))
     if straight.bumped:
         happened.append(Happened(driven, "bump"))
     first = Moved(turned, turn.measured, turn.encoders_m)

@@ -50,6 +50,9 @@ def simulate(
         int | None,
         option("--kidnap-at", "Carry the robot away after this update. [default: halfway]", DRIVE, min=1),
     ] = None,
+    slip_at: Annotated[
+        str, option("--slip-at", "Let the wheels spin at this update, or at a range like 34-37.", DRIVE)
+    ] = "",
     lights: Annotated[
         str, option("--lights", "Changes of light, like dim@40,off@60 (docs/conditions.md).", WORLD)
     ] = "",
@@ -117,6 +120,7 @@ def simulate(
             seed=seed,
             updates=updates,
             kidnap_at=kidnap_at,
+            slip_at=slip_at,
             lights=lights,
             moved=moved,
             gain=gain,

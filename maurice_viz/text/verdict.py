@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from maurice_mcl.analysis.ambiguity import Ambiguity
+from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED, Cause
 from maurice_mcl.analysis.events import KIDNAPPED
-from maurice_mcl.analysis.verdict import RunVerdict, Trouble
+from maurice_mcl.analysis.verdict import SEARCHING, RunVerdict, Trouble
 
 from ..style import Scale
 
 SURE = ", and sure of it"
 NOTHING_YET = "No update yet."
+MOST_CAUSES = 2  # that a line tells of
 
 
 def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     """Return one line about all runs of a recording, shared part first: "Kidnapped at 61. `a` ..."."""
     if len(verdicts) == 1:
         return said(next(iter(verdicts.values())), scale)
-    shared = _kidnapped_at(list(verdicts.values()))
-    parts = [f"`{label}` {_predicate(one, scale, bool(shared))}" for label, one in verdicts.items()]
+    runs = list(verdicts.values())
+    shared = _shared(runs, scale)
+    carried = bool(_kidnappings(runs))
+    parts = [f"`{label}` {_predicate(one, scale, carried)}" for label, one in verdicts.items()]
     return f"{shared}{'; '.join(parts)}."
 
 
@@ -26,45 +31,115 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
     """Return one line about one run."""
     if not verdict.updates:
         return NOTHING_YET
-    shared = _kidnapped_at([verdict])
-    rest = f"{_predicate(verdict, scale, bool(shared))}."
+    shared = _shared([verdict], scale)
+    rest = f"{_predicate(verdict, scale, bool(_kidnappings([verdict])))}."
     left = f" Its cloud would have left the map at {_listed(verdict.left_map)}." if verdict.left_map else ""
     return f"{shared}{rest[:1].upper()}{rest[1:]}{left}"
 
 
-def _kidnapped_at(verdicts: list[RunVerdict]) -> str:
+def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:
+    """Return what befell all runs of a drive, as sentences: "Kidnapped at 61 (carried 84.0 in). "."""
+    told = dict.fromkeys(
+        (one.kind, one.step) for run in runs for one in run.telling_causes if one.kind != CARRIED
+    )
+    causes = [
+        {(one.kind, one.step): one for one in run.causes if (one.kind, one.step) in told} for run in runs
+    ]
+    both = [key for key in told if all(key in one for one in causes)]
+    parts = [_kidnapped_at(runs, scale)]
+    parts += [f"{befell(causes[0][key], scale)}. " for key in both[:MOST_CAUSES]]
+    return "".join(parts)
+
+
+def befell(cause: Cause, scale: Scale) -> str:
+    """Return what befell the robot or its camera: "The wheels slipped at 34: they counted 12.0 in, ..."."""
+    at = f"{cause.step}" if cause.last == cause.step else f"{cause.step} to {cause.last}"
+    if cause.kind == DARK:
+        gray = f"mean gray level {cause.expected or 0:.0f} before, {cause.actual or 0:.0f} since"
+        return f"The picture went dark at {cause.step} ({gray})"
+    expected, actual = scale.say(cause.expected or 0.0), scale.say(cause.actual or 0.0)
+    if cause.kind == SLIPPED:
+        return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
+    if cause.kind == JUMPED:
+        return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
+    if cause.kind == CARRIED:
+        return f"Kidnapped at {at} (carried {actual}, unseen by its odometry)"
+    if cause.kind == TURNED:
+        turned = cause.words.removeprefix("slip ")
+        return f"The wheels slipped at {at}: a turn of {turned} that odometry did not see"
+    return f"The light changed at {at} ({cause.words})"
+
+
+def _kidnappings(runs: Sequence[RunVerdict]) -> list[int]:
+    """Return the steps of the kidnappings, if all runs share them."""
+    at = [[t.step for t in one.troubles if t.kind == KIDNAPPED] for one in runs]
+    return at[0] if all(other == at[0] for other in at) else []
+
+
+def _kidnapped_at(runs: Sequence[RunVerdict], scale: Scale) -> str:
     """Return the kidnappings in the log that all runs share: "Kidnapped at 61. "."""
-    at = [[t.step for t in one.troubles if t.kind == KIDNAPPED] for one in verdicts]
-    if not at[0] or any(other != at[0] for other in at):
-        return ""
-    return f"Kidnapped at {_listed(at[0])}. "
+    at = _kidnappings(runs)
+    if len(at) != 1:
+        return f"Kidnapped at {_listed(at)}. " if at else ""
+    known = [one for one in runs[0].causes if one.kind == CARRIED and one.actual is not None]
+    return f"{befell(known[0], scale)}. " if known else f"Kidnapped at {at[0]}. "
+
+
+def divided(one: Ambiguity, scale: Scale) -> str:
+    """Return how two places shared the weight: "two places look alike at 3: 47% of the weight here, ..."."""
+    where = {None: "", 0: "; the truth is in neither", 1: "; the truth is in the first"}
+    truth = where.get(one.truth_in, "; the truth is in the second")
+    first, second = (f"{share:.0%}" for share in one.shares)
+    there = f"{second} at the other, {scale.say(one.apart_m)} away"
+    return f"two places looked alike at {one.step}: {first} of the weight at one, {there}{truth}"
 
 
 def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
     """Return what one run did, as a predicate: "found itself at 63 by 100 fresh particles"."""
     if not verdict.has_truth:
-        return _without_truth(verdict)
+        return _without_truth(verdict, scale)
     if not verdict.troubles:
         return _untroubled(verdict, scale)
     parts = [_trouble(one, verdict, scale, kidnapping_said) for one in verdict.troubles[:2]]
     more = len(verdict.troubles) - len(parts)
     if more:
         parts.append(f"was lost {more} more time{'s' * (more > 1)}")
-    return ", ".join(parts)
+    before = f"{divided(verdict.telling, scale)}; " if verdict.telling is not None else ""
+    return f"{before}{', '.join(parts)}"
 
 
 def _trouble(trouble: Trouble, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
-    carried = trouble.kind == KIDNAPPED
-    what = "kidnapped" if carried else "lost"
-    began = "" if carried and kidnapping_said else f"was {what} at {trouble.step}"
+    began = _began(trouble, kidnapping_said)
     if trouble.recovered is not None:
-        by = f" by {trouble.fresh} fresh particles" if trouble.fresh else ""
+        by = f" by {trouble.fresh} fresh particles" if trouble.fresh and trouble.kind != SEARCHING else ""
         found = f"found itself at {trouble.recovered}{by}"
         return f"{began} and {found}" if began else found
-    sure = SURE if trouble.is_sure else ""
-    end = f" ({scale.say(verdict.error_end_m or 0.0)} off at the end)"
-    stayed = f"stayed lost{sure}" if trouble.lost and verdict.is_off_at_end else "did not find itself again"
-    return f"{began} and {stayed}{end}" if began else f"{stayed}{end}"
+    end = f"{scale.say(verdict.error_end_m or 0.0)} off at the end"
+    stayed = "stayed lost" if trouble.lost and verdict.is_off_at_end else "did not find itself again"
+    if trouble.kind == SEARCHING:
+        stayed = "never found itself"
+    stayed = f"{stayed}{_how_sure(trouble, verdict, scale)} ({end})"
+    return f"{began} and {stayed}" if began else stayed
+
+
+def _began(trouble: Trouble, kidnapping_said: bool) -> str:
+    if trouble.kind == SEARCHING or (trouble.kind == KIDNAPPED and kidnapping_said):
+        return ""
+    what = "kidnapped" if trouble.kind == KIDNAPPED else "lost"
+    alike = trouble.cause is not None and trouble.cause.alike
+    why = "saw all references score alike, " if alike else ""
+    return f"{why}was {what} at {trouble.step}"
+
+
+def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
+    """Return how sure a lost run was, and why it could not find itself."""
+    worst, text = verdict.sure_and_wrong, ""
+    if trouble.is_sure:
+        text = SURE
+        if worst is not None and worst.step >= trouble.step:
+            away = scale.say(worst.error_m)
+            text += f": at {worst.step} {worst.share:.0%} of the weight lay {away} from the truth"
+    return f"{text}, with no particle near the truth" if trouble.is_bereft else text
 
 
 def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
@@ -81,12 +156,16 @@ def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
             else "was never lost for long"
         )
         return f"{stayed}: {off}"
-    return f"found itself at {verdict.found} and stayed localized: {off}"
+    before = f"{divided(verdict.telling, scale)}; " if verdict.telling is not None else ""
+    return f"{before}found itself at {verdict.found} and stayed localized ({most} off)"
 
 
-def _without_truth(verdict: RunVerdict) -> str:
+def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
     share = f"{verdict.converged_share:.0%}"
-    return f"has no truth to be judged by; its cloud was converged in {share} of the updates"
+    text = f"has no truth to be judged by; its cloud was converged in {share} of the updates"
+    if any(one.alike for one in verdict.causes):
+        text = f"{text}; all references score alike in the dark"
+    return f"{text}; {divided(verdict.telling, scale)}" if verdict.telling is not None else text
 
 
 def _listed(steps: Sequence[int]) -> str:

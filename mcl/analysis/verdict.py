@@ -9,14 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from ..arrays import F64
 from ..filter.localizer import LEFT_MAP
 from ..radii import USUAL
 from ..records import StepRecord
 from ..session import Moment
+from .ambiguity import Ambiguity, AmbiguityFinder
+from .causes import CARRIED, DARK, JUMPED, SLIPPED, Cause, CauseFinder
 from .events import KIDNAPPED, LocalizationStatus, in_meters, is_kidnapping
-from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
+from .metrics import LOCALIZED_OF, LOST_FOR, LOST_RAD, StepScore, score_step
 
-LOST = "lost"
+LOST, SEARCHING = "lost", "searching"
+EXPLAINS_FOR = 10  # updates after a cause in which a loss is due to it
 MOSTLY = 0.5  # share of the updates of a trouble from which on it counts as "sure"
 
 
@@ -25,19 +31,22 @@ class _Update:
     step: int
     fresh: int  # particles that recovery injected
     sure: bool  # whether it was wrong and confident
+    bereft: bool  # whether no particle was near the truth
 
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
     """One time that a run was lost, kidnapped or off the map."""
 
-    kind: str  # "kidnapped", "lost" or "left the map"
+    kind: str  # "kidnapped", "lost", or "searching": it had not been localized before
     step: int  # at which it began
     recovered: int | None = None  # first step at which the run was localized again; None: never
     lost: bool = False  # whether it was lost by the definition: too far off for four updates in a row
     fresh: int = 0  # particles that recovery injected until then
     updates: int = 0  # until then
     sure: int = 0  # of them wrong and confident
+    bereft: int = 0  # of them without a particle near the truth
+    cause: Cause | None = None  # what befell the robot shortly before; None: nothing that is known
 
     def with_updates(self, updates: Sequence[_Update], sign: int) -> Trouble:
         """Return a copy with some updates added (`sign` 1) or removed (-1)."""
@@ -46,12 +55,27 @@ class Trouble:
             fresh=self.fresh + sign * sum(update.fresh for update in updates),
             updates=self.updates + sign * len(updates),
             sure=self.sure + sign * sum(update.sure for update in updates),
+            bereft=self.bereft + sign * sum(update.bereft for update in updates),
         )
 
     @property
     def is_sure(self) -> bool:
         """Whether the filter was confident in most of these updates, at the wrong place."""
         return self.sure > MOSTLY * self.updates
+
+    @property
+    def is_bereft(self) -> bool:
+        """Whether in most of these updates no particle was near the truth: weighting alone cannot find it."""
+        return self.bereft > MOSTLY * self.updates
+
+
+@dataclass(frozen=True, slots=True)
+class SureAndWrong:
+    """The update at which a confident cloud was farthest from the truth."""
+
+    step: int
+    error_m: float
+    share: float  # of the weight, near the estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +95,9 @@ class RunVerdict:
     sure_share: float = 0.0  # of the updates: wrong and confident
     converged_share: float = 0.0  # of the updates
     left_map: tuple[int, ...] = ()  # steps at which the whole cloud would have left the map
+    causes: tuple[Cause, ...] = ()  # what befell the robot and its camera
+    ambiguity: Ambiguity | None = None  # two places that shared the weight
+    sure_and_wrong: SureAndWrong | None = None  # the worst update of this kind
 
     @property
     def is_off_at_end(self) -> bool:
@@ -78,13 +105,44 @@ class RunVerdict:
         return self.error_end_m is not None and self.error_end_m > self.lost_m
 
     @property
+    def telling(self) -> Ambiguity | None:
+        """The two places that shared the weight, where this tells something: before it was localized."""
+        found, one = self.found, self.ambiguity
+        is_early = one is not None and (found is None or one.step < found)
+        return None if any(t.kind == KIDNAPPED or t.is_sure for t in self.troubles) or not is_early else one
+
+    @property
+    def telling_causes(self) -> tuple[Cause, ...]:
+        """What befell the robot, without what is small and explains no trouble."""
+        explaining = [trouble.cause for trouble in self.troubles]
+        return tuple(one for one in self.causes if one.kind in LOUD or one in explaining)
+
+    @property
     def decisive(self) -> int:
-        """The step to look at first: the first trouble, else the first localization, else the worst error."""
-        if self.troubles:
-            return self.troubles[0].step
+        """The step to look at first: that of a loss, else of a cause, else of the worst error."""
+        losses = [trouble for trouble in self.troubles if trouble.kind != SEARCHING or trouble.is_sure]
+        if losses:
+            return self._shown(losses[0])
+        if self.telling is not None:
+            return self.telling.step
+        if loud := [cause for cause in self.causes if cause.kind in LOUD]:
+            return loud[0].last
         if self.found is not None and self.found > self.first + 1:
             return self.found
+        if self.sure_and_wrong is not None and self.found is None:
+            return self.sure_and_wrong.step
         return self.most_at if self.has_truth else (self.left_map[0] if self.left_map else self.first)
+
+    def _shown(self, trouble: Trouble) -> int:
+        """Return the step at which a trouble is seen best."""
+        sure = self.sure_and_wrong
+        unexplained = trouble.cause is None and trouble.kind != KIDNAPPED
+        if unexplained and trouble.is_sure and sure is not None and sure.step >= trouble.step:
+            return sure.step
+        return trouble.step
+
+
+LOUD = (CARRIED, JUMPED, SLIPPED, DARK)  # causes that are told even where they did no harm
 
 
 def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
@@ -98,10 +156,13 @@ class VerdictBuilder:
 
     _verdict: RunVerdict = field(default_factory=RunVerdict)
     _status: LocalizationStatus = field(default_factory=LocalizationStatus)
+    _causes: CauseFinder = field(default_factory=CauseFinder)
+    _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
     _sum_m: float = 0.0
     _known: int = 0  # updates with truth
     _sure: int = 0
     _converged: int = 0
+    _was_right: bool = False  # whether an update was localized so far
     _recent: list[_Update] = field(default_factory=list)  # the last five updates
 
     def add(self, moment: Moment, record: StepRecord) -> None:
@@ -110,7 +171,10 @@ class VerdictBuilder:
         score = score_step(record.estimate, moment.truth)
         fresh = 0 if record.injected is None else int(record.injected.sum())
         sure = score.wrong_and_confident is True
-        self._recent = [*self._recent, _Update(step, fresh, sure)][-LOCALIZED_OF[1] :]
+        bereft = not score.localized and moment.truth is not None and not _has_near(record, moment.truth)
+        self._recent = [*self._recent, _Update(step, fresh, sure, bereft)][-LOCALIZED_OF[1] :]
+        self._causes.see(moment, record)
+        self._ambiguity.see(step, record, moment.truth)
         if verdict.updates == 0:
             verdict = replace(verdict, first=step)
         kidnapped = any(is_kidnapping(text) for text in moment.events)
@@ -122,9 +186,13 @@ class VerdictBuilder:
             lost_m=record.estimate.radii.lost_m,
             left_map=(*verdict.left_map, step) if left else verdict.left_map,
             troubles=self._troubles(step, changes, kidnapped),
+            sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record)
+            if sure
+            else verdict.sure_and_wrong,
         )
         if self._verdict.found is None and {"localized", "recovered"} & set(changes):
             self._verdict = replace(self._verdict, found=step - LOCALIZED_OF[1] + 1)
+        self._was_right |= score.localized is True
         self._sure += sure
         self._converged += int(score.converged)
 
@@ -137,6 +205,8 @@ class VerdictBuilder:
             error_mean_m=self._sum_m / known if known else None,
             sure_share=self._sure / count,
             converged_share=self._converged / count,
+            causes=self._causes.found,
+            ambiguity=self._ambiguity.found,
         )
 
     def _with_error(self, verdict: RunVerdict, step: int, score: StepScore) -> RunVerdict:
@@ -154,9 +224,12 @@ class VerdictBuilder:
         troubles = self._verdict.troubles
         is_open = bool(troubles) and troubles[-1].recovered is None
         if kidnapped:
-            troubles, is_open = (*troubles, Trouble(KIDNAPPED, step)), True
+            troubles, is_open = (*troubles, Trouble(KIDNAPPED, step, cause=self._cause_of(step, step))), True
         if LOST in changes and not is_open:
-            began = Trouble(LOST, step - LOST_FOR + 1).with_updates(self._recent[-LOST_FOR:-1], 1)
+            first = step - LOST_FOR + 1
+            kind = LOST if self._was_right or self._converged > 0 else SEARCHING
+            began = Trouble(kind, first, cause=self._cause_of(first - EXPLAINS_FOR, first))
+            began = began.with_updates(self._recent[-LOST_FOR:-1], 1)
             troubles, is_open = (*troubles, began), True
         if not is_open:
             return troubles
@@ -167,3 +240,28 @@ class VerdictBuilder:
             since = [update for update in self._recent if update.step >= max(found, last.step)]
             last = replace(last.with_updates(since, -1), recovered=found)
         return (*troubles[:-1], last)
+
+    def _cause_of(self, first: int, last: int) -> Cause | None:
+        """Return the latest cause that a trouble in between can be due to: at first the loud ones."""
+        near = [one for one in self._causes.found if one.step <= last and one.last >= first]
+        loud = [one for one in near if one.kind in LOUD]
+        chosen = loud or near
+        return chosen[-1] if chosen else None
+
+
+def _has_near(record: StepRecord, truth: F64) -> bool:
+    """Return whether a particle is near the truth: within the radius "converged", and of a like heading."""
+    poses = record.weighted.poses
+    x, y = truth[:2] - record.weighted.origin
+    near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= record.estimate.radii.cluster_m**2
+    return bool((np.cos(poses[near, 2] - truth[2]) >= np.cos(LOST_RAD)).any())
+
+
+def _worse(
+    worst: SureAndWrong | None, step: int, score: StepScore, record: StepRecord
+) -> SureAndWrong | None:
+    """Return the worst update so far that was sure and wrong."""
+    error_m = score.position_error_m or 0.0
+    if not score.wrong_and_confident or (worst is not None and worst.error_m >= error_m):
+        return worst
+    return SureAndWrong(step, error_m, record.estimate.converged)

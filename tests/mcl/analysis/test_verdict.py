@@ -1,6 +1,10 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from helpers.step_records import at, made, moment
+from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED
 from maurice_mcl.analysis.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.filter.localizer import LEFT_MAP
 
@@ -47,3 +51,62 @@ def test_without_truth_nothing_is_judged():
 
 def test_before_the_first_update_there_is_nothing_to_say():
     assert VerdictBuilder().result() == RunVerdict()
+
+
+def drive(steps, gray=None, cloud=HERE):
+    """Judge a run along x: for each step how far odometry says, how far the robot went, and what is told."""
+    builder, x = VerdictBuilder(), 1.0
+    for step, (driven, moved, *told) in enumerate(steps, 1):
+        x += moved
+        image = np.full((2, 2, 3), 100 if gray is None else gray[step - 1], np.uint8)
+        record = made(cloud, step=step)
+        record = replace(record, frame=replace(record.frame, image=image, motions=np.array([[driven, 0, 0]])))
+        builder.add(moment(record, (x, 1.0, 0.0), *told), record)
+    return builder.result()
+
+
+def test_wheels_that_slip_are_one_cause_over_several_steps():
+    (cause,) = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)]).causes
+    assert (cause.kind, cause.step, cause.last) == (SLIPPED, 4, 5)
+    assert (cause.expected, cause.actual) == (pytest.approx(0.6), pytest.approx(0.1))
+
+
+def test_a_small_slip_counts_only_where_the_log_tells_of_it():
+    assert drive([(0.2, 0.2)] * 3 + [(0.1, 0.02)]).causes == ()
+    (cause,) = drive([(0.2, 0.2)] * 3 + [(0.1, 0.02, "slip 3 in ahead: the wheels spin")]).causes
+    assert cause.kind == SLIPPED
+
+
+def test_a_truth_that_jumps_is_a_kidnapping_only_where_the_log_says_so():
+    (jumped,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0)]).causes
+    (carried,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0, "kidnapped")]).causes
+    assert (jumped.kind, jumped.actual, carried.kind, carried.actual) == (JUMPED, 2.0, CARRIED, 2.0)
+
+
+def test_it_is_dark_after_three_pictures_that_are_darker_than_all_before():
+    calm = [(0.1, 0.1)] * 10
+    assert drive(calm, [100] * 6 + [20, 20, 100, 100]).causes == ()
+    (cause,) = drive(calm, [100] * 6 + [20] * 4).causes
+    assert (cause.kind, cause.step, cause.last, cause.expected, cause.actual) == (DARK, 7, 10, 100, 20)
+
+
+def test_a_loss_is_due_to_what_befell_the_robot_shortly_before():
+    found = drive([(0.0, 0.0)] * 5 + [(0.3, 0.05)] * 2 + [(1.0, 1.0)] * 6)
+    (trouble,) = found.troubles
+    assert (trouble.kind, trouble.cause.kind) == ("lost", SLIPPED)
+    assert trouble.is_bereft
+
+
+def test_two_places_that_share_the_weight_are_told_until_it_is_localized():
+    builder = VerdictBuilder()
+    for step in range(1, 10):
+        cloud = at(1, 1, 0.55) + at(4, 1, 0.45) if step < 4 else HERE
+        record = made(cloud, step=step)
+        builder.add(moment(record, NEAR), record)
+    found = builder.result()
+    one = found.telling
+    assert (one.first, one.last, one.truth_in, found.decisive) == (1, 3, 1, 1)
+    assert (one.shares, one.apart_m) == (
+        (pytest.approx(0.55), pytest.approx(0.45)),
+        pytest.approx(3, abs=0.05),
+    )

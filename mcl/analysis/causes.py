@@ -1,0 +1,116 @@
+"""What befell the robot or its camera during a drive: facts that can explain why a run went wrong.
+
+They come from the log's events, from the truth beside the odometry, and from the pictures; each is left out
+where its source is missing. `verdict` connects them with what a run did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+
+import numpy as np
+
+from ..arrays import F64
+from ..geometry import compose_motions
+from ..records import StepRecord
+from ..session import Moment
+from .events import is_kidnapping
+
+CARRIED = "carried"  # the log says so: expected None, actual meters
+JUMPED = "jumped"  # the truth moved much farther than odometry says: expected and actual meters
+SLIPPED = "slipped"  # odometry went on while the robot did not: expected and actual meters
+TURNED = "turned"  # the log tells of a slip: its words
+DARK = "dark"  # pictures darker than any before: expected and actual mean gray level, 0 to 255
+LIGHTS = "lights"  # the log tells of another light: its words
+
+SLIP_SHARE = 0.5  # of the longer distance that truth and odometry must differ by
+DARKER = 2 / 3  # of the darkest picture before
+DARK_FOR = 3  # updates in a row, unless the log tells of another light
+KNOWN = 5  # pictures that must have been seen before one is dark
+ALIKE = 0.5  # of the usual scatter of the references' likelihoods: below it they score alike
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """One thing that befell a drive, from one step to another; the kinds above say what the values are."""
+
+    kind: str
+    step: int
+    last: int
+    expected: float | None = None
+    actual: float | None = None
+    words: str = ""  # of the log
+    alike: bool = False  # of dark pictures: whether this run's references score alike since then
+
+
+@dataclass(slots=True)
+class CauseFinder:
+    """Follows the drive of one run update by update; keeps a few numbers."""
+
+    found: tuple[Cause, ...] = ()
+    _truth: F64 | None = None  # of the update before
+    _gray: list[float] = field(default_factory=list)  # of the last pictures before it got dark
+    _scatter: list[float] = field(default_factory=list)  # of the references' likelihoods, of the same
+    _least: float = np.inf  # gray level of the darkest of all these
+    _seen: int = 0
+    _dark: list[tuple[int, float, float]] = field(default_factory=list)  # step, gray and scatter since then
+
+    def see(self, moment: Moment, record: StepRecord) -> None:
+        """Process the next update."""
+        step, truth, before = moment.frame.step, moment.truth, self._truth
+        moved_m = None if truth is None or before is None else float(np.hypot(*(truth - before)[:2]))
+        self._truth = truth
+        if any(is_kidnapping(text) for text in moment.events):
+            self._add(Cause(CARRIED, step, step, None, moved_m))
+        elif moved_m is not None:
+            radii = record.estimate.radii
+            told = any(text.startswith("slip") and "deg" not in text for text in moment.events)
+            slip_m = 0.0 if told else radii.confidence_m / 2
+            self._compare(step, moment.frame.motions, moved_m, slip_m, radii.lost_m)
+        lights = [text for text in moment.events if text.startswith("lights")]
+        for kind, texts in ((TURNED, _slips(moment.events)), (LIGHTS, lights)):
+            if texts:
+                self._add(Cause(kind, step, step, words=texts[0]))
+        self._look(step, record, bool(lights))
+
+    def _add(self, cause: Cause) -> None:
+        self.found = (*self.found, cause)
+
+    def _compare(self, step: int, motions: F64, moved_m: float, slip_m: float, jump_m: float) -> None:
+        """Compare how far the robot moved with what odometry says."""
+        driven_m = float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0
+        if moved_m - driven_m > jump_m:
+            self._add(Cause(JUMPED, step, step, driven_m, moved_m))
+        if driven_m - moved_m <= max(slip_m, SLIP_SHARE * driven_m):
+            return
+        last = self.found[-1] if self.found else None
+        if last is not None and last.kind == SLIPPED and last.last == step - 1:
+            expected, actual = (last.expected or 0.0) + driven_m, (last.actual or 0.0) + moved_m
+            self.found = (*self.found[:-1], replace(last, last=step, expected=expected, actual=actual))
+        else:
+            self._add(Cause(SLIPPED, step, step, driven_m, moved_m))
+
+    def _look(self, step: int, record: StepRecord, told: bool) -> None:
+        """Look whether the picture is darker than all before."""
+        gray = float(record.frame.image.mean())
+        likelihood = record.sighting.comparison.log_likelihood
+        scatter = float(np.std(likelihood)) if len(likelihood) else 0.0
+        if self._seen < KNOWN or gray >= DARKER * self._least:
+            self._seen, self._least, self._dark = self._seen + 1, min(self._least, gray), []
+            self._gray, self._scatter = [*self._gray, gray][-KNOWN:], [*self._scatter, scatter][-KNOWN:]
+            return
+        begins = len(self._dark) == (0 if told else DARK_FOR - 1)
+        self._dark.append((step, gray, scatter))
+        first, after = self._dark[0][0], float(np.mean([one[1] for one in self._dark]))
+        alike = float(np.mean([one[2] for one in self._dark])) < ALIKE * float(np.mean(self._scatter))
+        now = Cause(DARK, first, step, float(np.mean(self._gray)), after, alike=alike)
+        if begins and not any(one.kind == DARK and one.step == first for one in self.found):
+            self._add(now)
+        else:
+            self.found = tuple(now if (one.kind, one.step) == (DARK, first) else one for one in self.found)
+
+
+def _slips(events: Sequence[str]) -> list[str]:
+    return [text for text in events if text.startswith("slip") and "deg" in text]

@@ -1,0 +1,64 @@
+"""Five drives on which a localizer goes wrong, each for another reason: the verdict says which."""
+
+import re
+
+import pytest
+
+import maurice_viz as mv
+from maurice_datasets.sessions import simulate
+from maurice_viz.style import UNITS, Scale
+from maurice_viz.text.verdict import verdict_line
+
+INCHES = Scale(UNITS["in"])
+pytestmark = pytest.mark.slow  # five drives and a survey are rendered
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("five")
+
+    def of(task, seed, updates, preset, particles, feature=None, **more):
+        paths = simulate(task, to=folder / f"{task}-{seed}", seed=seed, updates=updates, **more)
+        scores = mv.replay(paths.session, preset=preset, particles=particles, feature=feature)
+        verdicts = {run.label: run.verdict for run in scores.runs}
+        return verdict_line(verdicts, INCHES), next(iter(verdicts.values()))
+
+    return of
+
+
+def test_a_kidnapping_says_how_far_the_robot_was_carried(judged):
+    line, verdict = judged("kidnapped", 1, 30, "thesis", 400, kidnap_at=12)
+    assert re.match(r"Kidnapped at 13 \(carried [\d.]+ in, unseen by its odometry\)\. ", line)
+    assert "with no particle near the truth" in line
+    assert verdict.decisive == 13
+
+
+def test_a_slip_says_what_odometry_counted_and_what_the_robot_did(judged):
+    line, verdict = judged("tracking", 3, 24, "thesis", 400, slip_at="12-15")
+    assert re.match(
+        r"The wheels slipped at 12 to 15: odometry says [\d.]+ in, the robot moved [\d.]+ in\. ", line
+    )
+    (cause,) = verdict.causes
+    assert cause.expected > 4 * cause.actual
+    assert verdict.decisive == 15
+
+
+def test_lights_out_says_that_all_references_score_alike(judged):
+    line, _ = judged("tracking", 2, 30, "robust", 400, lights="dim:0@10")
+    assert re.match(r"The picture went dark at 10 \(mean gray level \d+ before, \d+ since\)\. ", line)
+    assert "all references score alike" in line
+
+
+def test_two_places_that_look_alike_are_told_with_their_shares(judged):
+    line, verdict = judged("global", 6, 14, "robust", 600, feature="edges")
+    assert re.match(r"Two places looked alike at 3: \d+% of the weight at one, \d+% at the other, ", line)
+    assert "the truth is in the second; found itself at 9" in line
+    assert verdict.decisive == 3
+
+
+def test_sure_and_wrong_says_how_much_of_the_weight_lay_how_far_off(judged):
+    line, verdict = judged("global", 5, 40, "thesis", 150)
+    assert re.match(
+        r"Never found itself, and sure of it: at \d+ \d+% of the weight lay [\d.]+ in from the", line
+    )
+    assert verdict.decisive == verdict.sure_and_wrong.step
