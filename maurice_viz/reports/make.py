@@ -18,6 +18,7 @@ from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.analysis.events import KINDS
+from maurice_mcl.analysis.verdict import decisive_step
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
@@ -41,6 +42,7 @@ from .choosing import (
     step_ranges,
     steps_by_kind,
 )
+from .linked import linked
 from .map import DrawnMap
 from .shots import Photographer, Shot, shots
 
@@ -58,9 +60,9 @@ def report(
 ) -> Path:
     """Write one self-contained HTML page about a saved run, or about all runs of a comparison.
 
-    The page needs no network and no script: summary, map, traces, events with pictures, configuration.
-    The same run makes the same page, byte for byte. Returns the file. Raises InputError when the run
-    cannot be read or has no step, or when the file exists and `force` is not given.
+    The page needs no other file and no network: summary, linked map and traces, events with pictures,
+    configuration. The same run makes the same page, byte for byte. Returns the file. Raises InputError when
+    the run cannot be read or has no step, or when the file exists and `force` is not given.
 
         >>> import maurice_viz as mv
         >>> mv.report("my-run", to="report.html").name
@@ -88,22 +90,20 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     again = restored_together(opened.restored, Pictures(opened.session))  # warned before
     shot = shots(photographer, again, [one.step for one in pictured])
     charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
-    template = _environment().get_template("page.html")
     results, units = collected.results, scale.units
+    verdicts = {one.label: one.verdict for one in results}
+    numbered = [(one.step, one.number) for one in pictured]
+    drawn_map = DrawnMap(library.arena, scale, collected.tracks, numbered, results[0].radii.lost_m)
+    template = _environment().get_template("page.html")
     return template.render(
         info=info,
         version=version("maurice-replay"),
         labels=[track.label for track in collected.tracks],
-        verdict=verdict_line({one.label: one.verdict for one in results}, scale).replace("`", ""),
-        summaries=[(result.label, _summary(result, scale)) for result in collected.results],
+        verdict=verdict_line(verdicts, scale).replace("`", ""),
+        summaries=[(result.label, _summary(result, scale)) for result in results],
         scores=[(name, *cells) for rows in (score_rows, paired_rows) for name, cells in rows(results, units)],
-        map=DrawnMap(
-            library.arena,
-            scale,
-            collected.tracks,
-            [(one.step, one.number) for one in pictured],
-            results[0].radii.lost_m,
-        ),
+        map=drawn_map,
+        linked=linked(drawn_map, charts, collected, scale, decisive_step(verdicts)),
         charts=charts,
         unknown=unknown,
         many=MANY,

@@ -61,6 +61,7 @@ class Page:
         """Show a page in this size, and wait until it is loaded."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **size)
+        self.events.clear()
         self.call("Page.navigate", url=url)
         for event in self.events_until(time.monotonic() + PATIENCE_S):
             if event["method"] == "Page.loadEventFired":

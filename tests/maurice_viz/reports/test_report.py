@@ -1,7 +1,6 @@
 """`maurice-replay report`: one page that stands alone, in a parser and in a real browser."""
 
 import re
-import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,16 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.browser import CHROMIUM, Page, browser, needs_browser
 from helpers.commands import maurice, one_line
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.session import SessionInfo
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium")
 SECTIONS = ("summary", "map", "traces", "events", "pictures", "configuration", "facts")
-VOID = {"meta", "link", "img", "br", "hr"}
+VOID = {"meta", "link", "img", "br", "hr", "input"}
 EVIL = "走行 <script>alert('x')</script> & \"Ärger\""
 
 
@@ -70,7 +68,8 @@ def check(page: str, runs: int = 1) -> Outline:
     assert len(set(found.ids)) == len(found.ids)
     assert len(found.headings) == 1 + len(SECTIONS)
     assert all(found.headings)
-    assert found.counts.get("script", 0) == 0
+    assert found.counts["script"] == 2  # the numbers, and what shows them
+    assert not found.values("script", "src")
     outside = [v for v in found.values("img", "src") + found.values("link", "href") if v[:5] != "data:"]
     assert not outside
     assert "http" not in page.replace("http-equiv", "")
@@ -231,3 +230,91 @@ def test_on_a_phone_nothing_is_wider_than_the_screen(small_session, tmp_path):
     dom, _ = browse(frame, "--dump-dom")
     width = re.search(r"<title>(\d+)</title>", dom)
     assert 300 < int(width[1]) <= 400
+
+
+MARKED = """(() => {
+  const place = (one) => one.getAttribute("transform").match(/-?[\\d.]+/g).slice(0, 3).map(Number);
+  return {
+    when: document.querySelector(".readout .when").textContent,
+    runs: [...document.querySelectorAll("[data-run]")].map((one) => one.textContent),
+    robots: [...document.querySelectorAll(".now.robot")].map(place),
+    cursor: place(document.querySelector(".chart .now.cursor"))[0],
+  };
+})()"""
+BOX = """(() => {
+  const box = document.querySelector(".chart svg").getBoundingClientRect();
+  return [box.left, box.top, box.width, box.height];
+})()"""
+SMALLEST = """Math.min(
+  ...[...document.querySelectorAll("svg text")].map(
+    (one) => parseFloat(getComputedStyle(one).fontSize) * one.ownerSVGElement.getScreenCTM().a),
+  ...[...document.querySelectorAll("body *")].filter((one) => one.innerText).map(
+    (one) => parseFloat(getComputedStyle(one).fontSize)))"""
+
+
+def at_chart(page: Page, share: float) -> tuple[float, float]:
+    """Scroll to the first chart; give a point in it, from its left to its right edge."""
+    page.value("document.querySelector('.chart').scrollIntoView({block: 'end'})")
+    left, top, width, height = page.value(BOX)
+    return left + share * width, top + 0.6 * height
+
+
+@needs_browser
+def test_a_step_under_the_pointer_is_marked_on_the_map_and_told(small_session, tmp_path):
+    reported(small_session)
+    with browser(tmp_path / "profile") as page:
+        page.open((tmp_path / "r.html").as_uri())
+        first = page.value(MARKED)
+        page.hover(*at_chart(page, 0.1))
+        early = page.value(MARKED)
+        page.hover(*at_chart(page, 0.99))
+        late = page.value(MARKED)
+        page.press("ArrowLeft")
+        before = page.value(MARKED)
+        page.hover(*at_chart(page, 0.1))
+        page.call("Emulation.setTouchEmulationEnabled", enabled=True)
+        page.tap(*at_chart(page, 0.99))
+        tapped = page.value(MARKED)
+    assert first["when"].startswith("Step ")
+    assert [one["when"].split(",")[0] for one in (early, late, before)] == ["Step 1", "Step 14", "Step 13"]
+    assert early["cursor"] < before["cursor"] < late["cursor"]
+    assert early["robots"] != late["robots"] != before["robots"]
+    assert tapped == late
+    assert "truth (" in late["when"]
+    truth, estimate = late["robots"]
+    assert np.hypot(truth[0] - estimate[0], truth[1] - estimate[1]) < 15  # px: it is localized
+    (words,) = late["runs"]
+    assert re.match(
+        r"at \(\d\.\d\d, \d\.\d\d\) m, -?\d+ deg; position error \d\.\d\d m; heading error ", words
+    )
+    assert "confidence 100 %" in words
+
+
+@needs_browser
+def test_what_is_not_known_is_said_and_hostile_names_are_text(tmp_path):
+    reported(session_of(tmp_path, name=EVIL, truth=False))
+    with browser(tmp_path / "profile") as page:
+        page.open((tmp_path / "r.html").as_uri())
+        page.hover(*at_chart(page, 0.99))
+        found = page.value(MARKED)
+    assert found["when"].startswith("Step 6, ")
+    assert "truth" not in found["when"]
+    assert len(found["robots"]) == 1
+    assert "position error" not in found["runs"][0]
+
+
+@needs_browser
+@pytest.mark.parametrize("size", [(1600, 1000), (800, 1000), (400, 900)], ids=str)
+def test_text_has_at_least_11_px_and_nothing_is_cut_off(small_session, tmp_path, size):
+    maurice("compare", small_session, "--particles", "50", "--run", "both", "--no-recording")
+    maurice("report", "both", "-o", "r.html")
+    with browser(tmp_path / "profile") as page:
+        page.open((tmp_path / "r.html").as_uri(), *size)
+        assert page.value(SMALLEST) >= 11
+        assert page.value("document.documentElement.scrollWidth") <= size[0]
+        if size[0] > 1200:  # side by side
+            page.value("document.querySelector('#traces').scrollIntoView()")
+            free = size[1]
+        else:
+            free = at_chart(page, 0.5)[1] - 0.6 * page.value(BOX)[3]
+        assert 0 < page.value("document.querySelector('.board').getBoundingClientRect().bottom") <= free
