@@ -84,6 +84,21 @@ class RunPaths:
         return self.at("belief", "estimate")
 
     @property
+    def ellipses(self) -> str:
+        """Two standard deviations of the weighted cloud: LineStrips2D."""
+        return self.at("belief", "estimate", "ellipses")
+
+    @property
+    def mode_rings(self) -> str:
+        """Where the modes are: LineStrips2D, each in the color of its band over time."""
+        return self.at("belief", "modes")
+
+    @property
+    def fresh(self) -> str:
+        """Particles drawn anew, for maps with a thinned or pale cloud: Points2D, on the phase timeline."""
+        return self.at("fresh")
+
+    @property
     def moves(self) -> str:
         """How particles moved in this update: LineStrips2D, on the phase timeline only."""
         return self.at("belief", "moves")

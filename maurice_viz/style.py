@@ -45,6 +45,7 @@ RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
 MOVED: RGB = (86, 180, 233)  # paths of particles in one update
 FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
+FRESH: RGB = (255, 120, 220)  # particles drawn anew in this step, on every map; and such steps in plots
 HEADINGS: RGB = (86, 180, 233)
 # Okabe and Ito's orange, sky blue, pink and green; the first two darker, or they would be faint on white
 RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (204, 121, 167), (0, 158, 115))
@@ -149,6 +150,12 @@ MODE_COLORS: tuple[RGB, ...] = (
     (204, 121, 167),
     (0, 114, 178),
 )
+
+
+def mode_color(identity: int) -> RGB:
+    """Return the color of a mode, the same on the map and in the bands over time."""
+    return MODE_COLORS[identity % len(MODE_COLORS)]
+
 
 LUT = _viridis()  # (256,) packed colors, dark to bright
 

@@ -27,7 +27,9 @@ MOST_HEADINGS = 16  # more than this are counted, not listed
 MOST_PAIRS = 10  # listed; JSON has them all
 MOST_PLACES = 5
 
-LibraryArgument = Annotated[Path, argument("LIBRARY", "A library folder, a survey log, or a table of surveyed pictures.")]
+LibraryArgument = Annotated[
+    Path, argument("LIBRARY", "A library folder, a survey log, or a table of surveyed pictures.")
+]
 
 
 def build(

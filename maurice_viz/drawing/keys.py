@@ -52,6 +52,12 @@ def _disk(color: RGB, radius: int) -> U8:
     return strip
 
 
+def _ring(color: RGB) -> U8:
+    strip = _strip(26 + GAP_PX)
+    cv2.circle(strip, (13, HEIGHT_PX // 2), 11, color, 3, cv2.LINE_AA)
+    return strip
+
+
 def _ramp() -> U8:
     ramp = _rgb(style.LUT)
     strip = _strip(len(ramp) + GAP_PX)
@@ -80,15 +86,20 @@ def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
 
 
 def weight_key(has_truth: bool) -> U8:
-    """Draw the arena's key: truth (if it is known), estimate, and the color scale of the weights."""
-    scale = [_text("weight: 1/8"), _ramp(), _text("8 times the average")]
-    return _joined(*_truth_disk(has_truth), _disk(style.ESTIMATE, 13), _text("estimate  "), *scale)
+    """Draw the arena's key: truth (if known), estimate, ellipse, weights, fresh particles."""
+    scale = [_text("weight: 1/8"), _ramp(), _text("8 x average  "), _disk(style.FRESH, 8), _text("fresh")]
+    return _joined(*_truth_disk(has_truth), *_estimate_marks(), *scale)
+
+
+def _estimate_marks() -> list[U8]:
+    disk = [_disk(style.ESTIMATE, 13), _text("estimate  ")]
+    return [*disk, _ring(style.ESTIMATE), _text("2 sigma of the cloud  ")]
 
 
 def likelihood_key(has_truth: bool) -> U8:
     """Draw the likelihood maps' key: the color scale, the cloud, estimate and truth."""
     scale = [_text(f"{style.DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
-    marks = [_disk(style.CLOUD, 6), _text("particles  "), _disk(style.ESTIMATE, 13), _text("estimate")]
+    marks = [_disk(style.CLOUD, 6), _text("particles  "), *_estimate_marks()]
     return _joined(*scale, *marks, *_truth_disk(has_truth, "truth"))
 
 
@@ -96,7 +107,8 @@ def explain_key(has_truth: bool) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
     truth = [_arrow(style.TRUTH), _text("truth  ")] if has_truth else []
     estimate = [_arrow(style.ESTIMATE), _text("estimate  ")]
-    arrows = [_text("references: "), *truth, *estimate, _arrow(style.RANK), _text("best match")]
+    arrows = [_text("references: "), *truth, *estimate, _arrow(style.RANK), _text("best match  ")]
+    arrows += [_ring(style.ESTIMATE), _text("2 sigma of the cloud")]
     return _rows(_joined(*_circles()), _joined(*arrows))
 
 
@@ -152,6 +164,7 @@ class Item:
 
     text: str
     color: RGB | None = None  # None: the color scale
+    is_ring: bool = False
 
 
 def _text_px(runs: int) -> float:
@@ -165,7 +178,8 @@ def runs_key(labels: Sequence[str], has_truth: bool) -> U8:
         Item(_drawable(label, k), color)
         for k, (label, color) in enumerate(zip(labels, style.RUN_COLORS, strict=False))
     ]
-    return _wrapped(items + _truth(has_truth), SMALLER_MAP * _text_px(len(labels)))
+    items += [*_truth(has_truth), Item("2 sigma", style.PALE, True), Item("fresh", style.FRESH)]
+    return _wrapped(items, SMALLER_MAP * _text_px(len(labels)))
 
 
 def _drawable(label: str, number: int) -> str:
@@ -176,7 +190,8 @@ def _drawable(label: str, number: int) -> str:
 def belief_key(runs: int, has_truth: bool) -> U8:
     """Draw the key of one run's map: truth, estimate, and the color scale of the weights."""
     weight = Item("weight, 1/8 to 8 x average")
-    return _wrapped([*_truth(has_truth), Item("estimate", style.ESTIMATE), weight], _text_px(runs))
+    estimate = [Item("estimate", style.ESTIMATE), Item("2 sigma", style.ESTIMATE, True)]
+    return _wrapped([*_truth(has_truth), *estimate, Item("fresh", style.FRESH), weight], _text_px(runs))
 
 
 def _truth(has_truth: bool) -> list[Item]:
@@ -225,5 +240,6 @@ def _put(key: U8, item: Item, left: int, middle: float, text: float) -> None:
         key[round(middle - text / 2) : round(middle + text / 2), left : left + width] = _rgb(colors)
     else:
         width = round(2 * DISK_PX * text)
-        cv2.circle(key, (left + width // 2, round(middle)), width // 2, item.color, -1, cv2.LINE_AA)
+        thick = max(2, width // 7) if item.is_ring else -1
+        cv2.circle(key, (left + width // 2, round(middle)), width // 2, item.color, thick, cv2.LINE_AA)
     put_text(key, item.text, left + width + 0.6 * text, middle + text / 2, text, style.PALE)

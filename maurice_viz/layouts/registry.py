@@ -41,6 +41,7 @@ LAYOUTS: Mapping[str, Layout] = {
     "traces": several_runs.traces,
 }
 RECORDED: Mapping[str, Layout] = {
+    "compare": several_runs.recorded_compare,
     "overview": _a_tab_a_run(one_run.recorded),
     "traces": several_runs.recorded_traces,
 }

@@ -14,6 +14,7 @@ from ..drawing.keys import NARROW_FROM
 from ..entities import RunPaths
 from ..panels import comparison as shared
 from ..panels import traces as lines
+from ..panels.camera import camera_view
 from ..panels.events import words_view
 from ..panels.histograms import SHORT_LEGEND, histogram_views
 from ..panels.references import best_references_view, circles_view
@@ -39,6 +40,16 @@ def _many(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
     pictures = rrb.Horizontal(*shared.camera_views(runs))
     plots = rrb.Vertical(pictures, *_narrow_plots(runs, scene))
     return rrb.Horizontal(together, rrb.Grid(*maps, grid_columns=2), plots, column_shares=[1.1, 1.2, 1])
+
+
+def recorded_compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+    """Lay out several recorded localizers: one shared map, a map each, how they differ."""
+    together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
+    maps = [shared.run_belief_view(run, number, len(runs), scene) for number, run in enumerate(runs)]
+    pictures = [camera_view()] if scene.has_pictures else []
+    plots = rrb.Vertical(*pictures, *_narrow_plots(runs, scene))
+    grid = rrb.Grid(*maps, grid_columns=1 if len(runs) < NARROW_FROM else 2)
+    return over_events(rrb.Horizontal(together, grid, plots, column_shares=[1.1, 1.2, 1]), runs)
 
 
 def _wide(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertical:

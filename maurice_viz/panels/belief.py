@@ -23,6 +23,7 @@ from ..scene import SceneInfo
 from ..style import (
     DEAD,
     ESTIMATE,
+    FRESH,
     PALE,
     RGB,
     TRUTH,
@@ -39,7 +40,6 @@ PARTICLE = 1.75  # radius in points of the screen
 COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
 MOST_COPIED = 9.0
 DEAD_PARTICLE = 0.9
-FRESH: RGB = (255, 120, 220)  # drawn anew in this step
 SETTLED: RGB = (120, 124, 134)  # all others, while the fresh ones are shown
 FRESH_PARTICLE = 2.5
 FEW = 300  # particles drawn in updates with less detail
@@ -56,7 +56,7 @@ SOME = 400  # particles, by weight, from which the extent of the cloud is estima
 MARGIN = 1.3  # of the view, over what it must hold
 ASIDE = 0.2  # of the frame: the frame follows a cloud farther from its middle
 LOOSE = 0.35  # of the frame: a smaller cloud makes the frame smaller
-KEY_WIDTH = 1.5  # of the key above, in frames (the frame is 2 wide)
+KEY_WIDTH = 1.92  # of the key above, in frames (the frame is 2 wide)
 LEFT, TOP, BOTTOM = -0.96, -0.98, 0.93
 
 
@@ -120,6 +120,32 @@ def reseeded_points(record: StepRecord, scale: Scale) -> rr.Points2D:
         colors=np.where(fresh[:, None], np.array(FRESH, np.uint8), np.array(SETTLED, np.uint8)),
         radii=rr.components.Radius.ui_points(radii),
     )
+
+
+class FreshPanel(Panel):
+    """Draws the fresh particles by themselves: for maps that show few particles, or all of them pale."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
+        self._path, self._is_shown = run.paths.fresh, False
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        radius = rr.components.Radius.ui_points(PARTICLE)
+        rec.log(
+            self._path, rr.Points2D.from_fields(colors=[FRESH], radii=radius, draw_order=22.0), static=True
+        )
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        if self._is_shown:
+            self._log(rec, update, Phase.PREDICT, np.zeros((0, 2), np.float32))
+        injected = update.record.injected
+        self._is_shown = update.whole and injected is not None
+        if self._is_shown:
+            self._log(rec, update, Phase.RESEED, positions(update.record.belief, self._scale)[injected])
+
+    def _log(self, rec: rr.RecordingStream, update: StepUpdate, phase: Phase, places: F32) -> None:
+        set_phase_only(rec, update.moment, phase)
+        rec.log(self._path, rr.Points2D.from_fields(positions=places))
 
 
 def few_of(belief: Belief) -> Belief:
@@ -234,12 +260,12 @@ AROUND = np.linspace(0, 2 * np.pi, 33)
 
 
 class EllipsesPanel(Panel):
-    """Draws the covariance of a recorded localizer's clouds, along the last `TRAIL` poses of its path."""
+    """Draws the covariance of the weighted cloud; of a recorded localizer along its last `TRAIL` poses."""
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        self._path = f"{run.paths.estimate}/ellipses"
-        self._drawn: deque[F32] = deque(maxlen=TRAIL)
+        self._path, self._is_own = run.paths.ellipses, bool(run.distances)
+        self._drawn: deque[F32] = deque(maxlen=1 if self._is_own else TRAIL)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points(0.75)
@@ -247,6 +273,9 @@ class EllipsesPanel(Panel):
         rec.log(self._path, lines, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        if update.whole and self._is_own:
+            set_phase_only(rec, update.moment, Phase.PREDICT)
+            rec.log(self._path, rr.LineStrips2D.from_fields(strips=[]))
         self._drawn.append(ellipse_of(update.record.weighted, self._scale))
         set_phase(rec, update.moment, Phase.WEIGHT)
         rec.log(self._path, rr.LineStrips2D.from_fields(strips=list(self._drawn)))
@@ -323,7 +352,7 @@ def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
     contents = [*MAP, entities.NODES, entities.WEIGHT_KEY, f"{paths.at('belief')}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
-    return map_view(f"Belief: particles by weight ({scene.scale.units.name})", contents, scene)
+    return map_view(f"Belief: particles by weight, rings: modes ({scene.scale.units.name})", contents, scene)
 
 
 def closeup_view(paths: RunPaths, scene: SceneInfo, colors: str = "") -> rrb.Spatial2DView:

@@ -24,11 +24,13 @@ from ..style import COLOR_WORDS, RUN_COLORS, Scale, font_safe
 from ..text.summary import NOT_YET, StepWords, result
 from .belief import PoseMarker, truth_marker
 from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
+from .events import EventLines, line_names
 from .panel import MARKDOWN, place_drawing, set_phase
 from .traces import LINE
 from .views import MAP, Overrides, picture_view, plane_view, plot
 
 LONGEST = 12  # letters of a label in a title of the shared column
+LONGEST_TITLE = 30  # letters for which a small map has room
 DOTS = 200  # per cloud on the shared map: four full clouds would hide each other
 DOT = 1.5  # radius in points of the screen
 
@@ -47,6 +49,8 @@ class ComparisonDrawing:
         self._clouds = {label: entities.cloud_of(label) for label in labels}
         self._truths: dict[str, PoseMarker] = {}  # of other drives
         self._words: StepWords | None = None
+        self._events = EventLines()
+        self._extents: dict[str, tuple[float, float]] = {}  # least and largest value, by plot
 
     def begin(self, arena: Arena, has_truth: bool) -> None:
         self._truths = {
@@ -72,6 +76,7 @@ class ComparisonDrawing:
             if label in self._truths:
                 self._draw_drive(label, own)
         set_phase(self._rec, moment, Phase.ESTIMATE)
+        self._events.see(moment.frame.step, moment.frame.time_s, line_names(moment.events))
         self._draw_lines(pairs)
         for label, pair in pairs.items():
             if pair.event is not None and pair.apart_m is not None:
@@ -81,7 +86,9 @@ class ComparisonDrawing:
         )
 
     def end(self, results: Sequence[RunResult]) -> None:
-        """Log how the runs compare over the drive so far."""
+        """Log how the runs compare over the drive so far, and the log's events in the plots."""
+        for path, (low, high) in self._extents.items():
+            self._events.draw(self._rec, path, low, high)
         text = result(results, self._scale.units)
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
@@ -133,6 +140,11 @@ class ComparisonDrawing:
         for path, values in lines.items():
             if not np.isnan(values).all():
                 self._rec.log(path, rr.Scalars(values))
+                least, most = self._extents.get(path, (0.0, 0.0))
+                self._extents[path] = (
+                    min(least, float(np.nanmin(values))),
+                    max(most, float(np.nanmax(values))),
+                )
 
     def _draw_drive(self, label: str, moment: Moment) -> None:
         draw_jpeg(self._rec, entities.camera_of(label), jpeg(moment.frame.image))
@@ -169,7 +181,10 @@ def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> 
     """Show one run's cloud; the title names the run's color in shared panels."""
     contents = [*MAP, entities.NODES, entities.BELIEF_KEY, f"{RunPaths(run.label).at('belief')}/**"]
     contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
-    name = f"{run.label}, {COLOR_WORDS[number]}: belief ({scene.scale.units.name})"
+    unit = scene.scale.units.name
+    name = f"{run.label}, {COLOR_WORDS[number]}: belief ({unit})"
+    if len(name) > LONGEST_TITLE:
+        name = f"{run.label}, {COLOR_WORDS[number]} ({unit})"
     key = belief_key(count, scene.has_truth)
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
 
@@ -181,7 +196,9 @@ def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DVie
     overrides: Overrides = {}
     for run, color in zip(runs, RUN_COLORS, strict=False):
         estimate = entities.estimate_of(run.label)
-        contents += [entities.cloud_of(run.label), estimate]
+        ellipses, fresh = RunPaths(run.label).ellipses, RunPaths(run.label).fresh
+        contents += [entities.cloud_of(run.label), estimate, ellipses, fresh]
+        overrides[ellipses] = rr.LineStrips2D.from_fields(colors=[color])
         contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
         overrides[estimate] = [
             kind.from_fields(colors=[color]) for kind in (rr.Points2D, rr.Arrows2D, rr.LineStrips2D)

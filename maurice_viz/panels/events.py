@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -14,9 +15,9 @@ from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 
 from ..entities import Phase, RunPaths
-from ..style import ESTIMATE, PALE, RGB, RUN_COLORS, font_safe, packed
+from ..style import ESTIMATE, FRESH, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
-from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only, set_place
 
 PARTLY = " · only partly drawn, see `--detail`"
 
@@ -59,7 +60,8 @@ MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
 
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
 LOST, NEUTRAL = ESTIMATE, PALE
-LEGEND = "green good, orange doubtful, red lost, blue acts"  # a longer one is cut off in narrow columns
+LEGEND = "green good, orange doubtful, red lost, blue acts"
+LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump"
 
 STATUS_COLORS: Mapping[str, RGB] = {
     states.LOCALIZED: GOOD,
@@ -99,6 +101,44 @@ SHORT = {
     kinds.MODE_SWITCH: "switch",
     kinds.SESSION: "log",
 }  # labels of marks, if not the kind's name
+
+
+LINE_COLORS: Mapping[str, RGB] = {
+    kinds.KIDNAPPED: LOST,
+    kinds.LEFT_THE_MAP: LOST,
+    kinds.ALL_WEIGHTS_ZERO: LOST,
+    RESEEDED: FRESH,
+    EXPANDED: FRESH,
+    kinds.LIGHTS_CHANGED: NEUTRAL,
+    "bump": NEUTRAL,
+    "slip": NEUTRAL,
+}  # of the events that are lines in plots
+LINE_WIDTH, GRAVE_WIDTH = 0.8, 2.2  # the wider one is seen under another line at the same step
+
+
+@dataclass(slots=True)
+class EventLines:
+    """Remembers when events were, and draws them as vertical lines into plots at the end of a run."""
+
+    _seen: dict[str, list[tuple[int, float]]] = field(default_factory=dict)  # steps and times, by name
+
+    def see(self, step: int, time_s: float, names: Iterable[str]) -> None:
+        """Remember the events of an update."""
+        for name in set(names) & set(LINE_COLORS):
+            self._seen.setdefault(name, []).append((step, time_s))
+
+    def draw(self, rec: rr.RecordingStream, path: str, low: float, high: float) -> None:
+        """Draw all into the plot of the values at `path`, from the lowest to the highest."""
+        for name, places in self._seen.items():
+            line = f"{path}/events/{name}"
+            label, color = SHORT.get(name, name), LINE_COLORS[name]
+            width = GRAVE_WIDTH if color == LOST else LINE_WIDTH
+            look = rr.SeriesLines(names=[label], colors=[color], widths=[width], aggregation_policy="off")
+            rec.log(line, look, static=True)
+            for step, time_s in places:
+                set_place(rec, step, time_s, Phase.ESTIMATE)
+                for value in (low, high, np.nan):  # the last parts it from the next line
+                    rec.log(line, rr.Scalars(value))
 
 
 @dataclass(slots=True)
@@ -145,7 +185,7 @@ class EventsPanel(Panel):
         shown = [event for event in update.events if not event.is_routine]
         self._noticed.draw(rec, step, [event.kind for event in shown])
         if self._log is not None:
-            self._log.draw(rec, step, [_log_name(event) for event in shown])
+            self._log.draw(rec, step, [name_of(event) for event in shown])
 
 
 def hold_for(updates: int) -> int:
@@ -171,12 +211,20 @@ def events_view(labels: Sequence[str], title: str = "Events", brief: bool = Fals
     """
     runs = [RunPaths(label) for label in labels]
     contents = [status_path(paths) if brief else f"{paths.at('events')}/**" for paths in runs]
-    return rrb.StateTimelineView(name=f"{title}: {LEGEND}", origin="/", contents=[*contents, LOG_LANE])
+    return rrb.StateTimelineView(
+        name=f"{title}: {LEGEND}; {LINES_LEGEND}", origin="/", contents=[*contents, LOG_LANE]
+    )
 
 
-def _log_name(event: RunEvent) -> str:
+def name_of(event: RunEvent) -> str:
+    """Return an event's kind; of what else the log says its first word, where lanes know it."""
     first = event.text.split(" ")[0]
     return first if event.kind == kinds.SESSION and first in LOG_COLORS else event.kind
+
+
+def line_names(texts: tuple[str, ...]) -> list[str]:
+    """Return the names of what a log says at an update."""
+    return [name_of(RunEvent(0, 0.0, kind, text)) for kind, text in kinds.logged(texts)]
 
 
 def _configure(rec: rr.RecordingStream, path: str, colors: Mapping[str, RGB]) -> None:

@@ -103,9 +103,14 @@ class Panel:
 
 def set_phase(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> None:
     """Set all three timelines to one phase of one update."""
-    rec.set_time(STEP, sequence=moment.frame.step)
-    rec.set_time(SESSION, duration=moment.frame.time_s)
-    rec.set_time(PHASE, sequence=phase_number(moment.frame.step, phase))
+    set_place(rec, moment.frame.step, moment.frame.time_s, phase)
+
+
+def set_place(rec: rr.RecordingStream, step: int, time_s: float, phase: Phase) -> None:
+    """Set all three timelines to one phase of the update of this number and time."""
+    rec.set_time(STEP, sequence=step)
+    rec.set_time(SESSION, duration=time_s)
+    rec.set_time(PHASE, sequence=phase_number(step, phase))
 
 
 def set_phase_only(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> None:

@@ -19,7 +19,7 @@ from .. import style
 from ..drawing.bars import strips_of
 from ..drawing.canvas import Extent, png, put_text, text_size
 from ..entities import Phase, RunPaths
-from ..style import heading_vector
+from ..style import Scale, heading_vector
 from .belief import copies_of, positions
 from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 from .views import plane_view, plot
@@ -121,10 +121,13 @@ TIMES = (
 MODES_MARGIN = (6.0, 3.5, 1.5, 3.5)  # left, right, top, bottom of the drawing, in columns
 FRAME_PX = 16  # pixels a column of the frame's drawing
 MODES_TEXT_PX = 18.0
+RING_PT = 1.0
+AROUND = np.linspace(0, 2 * np.pi, 49)
+CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 
 
 class ModesPanel(Panel):
-    """Draws the bands of one run."""
+    """Draws the bands of one run, and a ring of the same color around each mode on the map."""
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
@@ -135,11 +138,28 @@ class ModesPanel(Panel):
         place_drawing(rec, f"{self._paths.modes}/frame", frame(), (-left, -top), 1 / FRAME_PX, -20.0)
         kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
         rec.log(f"{self._paths.modes}/bands", kind, static=True)
+        rings = rr.LineStrips2D.from_fields(radii=rr.components.Radius.ui_points(RING_PT), draw_order=44.0)
+        rec.log(self._paths.mode_rings, rings, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         self._past.append(update.modes)
+        if update.whole:
+            set_phase_only(rec, update.moment, Phase.PREDICT)
+            rec.log(self._paths.mode_rings, rr.LineStrips2D.from_fields(strips=[], colors=[]))
         set_phase(rec, update.moment, Phase.WEIGHT)
+        rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale))
         rec.log(f"{self._paths.modes}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
+
+
+def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> rr.LineStrips2D:
+    """Return a ring around every mode that has a row of the bands: its area is the mode's share."""
+    seen = [mode for mode in modes if round(mode.estimate.mass * ROWS)]
+    reach_m = [mode.estimate.radii.cluster_m * np.sqrt(mode.estimate.mass) for mode in seen]
+    rings = [mode.estimate.pose[:2] + reach * CIRCLE for mode, reach in zip(seen, reach_m, strict=True)]
+    return rr.LineStrips2D.from_fields(
+        strips=[scale.screen(ring) for ring in rings],
+        colors=[style.mode_color(mode.identity) for mode in seen],
+    )
 
 
 def frame() -> U8:
@@ -174,7 +194,7 @@ def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:
         for mode in sorted(modes, key=lambda mode: mode.identity):
             base, mass = mass, mass + mode.estimate.mass
             rows = slice(ROWS - round(mass * ROWS), ROWS - round(base * ROWS))
-            image[rows, UPDATES_SEEN - 1 - ago] = style.MODE_COLORS[mode.identity % len(style.MODE_COLORS)]
+            image[rows, UPDATES_SEEN - 1 - ago] = style.mode_color(mode.identity)
     return image
 
 
@@ -182,7 +202,7 @@ def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
     """Show how the weight was shared among the modes of the last updates."""
     left, right, top, bottom = MODES_MARGIN
     extent = Extent(-left, UPDATES_SEEN + right, -top, ROWS + bottom)
-    return plane_view("Modes: share of the weight (%), a color each", f"{paths.modes}/**", extent)
+    return plane_view("Modes: share of the weight (%), rings on the map", f"{paths.modes}/**", extent)
 
 
 # Ancestry: a copy stands where its parent stood, so lines from parents to children are drawn where they can

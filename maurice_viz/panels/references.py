@@ -221,7 +221,13 @@ def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
 
 
 def _circles_of(paths: RunPaths) -> list[str]:
-    return [f"{paths.at('match')}/**", f"- {paths.contact_sheet}", f"- {paths.best_match}", paths.particles]
+    return [
+        f"{paths.at('match')}/**",
+        f"- {paths.contact_sheet}",
+        f"- {paths.best_match}",
+        paths.particles,
+        paths.fresh,
+    ]
 
 
 def best_references_view(
@@ -235,7 +241,7 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo)
     """Show the likelihood over the map under the cloud, for all channels together and for each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):
-        contents = [*MAP, entities.LIKELIHOOD_KEY, paths.likelihood(channel), paths.particles]
+        contents = [*MAP, entities.LIKELIHOOD_KEY, paths.likelihood(channel), paths.particles, paths.fresh]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else f"Likelihood: {channel} ({scene.scale.units.name})"
         views.append(map_view(title, contents, scene, paths.particles))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, TruthPanel
+from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel, TruthPanel
 from .camera import CameraPanel, FilmstripPanel
 from .events import EventsPanel, WordsPanel
 from .explanation import ExplanationPanel
@@ -26,12 +26,14 @@ OF_THE_SCENE: tuple[PanelMaker, ...] = (
 )  # once for all runs
 OF_A_RUN: tuple[PanelMaker, ...] = (
     CloudPanel,
+    FreshPanel,
     CloseupPanel,
     AncestryPanel,
     MatchCirclesPanel,
     BestReferencesPanel,
     HistogramsPanel,
     EstimatePanel,
+    EllipsesPanel,
     HeadingsPanel,
     ModesPanel,
     TracesPanel,
@@ -42,11 +44,8 @@ OF_A_RUN: tuple[PanelMaker, ...] = (
 OF_REFERENCES: tuple[PanelMaker, ...] = (LikelihoodPanel, FilmstripPanel)  # where the library has entries
 
 
-OF_RECORDED: tuple[PanelMaker, ...] = (EllipsesPanel,)  # where it has none
-
-
 def panels_of(run: DrawnRun) -> list[Panel]:
     """Return the panels of a run."""
     makers = [*(OF_THE_SCENE if run.draws_scene else ()), *OF_A_RUN]
-    makers += OF_REFERENCES if run.library.size else OF_RECORDED
+    makers += OF_REFERENCES if run.library.size else ()
     return [make(run) for make in makers]

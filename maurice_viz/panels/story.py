@@ -15,7 +15,7 @@ from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
 from ..text.verdict import NOTHING_YET, verdict_line
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
-from .traces import LINE, POSITION_ERROR, SPREAD
+from .traces import LINE, POSITION_ERROR, SPREAD, TWO_SIGMA
 from .views import Overrides, picture_view, plot
 
 EVERY = 10  # updates between two points of the limits, which are straight lines
@@ -87,16 +87,18 @@ def errors_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView
     styles: Overrides = {}
     colors = RUN_COLORS if len(runs) > 1 else (RUN_COLORS[0],)
     for run, color in zip(runs, colors, strict=False):
-        error, spread = (RunPaths(run.label).trace(quantity) for quantity in (POSITION_ERROR, SPREAD))
+        trace = RunPaths(run.label).trace
+        error, spread, band = trace(POSITION_ERROR), trace(SPREAD), trace(TWO_SIGMA)
         styles[error] = rr.SeriesLines.from_fields(colors=[color], widths=[LINE])
         styles[spread] = rr.SeriesLines.from_fields(colors=[color], widths=[FAINT])
-        contents += [error, spread] if scene.has_truth else [spread]
+        styles[band] = rr.Measurements.from_fields(colors=[color], widths=[FAINT])
+        contents += [error, band] if scene.has_truth else [spread]
     names = [f"{run.label} {word}" for run, word in zip(runs, COLOR_WORDS, strict=False)]
     who = f": {', '.join(names)}" if len(runs) > 1 else ""
     if not scene.has_truth:
         return plot(f"Spread of the cloud ({unit}){who}", contents, overrides=styles)
     say, radii = scene.scale.say, runs[0].radii
-    what = f"Position error thick, spread thin ({unit}){who}"
+    what = f"Position error thick, spread thin, shaded up to 2 sigma of the belief ({unit}){who}"
     limits = f"gray {say(radii.right_m)}: right below, red {say(radii.lost_m)}: lost above"
     return plot(f"{what}; {limits}", [*contents, LIMITS], overrides=styles)
 

@@ -10,10 +10,11 @@ import rerun.blueprint as rrb
 
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
-from ..entities import Phase, RunPaths
+from ..entities import LIMITS, Phase, RunPaths
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, RGB, RUN_COLORS, font_safe
 from ..text.narration import errors
+from .events import EventLines, name_of
 from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
 from .population import ANCESTORS, SURVIVORS
 from .views import picture_view, plot, plot_of_runs
@@ -21,6 +22,7 @@ from .views import picture_view, plot, plot_of_runs
 POSITION_ERROR = "position_error"
 HEADING_ERROR = "heading_error"
 SPREAD = "spread"
+TWO_SIGMA = "two_sigma"  # a band of twice the spread: the errors that the filter holds for possible
 CONFIDENCE = "confidence"
 EFFECTIVE = "effective_sample"
 TRUTH_RATIO = "truth_over_estimate"
@@ -42,6 +44,7 @@ COLORS: dict[str, RGB] = {
 EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (88, 88, 205))  # of channels, in turn
 ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
 THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
+SHARES = {CONFIDENCE: 1.1, EFFECTIVE: 1.1, SURVIVORS: 1.1, ANCESTORS: 1.1}  # the ends of their scales
 # plots that begin at zero, and how many steps of a scale their smallest panel labels
 LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 
@@ -52,12 +55,20 @@ class TracesPanel(Panel):
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
         self._most: dict[str, float] = {}  # by quantity
+        self._least: dict[str, float] = {}
+        self._events = EventLines()
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         for quantity, color in COLORS.items():
             name = f"{font_safe(self._paths.label)}: {quantity.replace('_', ' ')}"
             style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
             rec.log(self._paths.trace(quantity), style, static=True)
+        band = rr.Measurements.from_fields(
+            names=[f"{font_safe(self._paths.label)}: spread, band to 2 sigma"],
+            colors=[COLORS[SPREAD]],
+            widths=[THIN],
+        )
+        rec.log(self._paths.trace(TWO_SIGMA), band, static=True)
         lines = evidence_lines(tuple(self._run.distances))
         names, colors, widths = (list(part) for part in zip(*lines, strict=True))
         style = rr.SeriesLines(names=names, colors=colors, widths=widths)
@@ -75,23 +86,46 @@ class TracesPanel(Panel):
             distance_m, angle = errors(record.estimate, truth)
             self._log(rec, POSITION_ERROR, scale.length(distance_m))
             self._log(rec, HEADING_ERROR, float(np.degrees(angle)))
-        self._log(rec, SPREAD, scale.length(float(np.hypot(*record.mean_estimate.sd_m))))
+        spread = scale.length(float(np.hypot(*record.mean_estimate.sd_m)))
+        self._log(rec, SPREAD, spread)
+        rec.log(self._paths.trace(TWO_SIGMA), rr.Measurements.from_fields(values=spread, variances=spread**2))
         self._log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
         self._log(rec, CONFIDENCE, record.estimate.confidence)
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
         if np.isfinite(nats).all():  # -inf when no particle was in free space
             rec.log(self._paths.trace(EVIDENCE), rr.Scalars(nats))
+            self._note(EVIDENCE, *nats)
         if self._run.finder is not None:
             self._draw_rank(rec, update, self._run.finder)
+        frame = update.moment.frame
+        self._events.see(frame.step, frame.time_s, map(name_of, update.events))
 
     def finish(self, rec: rr.RecordingStream) -> None:
-        """Log where scales end: only now is the largest value known."""
+        """Log where scales end, and the lines of events: only now is the largest value known."""
         for quantity, most in self._most.items():
             if quantity in LABELED_STEPS:
                 rec.log(top_path(self._paths, quantity), rr.Scalars(round_top(most, LABELED_STEPS[quantity])))
+        for quantity, (low, high) in self._extents().items():
+            self._events.draw(rec, self._paths.trace(quantity), low, high)
+
+    def _extents(self) -> dict[str, tuple[float, float]]:
+        """Return the least and largest value of each plot, where its lines of events end."""
+        found = {quantity: (self._least[quantity], most) for quantity, most in self._most.items()}
+        for quantity, steps in LABELED_STEPS.items():
+            if quantity in found:
+                found[quantity] = 0.0, round_top(found[quantity][1], steps)
+        if POSITION_ERROR in found:  # its plot also has the spread and the limits
+            lost = self._scale.length(self._run.radii.lost_m)
+            found[POSITION_ERROR] = 0.0, max(found[POSITION_ERROR][1], self._most[SPREAD], lost)
+        return found | {quantity: (0.0, top) for quantity, top in SHARES.items()}
+
+    def _note(self, quantity: str, *values: float) -> None:
+        """Remember the extent of a plot."""
+        self._most[quantity] = max(*values, self._most.get(quantity, -np.inf))
+        self._least[quantity] = min(*values, self._least.get(quantity, np.inf))
 
     def _log(self, rec: rr.RecordingStream, quantity: str, value: float) -> None:
-        self._most[quantity] = max(value, self._most.get(quantity, 0.0))
+        self._note(quantity, value)
         rec.log(self._paths.trace(quantity), rr.Scalars(value))
 
     def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate, finder: EntryFinder) -> None:
@@ -102,9 +136,9 @@ class TracesPanel(Panel):
         at_truth, at_estimate = finder.entry_at(truth), finder.entry_at(update.record.estimate.pose)
         if at_truth < 0:
             return
-        rec.log(self._paths.trace(TRUTH_RANK), rr.Scalars(float((logs > logs[at_truth]).sum() + 1)))
+        self._log(rec, TRUTH_RANK, float((logs > logs[at_truth]).sum() + 1))
         if at_estimate >= 0:
-            rec.log(self._paths.trace(TRUTH_RATIO), rr.Scalars(float(logs[at_truth] - logs[at_estimate])))
+            self._log(rec, TRUTH_RATIO, float(logs[at_truth] - logs[at_estimate]))
 
 
 def evidence_lines(channels: tuple[str, ...]) -> list[tuple[str, RGB, float]]:
@@ -134,18 +168,21 @@ def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
     shares = plot("Confidence orange, effective sample blue (share)", both, top=1.1)
     if not scene.has_truth:
         return [plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
-    distances = [paths.trace(POSITION_ERROR), paths.trace(SPREAD)]
+    distances = [paths.trace(POSITION_ERROR), paths.trace(TWO_SIGMA), LIMITS]
     return [
-        plot(f"Position error orange, spread blue ({unit})", distances),
+        plot(f"Position error orange, spread blue, 2 sigma shaded ({unit})", distances),
         plot("Heading error (deg)", [paths.trace(HEADING_ERROR)]),
         shares,
     ]
 
 
 def error_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
-    """Plot the errors of some runs against the truth."""
+    """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
+    unit = scene.scale.units.name
     return [
-        plot_of_runs(POSITION_ERROR, f"Position error ({scene.scale.units.name}){who}", labels),
+        plot_of_runs(
+            POSITION_ERROR, f"Position error, 2 sigma ({unit}){who}", labels, None, TWO_SIGMA, LIMITS
+        ),
         plot_of_runs(HEADING_ERROR, "Heading error (deg)", labels),
     ]
 

@@ -81,7 +81,7 @@ def plot(
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
-        contents=[*contents, *(f"{path}/top" for path in contents)],
+        contents=[f"{path}/**" for path in contents],  # with where its scale ends, and the lines of events
         overrides=overrides,
         axis_y=None if top is None else rrb.ScalarAxis(range=(0.0, top)),
         plot_legend=rrb.PlotLegend(visible=False),
@@ -89,15 +89,24 @@ def plot(
 
 
 def plot_of_runs(
-    quantity: str, name: str, labels: Sequence[str], top: float | None = None
+    quantity: str,
+    name: str,
+    labels: Sequence[str],
+    top: float | None = None,
+    band: str | None = None,
+    *others: str,
 ) -> rrb.TimeSeriesView:
-    """Plot one quantity of several runs, each in its own color."""
-    paths = [RunPaths(label).trace(quantity) for label in labels]
-    colors: Overrides = {
-        path: rr.SeriesLines.from_fields(colors=[color])
-        for path, color in zip(paths, RUN_COLORS, strict=False)
-    }
-    return plot(name, paths, top, colors)
+    """Plot one quantity of several runs, each in its own color, over a band of each; and other lines."""
+    contents, styles = list[str](), Overrides()
+    for label, color in zip(labels, RUN_COLORS, strict=False):
+        path = RunPaths(label).trace(quantity)
+        styles[path] = rr.SeriesLines.from_fields(colors=[color])
+        contents.append(path)
+        if band is not None:
+            around = RunPaths(label).trace(band)
+            styles[around] = rr.Measurements.from_fields(colors=[color])
+            contents.append(around)
+    return plot(name, [*contents, *others], top, styles)
 
 
 def window(

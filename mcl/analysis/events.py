@@ -270,7 +270,7 @@ class EventDetector:
         self.modes = self._tracker.see(record)
         happened = [
             *((BOOKMARK, note) for note in self.bookmarks.get(step, ())),
-            *_logged(moment.events),
+            *logged(moment.events),
             *self._of_filter(step, record),
             *self._judged(moment, record),
         ]
@@ -297,7 +297,7 @@ class EventDetector:
 
     def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
         score = score_step(record.estimate, moment.truth)
-        carried_off = any(kind == KIDNAPPED for kind, _ in _logged(moment.events))
+        carried_off = any(kind == KIDNAPPED for kind, _ in logged(moment.events))
         yield from self._status.see(moment.frame.step, score, carried_off, self.say)
         self.state = self._status.state
         if moment.truth is not None:
@@ -314,7 +314,7 @@ def is_kidnapping(text: str) -> bool:
     return text.split()[:1] != [] and text.split()[0].lower() == KIDNAPPED
 
 
-def _logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     """Yield kind and text of a log's events, by their first word (docs/session-log.md)."""
     kinds = {"kidnapped": KIDNAPPED, "lights": LIGHTS_CHANGED}
     for text in texts:

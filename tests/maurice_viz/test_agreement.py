@@ -17,10 +17,10 @@ from maurice_mcl.records import PICTURE
 from maurice_mcl.session import Moment
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.panels.belief import positions
-from maurice_viz.panels.events import SHORT, noticed_path, status_path
-from maurice_viz.panels.population import outline
+from maurice_viz.panels.events import LINE_COLORS, SHORT, noticed_path, status_path
+from maurice_viz.panels.population import bands, outline
 from maurice_viz.playback import ResultCollector
-from maurice_viz.style import scale_for, weight_colors
+from maurice_viz.style import mode_color, packed, scale_for, weight_colors
 from maurice_viz.text import narration
 
 RUN, STEPS, CARRIED = RunPaths("robust"), 16, 8
@@ -186,6 +186,62 @@ def test_traces_scores_and_verdict_agree(drive):
     fresh = [int(record.injected.sum()) for _, record in played if record.injected is not None]
     assert trouble.recovered is not None
     assert 0 < trouble.fresh <= sum(fresh)
+
+
+def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
+    played, path, scale = drive
+    ellipses = shown(path, RUN.ellipses, "LineStrips2D:strips")
+    rings = shown(path, RUN.mode_rings, "LineStrips2D:strips")
+    colors = shown(path, RUN.mode_rings, "LineStrips2D:colors")
+    fresh = shown(path, RUN.fresh, "Points2D:positions")
+    detector, seen = EventDetector(scale.say), 0
+    for moment, record in played:
+        detector.see(moment, record)
+        modes = [mode for mode in detector.modes if round(24 * mode.estimate.mass)]
+        for phase in Phase:
+            number, weighed = PHASES_PER_STEP * moment.frame.step + phase, phase >= Phase.WEIGHT
+            assert len(ellipses[number]) == weighed
+            assert len(rings[number]) == len(colors[number]) == (len(modes) if weighed else 0)
+            is_fresh = record.injected is not None and phase >= Phase.RESEED
+            expected = positions(record.belief, scale)[record.injected] if is_fresh else np.zeros((0, 2))
+            assert np.asarray(fresh[number] or []).reshape(-1, 2) == pytest.approx(expected, abs=1e-3)
+            seen += is_fresh
+        (ellipse,) = ellipses[PHASES_PER_STEP * moment.frame.step + Phase.WEIGHT]
+        wide, high = np.ptp(np.array(ellipse), axis=0)
+        sd = np.array([scale.length(one) for one in record.mean_estimate.sd_m])
+        assert (wide, high) == pytest.approx(4 * sd, rel=0.02, abs=0.1)
+        number = PHASES_PER_STEP * moment.frame.step + Phase.WEIGHT
+        for mode, ring, color in zip(modes, rings[number], colors[number], strict=True):
+            middle = np.array(ring)[:-1].mean(axis=0)
+            assert middle == pytest.approx(scale.screen(mode.estimate.pose[None])[0], abs=0.05)
+            assert color == packed(mode_color(mode.identity))
+        bands_now = {tuple(pixel) for pixel in bands([detector.modes])[:, -1].tolist()}
+        assert {mode_color(mode.identity) for mode in modes} <= bands_now
+    assert seen > 0
+
+
+def test_band_and_lines_of_events_are_those_of_the_records(drive):
+    played, path, scale = drive
+    spread = np.array([scale.length(narration.spread_m(record.weighted)) for _, record in played])
+    band = recordings.having(recordings.rows(path, RUN.trace("two_sigma")), "Measurements:values")
+    middle, variance = (
+        np.array([row.values[f"Measurements:{name}"][0] for row in band]) for name in ("values", "variances")
+    )
+    assert middle == pytest.approx(spread, rel=1e-5)
+    assert middle + np.sqrt(variance) == pytest.approx(2 * spread, rel=1e-5)
+    detector, expected = EventDetector(scale.say), defaultdict(list)
+    for moment, record in played:
+        for event in detector.see(moment, record):
+            if event.kind in LINE_COLORS:
+                expected[event.kind].append(event.step)
+    assert {"kidnapped", "reseeded"} <= set(expected)
+    for quantity in ("position_error", "heading_error", "spread", "confidence", "evidence", "survivors"):
+        for kind, steps in expected.items():
+            lines = recordings.rows(path, f"{RUN.trace(quantity)}/events/{kind}")
+            assert [row.step for row in lines] == [step for step in steps for _ in range(3)]
+            low, high, between = (row.values["Scalars:scalars"][0] for row in lines[:3])
+            assert low < high
+            assert np.isnan(between)
 
 
 def test_lanes_are_what_the_detector_says(drive):

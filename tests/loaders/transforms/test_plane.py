@@ -158,7 +158,9 @@ def test_a_frame_with_y_up_whose_bodies_have_y_up_is_not_mirrored_if_said(
 
 @pytest.mark.parametrize("body", ["robot", "camera"])
 @pytest.mark.parametrize(("world", "name"), [("y up", "zx"), ("camera", "xz"), ("x up", "yz")])
-def test_a_named_side_agrees_with_what_the_bodies_show(world: str, name: str, body: str, tmp_path: Path) -> None:
+def test_a_named_side_agrees_with_what_the_bodies_show(
+    world: str, name: str, body: str, tmp_path: Path
+) -> None:
     path = tum(tmp_path, in_space(world, drive(), body))
     found, named = truths(path), truths(path, ReadingOptions(plane=name))
     apart = np.hypot(*(found[:, None, :2] - found[None, :, :2]).T)

@@ -56,7 +56,7 @@ def test_titles_have_units_and_are_unique():
     assert any("Edges" in t and "px" not in t for t in titles(overview_of(BLENDED, shown())))
     found = titles(rrb.Blueprint(several_runs.compare([COLOR, BLENDED], shown())))
     assert found.count("Camera (px)") == 1
-    assert found.count("Position error (in)") == 1
+    assert found.count("Position error, 2 sigma (in)") == 1
 
 
 def test_map_views_hold_the_arena_and_leave_keys_out():
@@ -70,6 +70,18 @@ def test_map_views_hold_the_arena_and_leave_keys_out():
             assert entities.MATCH_KEY not in list(view.contents)
         if "circles" in str(view.name):
             assert entities.WEIGHT_KEY not in list(view.contents)
+
+
+def test_recorded_localizers_are_compared_on_one_map():
+    runs = [RunView("amcl", ()), RunView("particle_cloud_of_nav2", ())]
+    compared = runs_blueprint(runs, shown()).root_container.contents[0]
+    assert str(compared.name) == "compare"
+    found = [str(view.name) for view in views(compared)]
+    assert found.count("All runs on one map (in)") == 1
+    assert "amcl, orange: belief (in)" in found
+    assert "particle_cloud_of_nav2, sky blue (in)" in found
+    assert {"Position error, 2 sigma (in)", "Distance to amcl (in)", "This step"} <= set(found)
+    assert "All runs on one map (in)" not in titles(runs_blueprint(runs[:1], shown()))
 
 
 @pytest.mark.parametrize("has_truth", [True, False])
