@@ -2,8 +2,7 @@
 
 Colors can be distinguished with color-vision deficiencies: viridis for weights, and for the rest the set of
 Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
-have the viewer's, dark or light, so that what is drawn in them must be seen on both: `RUN_COLORS`, `BAR`,
-`TINTS`.
+have the viewer's, dark or light, so that what is drawn in them must be seen on both: `RUN_COLORS` and `BAR`.
 
 The viewer's font (Inter) has Latin, Greek and Cyrillic letters and many signs. For anything else its window
 shows boxes, and without a screen it stops altogether (0.41), so that one Chinese letter in a label would
@@ -51,7 +50,6 @@ HEADINGS: RGB = (86, 180, 233)
 RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (204, 121, 167), (0, 158, 115))
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
 RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
-TINTS: tuple[RGBA, ...] = ((60, 120, 210, 64), (190, 130, 20, 64), (40, 150, 100, 64), (170, 70, 150, 64))
 PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
 
 FAR_M = 10_000.0  # beyond it float32 screen coordinates get coarse, so the map's middle becomes their zero

@@ -4,4 +4,6 @@ canvas         texts on pixel images, their encoding, and the ground of a map: f
 keys           legends, as strips above a map or beside a plot
 contact_sheet  the five best references as one picture
 bars           bar charts of descriptors, and arrays for Rerun without a Python loop
+heat           heat maps of two-dimensional histograms
+reference_chart  what a reference loses, by channel and element
 """

@@ -51,9 +51,12 @@ def jpeg(image: U8, quality: int = JPEG_QUALITY) -> bytes:
     return _encoded(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
-def png(image: U8) -> bytes:
+QUICK = 1  # level of compression for what is drawn at every update
+
+
+def png(image: U8, level: int | None = None) -> bytes:
     """Encode a drawing (H, W, 3) RGB without loss."""
-    return _encoded(".png", image, [])
+    return _encoded(".png", image, [] if level is None else [cv2.IMWRITE_PNG_COMPRESSION, level])
 
 
 def _encoded(suffix: str, image: U8, options: list[int]) -> bytes:

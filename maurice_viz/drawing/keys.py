@@ -107,7 +107,7 @@ def explain_key(has_truth: bool) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
     truth = [_arrow(style.TRUTH), _text("truth  ")] if has_truth else []
     estimate = [_arrow(style.ESTIMATE), _text("estimate  ")]
-    arrows = [_text("references: "), *truth, *estimate, _arrow(style.RANK), _text("best match  ")]
+    arrows = [_text("references: "), *truth, *estimate, _arrow(style.RANK), _text("winner  ")]
     arrows += [_ring(style.ESTIMATE), _text("2 sigma of the cloud")]
     return _rows(_joined(*_circles()), _joined(*arrows))
 

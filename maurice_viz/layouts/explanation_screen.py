@@ -1,4 +1,4 @@
-"""One update explained at full size, as a recording of its own: full pictures, one chart per channel."""
+"""One update explained at full size, as a recording of its own: full pictures and charts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from maurice_mcl.analysis.explanation import (
     ESTIMATE,
     TRUTH,
     WINNER,
-    ChannelExplanation,
     Explained,
     StepExplanation,
 )
@@ -21,38 +20,35 @@ from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.edges import edge_image
-from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.session import Moment
 
 from .. import entities
-from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, SMALLEST, bands_of
-from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, long_side, put_text
+from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, long_side, png, put_text
 from ..drawing.contact_sheet import NOT_KEPT, read_picture
+from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
 from ..panels.belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
 from ..panels.camera import camera_view, draw_camera, edges_view, prepare_camera
-from ..panels.explanation import ARROW, COLORS, OUTSIDE, figures_view, labels_on_map
+from ..panels.explanation import ARROW, COLORS, OUTSIDE, figures_view, headline, labels_on_map
 from ..panels.panel import MARKDOWN, set_phase
 from ..panels.references import MatchCircles
-from ..panels.views import MAP, bars_view, map_view, picture_view, window
+from ..panels.views import MAP, map_view, picture_view, window
 from ..panels.world import draw_world
 from ..scene import SceneInfo
-from ..style import BAR, MISSING, PALE, Scale
+from ..style import MISSING, PALE, Scale
 from ..text.explanation import say_step
-from ..text.explanation_table import markdown_table
+from ..text.explanation_table import markdown_table, winner_first
 
 GRAY = (144, 176)  # rows and columns of the gray picture in place of a missing one
-WHO = {TRUTH: "Truth's", ESTIMATE: "Estimate's", WINNER: "Winner", ASKED: "Asked for"}
+WHO = {TRUTH: "Truth's", ESTIMATE: "Estimate's", WINNER: "Best match", ASKED: "Asked for"}
+ROWS = [0.9, 0.9, 1.35]  # shares of picture, edges and chart in a column
+FINE_PX = (640, 600)  # width and height of a chart
 NOTES = """
-**Columns**: the references nearest to truth and estimate, and the winner, which matches best.
+**Map**: circles are references, smaller the less likely (a dot: 8 or more nats below the best);
+particles pale, truth a white disk, estimate an orange one.
 
-**Map**: particles white, truth a white disk, estimate an orange one.
-
-**Descriptors**: the picture's blue, the reference's orange; bins of red, green and blue on
-grounds of their color.
-
-**Nats**: what each element costs. All bars of a reference, over all channels, add up to minus its
-log-likelihood. One nat less is 2.7 times less likely.
+**Charts**: the bar adds up to minus the log-likelihood; one nat less is 2.7 times less likely. Below
+it each channel's descriptor and what its elements cost.
 
 **Rank** 1 is the nearest, **quality** 0 the worst for this picture, **D** the channel's own distance.
 """
@@ -90,12 +86,13 @@ def draw_explanation(rec: rr.RecordingStream, paths: RunPaths, update: Explained
     _draw_map(rec, paths, update)
     for explained in update.step.shown:
         _draw_pictures(rec, paths, explained, update.library)
-        for number, channel in enumerate(update.step.channels):
-            _draw_charts(rec, paths, explained, number, channel, update)
-    words = "\n\n".join([f"**Step {update.step.step}**", *say_step(update.step, update.scale)])
+    _draw_charts(rec, paths, update.step)
+    sentences = say_step(update.step, update.scale)
+    words = "\n\n".join([f"## {headline(update.step)}", f"**Step {update.step.step}**", *sentences])
     rec.log(paths.explain("notes"), rr.TextDocument(NOTES, media_type=MARKDOWN))
     rec.log(paths.explain("words"), rr.TextDocument(words, media_type=MARKDOWN))
-    table = markdown_table(update.step, update.scale, costliest_first(update.step))
+    step = winner_first(update.step)
+    table = markdown_table(step, update.scale, costliest_first(step))
     rec.log(paths.explain("table"), rr.TextDocument(table, media_type=MARKDOWN))
 
 
@@ -156,57 +153,28 @@ def _gray(words: str) -> U8:
     return gray
 
 
-def _draw_charts(
-    rec: rr.RecordingStream,
-    paths: RunPaths,
-    explained: Explained,
-    number: int,
-    channel: str,
-    update: ExplainedUpdate,
-) -> None:
-    """Log one channel's bars of one reference; charts of a channel are equally high for all references."""
-    found = [e.entry.channels[number] for e in update.step.shown if e.entry is not None]
-    mine = None if explained.entry is None else explained.entry.channels[number]
-    top = max(float(max(c.sample.max(), c.reference.max())) for c in found)
-    most = max(float(c.nats.max()) for c in found)
-    for kind, height in (("descriptor", top), ("cost", most)):
-        path = paths.explain(explained.who, channel, kind)
-        for plane, color in enumerate(bands_of(len(found[0].sample))):
-            ground = [max(height, SMALLEST)]
-            band = rr.BarChart(ground, abscissa=[float(plane)], widths=[1.0], color=color)
-            rec.log(f"{path}/ground/{plane}", band)
-    if mine is not None:
-        _draw_bars(rec, paths, explained.who, mine)
-
-
-def _draw_bars(rec: rr.RecordingStream, paths: RunPaths, who: str, mine: ChannelExplanation) -> None:
-    size = len(mine.sample)
-    one = len(bands_of(size)) / size
-    lefts = np.arange(size, dtype=np.float32) * np.float32(one)
-    wide = np.full(size, one, np.float32)
-    descriptor = paths.explain(who, mine.channel, "descriptor")
-    for name, values, color, offset, width in (
-        ("reference", mine.reference, REFERENCE, *REFERENCE_BAR),
-        ("sample", mine.sample, SAMPLE, *SAMPLE_BAR),
-    ):
-        at = lefts + np.float32(offset * one)
-        bars = rr.BarChart(values, abscissa=at, widths=wide * np.float32(width), color=color)
-        rec.log(f"{descriptor}/{name}", bars)
-    cost = rr.BarChart(mine.nats, abscissa=lefts, widths=wide, color=BAR)
-    rec.log(f"{paths.at('explain', who, mine.channel, 'cost')}/nats", cost)
+def _draw_charts(rec: rr.RecordingStream, paths: RunPaths, step: StepExplanation) -> None:
+    """Log the chart of each reference, all on one scale, and their key."""
+    scale = scale_of([e.entry for e in step.shown if e.entry is not None])
+    charts = {e.who: draw_reference_chart(e.entry, scale, FINE_PX) for e in step.shown}
+    for who, chart in charts.items():
+        rec.log(paths.explain(who, "chart"), rr.EncodedImage(contents=png(chart), media_type="image/png"))
+    key = rr.EncodedImage(contents=png(draw_chart_key(FINE_PX)), media_type="image/png")
+    rec.log(paths.explain("key"), key)
 
 
 def explanation_blueprint(paths: RunPaths, step: StepExplanation, scene: SceneInfo) -> rrb.Blueprint:
-    """Lay out map, camera and words left; a column a reference right, over the table of their figures."""
+    """Lay out map and words left; camera and references as columns right, over the table of their figures."""
     left = rrb.Vertical(
         _map_view(paths, scene),
-        rrb.Horizontal(camera_view(), edges_view()),
-        rrb.TextDocumentView(name="Why the winner wins", origin=paths.explain("words")),
-        row_shares=[1.7, 0.85, 2.3],
+        rrb.TextDocumentView(name="Why the best match wins", origin=paths.explain("words")),
+        row_shares=[1, 1.1],
     )
     notes = rrb.TextDocumentView(name="How to read this", origin=paths.explain("notes"))
-    below = rrb.Horizontal(figures_view(paths), notes, column_shares=[0.7 * len(step.shown), 1])
-    columns = rrb.Horizontal(*(_column(paths, one, step) for one in step.shown))
+    figures = figures_view(paths, "nats lost · distance D · quality · rank")
+    below = rrb.Horizontal(figures, notes, column_shares=[0.7 * len(step.shown), 1])
+    shown = winner_first(step).shown
+    columns = rrb.Horizontal(_camera_column(paths), *(_column(paths, one) for one in shown))
     right = rrb.Vertical(columns, below, row_shares=[24, 8.5 + len(step.channels)])
     return window(rrb.Horizontal(left, right, column_shares=[1, 2.1]))
 
@@ -218,20 +186,19 @@ def _map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     return map_view(name, contents, scene, paths.particles)
 
 
-def _column(paths: RunPaths, explained: Explained, step: StepExplanation) -> rrb.Vertical:
-    """Show one reference; the channel that costs most has the first tab, the same in all columns."""
-    who, channels = explained.who, [step.channels[k] for k in costliest_first(step)]
+def _camera_column(paths: RunPaths) -> rrb.Vertical:
+    """Show what the robot saw, over the key of the charts beside it."""
+    key = picture_view("Key of the charts", paths.explain("key"))
+    return rrb.Vertical(camera_view(), edges_view(), key, row_shares=ROWS)
+
+
+def _column(paths: RunPaths, explained: Explained) -> rrb.Vertical:
+    """Show one reference: its picture, its edges, and what its channels lose."""
+    who = explained.who
     entry = "none" if explained.entry is None else f"entry {explained.entry.entry}"
-    units = [CHANNELS[c].unit if c in CHANNELS else "its own unit" for c in channels]
-    descriptors = [
-        bars_view(f"{c} ({unit})", [paths.explain(who, c, "descriptor")])
-        for c, unit in zip(channels, units, strict=True)
-    ]
-    costs = [bars_view(f"{c}, nats", [paths.explain(who, c, "cost")]) for c in channels]
     return rrb.Vertical(
         picture_view(f"{WHO[who]}: {entry}", paths.explain(who, "picture")),
         picture_view(f"Its edges x {EDGE_GAIN}", paths.explain(who, "edges")),
-        rrb.Tabs(*descriptors, active_tab=0),
-        rrb.Tabs(*costs, active_tab=0),
-        row_shares=[0.9, 0.9, 1.2, 1.2],
+        picture_view("What it loses (nats)", paths.explain(who, "chart")),
+        row_shares=ROWS,
     )

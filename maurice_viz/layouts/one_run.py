@@ -11,12 +11,12 @@ from ..panels.belief import belief_view, closeup_view
 from ..panels.camera import camera_view, edges_view, filmstrip_view
 from ..panels.events import words_view
 from ..panels.explanation import (
-    card_view,
+    CAMERA_CARD,
+    column_view,
     columns_of,
-    costs_view,
-    descriptors_view,
     figures_view,
     references_map_view,
+    sentence_view,
 )
 from ..panels.histograms import difference_views, histogram_views
 from ..panels.population import ancestry_plot, headings_view, modes_view
@@ -25,8 +25,7 @@ from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
 from ..scene import RunView, SceneInfo
 from .story import over_events
 
-LEFT_SHARE = 1.9  # how much higher than the words a square map is
-FEW_CHANNELS = 4  # with more, the table gets more of the screen
+LEFT_SHARE = 1.45  # how much higher than the figures a square map is
 
 
 def overview(run: RunView, scene: SceneInfo) -> rrb.Vertical:
@@ -82,20 +81,17 @@ def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Vertical:
 
 
 def explain(run: RunView, scene: SceneInfo) -> rrb.Vertical:
-    """Lay out the map and the words left; the references, their charts and their figures right."""
-    paths, whose = RunPaths(run.label), columns_of(scene.has_truth)
+    """Lay out the map and the figures left; the sentence right, over camera and references side by side."""
+    paths = RunPaths(run.label)
     extent = map_extent(scene.arena, scene.scale)
     map_share = float(np.clip(LEFT_SHARE * extent.height / extent.width, 1.0, 2.6))  # as its shape needs
-    left = rrb.Vertical(references_map_view(paths, scene), words_view(paths), row_shares=[map_share, 1])
-    seen = rrb.Vertical(camera_view(), edges_view())
-    right = rrb.Vertical(
-        rrb.Horizontal(seen, *(card_view(paths, who) for who in whose)),
-        descriptors_view(paths, whose),
-        costs_view(paths, run.channels),
-        figures_view(paths),
-        row_shares=[1.2, 0.5, 0.6, 1.32 + 0.19 * max(len(run.channels) - FEW_CHANNELS, 0)],
+    table_share = 0.55 + 0.1 * len(run.channels)
+    left = rrb.Vertical(
+        references_map_view(paths, scene), figures_view(paths), row_shares=[map_share, table_share]
     )
-    return over_events(rrb.Horizontal(left, right, column_shares=[1, 1.9]), [run])
+    columns = [column_view(paths, who) for who in (CAMERA_CARD, *columns_of(scene.has_truth))]
+    right = rrb.Vertical(sentence_view(paths), rrb.Horizontal(*columns), row_shares=[1, 2.6])
+    return over_events(rrb.Horizontal(left, right, column_shares=[1, 1.6]), [run])
 
 
 def recorded(run: RunView, scene: SceneInfo) -> rrb.Vertical:

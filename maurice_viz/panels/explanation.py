@@ -1,7 +1,8 @@
-"""The explanation of a step: the references that matter, side by side.
+"""The explanation of a step: camera and the references that matter, side by side.
 
-Columns are the reference nearest to the truth (where it is known), the one nearest to the estimate, and the
-winner. A chart has one color, so channels are distinguished by tints behind the bars, in the table's order.
+Columns are the camera, the winner, which matches best, the reference nearest to the truth (where it is
+known), and the one nearest to the estimate. Under each picture are its edges and a chart of what its
+channels lose.
 """
 
 from __future__ import annotations
@@ -24,40 +25,38 @@ from maurice_mcl.analysis.explanation import (
     StepExplanation,
     explain_step,
 )
-from maurice_mcl.arrays import F32, U8
+from maurice_mcl.arrays import U8
 from maurice_mcl.sensor.descriptors.edges import edge_image
 from maurice_mcl.sensor.model import SensorModel
 
 from .. import entities
 from .. import style as look
-from ..drawing.bars import REFERENCE, REFERENCE_BAR, SAMPLE, SAMPLE_BAR, Bars, bars_for, place_bars, tensor_of
-from ..drawing.canvas import brightened, jpeg, put_text, text_size
+from ..drawing.canvas import QUICK, brightened, jpeg, png, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
 from ..drawing.keys import explain_key
+from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
-from ..style import BAR, GROUND, MISSING, PALE, RANK, RGB, TINTS
-from ..text.explanation import say_behind
-from ..text.explanation_table import markdown_table
+from ..style import GROUND, MISSING, PALE, RANK, RGB
+from ..text.explanation import say_step
+from ..text.explanation_table import brief_table, winner_first
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
-from .views import MAP, bars_view, map_view, picture_view
+from .views import MAP, map_view, picture_view
 
 COLORS: dict[str, RGB] = {TRUTH: look.TRUTH, ESTIMATE: look.ESTIMATE, WINNER: RANK, ASKED: (86, 180, 233)}
 NAMES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
 OUTSIDE = "outside free space"
 NOT_KNOWN = "truth not known here"
-KINDS = ("sample", "reference", "cost")  # of bars
 
 Column = tuple[str, Explained | None]  # which reference; None: the truth is not known at this update
 
 
 def columns_of(has_truth: bool) -> tuple[str, ...]:
     """Return the references that have a column."""
-    return (TRUTH, ESTIMATE, WINNER) if has_truth else (ESTIMATE, WINNER)
+    return (WINNER, TRUTH, ESTIMATE) if has_truth else (WINNER, ESTIMATE)
 
 
-FOOT_NATS = 0.3  # height of the tints in the chart of costs; higher bars make the chart grow
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
 THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
 LEFT_OUT = "Not drawn at this update (`--detail`)."
@@ -66,10 +65,13 @@ CARD_PX = 120  # width: with 144 px three of them were 16 kB an update
 CARD_GAP_PX = 4  # between picture and edges
 CARD_QUALITY = 60  # 3.8 kB a card; edges are most of it
 CARD_TEXT_PX = 9.0
-CARD_TITLES = {TRUTH: "Truth's reference", ESTIMATE: "Estimate's reference", WINNER: "Winning reference"}
-MOST_NAMED = 6  # channels that a title lists
-LOSES = "of each channel: nats it loses · distance D · quality · rank"
-SIDES = {2: "left {}, right {}", 3: "left {}, middle {}, right {}"}
+CAMERA_CARD = "camera"
+CARD_TITLES = {
+    CAMERA_CARD: "Camera, edges",
+    WINNER: "Best match (winner)",
+    TRUTH: "Truth's reference",
+    ESTIMATE: "Estimate's reference",
+}
 
 
 class ExplanationPanel(Panel):
@@ -88,12 +90,18 @@ class ExplanationPanel(Panel):
             )
             return
         whose = columns_of(self._has_truth)
-        rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        for who in whose:
+        for part in ("table", "words"):
+            rec.log(self._paths.explain(part), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
+        for who in (CAMERA_CARD, *whose):
             prepare_jpeg(rec, self._paths.explain("card", who), order=-10.0)
-        _prepare_charts(rec, self._paths, self._references.bars, len(whose))
-        thick = rr.components.Radius.ui_points(THICKNESS[-len(whose) :])
-        colors = [COLORS[who] for who in whose]
+        for who in whose:
+            chart = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
+            rec.log(self._paths.explain("chart", who), chart, static=True)
+        key = rr.EncodedImage(contents=png(draw_chart_key()), media_type="image/png")
+        rec.log(self._paths.explain("key"), key, static=True)
+        arrows = (*whose[1:], whose[0])  # the winner's, the thinnest, is on top
+        thick = rr.components.Radius.ui_points(THICKNESS[-len(arrows) :])
+        colors = [COLORS[who] for who in arrows]
         style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
         rec.log(self._paths.explain("marks"), style, static=True)
 
@@ -101,28 +109,39 @@ class ExplanationPanel(Panel):
         record, references = update.record, self._references
         if not update.whole or references is None or not len(record.sighting.comparison.quality):
             return
-        step = explain_step(record, references.sensor, update.moment.truth if self._has_truth else None)
+        truth = update.moment.truth if self._has_truth else None
+        step = winner_first(explain_step(record, references.sensor, truth))
         shown = [(who, step.of(who)) for who in columns_of(self._has_truth)]
         set_phase(rec, update.moment, Phase.ESTIMATE)
-        for who, explained in shown:
-            card = references.card(explained)
+        cards = [(who, references.card(explained)) for who, explained in shown]
+        for who, card in [(CAMERA_CARD, references.card_of_camera(update.moment.frame.image)), *cards]:
             if self._cards.get(who) != card:  # most of the size, and it often stays
                 draw_jpeg(rec, self._paths.explain("card", who), card)
                 self._cards[who] = card
-        _draw_charts(rec, self._paths, references.bars, step, shown)
-        self._draw_marks(rec, shown, references.sensor)
-        text = f"{headline(step)}\n\n{markdown_table(step, self._scale)}"
-        rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(text=text))
+        self._draw_charts(rec, shown)
+        self._draw_marks(rec, [*shown[1:], shown[0]], references.sensor)
+        words = "\n\n".join([f"## {headline(step)}", *say_step(step, self._scale)[1:]])
+        for part, text in (("words", words), ("table", brief_table(step, self._scale))):
+            rec.log(self._paths.explain(part), rr.TextDocument.from_fields(text=text))
 
     def clear(self, rec: rr.RecordingStream) -> None:
         if self._references is None:
             return
-        charts = [self._paths.explain("chart", kind) for kind in KINDS]
-        cards = [self._paths.explain("card", who) for who in columns_of(self._has_truth)]
+        whose = columns_of(self._has_truth)
+        charts = [self._paths.explain("chart", who) for who in whose]
+        cards = [self._paths.explain("card", who) for who in (CAMERA_CARD, *whose)]
         for path in (*charts, *cards, self._paths.explain("marks")):
             rec.log(path, rr.Clear(recursive=False))
-        rec.log(self._paths.explain("table"), rr.TextDocument.from_fields(text=LEFT_OUT))
+        for part in ("table", "words"):
+            rec.log(self._paths.explain(part), rr.TextDocument.from_fields(text=LEFT_OUT))
         self._cards.clear()
+
+    def _draw_charts(self, rec: rr.RecordingStream, shown: Sequence[Column]) -> None:
+        entries = [None if explained is None else explained.entry for _, explained in shown]
+        scale = scale_of([entry for entry in entries if entry is not None])
+        for (who, _), entry in zip(shown, entries, strict=True):
+            chart = png(draw_reference_chart(entry, scale), QUICK)
+            rec.log(self._paths.explain("chart", who), rr.EncodedImage.from_fields(blob=chart))
 
     def _draw_marks(self, rec: rr.RecordingStream, shown: Sequence[Column], sensor: SensorModel) -> None:
         entries = [None if explained is None else explained.entry for _, explained in shown]
@@ -137,11 +156,10 @@ class ExplanationPanel(Panel):
 
 
 class _References:
-    """The references of a sensor model, as bars and as cards."""
+    """The references of a sensor model, as cards."""
 
     def __init__(self, sensor: SensorModel) -> None:
         self.sensor = sensor
-        self.bars = bars_for(tuple(sensor.parameters.weights), sensor.library)
         self._thumbnail = cell_height(sensor.library.pictures)
         self._height = max(1, round(CARD_PX * self._thumbnail / CELL_PX))  # of one picture on a card
 
@@ -151,6 +169,10 @@ class _References:
             return blank_card(self._height, NOT_KNOWN if explained is None else OUTSIDE)
         return card_of(self.sensor.library.pictures[explained.entry.entry], self._thumbnail, self._height)
 
+    def card_of_camera(self, image: U8) -> bytes:
+        """Return the card of the camera's picture (H, W, 3)."""
+        return _card(image, round(CARD_PX * image.shape[0] / image.shape[1]))
+
 
 @lru_cache(maxsize=KEPT)
 def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
@@ -158,7 +180,11 @@ def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
     thumbnail = None if path is None else thumbnail_of(path, cell_height)
     if thumbnail is None:
         return blank_card(height, NOT_KEPT)
-    picture = np.asarray(cv2.resize(thumbnail, (CARD_PX, height), interpolation=cv2.INTER_AREA), np.uint8)
+    return _card(thumbnail, height)
+
+
+def _card(image: U8, height: int) -> bytes:
+    picture = np.asarray(cv2.resize(image, (CARD_PX, max(height, 1)), interpolation=cv2.INTER_AREA), np.uint8)
     return jpeg(_stacked(picture, brightened(edge_image(picture))), CARD_QUALITY)
 
 
@@ -178,48 +204,6 @@ def _stacked(picture: U8, edges: U8) -> U8:
     return np.concatenate([picture, between, edges])
 
 
-def _prepare_charts(rec: rr.RecordingStream, paths: RunPaths, bars: Bars, blocks: int) -> None:
-    for kind, height in (("tints", 1.0), ("feet", FOOT_NATS)):
-        for number in range(len(bars.channels)):
-            at = np.array([bars.left_of(block) + number for block in range(blocks)], np.float32)
-            tops, wide = np.full(blocks, height, np.float32), np.ones(blocks, np.float32)
-            band = rr.BarChart(tops, abscissa=at, widths=wide, color=TINTS[number % len(TINTS)])
-            rec.log(f"{paths.at('explain', 'chart', kind)}/{number}", band, static=True)
-    lefts = np.concatenate([bars.lefts + bars.left_of(block) for block in range(blocks)])
-    widths = np.tile(bars.widths, blocks)
-    for kind, color, offset, width in (
-        ("reference", REFERENCE, *REFERENCE_BAR),
-        ("sample", SAMPLE, *SAMPLE_BAR),
-        ("cost", BAR, 0.0, 1.0),
-    ):
-        place_bars(rec, paths.explain("chart", kind), color, lefts + offset * widths, width * widths)
-
-
-def _draw_charts(
-    rec: rr.RecordingStream, paths: RunPaths, bars: Bars, step: StepExplanation, blocks: Sequence[Column]
-) -> None:
-    """Log for each reference its descriptors, under those of the picture, and what each element costs."""
-    sample = bars.heights([channel.sample for channel in step.winner.channels])
-    heights = [_block(bars, column) for column in blocks]
-    shown = (
-        np.tile(sample, len(blocks)),
-        np.concatenate([reference for reference, _ in heights]),
-        np.concatenate([cost for _, cost in heights]),
-    )
-    for kind, values in zip(KINDS, shown, strict=True):
-        rec.log(paths.explain("chart", kind), rr.BarChart.from_fields(values=tensor_of(values)))
-
-
-def _block(bars: Bars, column: Column) -> tuple[F32, F32]:
-    _, explained = column
-    if explained is None or explained.entry is None:
-        nothing = np.zeros(len(bars.starts), np.float32)
-        return nothing, nothing
-    channels = explained.entry.channels
-    costs = bars.divided([c.loses for c in channels], [c.contributions for c in channels])
-    return bars.heights([c.reference for c in channels]), costs
-
-
 def labels_on_map(shown: Sequence[Column]) -> list[str]:
     """Return the arrows' labels; arrows of one reference share one, at the last of them: "all" for all."""
     entries = [None if e is None or e.entry is None else e.entry.entry for _, e in shown]
@@ -235,17 +219,17 @@ def labels_on_map(shown: Sequence[Column]) -> list[str]:
 def headline(step: StepExplanation) -> str:
     """Return a sentence or two: which reference wins, and by how much over the one nearest to the truth."""
     winner = step.winner
-    first = f"**Step {step.step}**: entry {winner.entry} matches best of {winner.entries}."
+    first = f"Best match: entry {winner.entry} of {winner.entries}"
     rival = step.of(TRUTH) or step.of(ESTIMATE)
     if rival is None or rival.entry is None:
-        return first
+        return f"{first}."
     of = "truth" if rival.who == TRUTH else "estimate"
     if rival.entry.entry == winner.entry:
-        return f"{first} It is also the reference nearest to the {of}."
+        return f"{first}, which is also the reference nearest to the {of}."
     most, costs = rival.entry.costliest(winner), rival.entry.lost_to(winner)
-    gap = say_behind(rival.entry.behind)
-    second = f"The one nearest to the {of}, entry {rival.entry.entry}, is {gap}"
-    return f"{first} {second}; {float(costs.max()):.1f} of it by {most.channel}."
+    by = f", {costs.max():.1f} by {most.channel}" if len(costs) > 1 else f" by {most.channel}"
+    behind = f"{rival.entry.behind:.1f} nats behind{by}"
+    return f"{first}. {of.capitalize()}'s reference is {behind}."
 
 
 def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
@@ -256,26 +240,22 @@ def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     return map_view(name, contents, scene, key=explain_key(scene.has_truth))
 
 
-def card_view(paths: RunPaths, who: str) -> rrb.Spatial2DView:
-    """Show a reference's picture over its edges."""
-    return picture_view(CARD_TITLES[who], paths.explain("card", who))
+def column_view(paths: RunPaths, who: str) -> rrb.Vertical:
+    """Show a picture over its edges, and under it the chart of the reference, or the key of the charts."""
+    is_camera = who == CAMERA_CARD
+    chart = paths.explain("key") if is_camera else paths.explain("chart", who)
+    return rrb.Vertical(
+        picture_view(CARD_TITLES[who], paths.explain("card", who)),
+        picture_view("Key of the charts" if is_camera else "What it loses (nats)", chart),
+        row_shares=[1.25, 1],
+    )
 
 
-def descriptors_view(paths: RunPaths, whose: Sequence[str]) -> rrb.BarChartView:
-    """Show the descriptors of all references, a block a reference."""
-    sides = SIDES[len(whose)].format(*(NAMES[who] for who in whose))
-    name = f"Descriptors (1: usual top): picture blue, reference orange, both pale; {sides}"
-    return bars_view(name, [paths.explain("chart", kind) for kind in ("tints", "reference", "sample")])
+def sentence_view(paths: RunPaths) -> rrb.TextDocumentView:
+    """Show why the winner wins and where the others lose, in sentences."""
+    return rrb.TextDocumentView(name="Why the best match wins", origin=paths.explain("words"))
 
 
-def costs_view(paths: RunPaths, channels: Sequence[str]) -> rrb.BarChartView:
-    """Show what each element costs each reference."""
-    many = len(channels) > MOST_NAMED
-    names = f"{len(channels)} channels as in the table" if many else ", ".join(channels)
-    name = f"What each element costs (nats; tint {FOOT_NATS:g} high): {names}"
-    return bars_view(name, [paths.explain("chart", kind) for kind in ("feet", "cost")])
-
-
-def figures_view(paths: RunPaths) -> rrb.TextDocumentView:
+def figures_view(paths: RunPaths, channels: str = "nats lost · rank") -> rrb.TextDocumentView:
     """Show the figures of all references in a table."""
-    return rrb.TextDocumentView(name=f"Figures ({LOSES})", origin=paths.explain("table"))
+    return rrb.TextDocumentView(name=f"Figures (channels: {channels})", origin=paths.explain("table"))

@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_mcl.arrays import F32
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
 
@@ -25,14 +26,17 @@ from ..drawing.bars import (
     usual_difference,
     usual_height,
 )
+from ..drawing.canvas import QUICK, png
+from ..drawing.heat import AXES, GRIDS, grid_of, heat_of, titled_heat
 from ..entities import Phase, RunPaths
 from ..style import BAR
 from .panel import Panel, StepUpdate, set_phase
-from .views import bars_view
+from .views import bars_view, picture_view
 
 KINDS = ("sample", "reference", "difference")
 LEGEND = ": picture blue, match orange, both pale"
 SHORT_LEGEND = ", match orange"
+HEAT_KINDS = MAPS, ADDED = "maps", "added"  # of a two-dimensional histogram, instead of bars
 
 
 class HistogramsPanel(Panel):
@@ -42,6 +46,11 @@ class HistogramsPanel(Panel):
         for channel, distance in self._run.distances.items():
             index = self._library.index[channel]
             bins = len(index.relevance)
+            if grid_of(channel, bins) is not None:
+                for kind in HEAT_KINDS:
+                    heat = rr.EncodedImage.from_fields(media_type="image/png")
+                    rec.log(self._paths.histogram(channel, kind), heat, static=True)
+                continue
             self._place_bands(rec, channel, "bands", bins, usual_height(index))
             self._place_bands(rec, channel, "difference_bands", bins, usual_difference(index, distance))
             one = len(bands_of(bins)) / bins
@@ -63,6 +72,10 @@ class HistogramsPanel(Panel):
             sample, index = comparison.descriptors[channel], self._library.index[channel]
             reference = index.references[best]
             difference = contributions(self._run.distances[channel], sample, reference, index)
+            grid = grid_of(channel, len(sample))
+            if grid is not None:
+                self._draw_heat(rec, channel, grid, (sample, reference, difference))
+                continue
             for kind, values in zip(KINDS, (sample, reference, difference), strict=True):
                 rec.log(
                     self._paths.histogram(channel, kind), rr.BarChart.from_fields(values=tensor_of(values))
@@ -71,25 +84,54 @@ class HistogramsPanel(Panel):
     def clear(self, rec: rr.RecordingStream) -> None:
         rec.log(self._paths.at("histogram"), rr.Clear(recursive=True))
 
+    def _draw_heat(
+        self, rec: rr.RecordingStream, channel: str, grid: tuple[int, int], parts: tuple[F32, F32, F32]
+    ) -> None:
+        """Log a two-dimensional histogram: picture and match side by side, and what each bin adds to D."""
+        index = self._library.index[channel]
+        sample, reference, difference = (part.reshape(grid) for part in parts)
+        usual = usual_height(index)
+        maps = [heat_of(sample, usual, SAMPLE), heat_of(reference, usual, REFERENCE)]
+        most = usual_difference(index, self._run.distances[channel])
+        drawn = {
+            MAPS: titled_heat(maps, ("picture", "best match"), AXES),
+            ADDED: titled_heat([heat_of(difference, most, BAR)], ("adds to D",), AXES),
+        }
+        for kind, image in drawn.items():
+            picture = rr.EncodedImage.from_fields(blob=png(image, QUICK))
+            rec.log(self._paths.histogram(channel, kind), picture)
+
     def _place_bands(self, rec: rr.RecordingStream, channel: str, kind: str, bins: int, top: float) -> None:
         for plane, color in enumerate(bands_of(bins)):
             band = rr.BarChart([top], abscissa=[float(plane)], widths=[1.0], color=color)
             rec.log(self._paths.histogram(channel, f"{kind}/{plane}"), band, static=True)
 
 
-def histogram_views(paths: RunPaths, channels: Sequence[str], legend: str = LEGEND) -> list[rrb.BarChartView]:
+def histogram_views(
+    paths: RunPaths, channels: Sequence[str], legend: str = LEGEND
+) -> list[rrb.BarChartView | rrb.Spatial2DView]:
     """Show the picture's histogram over its best match's; the legend stands in the first tab's title."""
-    titles = [f"{c} ({CHANNELS[c].unit}){legend}" if k == 0 else c for k, c in enumerate(channels)]
-    return [_view(paths, c, t, "bands", "reference", "sample") for c, t in zip(channels, titles, strict=True)]
+    titles = [_title(c, legend) if k == 0 else c for k, c in enumerate(channels)]
+    kinds = ("bands", "reference", "sample")
+    return [_view(paths, c, t, MAPS, kinds) for c, t in zip(channels, titles, strict=True)]
 
 
-def difference_views(paths: RunPaths, channels: Sequence[str]) -> list[rrb.BarChartView]:
+def _title(channel: str, legend: str) -> str:
+    """Return the title of the first tab; the maps of a two-dimensional histogram have their own legend."""
+    return f"{channel} ({CHANNELS[channel].unit}){'' if channel in GRIDS else legend}"
+
+
+def difference_views(paths: RunPaths, channels: Sequence[str]) -> list[rrb.BarChartView | rrb.Spatial2DView]:
     """Show what each element adds to the distance D from the best match, one view per channel."""
     titles = [f"{c}, D" if k else f"{c}, D: what each element adds to it" for k, c in enumerate(channels)]
-    return [
-        _view(paths, c, t, "difference_bands", "difference") for c, t in zip(channels, titles, strict=True)
-    ]
+    kinds = ("difference_bands", "difference")
+    return [_view(paths, c, t, ADDED, kinds) for c, t in zip(channels, titles, strict=True)]
 
 
-def _view(paths: RunPaths, channel: str, title: str, *kinds: str) -> rrb.BarChartView:
-    return bars_view(title[0].upper() + title[1:], [paths.histogram(channel, kind) for kind in kinds])
+def _view(
+    paths: RunPaths, channel: str, title: str, heat: str, kinds: Sequence[str]
+) -> rrb.BarChartView | rrb.Spatial2DView:
+    name = title[0].upper() + title[1:]
+    if channel in GRIDS:
+        return picture_view(name, paths.histogram(channel, heat))
+    return bars_view(name, [paths.histogram(channel, kind) for kind in kinds])

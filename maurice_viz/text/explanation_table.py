@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from maurice_mcl.analysis.explanation import (
@@ -25,6 +26,12 @@ TITLES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "as
 NONE = "outside free space"
 
 
+def winner_first(step: StepExplanation) -> StepExplanation:
+    """Return the same in the order of the columns that people see: the winner stands first."""
+    shown = sorted(step.shown, key=lambda explained: explained.who != WINNER)
+    return replace(step, shown=tuple(shown))
+
+
 def markdown_table(step: StepExplanation, scale: Scale, order: Sequence[int] | None = None) -> str:
     """Write all figures of an update's references side by side; `order` is that of the channels' rows."""
     heads = ("", *(_head(explained) for explained in step.shown))
@@ -34,15 +41,33 @@ def markdown_table(step: StepExplanation, scale: Scale, order: Sequence[int] | N
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
+def brief_table(step: StepExplanation, scale: Scale) -> str:
+    """Write the same with nats and rank alone of each channel, for a narrow panel."""
+    heads = ("", *(_head(explained) for explained in step.shown))
+    rows = [heads, ("---",) * len(heads), *_of_all(step, scale)]
+    rows += [_brief(step, k, name) for k, name in enumerate(step.channels)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _brief(step: StepExplanation, number: int, name: str) -> tuple[str, ...]:
+    def cell(explained: Explained) -> str:
+        if explained.entry is None:
+            return ""
+        channel = explained.entry.channels[number]
+        return f"{channel.loses:.2f} · {channel.rank}"
+
+    return _row(step, f"**{name}**", cell)
+
+
 def _of_all(step: StepExplanation, scale: Scale) -> list[tuple[str, ...]]:
     """Return the rows of all channels together: a name, and one cell per reference."""
     rows = [_row(step, f"at ({scale.units.name}), looking", lambda e: _pose(e, scale))]
     if any(e.from_truth for e in step.shown):
-        rows.append(_row(step, "away from the truth", lambda e: _from_truth(e, step, scale)))
+        rows.append(_row(step, "from the truth", lambda e: _from_truth(e, step, scale)))
     rows += [
         _row(step, "rank · quality", lambda e: f"{e.entry.rank} · {e.entry.quality:.3f}" if e.entry else ""),
         _row(step, "log-likelihood (nats)", lambda e: f"{e.entry.log_likelihood:.2f}" if e.entry else ""),
-        _row(step, "behind the winner (nats)", lambda e: f"{e.entry.behind:.2f}" if e.entry else ""),
+        _row(step, "behind winner (nats)", lambda e: f"{e.entry.behind:.2f}" if e.entry else ""),
     ]
     if any(e.weighed is not None for e in step.shown):
         title = "particle on that pose (nats)"
@@ -70,7 +95,10 @@ def _of_channel(step: StepExplanation, number: int, name: str) -> tuple[str, ...
 
 
 def _pose(explained: Explained, scale: Scale) -> str:
-    return scale.say_pose(explained.entry.pose).replace(f" {scale.units.name}", "") if explained.entry else ""
+    if explained.entry is None:
+        return ""
+    said = scale.say_pose(explained.entry.pose).replace(f" {scale.units.name}", "")
+    return said.replace("(", "").replace(")", "")
 
 
 def _from_truth(explained: Explained, step: StepExplanation, scale: Scale) -> str:

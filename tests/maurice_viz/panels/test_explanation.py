@@ -20,14 +20,30 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
-from maurice_viz.drawing.bars import MOST, bars_for
+from maurice_viz.drawing.bars import REFERENCE, SAMPLE
+from maurice_viz.drawing.heat import grid_of, heat_of
+from maurice_viz.drawing.reference_chart import (
+    BAR_SHARE,
+    CHART_PX,
+    TEXT_SHARE,
+    color_of,
+    draw_levels,
+    draw_reference_chart,
+    scale_of,
+)
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts import one_run
-from maurice_viz.layouts.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
+from maurice_viz.layouts.explanation_screen import (
+    FINE_PX,
+    ExplainedUpdate,
+    draw_explanation,
+    explanation_blueprint,
+)
 from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card
+from maurice_viz.panels.histograms import HistogramsPanel, histogram_views
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import scale_for
+from maurice_viz.style import EMPTY, scale_for
 from maurice_viz.viewer import sinks
 
 Played = tuple[SensorModel, list[tuple[Moment, StepRecord]]]
@@ -58,10 +74,6 @@ def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | 
                 panel.draw(rec, StepUpdate(moment, record))
 
 
-def heights(row: recordings.Row) -> np.ndarray:
-    return np.array(row.values["BarChart:values"][0]["buffer"])
-
-
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     return fakes.make_library(tmp_path_factory.mktemp("pictures"))
@@ -74,20 +86,82 @@ def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return path, played
 
 
-def test_pictures_stand_over_references_and_cost(drawn):
+def picture_of(row: recordings.Row) -> np.ndarray:
+    blob = np.array(row.values["EncodedImage:blob"][0], np.uint8)
+    return cv2.cvtColor(cv2.imdecode(blob, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+
+
+def bar_of(chart: np.ndarray) -> list[int]:
+    """Widths in pixels of the parts of the stacked bar, by the colors of the channels."""
+    top = chart[: round(BAR_SHARE * len(chart) * 0.2)]
+    rows = [(top == color_of(number)).all(axis=2) for number in range(2)]
+    return [int(row.any(axis=0).sum()) for row in rows]
+
+
+def test_bars_are_as_long_as_the_nats_that_channels_lose(drawn):
     path, (sensor, updates) = drawn
-    found = recordings.rows(path, PATHS.explain("chart", "cost"))
-    assert len(found) == len(updates)
-    for row, (moment, record) in zip(found, updates, strict=True):
+    charts = {who: recordings.rows(path, PATHS.explain("chart", who)) for who in ("winner", "truth")}
+    for k, (moment, record) in enumerate(updates):
         step = explain_step(record, sensor, moment.truth)
-        sums = heights(row).reshape(3, -1).sum(axis=1)
-        expected = [0.0 if e.entry is None else -e.entry.log_likelihood for e in step.shown]
-        assert sums == pytest.approx(expected, abs=1e-3)
-    path, _ = drawn
-    for row in recordings.rows(path, PATHS.explain("chart", "sample")):
-        blocks = heights(row).reshape(3, -1)
-        assert np.array_equal(blocks[0], blocks[1])
-        assert np.array_equal(blocks[0], blocks[2])
+        scale = scale_of([e.entry for e in step.shown if e.entry is not None])
+        for who, rows in charts.items():
+            assert len(rows) == len(updates)
+            entry = step.of(who).entry
+            chart = picture_of(rows[k])
+            np.testing.assert_array_equal(chart, draw_reference_chart(entry, scale))
+            length = CHART_PX[0] - 8 - 3.2 * TEXT_SHARE * CHART_PX[0]
+            expected = [channel.loses / scale.nats * length for channel in entry.channels]
+            assert bar_of(chart) == pytest.approx(expected, abs=2)
+
+
+def test_a_picture_equal_to_the_reference_covers_it_and_costs_nothing(library):
+    sensor, updates = play(library)
+    moment, record = updates[0]
+    entry = explain_step(record, sensor, moment.truth).winner
+    sums = [channel.nats.sum() for channel in entry.channels]
+    assert sums == pytest.approx([channel.loses for channel in entry.channels], abs=1e-4)
+    image = np.zeros((60, 84, 3), np.uint8)
+    ramp = np.linspace(0, 1, 84, dtype=np.float32)
+    draw_levels(image, ramp, ramp, (0.0, 1.0))
+    filled = (image == REFERENCE).all(axis=2).sum(axis=0)
+    assert (np.diff(filled) >= -3).all()
+    assert filled[-5:].mean() > 50 > 5 > filled[:5].mean()
+    line = (image == SAMPLE).all(axis=2)
+    assert line.any(axis=0).all()
+
+
+def test_two_dimensional_histograms_are_heat_maps():
+    assert grid_of("chromaticity", 256) == (16, 16)
+    assert grid_of("chromaticity", 255) is None
+    assert grid_of("color", 84) is None
+    values = np.zeros((16, 16), np.float32)
+    values[15, 0], values[0, 15] = 1.0, 0.25
+    heat = heat_of(values, 1.0, (255, 0, 0))
+    assert heat[0, 0].tolist() == [255, 0, 0]  # the last row is on top
+    assert EMPTY[0] < heat[15, 15][0] < 255
+    assert heat[8, 8].tolist() == list(EMPTY)
+
+
+def test_the_histogram_panel_draws_heat_maps_in_place_of_bars(library, tmp_path):
+    many, parameters = with_all_channels(library)
+    sensor, updates = play(many, parameters)
+    run = recordings.drawn_run(PATHS, many, sensor=sensor)
+    panel = HistogramsPanel(replace(run, distances={"chromaticity": "hellinger", "color": "hellinger"}))
+    names = ("chromaticity", "color")
+    with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
+        panel.prepare(rec)
+        for moment, record in updates:
+            seen = record.sighting.comparison
+            few = replace(record.sighting, comparison=replace(seen, channels=names))
+            panel.draw(rec, StepUpdate(moment, replace(record, sighting=few)))
+    found = recordings.entities_of(tmp_path / "out.rrd")
+    assert PATHS.histogram("chromaticity", "maps") in found
+    assert PATHS.histogram("chromaticity", "sample") not in found
+    assert PATHS.histogram("color", "sample") in found
+    rows = recordings.rows(tmp_path / "out.rrd", PATHS.histogram("chromaticity", "added"))
+    assert len(recordings.having(rows, "EncodedImage:blob")) == len(updates)
+    views = histogram_views(PATHS, names)
+    assert [type(view) for view in views] == [rrb.Spatial2DView, rrb.BarChartView]
 
 
 def test_cards_show_the_references_pictures_and_are_logged_when_they_change(drawn):
@@ -121,7 +195,11 @@ def test_table_and_arrows_are_there_at_every_update(drawn):
         turned = np.arctan2(-ways[:, 1], ways[:, 0])
         known = [e.entry is not None for e in step.shown]
         np.testing.assert_allclose(np.cos(turned - poses[:, 2])[known], 1, atol=1e-4)
-    assert f"Step {updates[0][0].frame.step}" in tables[0].values["TextDocument:text"][0]
+    first = explain_step(updates[0][1], sensor, updates[0][0].truth)
+    words = recordings.rows(path, PATHS.explain("words"))[0].values["TextDocument:text"][0]
+    assert words.startswith(f"## Best match: entry {first.winner.entry} of {first.winner.entries}")
+    rival = first.of("truth").entry
+    assert rival.entry == first.winner.entry or f"{rival.behind:.1f} nats behind" in words.splitlines()[0]
 
 
 def test_without_truth_there_are_two_columns(library, tmp_path):
@@ -152,8 +230,8 @@ def test_one_entry_and_no_pictures(tmp_path):
     assert card.shape[1] == CARD_PX
     assert np.ptp(card[:20].astype(int), axis=2).max() < 20
     draw(tmp_path / "one.rrd", play(fakes.make_library(tmp_path, columns=1, rows=1, headings=1)))
-    for row in recordings.rows(tmp_path / "one.rrd", PATHS.explain("table")):
-        assert "entry 0 matches best of 1" in row.values["TextDocument:text"][0]
+    for row in recordings.rows(tmp_path / "one.rrd", PATHS.explain("words")):
+        assert "Best match: entry 0 of 1" in row.values["TextDocument:text"][0]
 
 
 def test_a_saved_run_without_its_library_says_so(library, tmp_path):
@@ -192,27 +270,19 @@ def with_all_channels(library: Library) -> tuple[Library, FilterParameters]:
     return many, FilterParameters(sensor=SensorParameters(weights), particles=40)
 
 
-def test_twelve_channels_have_no_more_bars_than_one(library, tmp_path):
+def test_twelve_channels_each_have_a_chart_with_their_name(library, tmp_path):
     many, parameters = with_all_channels(library)
-    bars = bars_for(tuple(parameters.sensor.weights), many)
-    assert len(bars.starts) <= MOST
-    assert len(bars.counts) == 12
-    assert bars.counts.min() > 5
-    draw(tmp_path / "out.rrd", play(many, parameters))
-
-
-def test_bars_fill_their_place_and_keep_their_sum(library):
-    bars = bars_for(("color", "edges"), library)
-    for number, (first, count) in enumerate(zip(bars.firsts, bars.counts, strict=True)):
-        some = slice(first, first + count)
-        assert bars.lefts[some][0] == number
-        assert bars.widths[some].sum() == pytest.approx(1)
-        np.testing.assert_allclose(np.diff(bars.lefts[some]), bars.widths[some][:-1])
-    rng = np.random.default_rng(0)
-    parts = [rng.random(84).astype(np.float32), np.zeros(84, np.float32)]
-    shown = bars.divided([3.5, 2.0], parts)
-    assert shown[: bars.counts[0]].sum() == pytest.approx(3.5, rel=1e-5)
-    assert not shown[bars.counts[0] :].any()  # nothing to divide it by
+    played = play(many, parameters)
+    draw(tmp_path / "out.rrd", played)
+    chart = picture_of(recordings.rows(tmp_path / "out.rrd", PATHS.explain("chart", "winner"))[0])
+    under = round(BAR_SHARE * len(chart))
+    for row in range(3):
+        for column in range(4):
+            high, wide = (len(chart) - under) // 3, chart.shape[1] // 4
+            part = chart[under + row * high :, column * wide :][:high, :wide]
+            assert (part[: high // 2] != part[0, 0]).any()
+            name = part[-12:-2]
+            assert (name.max(axis=2) > 110).sum() > 20
 
 
 @pytest.mark.parametrize("asked", [None, Asked(entry=2), Asked(pose=np.array([-5.0, 0.0, 0.0]))])
@@ -230,15 +300,9 @@ def test_the_full_panel_has_every_chart(library, tmp_path, asked, has_truth):
     found = recordings.entities_of(path)
     for explained in step.shown:
         assert PATHS.explain(explained.who, "picture") in found
-        if explained.entry is None:
-            continue
-        for channel in explained.entry.channels:
-            (row,) = recordings.rows(
-                path, f"{PATHS.at('explain', explained.who, channel.channel, 'cost')}/nats"
-            )
-            np.testing.assert_allclose(heights(row), channel.nats, rtol=1e-6)
-            descriptor = PATHS.explain(explained.who, channel.channel, "descriptor")
-            (row,) = recordings.rows(path, f"{descriptor}/reference")
-            np.testing.assert_allclose(heights(row), channel.reference, rtol=1e-6)
+        (row,) = recordings.rows(path, PATHS.explain(explained.who, "chart"))
+        scale = scale_of([e.entry for e in step.shown if e.entry is not None])
+        expected = draw_reference_chart(explained.entry, scale, FINE_PX)
+        np.testing.assert_array_equal(picture_of(row), expected)
     (words,) = recordings.rows(path, PATHS.explain("words"))
     assert f"**Step {moment.frame.step}**" in words.values["TextDocument:text"][0]

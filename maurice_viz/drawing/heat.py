@@ -1,0 +1,64 @@
+"""Heat maps of two-dimensional histograms: dark where there is nothing, the full color at the most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import F32, U8
+from maurice_mcl.sensor.descriptors import chromaticity
+
+from ..style import EMPTY, GROUND, PALE, RGB
+from .bars import SMALLEST
+from .canvas import put_text, text_size
+
+GRIDS = {"chromaticity": (chromaticity.BINS, chromaticity.BINS)}  # rows and columns of 2D histograms
+AXES = "up: red share, right: green share, 0.13 to 0.55"
+HEAT_PX = 176  # side of a heat map in a panel of its own
+TITLE_PX, TITLE_TEXT_PX, GAP_PX = 26, 11.0, 14
+
+
+def grid_of(channel: str, size: int) -> tuple[int, int] | None:
+    """Return rows and columns of a two-dimensional histogram; None for any other descriptor."""
+    grid = GRIDS.get(channel)
+    return grid if grid is not None and grid[0] * grid[1] == size else None
+
+
+def heat_of(values: F32, most: float, color: RGB) -> U8:
+    """Return (rows, columns, 3), row 0 at the bottom: the root of the share of the most, as brightness.
+
+    The root, because most bins of a histogram are far below the highest.
+    """
+    share = np.sqrt(np.clip(values / max(most, SMALLEST), 0, 1))[::-1, :, None]
+    return np.asarray(EMPTY + (np.array(color) - EMPTY) * share, np.float64).round().astype(np.uint8)
+
+
+def place_heat(image: U8, maps: Sequence[U8]) -> None:
+    """Put heat maps side by side on an image, as large as they fit, in place."""
+    height, width = image.shape[:2]
+    side = min(height - 2, (width - 4 * (len(maps) - 1)) // len(maps))
+    left = (width - len(maps) * side - 4 * (len(maps) - 1)) // 2
+    top = (height - side) // 2
+    for k, one in enumerate(maps):
+        at = left + k * (side + 4)
+        image[top : top + side, at : at + side] = _square(one, side)
+
+
+def titled_heat(maps: Sequence[U8], titles: Sequence[str], below: str) -> U8:
+    """Draw heat maps side by side (H, W, 3), each under its title, over a line about their axes."""
+    needed = text_size(below, TITLE_TEXT_PX)[0]
+    width = max(len(maps) * (HEAT_PX + GAP_PX) - GAP_PX, needed) + 2 * GAP_PX
+    first = (width - len(maps) * (HEAT_PX + GAP_PX) + GAP_PX) // 2
+    image = np.full((2 * TITLE_PX + HEAT_PX, width, 3), GROUND, np.uint8)
+    for k, (one, title) in enumerate(zip(maps, titles, strict=True)):
+        left = first + k * (HEAT_PX + GAP_PX)
+        put_text(image, title, left, TITLE_PX - 8, TITLE_TEXT_PX, PALE)
+        image[TITLE_PX : TITLE_PX + HEAT_PX, left : left + HEAT_PX] = _square(one, HEAT_PX)
+    put_text(image, below, (width - needed) / 2, len(image) - 8, TITLE_TEXT_PX, PALE)
+    return image
+
+
+def _square(heat: U8, side: int) -> U8:
+    return np.asarray(cv2.resize(heat, (side, side), interpolation=cv2.INTER_NEAREST), np.uint8)
