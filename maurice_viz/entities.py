@@ -32,6 +32,7 @@ SEEN = "/session/**"  # everything that the runs of a recording share
 CAMERA = "/session/camera"
 EDGES = "/session/edges"
 VERDICT = "/session/verdict"  # what happened: one TextDocument, static
+TOUR = "/session/tour"  # where to look: one TextDocument per moment, from its step on
 LIMITS = "/session/limits"  # Scalars: the errors that runs are judged by
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 

@@ -20,6 +20,7 @@ from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 from ..listener import SILENT
 from ..style import scale_for
 from ..text.summary import to_json
+from .output import verdict_of
 from .replay import replay
 from .saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
 from .snapshot import draw_saved
@@ -52,8 +53,9 @@ def show(
 ) -> Viewer:
     """Show a saved run, a recording (.rrd) or a session log in a widget; return it at the end of a cell.
 
-    `layout` names the tab to begin with, for all but a recording, which has its own. The last four are for a
-    session log, which is replayed. ImportError without the extra `notebook`; InputError for bad files.
+    The verdict, one line that says what happened, stands above the viewer. `layout` names the tab to begin
+    with, for all but a recording, which has its own. The last four are for a session log, which is replayed.
+    ImportError without the extra `notebook`; InputError for bad files.
 
         >>> import maurice_viz as mv
         >>> viewer = mv.show("my-run", layout="traces")  # doctest: +SKIP
@@ -124,7 +126,23 @@ def _widget(recording: Path, width: Side, height: Side) -> Viewer:
     # the file as it is: it begins with its layout. Through a recording stream, whose first message names
     # a recording, the widget would have chosen a layout of its own before
     viewer._flush_hook(recording.read_bytes())
+    if verdict := verdict_of(recording):
+        _put_above(viewer, verdict)
     return viewer
+
+
+def _put_above(viewer: Viewer, markdown: str) -> None:
+    """Let a viewer show a text above itself whenever it is displayed."""
+    alone = viewer.display
+
+    def display(block_until_ready: bool = False) -> None:
+        from IPython.display import Markdown  # type: ignore[import-not-found]
+        from IPython.display import display as show_here
+
+        show_here(Markdown(markdown))
+        alone(block_until_ready)
+
+    viewer.display = display  # type: ignore[method-assign]
 
 
 def _collected(run: SavedRun) -> Collected:

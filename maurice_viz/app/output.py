@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -274,16 +275,26 @@ def show_recording(path: Path, listener: Listener, web: WebViewer | None = None)
 
 def decisive_step_of(path: Path) -> int | None:
     """Return the step that a recording's verdict names; None where it has none. InputError if unreadable."""
+    steps = _of_verdict(path, "decisive_step")
+    return int(steps[0]) if steps else None
+
+
+def verdict_of(path: Path) -> str:
+    """Return the verdict of a recording as Markdown, empty where it has none. InputError if unreadable."""
+    texts = _of_verdict(path, "TextDocument:text")
+    return str(texts[-1]) if texts else ""
+
+
+def _of_verdict(path: Path, column: str) -> list[Any]:
+    """Return all values of a column that a recording's verdict has, as they were logged. InputError."""
     if not path.is_file():
         raise InputError(path, "no such file; expected a Rerun recording (.rrd)")
     try:
-        for chunk in RrdReader(path).stream().filter(content=VERDICT):
-            batch = chunk.to_record_batch()
-            if "decisive_step" in batch.schema.names:
-                return int(batch.column("decisive_step")[0].as_py()[0])
+        batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream().filter(content=VERDICT)]
     except (RuntimeError, ValueError, OSError) as problem:
         raise InputError(path, f"found no Rerun recording ({problem}); try: rerun rrd verify") from None
-    return None
+    having = [batch.column(column).to_pylist() for batch in batches if column in batch.schema.names]
+    return [value for rows in having for row in rows if row for value in row]
 
 
 def _remark_size(

@@ -158,7 +158,8 @@ def step_through(
                     if comparison is not None:
                         comparison.see(steps, pairs)
                     if verdict is not None:
-                        verdict.see(collector.verdicts())
+                        moment, _ = next(iter(steps.values()))
+                        verdict.see(moment, collector.verdicts())
                 listener.progress(collector.updates, playback.total, "replay")
     finally:
         if comparison is not None and collector.updates:

@@ -12,11 +12,13 @@ from ..panels.belief import belief_view
 from ..panels.camera import camera_view
 from ..panels.comparison import all_runs_view, camera_views
 from ..panels.events import events_view
-from ..panels.story import best_match_view, errors_plot, verdict_view
+from ..panels.story import best_match_view, errors_plot, tour_view, verdict_view
 from ..scene import RunView, SceneInfo
 
 # shares of the height of a screen of 1600 x 1000, in hundreds of pixels
-MIDDLE = 5.2
+MIDDLE = 4.9
+TEXTS = 1.55  # title, and three lines of the verdict or of the tour
+TELLS = 0.6  # of the width: the verdict; the rest is the tour
 LANES, LANE = 0.75, 0.38  # title and axis of the events, and each lane
 SCREEN = 9.0  # all below the tabs
 
@@ -43,9 +45,9 @@ def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     wide = float(np.clip(width / height * MIDDLE / 16 + 0.06, 0.35, 0.7))
     seen = rrb.Vertical(camera, rrb.Horizontal(*matches))
     return rrb.Vertical(
-        verdict_view(),
+        rrb.Horizontal(verdict_view(), tour_view(), column_shares=[TELLS, 1 - TELLS]),
         rrb.Horizontal(arena, seen, column_shares=[wide, 1 - wide]),
         events_view([run.label for run in runs], brief=brief),
         errors_plot(runs, scene),
-        row_shares=[1.0, MIDDLE, LANES + LANE * lanes, 1.5],
+        row_shares=[TEXTS, MIDDLE, LANES + LANE * lanes, 1.5],
     )

@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_mcl.analysis.tour import tour_of
 from maurice_mcl.analysis.verdict import RunVerdict, decisive_step
 from maurice_mcl.session import Moment
 
-from ..entities import LIMITS, VERDICT, Phase, RunPaths
+from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, RunPaths, phase_number
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
+from ..text.tour import tour_pages
 from ..text.verdict import NOTHING_YET, verdict_line
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
 from .traces import LINE, POSITION_ERROR, SPREAD, TWO_SIGMA
@@ -57,10 +59,13 @@ class VerdictDrawing:
 
     def __init__(self, rec: rr.RecordingStream, scale: Scale, live: bool = False) -> None:
         self._rec, self._scale, self._live = rec, scale, live
+        self._times_s: dict[int, float] = {}  # of each step
+        rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET)
 
-    def see(self, verdicts: Mapping[str, RunVerdict]) -> None:
+    def see(self, moment: Moment, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict so far, for a live drive now and then."""
+        self._times_s[moment.frame.step] = moment.frame.time_s
         updates = next(iter(verdicts.values())).updates
         if self._live and updates % EVERY == 0:
             self.end(verdicts)
@@ -70,6 +75,16 @@ class VerdictDrawing:
         step = decisive_step(verdicts)
         self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {step}**.")
         self._rec.log(VERDICT, rr.AnyValues(decisive_step=step), static=True)
+        if not self._live:
+            self._log_tour(verdicts)
+
+    def _log_tour(self, verdicts: Mapping[str, RunVerdict]) -> None:
+        """Log where to look at each moment of the tour, from its step on."""
+        for step, page in tour_pages(tour_of(verdicts), verdicts, self._scale):
+            self._rec.set_time(STEP, sequence=step)
+            self._rec.set_time(SESSION, duration=self._times_s.get(step, 0.0))
+            self._rec.set_time(PHASE, sequence=phase_number(step, Phase.PREDICT))
+            self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(page)))
 
     def _log(self, text: str) -> None:
         document = rr.TextDocument(f"#### {font_safe(text)}", media_type=MARKDOWN)
@@ -79,6 +94,11 @@ class VerdictDrawing:
 def verdict_view() -> rrb.TextDocumentView:
     """Show the verdict."""
     return rrb.TextDocumentView(name="What happened", origin=VERDICT)
+
+
+def tour_view() -> rrb.TextDocumentView:
+    """Show where to look at the step that the time cursor is at."""
+    return rrb.TextDocumentView(name="Tour: where to look", origin=TOUR)
 
 
 def errors_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView:

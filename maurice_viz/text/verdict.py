@@ -127,19 +127,19 @@ def _began(trouble: Trouble, kidnapping_said: bool) -> str:
         return ""
     what = "kidnapped" if trouble.kind == KIDNAPPED else "lost"
     alike = trouble.cause is not None and trouble.cause.alike
-    why = "saw all references score alike, " if alike else ""
-    return f"{why}was {what} at {trouble.step}"
+    return f"was {what} at {trouble.step}{', with all references scoring alike,' if alike else ''}"
 
 
 def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
     """Return how sure a lost run was, and why it could not find itself."""
-    worst, text = verdict.sure_and_wrong, ""
+    worst, text, is_bereft = verdict.sure_and_wrong, "", trouble.is_bereft
     if trouble.is_sure:
         text = SURE
         if worst is not None and worst.step >= trouble.step:
             away = scale.say(worst.error_m)
-            text += f": at {worst.step} {worst.share:.0%} of the weight lay {away} from the truth"
-    return f"{text}, with no particle near the truth" if trouble.is_bereft else text
+            text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} away"
+            is_bereft |= worst.bereft
+    return f"{text}, with no particle near the truth" if is_bereft else text
 
 
 def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
@@ -157,7 +157,8 @@ def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
         )
         return f"{stayed}: {off}"
     before = f"{divided(verdict.telling, scale)}; " if verdict.telling is not None else ""
-    return f"{before}found itself at {verdict.found} and stayed localized ({most} off)"
+    worst = scale.say(verdict.error_most_m or 0.0)
+    return f"{before}found itself at {verdict.found} and stayed localized (at worst {worst} off)"
 
 
 def _without_truth(verdict: RunVerdict, scale: Scale) -> str:

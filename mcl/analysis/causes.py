@@ -44,6 +44,11 @@ class Cause:
     words: str = ""  # of the log
     alike: bool = False  # of dark pictures: whether this run's references score alike since then
 
+    @property
+    def shown_at(self) -> int:
+        """The step at which it is seen best: a slip at its end, all else at once."""
+        return self.last if self.kind == SLIPPED else self.step
+
 
 @dataclass(slots=True)
 class CauseFinder:

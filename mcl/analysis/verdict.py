@@ -76,6 +76,7 @@ class SureAndWrong:
     step: int
     error_m: float
     share: float  # of the weight, near the estimate
+    bereft: bool = False  # whether no particle was near the truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +87,7 @@ class RunVerdict:
     has_truth: bool = False
     found: int | None = None  # first step at which the run was localized; None: never, or truth not known
     first: int = 0  # step of the first update
+    last: int = 0  # and of the last one
     troubles: tuple[Trouble, ...] = ()
     error_mean_m: float | None = None
     error_end_m: float | None = None
@@ -126,7 +128,7 @@ class RunVerdict:
         if self.telling is not None:
             return self.telling.step
         if loud := [cause for cause in self.causes if cause.kind in LOUD]:
-            return loud[0].last
+            return loud[0].shown_at
         if self.found is not None and self.found > self.first + 1:
             return self.found
         if self.sure_and_wrong is not None and self.found is None:
@@ -183,10 +185,11 @@ class VerdictBuilder:
         self._verdict = replace(
             self._with_error(verdict, step, score),
             updates=verdict.updates + 1,
+            last=step,
             lost_m=record.estimate.radii.lost_m,
             left_map=(*verdict.left_map, step) if left else verdict.left_map,
             troubles=self._troubles(step, changes, kidnapped),
-            sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record)
+            sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record, bereft)
             if sure
             else verdict.sure_and_wrong,
         )
@@ -258,10 +261,10 @@ def _has_near(record: StepRecord, truth: F64) -> bool:
 
 
 def _worse(
-    worst: SureAndWrong | None, step: int, score: StepScore, record: StepRecord
+    worst: SureAndWrong | None, step: int, score: StepScore, record: StepRecord, bereft: bool
 ) -> SureAndWrong | None:
     """Return the worst update so far that was sure and wrong."""
     error_m = score.position_error_m or 0.0
     if not score.wrong_and_confident or (worst is not None and worst.error_m >= error_m):
         return worst
-    return SureAndWrong(step, error_m, record.estimate.converged)
+    return SureAndWrong(step, error_m, record.estimate.converged, bereft)

@@ -3,6 +3,8 @@
 import importlib.util
 import json
 import os
+import sys
+import types
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,10 @@ class Widget:
     def __init__(self, *, width: Any, height: Any, use_global_recording: bool, theme: str) -> None:
         assert not use_global_recording
         assert theme == "dark"
-        self.size, self.sent = (width, height), b""
+        self.size, self.sent, self.displayed = (width, height), b"", 0
+
+    def display(self, block_until_ready: bool = False) -> None:
+        self.displayed += 1
 
     def _flush_hook(self, data: bytes) -> None:
         self.sent += data
@@ -107,6 +112,20 @@ def test_a_recording_is_shown_whole(small_session, tmp_path, widget):
     assert shown.size == (800, 600)
     assert os.environ["RERUN_NOTEBOOK_ASSET"] == "serve-local"
     assert shown.sent == (tmp_path / "a.rrd").read_bytes()
+
+
+def test_the_verdict_stands_above_the_viewer(small_session, widget, monkeypatch):
+    maurice(small_session, "--particles", "50", "--save", "a.rrd")
+    lines: list[str] = []
+    display = types.ModuleType("IPython.display")
+    display.Markdown, display.display = str, lines.append  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "IPython", types.ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    shown: Any = mv.show("a.rrd")
+    shown.display()
+    (line,) = lines
+    assert "Look at **step" in line
+    assert shown.displayed == 1
 
 
 def test_a_saved_run_and_a_session_are_drawn_and_shown(small_session, tmp_path, widget, capsys):

@@ -1,0 +1,94 @@
+"""A tour in words: at each moment where to look, what is seen there, and where the next moment is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from maurice_mcl.analysis.ambiguity import Ambiguity
+from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, Cause
+from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
+from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
+
+from ..style import Scale
+from .verdict import befell
+
+NAMES = {
+    BEGINS: "the drive begins",
+    FOUND: "localized",
+    DIVIDED: "two places look alike",
+    LOST: "lost",
+    SURE: "sure and wrong",
+    BACK: "found again",
+    ENDS: "the end",
+}
+BEFALLS = {CARRIED: "kidnapped", JUMPED: "the truth jumps", SLIPPED: "the wheels slip", DARK: "lights out"}
+LOOKS = {
+    CARRIED: "Map: the white disk (the truth) jumps. The dots (particles) stay: the wheels felt nothing.",
+    JUMPED: "Map: the white disk (the truth) jumps. The dots (particles) stay: the wheels felt nothing.",
+    SLIPPED: "Map: the dots (particles) drove on with the odometry; the white disk (the truth) hardly moved.",
+    DARK: "Camera, on the right: dark. Below it the best match, which can be anything now.",
+}
+
+
+def tour_pages(
+    tour: tuple[TourMoment, ...], verdicts: Mapping[str, RunVerdict], scale: Scale
+) -> list[tuple[int, str]]:
+    """Return step and Markdown of each moment, to be shown from its step until the next one's."""
+    names = [_name(moment, len(verdicts) > 1) for moment in tour]
+    has_truth = next(iter(verdicts.values())).has_truth
+    pages = []
+    for number, (moment, name) in enumerate(zip(tour, names, strict=True)):
+        title = f"#### {number + 1} of {len(tour)} · step {moment.step}: {name}"
+        look = _look(moment, scale, has_truth)
+        if number + 1 < len(tour):
+            look = f"{look} Next: **step {tour[number + 1].step}**, {names[number + 1]}."
+        pages.append((moment.step, f"{title}\n\n{look}"))
+    return pages
+
+
+def _name(moment: TourMoment, several: bool) -> str:
+    if isinstance(moment.fact, Cause):
+        return BEFALLS.get(moment.fact.kind, "something happens")
+    name = NAMES.get(moment.kind, "farthest off")
+    return f"`{moment.label}` {name}" if several and moment.label else name
+
+
+def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
+    """Return where to look at a moment, and what is seen there."""
+    fact = moment.fact
+    if moment.kind == BEFELL and isinstance(fact, Cause):
+        return LOOKS.get(fact.kind, f"{befell(fact, scale)}.")
+    if isinstance(fact, Ambiguity):
+        return _two_places(fact, scale)
+    if isinstance(fact, SureAndWrong):
+        away = scale.say(fact.error_m)
+        none = "; no dot is near the disk" if fact.bereft else ""
+        return (
+            f"Map: {fact.share:.0%} of the weight is together, {away} from the white disk (the truth){none}."
+        )
+    if isinstance(fact, Trouble):
+        return _troubled(moment, fact)
+    if moment.kind == BEGINS:
+        truth = " White: where the robot really is." if has_truth else ""
+        return f"Map: each dot is a particle, a guess where the robot is.{truth} Move the time cursor below."
+    if moment.kind == FOUND:
+        return "Map: the dots are together, and at the right place. The lane below turns green."
+    if moment.kind == ENDS:
+        return "Errors, at the bottom: how far off each step was, over the whole drive."
+    return "Errors, at the bottom: the highest point of the drive."
+
+
+def _two_places(fact: Ambiguity, scale: Scale) -> str:
+    truth = {0: " at neither", 1: " there", 2: " at the other"}.get(fact.truth_in or 0, "")
+    white = "" if fact.truth_in is None else f"; the white disk (the truth) is{truth}"
+    apart = scale.say(fact.apart_m)
+    return f"Map: most dots are in two places, {apart} apart. An arrow marks the heavier one{white}."
+
+
+def _troubled(moment: TourMoment, trouble: Trouble) -> str:
+    if moment.kind == LOST:
+        return "Errors, at the bottom: from here on above the line *lost*. The lane turns red."
+    if trouble.fresh:
+        fresh = f"{trouble.fresh} were drawn afresh where the picture fits"
+        return f"Map: the dots are at the white disk (the truth) again: {fresh}."
+    return "Map: the dots are at the white disk (the truth) again. The lane turns green."

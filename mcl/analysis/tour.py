@@ -1,0 +1,81 @@
+"""The few moments of a recording that tell its story, in order, as its verdicts show them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from .ambiguity import Ambiguity
+from .causes import Cause
+from .events import KIDNAPPED
+from .verdict import SEARCHING, RunVerdict, SureAndWrong, Trouble
+
+BEGINS, FOUND, DIVIDED, BEFELL, LOST, SURE, BACK, WORST, ENDS = (
+    "begins",
+    "found",
+    "divided",
+    "befell",
+    "lost",
+    "sure",
+    "back",
+    "worst",
+    "ends",
+)
+MOST = 5
+IMPORTANT = (BEFELL, BACK, SURE, DIVIDED, LOST, FOUND, BEGINS, ENDS, WORST)  # the first ones are kept
+
+
+@dataclass(frozen=True, slots=True)
+class TourMoment:
+    """One moment worth a look: its step, its kind, whose it is, and the fact that it is about."""
+
+    step: int
+    kind: str
+    label: str = ""  # of the run; empty: of all
+    fact: Cause | Trouble | Ambiguity | SureAndWrong | None = None
+
+
+def tour_of(verdicts: Mapping[str, RunVerdict]) -> tuple[TourMoment, ...]:
+    """Return at most five moments, one per step, in order; none before the first update."""
+    if not all(verdict.updates for verdict in verdicts.values()):
+        return ()
+    found = [*_of_all(verdicts)]
+    for label, verdict in verdicts.items():
+        found += _of_run(label, verdict)
+    found.sort(key=lambda one: IMPORTANT.index(one.kind))
+    kept: dict[int, TourMoment] = {}
+    kinds = set[tuple[str, str]]()
+    for one in found:
+        if len(kept) < MOST and one.step not in kept and (one.kind, one.label) not in kinds:
+            kept[one.step] = one
+            if one.kind not in (BEFELL, LOST):
+                kinds.add((one.kind, one.label))
+    return tuple(kept[step] for step in sorted(kept))
+
+
+def _of_all(verdicts: Mapping[str, RunVerdict]) -> Iterator[TourMoment]:
+    """Yield what all runs share: begin and end, and what befell the robot."""
+    first = next(iter(verdicts.values()))
+    yield TourMoment(first.first, BEGINS)
+    yield TourMoment(first.last, ENDS)
+    causes = {(one.kind, one.step): one for verdict in verdicts.values() for one in verdict.telling_causes}
+    for cause in causes.values():
+        yield TourMoment(cause.shown_at, BEFELL, fact=cause)
+
+
+def _of_run(label: str, verdict: RunVerdict) -> Iterator[TourMoment]:
+    """Yield when a run was found, divided, lost, sure of it, and found again."""
+    if verdict.telling is not None:
+        yield TourMoment(verdict.telling.step, DIVIDED, label, verdict.telling)
+    if verdict.found is not None and verdict.found > verdict.first + 1:
+        yield TourMoment(verdict.found, FOUND, label)
+    for trouble in verdict.troubles:
+        if trouble.kind not in (KIDNAPPED, SEARCHING):
+            yield TourMoment(trouble.step, LOST, label, trouble)
+        if trouble.recovered is not None and trouble.kind != SEARCHING:
+            yield TourMoment(trouble.recovered, BACK, label, trouble)
+    sure = verdict.sure_and_wrong
+    if sure is not None and any(one.is_sure and one.step <= sure.step for one in verdict.troubles):
+        yield TourMoment(sure.step, SURE, label, sure)
+    if not verdict.troubles and verdict.has_truth:
+        yield TourMoment(verdict.most_at, WORST, label)

@@ -1,0 +1,30 @@
+from maurice_mcl.analysis.causes import CARRIED, Cause
+from maurice_mcl.analysis.tour import tour_of
+from maurice_mcl.analysis.verdict import RunVerdict, Trouble
+from maurice_viz.style import UNITS, Scale
+from maurice_viz.text.tour import tour_pages
+
+INCHES = Scale(UNITS["in"])
+CARRY = Cause(CARRIED, 51, 51, None, 1.7)
+TROUBLE = Trouble("kidnapped", 51, 54, False, 200, 3, 1, 1, CARRY)
+
+
+def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
+    run = RunVerdict(
+        updates=100, has_truth=True, found=1, first=1, last=100, causes=(CARRY,), troubles=(TROUBLE,)
+    )
+    verdicts = {"robust": run}
+    pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
+    assert [step for step, _ in pages] == [1, 51, 54, 100]
+    _, page = pages[1]
+    assert page.startswith("#### 2 of 4 · step 51: kidnapped\n\nMap: the white disk (the truth) jumps.")
+    assert page.endswith("Next: **step 54**, found again.")
+    assert "200 were drawn afresh" in pages[2][1]
+    assert "Next" not in pages[-1][1]
+
+
+def test_without_truth_no_page_speaks_of_it():
+    verdicts = {"a": RunVerdict(updates=9, first=1, last=9)}
+    pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
+    assert pages
+    assert not any("truth" in page or "white" in page.casefold() for _, page in pages)

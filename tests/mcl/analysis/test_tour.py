@@ -1,0 +1,61 @@
+from maurice_mcl.analysis.ambiguity import Ambiguity
+from maurice_mcl.analysis.causes import CARRIED, Cause
+from maurice_mcl.analysis.tour import tour_of
+from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
+
+CARRY = Cause(CARRIED, 51, 51, None, 1.7)
+LOST = RunVerdict(
+    updates=100,
+    has_truth=True,
+    found=1,
+    first=1,
+    last=100,
+    causes=(CARRY,),
+    troubles=(Trouble("kidnapped", 51, None, True, 0, 50, 40, 50, CARRY),),
+    sure_and_wrong=SureAndWrong(85, 3.1, 1.0),
+)
+BACK = RunVerdict(
+    updates=100,
+    has_truth=True,
+    found=1,
+    first=1,
+    last=100,
+    causes=(CARRY,),
+    troubles=(Trouble("kidnapped", 51, 54, False, 200, 3, 1, 1, CARRY),),
+)
+
+
+def test_a_kidnapping_with_two_runs_has_five_moments_in_order():
+    tour = tour_of({"thesis": LOST, "robust": BACK})
+    assert [(one.step, one.kind, one.label) for one in tour] == [
+        (1, "begins", ""),
+        (51, "befell", ""),
+        (54, "back", "robust"),
+        (85, "sure", "thesis"),
+        (100, "ends", ""),
+    ]
+
+
+def test_a_search_shows_where_the_cloud_was_divided_and_when_it_was_localized():
+    divided = Ambiguity(3, 2, 4, (0.5, 0.4), 1.6, 2)
+    found = RunVerdict(updates=40, has_truth=True, found=9, first=1, last=40, most_at=1, ambiguity=divided)
+    tour = tour_of({"a": found})
+    assert [(one.step, one.kind) for one in tour] == [
+        (1, "begins"),
+        (3, "divided"),
+        (9, "found"),
+        (40, "ends"),
+    ]
+
+
+def test_before_the_first_update_there_is_no_tour():
+    assert tour_of({"a": RunVerdict()}) == ()
+
+
+def test_there_are_never_more_than_five_moments():
+    troubles = tuple(Trouble("lost", 10 * k, 10 * k + 5, True) for k in range(1, 9))
+    tour = tour_of(
+        {"a": RunVerdict(updates=90, has_truth=True, found=1, first=1, last=90, troubles=troubles)}
+    )
+    assert len(tour) == 5
+    assert [one.step for one in tour] == sorted({one.step for one in tour})
