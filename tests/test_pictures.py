@@ -29,10 +29,11 @@ MEAN_DIFFERENCE, CLEARLY, CLEARLY_CHANGED = 3.0, 48, 0.02
 # Where panels lie in a window of 1600 x 1000: left, top, right, bottom, titles left out.
 PANELS = {
     "story": {
-        "verdict": (5, 100, 800, 150),
-        "belief": (110, 215, 680, 640),
-        "camera": (1050, 180, 1330, 400),
-        "best match": (1100, 440, 1290, 650),
+        "verdict": (5, 110, 800, 165),
+        "tour": (965, 110, 1500, 175),
+        "belief": (110, 250, 600, 640),
+        "camera": (1050, 240, 1330, 425),
+        "best match": (1090, 462, 1270, 655),
         "events": (5, 730, 1595, 820),
         "errors": (30, 870, 1595, 955),
     },
