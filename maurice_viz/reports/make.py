@@ -86,7 +86,9 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         raise InputError(folder, "found a run without a step, so there is nothing to report; replay again")
     events = events_of(collected)
     pictured = choose(collected, events)
-    photographer = Photographer(library.arena, scale, opened.session is not None)
+    several = zip([track.label for track in collected.tracks], RUN_COLORS, strict=False)
+    estimates = dict(several) if len(runs) > 1 else {collected.tracks[0].label: ESTIMATE}
+    photographer = Photographer(library.arena, scale, opened.session is not None, estimates)
     again = restored_together(opened.restored, Pictures(opened.session))  # warned before
     shot = shots(photographer, again, [one.step for one in pictured])
     charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
@@ -110,7 +112,7 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         counts=list(_counts(events)),
         events=list(_event_rows(listed(events), pictured, len(runs))),
         rule=RULE,
-        disks=([("truth", TRUTH)] if runs[0].manifest.has_truth else []) + [("estimate", ESTIMATE)],
+        disks=_disks(runs[0].manifest.has_truth, estimates),
         pictures=[_picture(one, shot[one.step], collected, scale) for one in pictured],
         differing=_differing(runs),
         configurations=[_configuration_text(run) for run in runs],
@@ -132,6 +134,14 @@ def _environment() -> Environment:
     ramp = [_hex((c >> 24, c >> 16 & 255, c >> 8 & 255)) for c in LUT[::51].tolist()]
     environment.globals |= {"dashes": DASHES, "light": _colors(DARKER), "dark": _colors(1.0), "ramp": ramp}
     return environment
+
+
+def _disks(has_truth: bool, estimates: Mapping[str, RGB]) -> list[tuple[str, RGB]]:
+    """Return name and color of each robot on the maps of steps."""
+    truth = [("truth", TRUTH)] if has_truth else []
+    if len(estimates) == 1:
+        return [*truth, ("estimate", ESTIMATE)]
+    return truth + [(f"estimate of {label}", color) for label, color in estimates.items()]
 
 
 def _colors(brightness: float) -> dict[str, str]:

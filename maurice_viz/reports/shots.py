@@ -17,7 +17,7 @@ from maurice_mcl.session import Moment
 from ..drawing.canvas import Canvas, draw_ground, jpeg, long_side
 from ..panels.belief import ARROW
 from ..panels.world import clipped
-from ..style import ESTIMATE, GROUND, RGB, TRUTH, WALL, Scale, weight_colors
+from ..style import GROUND, RGB, TRUTH, WALL, Scale, weight_colors
 
 MAP_PX = 720  # longer side of a map on the page
 CAMERA_PX = 320  # maximum width of a camera image on the page
@@ -40,27 +40,29 @@ class Photographer:
     arena: Arena
     scale: Scale
     has_pictures: bool  # whether frames hold camera images
+    colors: Mapping[str, RGB]  # of the estimate, by the run's label
     _ground: Canvas | None = None
 
     def shoot(self, moment: Moment, records: Mapping[str, StepRecord]) -> Shot:
         """Draw one step."""
         camera = jpeg(_narrowed(moment.frame.image), QUALITY) if self.has_pictures else None
-        return Shot(camera, {label: self._map(moment, record) for label, record in records.items()})
+        maps = {label: self._map(moment, record, self.colors[label]) for label, record in records.items()}
+        return Shot(camera, maps)
 
-    def _map(self, moment: Moment, record: StepRecord) -> bytes:
+    def _map(self, moment: Moment, record: StepRecord, color: RGB) -> bytes:
         ground = self._ground or _with_walls(draw_ground(self.arena, self.scale), self.arena, self.scale)
         self._ground = ground
         image = ground.image.copy()
         order = record.weighted.log_weights.argsort(kind="stable")  # heavy ones are drawn over light ones
         places = _pixels(ground, record.weighted.world_poses[order], self.scale)
         colors = weight_colors(record.weighted.log_weights[order])
-        for (x, y), color in zip(places.tolist(), colors.tolist(), strict=True):
-            cv2.circle(image, (x, y), 5 << FULL, (color >> 24, color >> 16 & 255, color >> 8 & 255), -1,
+        for (x, y), rgba in zip(places.tolist(), colors.tolist(), strict=True):
+            cv2.circle(image, (x, y), 5 << FULL, (rgba >> 24, rgba >> 16 & 255, rgba >> 8 & 255), -1,
                        cv2.LINE_AA, FULL)  # fmt: skip
         arrow = ARROW * long_side(self.arena, self.scale) / ground.unit_per_px
         if moment.truth is not None:
             _pose(ground, image, moment.truth, self.scale, TRUTH, 15, arrow)
-        _pose(ground, image, record.estimate.pose, self.scale, ESTIMATE, 11, arrow)
+        _pose(ground, image, record.estimate.pose, self.scale, color, 11, arrow)
         rows, columns = image.shape[:2]
         shrunk = min(1.0, MAP_PX / max(rows, columns))
         size = (max(1, round(columns * shrunk)), max(1, round(rows * shrunk)))

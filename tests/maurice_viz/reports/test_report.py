@@ -113,6 +113,8 @@ def test_a_comparison_is_one_page(small_session):
     assert "sensor.weights" in text
     assert found.values("g", "class").count("run0") == found.values("g", "class").count("run1") == 7
     assert "color: estimate" in text
+    assert "estimate of color" in text  # each in its run's color, as in the traces
+    assert "background:rgb(200, 132, 0)" in page
     assert "blended: estimate" in text
 
 
