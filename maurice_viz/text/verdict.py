@@ -138,7 +138,7 @@ def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
         if worst is not None and worst.step >= trouble.step:
             away = scale.say(worst.error_m)
             text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} away"
-            is_bereft |= worst.bereft
+            is_bereft = worst.bereft
     return f"{text}, with no particle near the truth" if is_bereft else text
 
 

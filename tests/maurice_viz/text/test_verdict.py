@@ -1,6 +1,6 @@
 import pytest
 
-from maurice_mcl.analysis.verdict import RunVerdict, Trouble
+from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import said, verdict_line
 
@@ -68,3 +68,11 @@ def test_several_runs_share_the_kidnapping():
 
 def test_runs_of_different_drives_do_not():
     assert verdict_line({"a": BACK, "b": GOOD}, INCHES).startswith("`a` was kidnapped at 61 and found itself")
+
+
+def test_a_sure_run_is_said_to_lack_particles_only_where_it_did_at_that_step():
+    for bereft, end in ((True, ", with no particle near the truth (81.0 in off"), (False, " (81.0 in off")):
+        worst = SureAndWrong(70, 50 * INCH_M, 0.97, bereft)
+        run = troubled(Trouble("lost", 61, None, True, 0, 30, 29, 20), sure_and_wrong=worst)
+        line = "and sure of it: at step 70, 97% of the weight lay 50.0 in away"
+        assert f"{line}{end}" in said(run, INCHES)
