@@ -327,7 +327,7 @@ def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
 def _reseeded(record: StepRecord) -> str:
     if record.injected is None:
         return "fresh particles"
-    count = f"{int(record.injected.sum())} fresh of {record.belief.size} particles"
+    count = f"{int(record.injected.sum())} of {record.belief.size} fresh"
     if record.recovery_test is None:
         return f"{count} (evidence {record.calibrated_evidence:.1f} nats)"
     return f"{say_recovery_test(record.recovery_test)}: {count}"

@@ -212,7 +212,7 @@ def test_dips_and_bursts_are_one_event():
             "all-weights-zero",
             "no particle is in free space: the weights cannot be updated",
         ),
-        ("reseeded", "reseeded", "2 fresh of 4 particles (evidence -13.2 nats)"),
+        ("reseeded", "reseeded", "2 of 4 fresh (evidence -13.2 nats)"),
         ("expanded", "expanded", "evidence -13.2 nats: the whole cloud was spread"),
     ],
 )
@@ -245,7 +245,7 @@ def test_recovery_says_what_it_compared_with_what(test, said):
         made(HERE, injected=[False, False, True, True], events=("reseeded",)), recovery_test=test
     )
     (event,) = EventDetector().see(moment(record), record)
-    assert event.text == f"{said}: 2 fresh of 4 particles"
+    assert event.text == f"{said}: 2 of 4 fresh"
 
 
 Switch = Callable[[Sequence[Cloud]], list[tuple[int, str]]]
