@@ -10,12 +10,12 @@ import rerun.blueprint as rrb
 
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
-from ..entities import LIMITS, Phase, RunPaths
+from ..entities import Phase, RunPaths
 from ..scene import RunView, SceneInfo
-from ..style import BAR, COLOR_WORDS, RGB, RUN_COLORS, font_safe
+from ..style import BAR, COLOR_WORDS, DEAD, RGB, RUN_COLORS, font_safe
 from ..text.narration import errors
 from .events import EventLines, name_of
-from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
+from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase, set_place
 from .population import ANCESTORS, SURVIVORS
 from .views import picture_view, plot, plot_of_runs
 
@@ -29,6 +29,8 @@ TRUTH_RATIO = "truth_over_estimate"
 TRUTH_RANK = "truth_rank"
 EVIDENCE = "evidence"  # several lines in one entity: of all channels together, and of each alone
 LINE = 1.75
+LIMIT_WIDTH = 0.8
+FLAT = 2.0  # a limit is drawn if it is at most so many times the largest error
 
 COLORS: dict[str, RGB] = {
     POSITION_ERROR: RUN_COLORS[0],
@@ -57,6 +59,7 @@ class TracesPanel(Panel):
         self._most: dict[str, float] = {}  # by quantity
         self._least: dict[str, float] = {}
         self._events = EventLines()
+        self._ends: list[tuple[int, float]] = []  # step and time of the first and the last update
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         for quantity, color in COLORS.items():
@@ -98,6 +101,7 @@ class TracesPanel(Panel):
         if self._run.finder is not None:
             self._draw_rank(rec, update, self._run.finder)
         frame = update.moment.frame
+        self._ends = [*self._ends[:1], (frame.step, frame.time_s)]
         self._events.see(frame.step, frame.time_s, map(name_of, update.events))
 
     def finish(self, rec: rr.RecordingStream) -> None:
@@ -105,8 +109,24 @@ class TracesPanel(Panel):
         for quantity, most in self._most.items():
             if quantity in LABELED_STEPS:
                 rec.log(top_path(self._paths, quantity), rr.Scalars(round_top(most, LABELED_STEPS[quantity])))
+        self._draw_limits(rec)
         for quantity, (low, high) in self._extents().items():
             self._events.draw(rec, self._paths.trace(quantity), low, high)
+
+    def _draw_limits(self, rec: rr.RecordingStream) -> None:
+        """Draw the errors by which the run is judged, unless they would flatten a plot of far smaller ones."""
+        for name, limit, color in self._limits():
+            line = f"{self._paths.trace(POSITION_ERROR)}/limits/{name}"
+            rec.log(line, rr.SeriesLines(names=[name], colors=[color], widths=[LIMIT_WIDTH]), static=True)
+            for step, time_s in self._ends:
+                set_place(rec, step, time_s, Phase.ESTIMATE)
+                rec.log(line, rr.Scalars(limit))
+
+    def _limits(self) -> list[tuple[str, float, RGB]]:
+        radii, length = self._run.radii, self._scale.length
+        limits = [("right", length(radii.right_m), BAR), ("lost", length(radii.lost_m), DEAD)]
+        reach = FLAT * self._most.get(POSITION_ERROR, 0.0)
+        return [limit for limit in limits if limit[1] <= reach]
 
     def _extents(self) -> dict[str, tuple[float, float]]:
         """Return the least and largest value of each plot, where its lines of events end."""
@@ -115,8 +135,8 @@ class TracesPanel(Panel):
             if quantity in found:
                 found[quantity] = 0.0, round_top(found[quantity][1], steps)
         if POSITION_ERROR in found:  # its plot also has the spread and the limits
-            lost = self._scale.length(self._run.radii.lost_m)
-            found[POSITION_ERROR] = 0.0, max(found[POSITION_ERROR][1], self._most[SPREAD], lost)
+            limits = [limit for _, limit, _ in self._limits()]
+            found[POSITION_ERROR] = 0.0, max(found[POSITION_ERROR][1], self._most[SPREAD], *limits)
         return found | {quantity: (0.0, top) for quantity, top in SHARES.items()}
 
     def _note(self, quantity: str, *values: float) -> None:
@@ -168,7 +188,7 @@ def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
     shares = plot("Confidence orange, effective sample blue (share)", both, top=1.1)
     if not scene.has_truth:
         return [plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
-    distances = [paths.trace(POSITION_ERROR), paths.trace(TWO_SIGMA), LIMITS]
+    distances = [paths.trace(POSITION_ERROR), paths.trace(TWO_SIGMA)]
     return [
         plot(f"Position error orange, spread blue, 2 sigma shaded ({unit})", distances),
         plot("Heading error (deg)", [paths.trace(HEADING_ERROR)]),
@@ -180,9 +200,7 @@ def error_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[
     """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
     unit = scene.scale.units.name
     return [
-        plot_of_runs(
-            POSITION_ERROR, f"Position error, 2 sigma ({unit}){who}", labels, None, TWO_SIGMA, LIMITS
-        ),
+        plot_of_runs(POSITION_ERROR, f"Position error, 2 sigma ({unit}){who}", labels, None, TWO_SIGMA),
         plot_of_runs(HEADING_ERROR, "Heading error (deg)", labels),
     ]
 

@@ -94,9 +94,8 @@ def plot_of_runs(
     labels: Sequence[str],
     top: float | None = None,
     band: str | None = None,
-    *others: str,
 ) -> rrb.TimeSeriesView:
-    """Plot one quantity of several runs, each in its own color, over a band of each; and other lines."""
+    """Plot one quantity of several runs, each in its own color, over a band of each."""
     contents, styles = list[str](), Overrides()
     for label, color in zip(labels, RUN_COLORS, strict=False):
         path = RunPaths(label).trace(quantity)
@@ -106,7 +105,7 @@ def plot_of_runs(
             around = RunPaths(label).trace(band)
             styles[around] = rr.Measurements.from_fields(colors=[color])
             contents.append(around)
-    return plot(name, [*contents, *others], top, styles)
+    return plot(name, contents, top, styles)
 
 
 def window(

@@ -13,6 +13,7 @@ from maurice_mcl.analysis.events import EventDetector
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.estimate import share_within
 from maurice_mcl.filter.localizer import run
+from maurice_mcl.radii import USUAL
 from maurice_mcl.records import PICTURE
 from maurice_mcl.session import Moment
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
@@ -235,6 +236,13 @@ def test_band_and_lines_of_events_are_those_of_the_records(drive):
             if event.kind in LINE_COLORS:
                 expected[event.kind].append(event.step)
     assert {"kidnapped", "reseeded"} <= set(expected)
+    most = max(scale.length(narration.errors(record.estimate, moment.truth)[0]) for moment, record in played)
+    for name, limit_m in (("right", USUAL.right_m), ("lost", USUAL.lost_m)):
+        drawn = recordings.rows(path, f"{RUN.trace('position_error')}/limits/{name}")
+        near = scale.length(limit_m) <= 2 * most
+        assert [(row.step, row.values["Scalars:scalars"]) for row in drawn] == [
+            (step, [pytest.approx(scale.length(limit_m))]) for step in (1, STEPS) if near
+        ]
     for quantity in ("position_error", "heading_error", "spread", "confidence", "evidence", "survivors"):
         for kind, steps in expected.items():
             lines = recordings.rows(path, f"{RUN.trace(quantity)}/events/{kind}")
