@@ -210,8 +210,7 @@ class Leader:
 KIDNAPPED, LIGHTS_CHANGED, SESSION = "kidnapped", "lights-changed", "session"
 ESS_DIP, ALL_WEIGHTS_ZERO, MODE_SWITCH = "ess-dip", "all-weights-zero", "mode-switch"
 BEYOND_THREE_SIGMA, PARTED, BOOKMARK = "beyond-three-sigma", "parted", "bookmark"
-LOCALIZED, LOST, RECOVERED = "localized", "lost", "recovered"
-LEFT_THE_MAP = "left-the-map"
+RECOVERED, LEFT_THE_MAP = "recovered", "left-the-map"  # and LOCALIZED and LOST, which begin the states
 
 KINDS: Mapping[str, str] = {
     KIDNAPPED: "the log says that the robot was carried away",

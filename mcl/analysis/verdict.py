@@ -18,10 +18,9 @@ from ..records import StepRecord
 from ..session import Moment
 from .ambiguity import Ambiguity, AmbiguityFinder
 from .causes import CARRIED, DARK, JUMPED, SLIPPED, Cause, CauseFinder
-from .events import KIDNAPPED, LocalizationStatus, in_meters, is_kidnapping
+from .events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
 from .metrics import LOCALIZED_OF, LOST_FOR, LOST_RAD, StepScore, score_step
 
-LOST, SEARCHING = "lost", "searching"
 EXPLAINS_FOR = 10  # updates after a cause in which a loss is due to it
 MOSTLY = 0.5  # share of the updates of a trouble from which on it counts as "sure"
 

@@ -89,7 +89,9 @@ def test_a_comparison_needs_the_runs_label(small_session, tmp_path):
     [(), ("--tum", "a", "--kitti", "a"), ("--tum", "a", "--only", "x"), ("--csv", "a", "--t-offset", "nan")],
 )
 def test_bad_options_are_usage_errors(saved, words):
-    run("export", saved, *words, expect=2)
+    done = run("export", saved, *words, expect=2)
+    assert "Error: " in done.stderr
+    assert not done.stdout
 
 
 def test_exports_that_cannot_be_are_one_line(small_session, tmp_path):
@@ -147,7 +149,9 @@ def test_convert_keeps_going_when_told_so(small_session, tmp_path):
     "words", [("b.txt",), ("b.log", "--pictures", "gif"), ("b.log", "--t-offset", "inf")]
 )
 def test_convert_refuses_bad_options(small_session, words):
-    run("convert", small_session, *words, expect=2)
+    done = run("convert", small_session, *words, expect=2)
+    assert "Error: " in done.stderr
+    assert not Path(words[0]).exists()
 
 
 def test_convert_refuses_what_holds_nothing(tmp_path):
