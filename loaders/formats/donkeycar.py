@@ -43,7 +43,7 @@ class TubRecording:
     deleted: frozenset[int]
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
-        """Yield the pictures. Times that are too close together to be true are replaced, and a note says so."""
+        """Yield the pictures. Times that are too close together to be true are replaced, with a note."""
         notes.warning("a tub holds commands (angle, throttle) and no odometry: no motion is read")
         first = islice(self._rows(ReadingNotes(keep_going=True)), LOOKED_AT)
         step_s = float(np.median(np.diff([t_s for _, _, t_s, _ in first] or [0.0, 1.0])))

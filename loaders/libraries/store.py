@@ -168,7 +168,7 @@ def open_library(
 ) -> Library:
     """Read a library folder, or build a survey's library unless the cache has it.
 
-    A survey is a log, a folder with a `survey.log`, or a table (CSV) of pictures with poses and without times.
+    A survey is a log, a folder with a `survey.log`, or a table (CSV) of pictures with poses, without times.
     The cache knows a library by the content of log and pictures and by the channels' parameters; what is
     damaged there is built again. Its folder: MAURICE_CACHE, or the user's cache. Arguments as for
     `build_library`. Raises InputError for anything that is neither library nor survey.

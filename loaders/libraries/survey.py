@@ -158,7 +158,7 @@ def open_survey(
 
 
 def open_table(path: Path) -> SelectedSurvey:
-    """Open all pictures of a table that has poses, and neither times nor odometry. InputError for a drive's."""
+    """Open all pictures of a table that has poses, and neither times nor odometry. InputError for a drive."""
     drive = open_session(path, ReadingOptions())
     if not _is_surveyed(drive):
         found = "found a drive, expected a library or a survey; make a library of it first"

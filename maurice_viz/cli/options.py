@@ -112,7 +112,7 @@ Set = Annotated[
         metavar="KEY=VALUE",
     ),
 ]
-_LIBRARY = "A library folder, a survey log, or a table of surveyed pictures. [default: the one that the header names]"
+_LIBRARY = "A library folder, survey log or table of surveyed pictures. [default: the one the header names]"
 Library = Annotated[Path | None, option("--library", _LIBRARY, FILTER, metavar="PATH")]
 Rrd = Annotated[
     str | None,

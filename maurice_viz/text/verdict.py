@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from maurice_mcl.analysis.ambiguity import Ambiguity
 from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED, Cause
-from maurice_mcl.analysis.events import KIDNAPPED
-from maurice_mcl.analysis.verdict import SEARCHING, RunVerdict, Trouble
+from maurice_mcl.analysis.events import KIDNAPPED, SEARCHING
+from maurice_mcl.analysis.verdict import RunVerdict, Trouble
 
 from ..style import Scale
 

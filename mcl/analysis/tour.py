@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from .ambiguity import Ambiguity
 from .causes import Cause
-from .events import KIDNAPPED
-from .verdict import SEARCHING, RunVerdict, SureAndWrong, Trouble
+from .events import KIDNAPPED, SEARCHING
+from .verdict import RunVerdict, SureAndWrong, Trouble
 
 BEGINS, FOUND, DIVIDED, BEFELL, LOST, SURE, BACK, WORST, ENDS = (
     "begins",

@@ -200,7 +200,7 @@ def test_a_table_of_surveyed_pictures_opens_as_a_library_and_is_kept_by_its_cont
 
 def test_a_table_of_a_drive_is_no_library_and_the_message_says_how_to_make_one(tmp_path: Path) -> None:
     table = _table(tmp_path / "drive", "image,x_m,y_m,heading_deg,t_s")
-    with pytest.raises(InputError, match="found a drive.*library build"):
+    with pytest.raises(InputError, match=r"found a drive.*library build"):
         open_library(table)
 
 
