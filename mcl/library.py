@@ -20,9 +20,30 @@ class ChannelIndex:
     relevance: F32  # (D,) per-bin maximum over the library (thesis fig. 15)
 
     @cached_property
-    def roots(self) -> F32:
-        """Square roots of the references (L, D), taken once."""
-        return np.asarray(np.sqrt(self.references), np.float32)
+    def centered(self) -> "Centered":
+        """The references about their mean, for distances by products."""
+        return Centered.of(self.references)
+
+    @cached_property
+    def centered_roots(self) -> "Centered":
+        """Square roots of the references, about their mean."""
+        return Centered.of(np.sqrt(self.references))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Centered:
+    """Rows about their mean, with their squared lengths: what a distance by products needs of a library."""
+
+    middle: F32  # (D,)
+    rows: F32  # (L, D) rows minus the middle
+    squared: F32  # (L,) squared lengths of the rows
+
+    @classmethod
+    def of(cls, values: F32) -> "Centered":
+        """Center values (L, D)."""
+        middle = values.mean(axis=0, dtype=np.float64).astype(np.float32)
+        rows = values - middle
+        return cls(middle, rows, np.einsum("ij,ij->i", rows, rows))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ..arrays import F32
-from ..library import ChannelIndex
+from ..library import Centered, ChannelIndex
 
 Distance = Callable[[F32, ChannelIndex], F32]
 
-BLOCK = 1 << 15  # numbers, 128 kB: fits into a core's cache
+BLOCK = 1 << 16  # numbers, 256 kB: fits into a core's cache
+CANCELS = 0.02  # squared difference over lengths, below which float32 products lose the fifth digit
 
 
 def thesis(sample: F32, index: ChannelIndex) -> F32:
@@ -21,10 +22,13 @@ def thesis(sample: F32, index: ChannelIndex) -> F32:
     relevant = index.relevance > 0
     inverse = np.zeros_like(index.relevance)
     inverse[relevant] = 1 / index.relevance[relevant]
-    apart = np.abs(index.references - sample)
-    apart -= index.noise_floor
-    np.maximum(apart, 0, out=apart)
-    return np.asarray(apart @ (inverse / np.float32(len(sample))), np.float32)
+
+    def over_floor(apart: F32) -> F32:
+        np.abs(apart, out=apart)
+        apart -= index.noise_floor
+        return np.maximum(apart, 0, out=apart)
+
+    return _by_blocks(over_floor, sample, index.references, inverse / np.float32(len(sample)))
 
 
 def relevance_only(sample: F32, index: ChannelIndex) -> F32:
@@ -41,12 +45,13 @@ def floor_only(sample: F32, index: ChannelIndex) -> F32:
 
 def l1(sample: F32, index: ChannelIndex) -> F32:
     """Mean of |s - r| (Swain and Ballard's intersection, 1991, is one minus half of it for shares)."""
-    return _by_blocks(np.abs, sample, index.references)
+    equal = np.full(len(sample), 1 / max(len(sample), 1), np.float32)
+    return _by_blocks(lambda apart: np.abs(apart, out=apart), sample, index.references, equal)
 
 
 def l2(sample: F32, index: ChannelIndex) -> F32:
     """Root of the mean of (s - r) squared."""
-    return np.sqrt(_by_blocks(np.square, sample, index.references))
+    return _by_products(sample, index.centered)
 
 
 def chi2(sample: F32, index: ChannelIndex) -> F32:
@@ -59,18 +64,35 @@ def chi2(sample: F32, index: ChannelIndex) -> F32:
 
 def hellinger(sample: F32, index: ChannelIndex) -> F32:
     """Root of the mean of (root s - root r) squared: L2 of square roots (Hellinger 1909; Bhattacharyya)."""
-    return np.sqrt(_by_blocks(np.square, np.sqrt(sample), index.roots))
+    return _by_products(np.sqrt(sample), index.centered_roots)
 
 
-def _by_blocks(size_of: np.ufunc, sample: F32, references: F32) -> F32:
-    """Return the mean size (L,) of each row's differences from the sample, by blocks that fit the cache."""
+def _by_products(sample: F32, references: Centered) -> F32:
+    """Return the root (L,) of each row's mean squared difference, as |r|^2 - 2 r.s + |s|^2.
+
+    One product with the library takes a tenth of the time of L x D differences. Where the difference is
+    small beside the lengths the terms cancel, so those few rows are measured by their differences.
+    """
+    own = sample - references.middle
+    lengths = references.squared + own @ own
+    squared = lengths - 2 * (references.rows @ own)
+    near = np.flatnonzero(squared < CANCELS * lengths)
+    squared[near] = np.square(references.rows[near] - own).sum(axis=1)
+    return np.asarray(np.sqrt(squared / np.float32(max(len(sample), 1))), np.float32)
+
+
+def _by_blocks(size_of: Callable[[F32], F32], sample: F32, references: F32, weights: F32) -> F32:
+    """Return the weighted sum (L,) of the size of each row's differences, by blocks that fit the cache.
+
+    `size_of` may work in place. The weighted sum is a product, twice as fast as numpy's mean.
+    """
     count, size = references.shape
     rows = max(BLOCK // max(size, 1), 1)
     result, apart = np.empty(count, np.float32), np.empty((min(rows, count), size), np.float32)
     for first in range(0, count, rows):
         block = references[first : first + rows]
-        some = np.subtract(block, sample, out=apart[: len(block)])
-        result[first : first + rows] = size_of(some, out=some).mean(axis=1)
+        some = size_of(np.subtract(block, sample, out=apart[: len(block)]))
+        np.matmul(some, weights, out=result[first : first + rows])
     return result
 
 
