@@ -134,7 +134,7 @@ def filter_step() -> None:
     sample = library.index["color"].references[300]
     xy = (rng.random((PARTICLES, 2)) - 0.5) * (library.arena.size_m[0] * 0.3)
     poses = np.column_stack([xy, rng.random(PARTICLES) * 2 * np.pi - np.pi])
-    belief = Belief(poses.astype(np.float32), uniform_log_weights(PARTICLES), library.origin)
+    belief = Belief(np.asfortranarray(poses, np.float32), uniform_log_weights(PARTICLES), library.origin)
     comparison = sensor.compare({"color": sample})
     likelihood = np.exp(comparison.log_likelihood.astype(np.float64))
     naive = Naive(reference, parameters, library.origin)
@@ -148,7 +148,8 @@ def filter_step() -> None:
         )
         estimate = weighted_mean(weighted)
         parents = systematic(weighted.weights, PARTICLES, rng)
-        return Belief(moved.take(parents, axis=0), uniform_log_weights(PARTICLES), belief.origin), estimate
+        copies = moved.T.take(parents, axis=1).T
+        return Belief(copies, uniform_log_weights(PARTICLES), belief.origin), estimate
 
     took = interleaved({"ours": ours, "naive": lambda: naive.step(poses, equal, likelihood, rng)})
     print(f"systematic filter step at {PARTICLES} particles, ns per particle")

@@ -101,13 +101,18 @@ class Grid:
     def cells_of(self, xy: F32, origin: F64) -> I32:
         """Return the flat cell number (N,) of points (N, 2) that are relative to `origin`; -1 outside."""
         low, scale = (self.corner - origin).astype(np.float32), np.float32(1 / self.cell_m)
-        # column by column: numpy is ten times slower on (N, 2) at once
-        column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale
         rows, columns = self.shape
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        with np.errstate(invalid="ignore"):  # far outside, the number overflows int32 and is not used
-            cell: I32 = row.astype(np.int32) * np.int32(columns) + column.astype(np.int32)
-        cell[~inside] = -1
+        # column by column, in place: every pass over the particles counts
+        column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale
+        np.floor(column, out=column)
+        np.floor(row, out=row)
+        inside = column >= 0
+        for within in (column < columns, row >= 0, row < rows):
+            inside &= within
+        row *= np.float32(columns)
+        row += column  # exact: whole numbers below 2**24
+        row[~inside] = -1
+        cell: I32 = row.astype(np.int32)
         return cell
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -12,9 +13,11 @@ from .session import Frame
 # The belief: a weighted cloud of poses, as a value.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Belief:
     """N weighted particles. Never changed in place.
+
+    Poses are best stored column by column (Fortran order): the filter reads one coordinate of all particles.
 
     Poses are float32 relative to `origin`, which is float64 (float32 steps are 3 cm at 500 km). Weights are
     stored as logs and sum to one: `exp(log_weights).sum() == 1`.
@@ -34,7 +37,7 @@ class Belief:
         """The number of particles N."""
         return len(self.poses)
 
-    @property
+    @cached_property
     def weights(self) -> F64:
         """Normalized weights (N,), each >= 0, summing to one."""
         return np.exp(self.log_weights)

@@ -183,9 +183,7 @@ class OdometryMotion:
 
 
 def _poses(x: F32, y: F32, heading: F32) -> F32:
-    poses = np.empty((len(x), 3), np.float32)
-    poses[:, 0], poses[:, 1], poses[:, 2] = x, y, heading
-    return poses
+    return np.stack([x, y, heading]).T  # column by column
 
 
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:

@@ -193,7 +193,7 @@ class Resampling:
     def copies(self, weighted: Belief, size: int, fresh: int, rng: Generators) -> Resampled:
         """Return copies of equal weight; `fresh` of the `size` particles are left to recovery."""
         parents = self.scheme(weighted.weights, size - fresh, rng(Purpose.RESAMPLE))
-        poses = weighted.poses.take(parents, axis=0)
+        poses = weighted.poses.T.take(parents, axis=1).T  # column by column
         belief = Belief(poses, uniform_log_weights(len(parents)), weighted.origin)
         if self.roughening > 0:
             belief = roughen(belief, self.roughening, normals(rng(Purpose.ROUGHEN), belief.size))

@@ -67,7 +67,7 @@ class NearestReference:
 
 def of_entries(log_likelihood: F32, entries: I32) -> F32:
     """Index a log-likelihood (L,) by entries (N,); -inf for the entry -1."""
-    return np.append(log_likelihood, np.float32(-np.inf))[entries]  # entry -1, outside, is the table's last
+    return np.append(log_likelihood, np.float32(-np.inf)).take(entries)  # entry -1, outside, is the last
 
 
 def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
