@@ -33,14 +33,13 @@ from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import GENERATOR, cached_survey
 from maurice_datasets.tasks import TASKS, for_testing
 from maurice_loaders.files import cache_root
-from maurice_mcl.analysis.metrics import Scorer, score_step
-from maurice_mcl.arrays import F32, U8
+from maurice_mcl.analysis.metrics import RunScore, Scorer, score_step
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Layer, configure
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.session import SessionInfo
+from maurice_viz.playback import FilterRun, run_together
 
 INCH_M = 0.0254
 KIDNAP_AT, KIDNAP_UPDATES = 30, 60
@@ -116,24 +115,6 @@ def misjudged(motion: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-class MeasuredOnce:
-    """A sensor model that measures a picture only once for all the filters that look at it."""
-
-    def __init__(self, sensor: SensorModel, measured: dict[tuple[str, int], F32]) -> None:
-        self.sensor, self.measured = sensor, measured
-        self.compare, self.at = sensor.compare, sensor.at
-
-    def measure(self, image: U8) -> dict[str, F32]:
-        """Pictures are distinguished by their address in memory: the session holds them all."""
-        found = {}
-        for name in self.sensor.parameters.weights:
-            key = (name, id(image))
-            if key not in self.measured:
-                self.measured[key] = CHANNELS[name].describe(image)
-            found[name] = self.measured[key]
-        return found
-
-
 @lru_cache(2)
 def library_of(world_name: str, arena_seed: int, tier: str) -> mcl.Library:
     world = md.load_world(world_name, arena_seed, tier)
@@ -147,7 +128,7 @@ def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str,
     session = Kept(simulated.info, list(simulated.moments()))
     nearest = nearest_reference(library.poses, library.arena)
     order = np.random.default_rng(drive).permutation(library.size)
-    measured: dict[tuple[str, int], F32] = {}
+    runs = []
     for case in cases:
         parameters = configure([Layer(case.name, FILTERS[case.name])]).parameters
         if case.name == MISJUDGED:
@@ -155,27 +136,38 @@ def measure(cases: Sequence[Case], drive: int) -> Iterator[tuple[Case, dict[str,
         used = replace(library, poses=library.poses[order]) if case.name == "shuffled" else library
         shared = None if case.name == "shuffled" else nearest
         localizer = build_localizer(used, session, parameters, reference=shared)
-        sensor = MeasuredOnce(localizer.sensor, measured)
-        yield case, scored(replace(localizer, sensor=sensor), session, library, case)
+        runs.append(FilterRun(case.name, localizer, session.info.start))
+    yield from zip(cases, scored(runs, session, library, cases[0].task), strict=True)
 
 
-def scored(localizer: Any, session: Kept, library: mcl.Library, case: Case) -> dict[str, Any]:
-    scorer, localized, oracle = Scorer(), [], []
-    for moment, record in mcl.run(localizer, session):
+def scored(runs: Sequence[FilterRun], session: Kept, library: mcl.Library, task: str) -> list[dict[str, Any]]:
+    """Run filters side by side and score each."""
+    scorers = {run.label: Scorer() for run in runs}
+    localized: dict[str, list[bool]] = {run.label: [] for run in runs}
+    oracle = []
+    for moment, records in run_together(runs, session.moments()):
         assert moment.truth is not None
-        scorer.add(record.estimate, moment.truth, moment.frame.motions)
-        localized.append(bool(score_step(record.estimate, moment.truth).localized))
         oracle.append(np.linalg.norm(library.poses[:, :2] - moment.truth[:2], axis=1).min())
-    score = scorer.result()
-    since = KIDNAP_AT if case.task == "kidnapped" else 0
+        for label, record in records.items():
+            scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
+            localized[label].append(bool(score_step(record.estimate, moment.truth).localized))
+    since = KIDNAP_AT if task == "kidnapped" else 0
+    return [
+        row_of(scorers[run.label].result(), localized[run.label][since:], float(np.mean(oracle[3:])))
+        for run in runs
+    ]
+
+
+def row_of(score: RunScore, localized: Sequence[bool], oracle_m: float) -> dict[str, Any]:
+    """Return one run's figures, lengths in inches, angles in degrees."""
     return {
         "error": (score.position_error_mean_m or 0.0) / INCH_M,
         "heading": float(np.degrees(score.heading_error_mean_rad or 0.0)),
         "lost": bool(score.lost),
         "right": bool(score.right_at_end),
         "wrong": score.wrong_confident_share,
-        "took": first_of(localized[since:]),
-        "oracle": float(np.mean(oracle[3:])) / INCH_M,
+        "took": first_of(localized),
+        "oracle": oracle_m / INCH_M,
     }
 
 

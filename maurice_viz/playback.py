@@ -16,6 +16,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
 from maurice_mcl.session import Moment
 
 
@@ -43,18 +44,30 @@ class RunResult:
 
 
 def run_together(
-    runs: Sequence[FilterRun], moments: Iterable[Moment]
+    runs: Sequence[FilterRun], moments: Iterable[Moment], *, live: bool = False
 ) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
     """Step all runs through the moments of one session side by side; every picture is decoded once.
 
-    Each run owns its state and its randomness, so that its records are those of a run by itself.
+    Each run owns its state and its randomness, so that its records are those of a run by itself. Pictures are
+    read and compared ahead of the filters, unless they come `live`.
     """
     states = {run.label: run.localizer.initialize(run.start) for run in runs}
-    for moment in moments:
+    for moment, pictures in _compared(runs, moments, live):
         records = {}
-        for run in runs:
-            states[run.label], records[run.label] = run.localizer.step(states[run.label], moment.frame)
+        for run, picture in zip(runs, pictures, strict=True):
+            states[run.label], records[run.label] = run.localizer.step(
+                states[run.label], moment.frame, picture
+            )
         yield moment, records
+
+
+def _compared(
+    runs: Sequence[FilterRun], moments: Iterable[Moment], live: bool
+) -> Iterator[tuple[Moment, tuple[Compared, ...]]]:
+    sensors = [run.localizer.sensor for run in runs]
+    if not live:
+        return compared_ahead(sensors, moments)
+    return ((moment, compared(sensors, moment.frame.image)) for moment in moments)
 
 
 def shared(

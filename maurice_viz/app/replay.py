@@ -261,7 +261,7 @@ def _localize(
     if _joined_late(session, spec, listener):
         runs = make_runs(session, references, [replace(spec, start="global")], listener)
     playback = Playback(
-        shared(run_together(runs, chain([first], moments))),
+        shared(run_together(runs, chain([first], moments), live=True)),
         0,
         [RunView.live(run.label, run.localizer) for run in runs],
         DriveScene(session.info, references, first.truth is not None, live=True),

@@ -23,6 +23,8 @@ from ..library import Library
 from ..radii import USUAL, Radii
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import Belief, Comparison, FilterState, StepRecord, effective_sample_size, normalize
+from ..sensor.ahead import Compared
+from ..sensor.ahead import compared as compared_with
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
@@ -85,14 +87,17 @@ class Localizer:
         rng = self._rng(0, Purpose.INITIALIZATION)
         return FilterState(0, uniform_belief(self.reference.grid, self.particles, self.library.origin, rng))
 
-    def step(self, state: FilterState, frame: Frame) -> tuple[FilterState, StepRecord]:
+    def step(
+        self, state: FilterState, frame: Frame, compared: Compared | None = None
+    ) -> tuple[FilterState, StepRecord]:
         """Process one frame; return the next state and a record. The given state is not changed.
 
+        `compared` is the frame's picture, where the sensor model has compared it ahead of the filter.
         Raises InputError for a localizer without a motion model: see `of_session`.
         """
-        took: dict[str, float] = {}
-        with _timed(took, "measure"):
-            comparison = self.sensor.compare(self.sensor.measure(frame.image))
+        if compared is None:
+            (compared,) = compared_with([self.sensor], frame.image)
+        comparison, took = compared.comparison, {"measure": compared.took_s}
         with _timed(took, "propose"):
             proposal = self.propose(state.belief, frame, comparison)
         with _timed(took, "weight"):

@@ -4,5 +4,6 @@
 - `distances`: how far a picture's descriptor is from every reference's
 - `references`: which references a particle is compared with: lookup, interpolation, virtual references
 - `model`: fusion of the channels' distances, its log-likelihood with its floor, and all of these together
+- `ahead`: pictures measured and compared ahead of the filter, on a thread of their own
 - `left_out`: whether a library can tell its places apart, by leaving each place out
 """
