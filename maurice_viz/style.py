@@ -11,6 +11,7 @@ prevent every picture of the recording.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from dataclasses import dataclass
 from typing import Any
@@ -195,14 +196,21 @@ RANGES = (
     (0x2190, 0x22FF),
     (0x25A0, 0x25FF),
 )  # first and last of each, as tried out in 0.41
-WITHOUT_GLYPH = (0x149, 0x1C4)
+WITHOUT_GLYPH = (0x149, 0x1C4, *range(0x7F, 0xA0))
+UNKNOWN = re.compile(
+    "[^\n"
+    + "".join(f"{chr(first)}-{chr(last)}" for first, last in RANGES)
+    + "]|["
+    + "".join(map(chr, WITHOUT_GLYPH))
+    + "]"
+)
 
 
 def font_safe(text: str) -> str:
     """Write every letter that the viewer cannot show as its code, like "u8D70"; others stay as they are."""
     if text.isascii():
         return text
-    return "".join(c if _is_known(ord(c)) else f"u{ord(c):04X}" for c in unicodedata.normalize("NFC", text))
+    return UNKNOWN.sub(lambda found: f"u{ord(found[0]):04X}", unicodedata.normalize("NFC", text))
 
 
 def font_safe_names(part: Any) -> None:
@@ -211,9 +219,3 @@ def font_safe_names(part: Any) -> None:
     for inner in getattr(part, "contents", ()):
         if hasattr(inner, "name"):
             font_safe_names(inner)
-
-
-def _is_known(code: int) -> bool:
-    if code in WITHOUT_GLYPH or 0x7F <= code < 0xA0:
-        return False
-    return code == ord("\n") or any(first <= code <= last for first, last in RANGES)

@@ -16,6 +16,8 @@ OWN |= {"DISPLAY", "WAYLAND_DISPLAY"}  # where no test shall open a window
 for _name in [name for name in os.environ if name in OWN or name.startswith(("TTY_", "MAURICE_FILTER_"))]:
     del os.environ[_name]
 os.environ.setdefault("PYTHONUTF8", "1")  # what tests start writes what they read
+# Every command that tests start would compile the project again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # the same examples on every machine and day, however busy; `pytest --hypothesis-profile=default` draws others
 settings.register_profile("anywhere", derandomize=True, deadline=None)

@@ -11,10 +11,8 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from datetime import timedelta
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -22,6 +20,7 @@ import rerun.blueprint as rrb
 from maurice_loaders.files import remove_leftovers
 
 from ..errors import SinkError
+from .blocks import BlockRecording
 from .open_viewers import (
     HOST,
     address,
@@ -38,8 +37,6 @@ from .web import WebViewer
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
 CANNOT_WRITE = (RuntimeError, OSError, ValueError)  # what flushing raises
-CALLS_AHEAD = 2000  # of logging, that may wait to be written: some 4 MB of a replay
-FILE_BATCH_S = 1.0  # of a file that nobody follows: fewer batches, smaller, and a shorter list of them
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --rrd FILE.rrd, and open it where there is a screen"
@@ -48,24 +45,6 @@ LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 
 
 Remark = Callable[[str], None]  # receives a line for people
-
-
-class FileRecording(rr.RecordingStream):
-    """A recording into a file that nobody follows: drawing waits for the disk now and then."""
-
-    def __init__(self) -> None:
-        batches = rr.ChunkBatcherConfig()
-        batches.flush_tick = timedelta(seconds=FILE_BATCH_S)
-        super().__init__(APPLICATION, batcher_config=batches)
-        self._calls = 0
-
-    def log(self, *what: Any, **how: Any) -> None:
-        """Log as any recording does."""
-        super().log(*what, **how)
-        self._calls += 1
-        if self._calls % CALLS_AHEAD == 0:
-            with suppress(*CANNOT_WRITE):  # reported at the end, when all that could be written is
-                self.flush(timeout_sec=FLUSH_S)
 
 
 def recording(name: str, recording_id: str | None = None) -> rr.RecordingStream:
@@ -111,7 +90,7 @@ def to_file(
     """
     _check_target(path, force)
     part = part_of(path)
-    rec = _named(FileRecording(), name) if serve is None else recording(name)
+    rec = _named(BlockRecording(APPLICATION, patience_s=FLUSH_S), name) if serve is None else recording(name)
     if serve is None:
         rec.save(part, default_blueprint=blueprint)
     else:

@@ -8,8 +8,8 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 from rerun_bindings import check_for_rrd_footer
 
+from maurice_viz.viewer import blocks, sinks
 from maurice_viz.viewer import open_viewers as viewer
-from maurice_viz.viewer import sinks
 from maurice_viz.viewer.snapshot import software_driver
 
 LAYOUT = rrb.Blueprint(rrb.TextDocumentView(origin="/a"))
@@ -132,20 +132,11 @@ def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(tmp_path, monkey
     assert not (tmp_path / "a.rrd").exists()
 
 
-def test_drawing_quicker_than_the_disk_waits_for_it(tmp_path, monkeypatch):
-    waited = []
-    monkeypatch.setattr(sinks.FileRecording, "flush", lambda self, **how: waited.append(how))
-    with sinks.to_file(tmp_path / "a.rrd", "a", LAYOUT) as rec:
-        for _ in range(2 * sinks.CALLS_AHEAD + 1):
-            rec.log("/a", rr.Scalars(1.0))
-        assert len(waited) == 2
-
-
 def test_a_disk_that_fails_meanwhile_is_told_at_the_end(tmp_path, monkeypatch):
-    def fail(self: sinks.FileRecording, **how: float) -> None:
+    def fail(self: rr.RecordingStream, **how: float) -> None:
         raise RuntimeError("the disk is gone")
 
-    monkeypatch.setattr(sinks, "CALLS_AHEAD", 1)
-    monkeypatch.setattr(sinks.FileRecording, "flush", fail)
+    monkeypatch.setattr(blocks, "UPDATES", 1)
+    monkeypatch.setattr(rr.RecordingStream, "flush", fail)
     with pytest.raises(sinks.SinkError, match="could not be written to the end"):
         write(tmp_path / "a.rrd")

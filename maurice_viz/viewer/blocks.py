@@ -1,0 +1,160 @@
+"""A Rerun recording written in blocks: what is logged update by update goes out as columns of many updates.
+
+Every call of the SDK costs as much as a dozen rows do. A file that nobody follows can wait, so rows are
+collected by entity and sent as columns. What is read back is the same: the same rows, and of rows at one time
+the later one still wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import timedelta
+from typing import Any
+
+import pyarrow as pa  # type: ignore[import-untyped]  # has no types
+import rerun as rr
+
+from ..entities import STEP
+
+Timelines = tuple[str, ...]
+UPDATES = 32  # in a block
+MOST_BYTES = 16 << 20  # in a block: pictures may be large
+FILE_BATCH_S = 1.0  # of what is not in blocks
+
+
+@dataclass(slots=True)
+class Rows:
+    """The rows of one entity on one set of timelines: every column as long as there are rows, or shorter."""
+
+    times: dict[str, list[Any]]
+    columns: dict[Any, list[Any]] = field(default_factory=dict)  # by descriptor; None: not in that row
+    count: int = 0
+
+    def add(self, times: Mapping[str, Any], components: Mapping[Any, Any]) -> None:
+        """Append a row."""
+        for name, value in times.items():
+            self.times[name].append(value)
+        for descriptor, values in components.items():
+            column = self.columns.setdefault(descriptor, [])
+            column.extend([None] * (self.count - len(column)))
+            column.append(values)
+        self.count += 1
+
+    def holds(self, times: Mapping[str, Any]) -> bool:
+        """Return whether a row is at one of these times."""
+        return any(at in self.times.get(name, ()) for name, at in times.items())
+
+    def filled(self) -> Iterator[tuple[Any, list[Any]]]:
+        """Yield every column with its descriptor, as long as there are rows."""
+        for descriptor, column in self.columns.items():
+            yield descriptor, column + [None] * (self.count - len(column))
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of one component, as `send_columns` takes it."""
+
+    descriptor: Any
+    values: list[Any]  # an Arrow array per row, None where the row has none
+
+    def component_descriptor(self) -> Any:
+        """Say which component."""
+        return self.descriptor
+
+    def as_arrow_array(self) -> Any:
+        """Return lists, one per row; null where the component is not in the row."""
+        here = [values for values in self.values if values is not None]
+        ends, end = [0], 0
+        for values in self.values:
+            end += 0 if values is None else len(values)
+            ends.append(end)
+        absent = pa.array([values is None for values in self.values])
+        return pa.ListArray.from_arrays(pa.array(ends, pa.int32()), pa.concat_arrays(here), mask=absent)
+
+
+class BlockRecording(rr.RecordingStream):
+    """A recording into a file that nobody follows."""
+
+    def __init__(self, application: str, *, patience_s: float) -> None:
+        """Open a recording that goes nowhere yet. After each block it waits for the disk, at most so long."""
+        batches = rr.ChunkBatcherConfig()
+        batches.flush_tick = timedelta(seconds=FILE_BATCH_S)
+        super().__init__(application, batcher_config=batches)
+        self._patience_s = patience_s
+        self._times: dict[str, Any] = {}  # by timeline
+        self._kinds: dict[str, str] = {}  # of number, by timeline
+        self._rows: dict[str, dict[Timelines, Rows]] = {}  # by entity
+        self._step: Any = None
+        self._updates = self._bytes = 0
+
+    def set_time(self, timeline: str, **value: Any) -> None:  # type: ignore[override]
+        """Set the time of what is logged from now on; a new step ends a block that is full."""
+        ((kind, at),) = ((kind, at) for kind, at in value.items() if at is not None)
+        if timeline == STEP and self._step != at:
+            self._step = at
+            self._updates += 1
+            if self._updates > UPDATES or self._bytes > MOST_BYTES:
+                self.send_rows()
+        self._times[timeline], self._kinds[timeline] = at, kind
+
+    def disable_timeline(self, timeline: str) -> None:
+        """Leave a timeline out of what is logged from now on."""
+        self._times.pop(timeline, None)
+
+    def log(self, entity_path: Any, entity: Any, *extra: Any, static: bool = False, **how: Any) -> None:
+        """Log as any recording does. What is static, or clears an entity, goes out at once."""
+        if static or not self._times or isinstance(entity, rr.Clear):
+            self.send_rows()
+            self._log_now(entity_path, entity, *extra, static=static, **how)
+            return
+        components = {
+            batch.component_descriptor(): batch.as_arrow_array()
+            for part in (entity, *extra)
+            for batch in (part.as_component_batches() if hasattr(part, "as_component_batches") else part)
+        }
+        self._bytes += sum(values.nbytes for values in components.values())
+        self._rows_of(str(entity_path)).add(self._times, components)
+
+    def _rows_of(self, entity: str) -> Rows:
+        """Return where rows at this time go; rows at this time on other timelines go out before them."""
+        timelines, blocks = tuple(self._times), self._rows.setdefault(entity, {})
+        if any(rows.holds(self._times) for other, rows in blocks.items() if other != timelines):
+            self._send_entity(entity)
+        return blocks.setdefault(timelines, Rows({name: [] for name in timelines}))
+
+    def _log_now(self, entity_path: Any, entity: Any, *extra: Any, **how: Any) -> None:
+        super().reset_time()
+        for timeline, at in self._times.items():
+            super().set_time(timeline, **{self._kinds[timeline]: at})
+        super().log(entity_path, entity, *extra, **how)
+
+    def send_rows(self) -> None:
+        """Send all rows that wait, and let the disk catch up."""
+        if not self._rows:
+            return
+        for entity in list(self._rows):
+            self._send_entity(entity)
+        self._rows.clear()
+        self._updates = self._bytes = 0
+        with suppress(
+            RuntimeError, OSError, ValueError
+        ):  # reported at the end, with all that could be written
+            super().flush(timeout_sec=self._patience_s)
+
+    def _send_entity(self, entity: str) -> None:
+        for rows in self._rows[entity].values():
+            times = [rr.TimeColumn(name, **{self._kinds[name]: at}) for name, at in rows.times.items()]
+            self.send_columns(entity, times, [Column(*column) for column in rows.filled()])
+        self._rows[entity].clear()
+
+    def flush(self, *, timeout_sec: float = 1e38) -> None:
+        """Write all that was logged."""
+        self.send_rows()
+        super().flush(timeout_sec=timeout_sec)
+
+    def disconnect(self) -> None:
+        """Write all that was logged, and close the file."""
+        self.send_rows()
+        super().disconnect()
