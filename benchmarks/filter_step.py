@@ -1,37 +1,34 @@
-"""The filter step against a naive float64 version, a complete update by stage, one picture against a library.
-
-Run `.venv/bin/python benchmarks/filter_step.py`. Medians of interleaved rounds, one thread, one process:
-trust the ratios more than the nanoseconds.
-"""
+"""One filter step: ours, a naive float64 version, and the peers', in turn."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from time import perf_counter
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
-import maurice_mcl as mcl
+from maurice_mcl.arrays import F32, F64
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import weigh
 from maurice_mcl.filter.motion import FloorDrift, MauriceMotion, MauriceParameters
 from maurice_mcl.filter.proposal import ProposedParticles
-from maurice_mcl.filter.resampling import systematic
+from maurice_mcl.filter.resampling import multinomial, systematic
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena
 from maurice_mcl.randomness import normals
 from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.sensor.distances import thesis
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
-from maurice_mcl.session import Frame
 
-PARTICLES = 5000
-ROUNDS = 400
+from .measure import Table, Work, interleaved, ratio
+from .peers import PeerProcess
+
 MOVEMENT = np.array([0.4, 0.0, 0.5])  # a turn, then a straight: both halves of the motion model
 SHARPNESS = 8.0
 THESIS = {"color": "thesis", "edges": "thesis"}
@@ -47,12 +44,12 @@ def a_library(rng: np.random.Generator) -> tuple[Library, NearestReference]:
     arena = Arena((0.0, 0.0, 204 * INCH_M, 156 * INCH_M), walls)
     gray = np.full((144, 176, 3), 128, np.uint8)
     bins = {name: len(channel.describe(gray)) for name, channel in CHANNELS.items()}
-    index = {name: _random_index(rng, len(poses), bins[name]) for name in CHANNELS}
+    index = {name: random_index(rng, len(poses), bins[name]) for name in CHANNELS}
     library = Library("benchmark", poses, (None,) * len(poses), index, arena)
     return library, nearest_reference(poses, arena)
 
 
-def _random_index(rng: np.random.Generator, entries: int, bins: int = 84) -> ChannelIndex:
+def random_index(rng: np.random.Generator, entries: int, bins: int = 84) -> ChannelIndex:
     references = rng.gamma(0.6, 6.0, (entries, bins)).astype(np.float32)
     return ChannelIndex(references, np.full(bins, 0.5, np.float32), references.max(axis=0))
 
@@ -111,108 +108,92 @@ class Naive:
         return x, y, np.arctan2(s, c), np.sqrt(-2 * np.log(np.hypot(s, c))), sd_x, sd_y, shares
 
 
-def interleaved(works: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, float]:
-    """Run the works in turn, `rounds` times; give the median seconds of each."""
-    took: dict[str, list[float]] = {name: [] for name in works}
-    for _ in range(rounds):
-        for name, work in works.items():
-            began = perf_counter()
-            work()
-            took[name].append(perf_counter() - began)
-    return {name: float(np.median(times)) for name, times in took.items()}
+SIZES = {500: 100, 5_000: 60, 50_000: 15, 500_000: 4}  # particles -> rounds
+SCHEMES = {"systematic": systematic, "multinomial": multinomial}
 
 
-def filter_step() -> None:
-    """Print ns per particle of both versions at 5,000 particles, and the ratio."""
-    rng = np.random.default_rng([2007, 1])
-    library, reference = a_library(rng)
-    parameters = MauriceParameters(drift={"": FloorDrift(0.01, 0.02)})
-    motion = MauriceMotion(parameters, reference.grid)
-    sensor = SensorModel(
-        library, reference, SensorParameters({"color": 1.0}, SHARPNESS, "power", "sum", distances=THESIS)
-    )
-    sample = library.index["color"].references[300]
-    xy = (rng.random((PARTICLES, 2)) - 0.5) * (library.arena.size_m[0] * 0.3)
-    poses = np.column_stack([xy, rng.random(PARTICLES) * 2 * np.pi - np.pi])
-    belief = Belief(np.asfortranarray(poses, np.float32), uniform_log_weights(PARTICLES), library.origin)
-    comparison = sensor.compare({"color": sample})
-    likelihood = np.exp(comparison.log_likelihood.astype(np.float64))
-    naive = Naive(reference, parameters, library.origin)
-    equal = np.full(PARTICLES, 1 / PARTICLES)
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """What all filters of this benchmark share."""
 
-    def ours() -> object:
-        moved = motion.move(belief.poses, belief.origin, MOVEMENT, normals(rng, PARTICLES))
-        predicted = Belief(moved, belief.log_weights, belief.origin)
-        weighted, _ = weigh(
-            ProposedParticles(predicted), reference.at(comparison.log_likelihood, moved, belief.origin)
-        )
+    reference: NearestReference
+    parameters: MauriceParameters
+    origin: F64
+    log_likelihood: F32
+
+    @classmethod
+    def make(cls) -> World:
+        """Return a library of two rooms and one picture's likelihood."""
+        library, reference = a_library(np.random.default_rng([2007, 1]))
+        parameters = SensorParameters({"color": 1.0}, SHARPNESS, "power", "sum", distances=THESIS)
+        sensor = SensorModel(library, reference, parameters)
+        comparison = sensor.compare({"color": library.index["color"].references[300]})
+        motion = MauriceParameters(drift={"": FloorDrift(0.01, 0.02)})
+        return cls(reference, motion, library.origin, comparison.log_likelihood)
+
+    def likelihood(self) -> F64:
+        """Return the likelihood (L,) of every reference."""
+        return np.exp(self.log_likelihood.astype(np.float64))
+
+
+def ours(world: World, particles: int, scheme: str) -> Work:
+    """Return our step: propose, weigh, estimate, resample."""
+    rng = np.random.default_rng([2007, 4])
+    motion, log_likelihood = MauriceMotion(world.parameters, world.reference.grid), world.log_likelihood
+    poses = np.asfortranarray(_cloud(rng, particles), np.float32)
+    belief = Belief(poses, uniform_log_weights(particles), world.origin)
+
+    def step() -> object:
+        moved = motion.move(belief.poses, belief.origin, MOVEMENT, normals(rng, particles))
+        predicted = ProposedParticles(Belief(moved, belief.log_weights, belief.origin))
+        weighted, _ = weigh(predicted, world.reference.at(log_likelihood, moved, belief.origin))
         estimate = weighted_mean(weighted)
-        parents = systematic(weighted.weights, PARTICLES, rng)
+        parents = SCHEMES[scheme](weighted.weights, particles, rng)
         copies = moved.T.take(parents, axis=1).T
-        return Belief(copies, uniform_log_weights(PARTICLES), belief.origin), estimate
+        return Belief(copies, uniform_log_weights(particles), belief.origin), estimate
 
-    took = interleaved({"ours": ours, "naive": lambda: naive.step(poses, equal, likelihood, rng)})
-    print(f"systematic filter step at {PARTICLES} particles, ns per particle")
-    for name, seconds in took.items():
-        print(f"  {name:6} {seconds / PARTICLES * 1e9:6.1f}")
-    print(f"  naive / ours = {took['naive'] / took['ours']:.2f}   (goal 2.5)")
+    return step
 
 
-def whole_step(feature: str, particles: int, virtual: bool) -> None:
-    """Print how long `Localizer.step` takes by stage, with 624 entries and pictures of 176 x 144.
+def naively(world: World, particles: int, scheme: str) -> Work:
+    """Return the same step as one writes it first; systematic for either scheme."""
+    rng = np.random.default_rng([2007, 5])
+    naive = Naive(world.reference, world.parameters, world.origin)
+    poses, equal, likelihood = _cloud(rng, particles), np.full(particles, 1 / particles), world.likelihood()
+    return lambda: naive.step(poses, equal, likelihood, rng)
 
-    With `virtual` there are 3,648 references more, midway between these entries, as by default.
-    """
-    rng = np.random.default_rng([2007, 2])
-    library, _ = a_library(rng)
-    localizer = mcl.make_localizer(
-        library,
-        feature=feature,
-        particles=particles,
-        motion={"model": "maurice"},
-        settings={"references.interpolation.virtual": virtual},
+
+def _cloud(rng: np.random.Generator, particles: int) -> F64:
+    xy = (rng.random((particles, 2)) - 0.5) * 1.5
+    return np.column_stack([xy, rng.random(particles) * 2 * np.pi - np.pi])
+
+
+def filter_steps(peers: Mapping[str, str], quick: bool) -> Table:
+    """Measure one step of every filter in turn, at several sizes, with both schemes of resampling."""
+    world, rows = World.make(), []
+    there = [name for name, what in peers.items() if not what.startswith("missing")]
+    names = ["ours", "naive float64", *there]
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        PeerProcess(Path(folder), world.reference, world.likelihood(), world.origin) as process,
+    ):
+        for particles, rounds in SIZES.items():
+            for scheme in SCHEMES:
+                works: dict[str, Work] = {"ours": ours(world, particles, scheme)}
+                if scheme == "systematic":
+                    works["naive float64"] = naively(world, particles, scheme)
+                for name in there:
+                    works[name] = partial(process.step, name, particles, scheme)
+                took = interleaved(works, max(rounds // 5, 3) if quick else rounds)
+                cells = [f"{took[n].median / particles * 1e9:.0f}" if n in took else "-" for n in names]
+                fastest = min((took[name] for name in there), key=lambda times: times.median, default=None)
+                against = "-" if fastest is None else ratio(fastest, took["ours"])
+                rows.append([f"{particles:,}", scheme, *cells, against])
+    notes = [f"{name} is {what}." for name, what in peers.items() if name not in there]
+    return Table(
+        "filter-step",
+        "One filter step (predict, weigh, estimate, resample), nanoseconds a particle",
+        ["particles", "resampling", *names, "fastest peer / ours"],
+        rows,
+        notes,
     )
-    state = localizer.initialize(None)
-    rows = []
-    for step in range(1, 201):
-        image = cv2.GaussianBlur(rng.integers(0, 256, (144, 176, 3), np.uint8), (0, 0), 1.5)
-        motions = np.array([[0.0, 0.0, rng.uniform(-1, 1)], [rng.uniform(0.1, 0.3), 0.0, 0.0]])
-        state, record = localizer.step(state, Frame(step, float(step), motions, image, ""))
-        rows.append(record.took_s)
-    stages = {name: float(np.median([row[name] for row in rows])) * 1e6 for name in rows[0]}
-    inside = ", ".join(f"{name} {us:.0f}" for name, us in stages.items())
-    name = f"{feature}, {particles} particles, {'with' if virtual else 'without'} virtual references"
-    print(f"Localizer.step, {name}, us: {sum(stages.values()):.0f} ({inside})")
-
-
-def one_picture() -> None:
-    """Print one descriptor against 624 entries, and the same by float64 broadcasting."""
-    rng = np.random.default_rng([2007, 3])
-    index = _random_index(rng, 624)
-    sample = index.references[300] + np.float32(0.25)
-    references, floor, relevance = (
-        np.asarray(a, np.float64) for a in (index.references, index.noise_floor, index.relevance)
-    )
-    sample64 = sample.astype(np.float64)
-
-    def naive() -> object:
-        return (np.maximum(np.abs(references - sample64) - floor, 0) / relevance).mean(axis=1)
-
-    took = interleaved({"ours": lambda: thesis(sample, index), "naive": naive})
-    ours, slow = took["ours"] * 1e3, took["naive"] * 1e3
-    print(f"one picture against 624 entries: {ours:.3f} ms")
-    print(f"  float64 broadcasting {slow:.3f} ms, naive / ours = {slow / ours:.1f}")
-
-
-def main() -> None:
-    """Run everything on one thread."""
-    cv2.setNumThreads(1)
-    filter_step()
-    for feature, particles in (("blended", 2000), ("blended", PARTICLES), ("best", 1000)):
-        whole_step(feature, particles, virtual=True)
-        whole_step(feature, particles, virtual=False)
-    one_picture()
-
-
-if __name__ == "__main__":
-    main()

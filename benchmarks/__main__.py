@@ -1,0 +1,76 @@
+"""All benchmarks in one run: `python -m benchmarks [NAME ...] [--quick] [--write]`, also `make bench`.
+
+Prints every table as it is done, and saves all numbers to bench.json. `--write` also puts the tables into
+docs/performance.md, each between its marks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import cv2
+from rich.console import Console
+from rich.table import Table as Shown
+
+from . import filter_step, pictures
+from .measure import Table, machine
+from .peers import install
+
+DOCS = Path(__file__).parents[1] / "docs" / "performance.md"
+SAVED = Path("bench.json")
+
+SECTIONS: Mapping[str, Callable[[bool], Table]] = {
+    "filter-step": lambda quick: filter_step.filter_steps(install(), quick),
+    "one-picture": pictures.one_picture,
+    "pictures": pictures.pictures,
+}
+
+
+def main() -> None:
+    """Run what was asked for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SECTIONS)}; none: all")
+    parser.add_argument("--quick", action="store_true", help="few rounds: to see that it works")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/performance.md")
+    asked = parser.parse_args()
+    unknown = [name for name in asked.names if name not in SECTIONS]
+    if unknown:
+        parser.error(f"found {unknown[0]}, expected {', '.join(SECTIONS)}")
+    cv2.setNumThreads(1)
+    console, on, tables = Console(width=140), machine(), list[Table]()
+    for name in asked.names or SECTIONS:
+        tables.append(SECTIONS[name](asked.quick))
+        show(console, tables[-1])
+        SAVED.write_text(json.dumps({"on": on, "tables": [asdict(one) for one in tables]}, indent=1))
+    if asked.write:
+        write(tables, on)
+
+
+def show(console: Console, table: Table) -> None:
+    """Print a table."""
+    shown = Shown(*table.columns, title=table.title)
+    for row in table.rows:
+        shown.add_row(*row)
+    console.print(shown)
+    for note in table.notes:
+        console.print(note)
+
+
+def write(tables: list[Table], on: Mapping[str, str]) -> None:
+    """Put tables between their marks in the docs, `<!-- NAME -->` and `<!-- end -->`."""
+    text = DOCS.read_text(encoding="utf-8")
+    parts = {table.name: table.markdown() for table in tables}
+    parts["machine"] = "\n".join(f"* {what}: {value}" for what, value in on.items())
+    for name, part in parts.items():
+        marked = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        text = marked.sub(lambda found, part=part: f"{found[1]}\n{part}\n\n{found[2]}", text)
+    DOCS.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
