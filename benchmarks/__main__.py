@@ -17,7 +17,7 @@ import cv2
 from rich.console import Console
 from rich.table import Table as Shown
 
-from . import filter_step, pictures
+from . import filter_step, pictures, replays
 from .measure import Table, machine
 from .peers import install
 
@@ -28,6 +28,9 @@ SECTIONS: Mapping[str, Callable[[bool], Table]] = {
     "filter-step": lambda quick: filter_step.filter_steps(install(), quick),
     "one-picture": pictures.one_picture,
     "pictures": pictures.pictures,
+    "replays": replays.replays,
+    "recordings": replays.recordings,
+    "commands": replays.commands,
 }
 
 

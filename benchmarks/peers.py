@@ -47,7 +47,7 @@ class PeerProcess:
     """A process in the peers' environment that runs one step at a time."""
 
     def __init__(self, folder: Path, reference: NearestReference, likelihood: F64, origin: F64) -> None:
-        """Start it with what all filters look up: a library's tables, and the likelihood (L,) of a picture."""
+        """Start it with what all look up: a library's tables, and the likelihood (L,) of a picture."""
         tables, grid = folder / "tables.npz", reference.grid
         np.savez(
             tables,
