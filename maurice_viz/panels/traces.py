@@ -114,7 +114,7 @@ class TracesPanel(Panel):
             self._events.draw(rec, self._paths.trace(quantity), low, high)
 
     def _draw_limits(self, rec: rr.RecordingStream) -> None:
-        """Draw the errors by which the run is judged, unless they would flatten a plot of far smaller ones."""
+        """Draw the errors by which the run is judged, unless all of its own are far smaller."""
         for name, limit, color in self._limits():
             line = f"{self._paths.trace(POSITION_ERROR)}/limits/{name}"
             rec.log(line, rr.SeriesLines(names=[name], colors=[color], widths=[LIMIT_WIDTH]), static=True)

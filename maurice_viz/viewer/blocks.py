@@ -89,7 +89,7 @@ class BlockRecording(rr.RecordingStream):
         self._step: Any = None
         self._updates = self._bytes = 0
 
-    def set_time(self, timeline: str, **value: Any) -> None:  # type: ignore[override]
+    def set_time(self, timeline: str, **value: Any) -> None:
         """Set the time of what is logged from now on; a new step ends a block that is full."""
         ((kind, at),) = ((kind, at) for kind, at in value.items() if at is not None)
         if timeline == STEP and self._step != at:
@@ -146,7 +146,8 @@ class BlockRecording(rr.RecordingStream):
     def _send_entity(self, entity: str) -> None:
         for rows in self._rows[entity].values():
             times = [rr.TimeColumn(name, **{self._kinds[name]: at}) for name, at in rows.times.items()]
-            self.send_columns(entity, times, [Column(*column) for column in rows.filled()])
+            columns: list[Any] = [Column(*column) for column in rows.filled()]
+            self.send_columns(entity, times, columns)
         self._rows[entity].clear()
 
     def flush(self, *, timeout_sec: float = 1e38) -> None:
