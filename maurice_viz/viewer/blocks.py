@@ -53,7 +53,7 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ComponentLists:
     """A column of one component, as `send_columns` takes it."""
 
     descriptor: Any
@@ -146,7 +146,7 @@ class BlockRecording(rr.RecordingStream):
     def _send_entity(self, entity: str) -> None:
         for rows in self._rows[entity].values():
             times = [rr.TimeColumn(name, **{self._kinds[name]: at}) for name, at in rows.times.items()]
-            columns: list[Any] = [Column(*column) for column in rows.filled()]
+            columns: list[Any] = [ComponentLists(*column) for column in rows.filled()]
             self.send_columns(entity, times, columns)
         self._rows[entity].clear()
 
