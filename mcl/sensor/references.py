@@ -166,8 +166,8 @@ class InterpolatedReference:
     """Tables: raster cell to K places with weights; place and heading bin to two entries and a share."""
 
     nearest: NearestReference
-    places: I32  # (rows * columns, K)
-    weights: F32  # (rows * columns, K) summing to one
+    places: I32  # (K, rows * columns)
+    weights: F32  # (K, rows * columns) summing to one over K
     before: I32  # (P, HEADING_BINS) the entry clockwise of a heading
     after: I32  # (P, HEADING_BINS) the one counter-clockwise of it
     share: F32  # (P, HEADING_BINS) of the one after, 0 to 1
@@ -188,10 +188,10 @@ class InterpolatedReference:
         turn = (poses[:, 2] + np.float32(np.pi)) * HEADING_STEP
         heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
         total = np.zeros(len(poses), np.float32)
-        for k in range(self.places.shape[1]):
-            at = self.places[:, k].take(cell) * np.int32(HEADING_BINS) + heading
+        for place, weight in zip(self.places, self.weights, strict=True):
+            at = place.take(cell) * np.int32(HEADING_BINS) + heading
             before, after = (log_likelihood.take(side.take(at)) for side in (self.before, self.after))
-            total += self.weights[:, k].take(cell) * (before + self.share.take(at) * (after - before))
+            total += weight.take(cell) * (before + self.share.take(at) * (after - before))
         return np.asarray(np.where(inside, total, np.float32(-np.inf)), np.float32)
 
 
@@ -209,7 +209,7 @@ def interpolated_reference(
 def _kernel(
     nearest: NearestReference, places: F64, arena: Arena, parameters: InterpolationParameters
 ) -> tuple[I32, F32]:
-    """Return which of the places (P, 2) count, (cells, K), and their weights for every cell of the raster."""
+    """Return which of the places (P, 2) count, (K, cells), and their weights for every cell of the raster."""
     tree, centers = place_tree(places), nearest.grid.centers()
     count = min(parameters.places, len(places))
     looked = min(count + 4, len(places))  # some may be behind a wall
@@ -224,7 +224,7 @@ def _kernel(
     place[alone] = np.asarray(tree.query(surveyed)[1])[:, None]
     weight[alone] = 1
     weight /= weight.sum(axis=1, keepdims=True)
-    return place.astype(np.int32), weight.astype(np.float32)
+    return np.ascontiguousarray(place.T, np.int32), np.ascontiguousarray(weight.T, np.float32)
 
 
 def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I32, F32]:

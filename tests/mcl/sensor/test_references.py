@@ -188,9 +188,9 @@ def _poses(n, seed=1):
 @pytest.mark.parametrize("width", [0.05, 0.5, 3.0])
 def test_weights_sum_to_one_and_are_never_negative(places, width):
     tables = _tables(places=places, width=width)
-    assert tables.weights.shape == (tables.grid.free.size, places)
+    assert tables.weights.shape == (places, tables.grid.free.size)
     assert (tables.weights >= 0).all()
-    assert tables.weights.sum(axis=1) == pytest.approx(np.ones(tables.grid.free.size), abs=1e-6)
+    assert tables.weights.sum(axis=0) == pytest.approx(np.ones(tables.grid.free.size), abs=1e-6)
     assert ((tables.share >= 0) & (tables.share <= 1)).all()
 
 
@@ -276,9 +276,9 @@ def test_interpolation_is_never_across_a_wall():
     east = library[:, 0] > 2
     logs = np.where(east, -1000.0, -1.0).astype(np.float32)
     centers = tables.grid.centers()
-    for k in range(tables.places.shape[1]):
-        used = tables.grid.free.ravel() & (tables.weights[:, k] > 0)
-        ends = tables.nearest.places[tables.places[used, k]]
+    for k in range(len(tables.places)):
+        used = tables.grid.free.ravel() & (tables.weights[k] > 0)
+        ends = tables.nearest.places[tables.places[k, used]]
         assert not crosses(centers[used], ends, WALL).any()
     poses = _poses(4000)
     low = (poses[:, 1] < 1.0) & (np.abs(poses[:, 0] - 2) < 0.3)  # the wall stands between, far from its end
@@ -327,5 +327,5 @@ def test_on_a_place_the_kernel_is_the_gaussian_by_hand():
     four = np.argsort(away, kind="stable")[:4]
     expected = np.exp(-0.5 * (away[four] / 0.25) ** 2)
     expected /= expected.sum()
-    by_place = dict(zip(tables.places[inner].tolist(), tables.weights[inner].tolist(), strict=True))
+    by_place = dict(zip(tables.places[:, inner].tolist(), tables.weights[:, inner].tolist(), strict=True))
     assert [by_place[p] for p in four] == pytest.approx(expected, rel=1e-4)
