@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -12,6 +13,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import cache_root, discard
+from maurice_loaders.libraries.remembered import remembered
 
 NOTE = "simulation.json"  # written last: a folder without it is not finished
 
@@ -23,20 +25,30 @@ def seal(folder: Path, key: str) -> None:
 
 def is_whole(folder: Path, key: str) -> bool:
     """Return whether a folder is finished and its files are as they were written."""
-    try:
-        return (folder / NOTE).read_text(encoding="utf-8") == note_of(folder, key)
-    except OSError:
-        return False
+    files = [str(folder / NOTE), *sorted(map(str, _files_in(folder)))]
+
+    def whole() -> str:
+        try:
+            return json.dumps((folder / NOTE).read_text(encoding="utf-8") == note_of(folder, key))
+        except OSError:
+            return json.dumps(False)
+
+    return bool(json.loads(remembered(f"whole {key}", files, whole)))
 
 
 def note_of(folder: Path, key: str) -> str:
     """Return the note of a folder: its key, and a checksum of its other files' names and contents."""
     total = hashlib.sha256()
-    for file in sorted(folder.rglob("*")):
-        if file.is_file() and file != folder / NOTE:
-            total.update(file.relative_to(folder).as_posix().encode())
-            total.update(file.read_bytes())
+    for file in sorted(_files_in(folder)):
+        total.update(file.relative_to(folder).as_posix().encode())
+        total.update(file.read_bytes())
     return json.dumps({"made": key, "sha256": total.hexdigest()}) + "\n"
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """Return all files of a folder but its note."""
+    found = (Path(place, name) for place, _, names in os.walk(folder) for name in names)
+    return [file for file in found if file != folder / NOTE and file.is_file()]
 
 
 def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:

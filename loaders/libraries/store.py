@@ -24,6 +24,7 @@ from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
 from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
+from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
 Progress = Callable[[int, int], None]  # pictures done, pictures in all
@@ -199,21 +200,33 @@ def open_library(
 def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_going: bool = False) -> str:
     """Name a survey's library by content: log, pictures, channel parameters, and what decodes pictures."""
     parameters = {name: channel.parameters() for name, channel in chosen_channels(channels).items()}
-    walls, files = (None, files_of_table(survey)) if is_table(survey) else _walls_and_files(survey)
+    walls, files = (
+        (None, [*map(str, files_of_table(survey))]) if is_table(survey) else _walls_and_files(survey)
+    )
     made_by = [VERSION, keep_going, parameters, cv2.__version__, walls]
     digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode())
-    for file in files:
-        digest.update((hash_file(file) if file.is_file() else "missing").encode())
+    digest.update(remembered("content", files, lambda: _content(files)).encode())
     return digest.hexdigest()[:32]
 
 
-def _walls_and_files(survey: Path) -> tuple[Any, list[Path]]:
+def _content(files: Sequence[str]) -> str:
+    """Return a checksum of the files' contents."""
+    paths = map(Path, files)
+    hashes = [hash_file(path) if path.is_file() else "missing" for path in paths]
+    return hashlib.sha256("".join(hashes).encode()).hexdigest()
+
+
+def _walls_and_files(survey: Path) -> tuple[Any, list[str]]:
     """Return the map of a survey log, which may be a file of its own, and the log with its pictures."""
     info, kind = read_header(survey)
-    records = read_records(survey, kind, ReadingNotes(keep_going=True))
-    named = [one.path for one in records if isinstance(one, PictureRecord) and one.path is not None]
+
+    def names() -> str:
+        records = read_records(survey, kind, ReadingNotes(keep_going=True))
+        return json.dumps([one.path for one in records if isinstance(one, PictureRecord) and one.path])
+
     walls = None if info.arena is None else arena_to_json(info.arena)
-    return walls, [survey, *(survey.parent / name for name in named)]
+    named = json.loads(remembered("pictures", [str(survey)], names))
+    return walls, [str(survey), *(str(survey.parent / name) for name in named)]
 
 
 def _from_cache(kept: Path, warn: Warn | None) -> Library | None:

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 from maurice_loaders.files import read_json
 
+from .main import bound_threads
+
 if TYPE_CHECKING:
     import rerun as rr
 
@@ -42,6 +44,7 @@ def main() -> None:
         sys.exit(2)
     if hasattr(select, "poll"):
         threading.Thread(target=_end_with_reader, daemon=True).start()
+    bound_threads()
     try:
         status = _import(path, recording_id)
     except KeyboardInterrupt:

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from .errors import end_while_starting, status_of
+
+THREADS = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "OPENCV_FOR_THREADS_NUM",
+)
 
 
 def main() -> None:
     """Run `maurice-replay`; exit status 130 after Ctrl-C and 143 after SIGTERM."""
     end_while_starting()
+    bound_threads()
     from .app import app  # takes a fifth of a second
 
     try:
@@ -18,3 +28,13 @@ def main() -> None:
         sys.exit(status_of(stop))
     finally:
         end_while_starting()  # also while what is left is written out
+
+
+def bound_threads() -> None:
+    """Let numpy and OpenCV use one thread an operation, unless the user set any of the variables.
+
+    Reading, comparing, filtering and drawing already run side by side, and their operations are small. The
+    libraries read the variables when they are imported.
+    """
+    if not any(name in os.environ for name in THREADS):
+        os.environ.update(dict.fromkeys(THREADS, "1"))

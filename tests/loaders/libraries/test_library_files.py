@@ -106,7 +106,7 @@ def pipe(name: str) -> Callable[[Path], None]:
 DAMAGE = {
     "cut manifest": cut("manifest.json"),
     "manifest without channels": rewrite("channels", None),
-    "manifest with a channel that is not there": rewrite("channels", {"new": {"file": "new.npz"}}),
+    "manifest with a channel that is not there": rewrite("channels", {"new": {"file": "new.npy"}}),
     "manifest without checksums": rewrite("sha256", None),
     "cut entries": cut("entries.parquet"),
     "flipped bit in the entries": flip("entries.parquet"),
@@ -114,10 +114,10 @@ DAMAGE = {
     "cut map": cut("map.json"),
     "deep map": lambda folder: (folder / "map.json").write_text("[" * 100_000),
     "no map": remove("map.json"),
-    "cut channel": cut("color-*.npz"),
-    "flipped bit in a channel": flip("edges-*.npz"),
-    "no channel": remove("edges-*.npz"),
-    "a pipe for a channel": pipe("edges-*.npz"),
+    "cut channel": cut("color-*.npy"),
+    "flipped bit in a channel": flip("edges-*.npy"),
+    "no channel": remove("edges-*.npy"),
+    "a pipe for a channel": pipe("edges-*.npy"),
     "no picture": remove("pictures/00003.jpg"),
 }
 
@@ -134,7 +134,7 @@ def test_damage_is_one_clear_error(folder: Path, name: str) -> None:
     ("key", "value", "message"),
     [
         ("format", "zip", "found format 'zip', expected 'maurice-library'"),
-        ("version", 9, "found version 9, expected 1; build it again"),
+        ("version", 9, "found version 9, expected 2; build it again"),
         (
             "channels",
             {"color": {"parameters": {"bins": 7}}},

@@ -86,7 +86,7 @@ def test_what_decides_is_content_and_not_the_place(survey: Path, tmp_path: Path)
     assert library_key(survey) != key
 
 
-@pytest.mark.parametrize("part", ["manifest.json", "entries.parquet", "color-*.npz", "pictures/00000.jpg"])
+@pytest.mark.parametrize("part", ["manifest.json", "entries.parquet", "color-*.npy", "pictures/00000.jpg"])
 @pytest.mark.parametrize("damage", ["remove", "cut"])
 def test_a_damaged_cache_is_built_again(
     survey: Path, builds: list[Path], tmp_path: Path, part: str, damage: str

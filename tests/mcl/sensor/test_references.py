@@ -329,3 +329,12 @@ def test_on_a_place_the_kernel_is_the_gaussian_by_hand():
     expected /= expected.sum()
     by_place = dict(zip(tables.places[:, inner].tolist(), tables.weights[:, inner].tolist(), strict=True))
     assert [by_place[p] for p in four] == pytest.approx(expected, rel=1e-4)
+
+
+def test_crosses_all_walls_at_once_as_one_by_one():
+    rng = np.random.default_rng(0)
+    start, end, walls = (rng.uniform(0, 10, shape).round(1) for shape in ((3000, 2), (3000, 2), (40, 4)))
+    one_by_one = [crosses(start, end, wall[None]) for wall in walls]
+    assert np.array_equal(crosses(start, end, walls), np.any(one_by_one, axis=0))
+    assert not crosses(start, end, walls[:0]).any()
+    assert crosses(np.array([[0.0, 0.0]]), np.array([[2.0, 0.0]]), np.array([[1.0, -1.0, 1.0, 1.0]])).all()

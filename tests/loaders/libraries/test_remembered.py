@@ -1,0 +1,97 @@
+"""What was computed from files is computed again exactly when one of them has changed."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from maurice_loaders.libraries import files as library_files
+from maurice_loaders.libraries import store
+from maurice_loaders.libraries.remembered import remembered
+from maurice_loaders.libraries.store import open_library
+
+AGO_NS = 10**10
+
+
+@pytest.fixture(autouse=True)
+def _later(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every file have been left alone for ten seconds: nobody can set its time of change."""
+    now = time.time_ns
+    monkeypatch.setattr("maurice_loaders.libraries.remembered.time.time_ns", lambda: now() + AGO_NS)
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> list[str]:
+    """Two files of two bytes."""
+    for name in ("a", "b"):
+        (tmp_path / name).write_bytes(b"12")
+    return [str(tmp_path / name) for name in ("a", "b")]
+
+
+def contents(files: list[str]) -> Callable[[], str]:
+    return lambda: "".join(Path(file).read_text() for file in files if Path(file).exists())
+
+
+def nothing() -> str:
+    raise AssertionError("it was computed again")
+
+
+def test_it_is_computed_once(two: list[str]) -> None:
+    assert remembered("test", two, contents(two)) == "1212"
+    assert remembered("test", two, nothing) == "1212"
+
+
+def test_another_question_about_the_same_files_is_another_one(two: list[str]) -> None:
+    remembered("test", two, contents(two))
+    assert remembered("other", two, lambda: "x") == "x"
+
+
+@pytest.mark.parametrize("change", ["content", "same size and time", "removed", "replaced"])
+def test_a_changed_file_is_read_again(two: list[str], change: str) -> None:
+    remembered("test", two, contents(two))
+    file = Path(two[1])
+    before = file.stat()
+    if change == "removed":
+        file.unlink()
+    elif change == "replaced":
+        (file.parent / "c").write_bytes(b"34")
+        (file.parent / "c").replace(file)
+    else:
+        file.write_bytes(b"345" if change == "content" else b"34")
+    if change == "same size and time":  # the time of any change, which cannot be set, gives it away
+        os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert remembered("test", two, contents(two)) == contents(two)()
+
+
+def test_what_was_written_a_moment_ago_is_read_again(two: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    monkeypatch.setenv("MAURICE_CACHE", str(Path(two[0]).parent / "cache"))
+    remembered("test", two, contents(two))
+    assert remembered("test", two, lambda: "again") == "again"
+
+
+@pytest.mark.parametrize("damage", [b"", b"[1, 2]", b"{}", b'["only one"]', b"\xff"])
+def test_a_damaged_memory_is_done_without(
+    two: list[str], damage: bytes, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+    remembered("test", two, contents(two))
+    (kept,) = (tmp_path / "cache" / "remembered").iterdir()
+    kept.write_bytes(damage)
+    assert remembered("test", two, contents(two)) == "1212"
+
+
+def test_a_library_opened_again_reads_no_picture_and_parses_no_survey(
+    small_session: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    survey = small_session.parent / "survey.log"
+    first = open_library(survey)
+    open_library(survey)
+    monkeypatch.setattr(store, "hash_file", nothing)
+    monkeypatch.setattr(library_files, "hash_file", nothing)
+    monkeypatch.setattr(store, "read_records", nothing)
+    again = open_library(survey)
+    assert all((again.index[name].references == one.references).all() for name, one in first.index.items())
+    assert not again.index["color"].references.flags.writeable  # mapped
