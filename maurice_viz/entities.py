@@ -23,10 +23,7 @@ WORLD = "/world"
 FLOORS = "/world/floors"
 WALLS = "/world/walls"
 NODES = "/world/nodes"
-WEIGHT_KEY = "/world/key/weights"
-MATCH_KEY = "/world/key/circles"
-LIKELIHOOD_KEY = "/world/key/likelihood"
-EXPLAIN_KEY = "/world/key/explained"
+PATHS_KEY = "/world/key/paths"  # of a drive by itself
 
 SEEN = "/session/**"  # everything that the runs of a recording share
 CAMERA = "/session/camera"
@@ -114,6 +111,10 @@ class RunPaths:
         """The frame of the view that follows the cloud: one Transform3D, with key and bar under it."""
         return self.at("closeup")
 
+    def key(self, name: str) -> str:
+        """A strip above one of its maps, by its name in `drawing.keys`: one EncodedImage."""
+        return self.at("key", name)
+
     @property
     def line_key(self) -> str:
         """The key of the plot of evidence: one EncodedImage."""
@@ -186,7 +187,6 @@ COMPARE = "/compare"
 TEXT = "/compare/text"  # how the runs differ at this step: one TextDocument
 RESULT = "/compare/result"  # how they compare over the drive: one TextDocument, static
 RUNS_KEY = "/compare/key/runs"
-BELIEF_KEY = "/compare/key/belief"
 POSITION_DIFFERENCE = (
     "/compare/trace/position"  # Scalars, one per run but the first: its error minus the first's
 )
@@ -216,8 +216,3 @@ def truth_of(label: str, own_drive: bool = True) -> str:
 def camera_of(label: str, own_drive: bool = True) -> str:
     """What a run's camera saw: its own where it replays another drive than the first run."""
     return _of(label, "camera") if own_drive else CAMERA
-
-
-def estimate_of(label: str) -> str:
-    """A run's estimate, as everywhere."""
-    return RunPaths(label).estimate

@@ -37,6 +37,11 @@ class RunView:
     radii: Radii = USUAL  # by which it is judged
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
 
+    @property
+    def is_recorded(self) -> bool:
+        """Whether another localizer ran it: nothing is known but its clouds or poses."""
+        return not self.channels
+
     @classmethod
     def live(cls, label: str, localizer: Localizer) -> RunView:
         """Return the view of a run all of whose panels will be filled."""

@@ -32,7 +32,7 @@ RGBA = tuple[int, int, int, int]
 GROUND: RGB = (16, 17, 20)
 TRUTH: RGB = (255, 255, 255)  # and nothing else is white
 CLOUD: RGB = (164, 214, 240)  # particles where their weight is not shown
-ESTIMATE: RGB = (255, 92, 51)
+LOST: RGB = (255, 92, 51)  # lost, kidnapped, off the map: lanes, and lines in plots
 CIRCLE: RGB = (74, 170, 110)
 RANK: RGB = (255, 208, 92)
 WALL: RGB = (196, 198, 204)
@@ -47,6 +47,7 @@ FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
 FRESH: RGB = (255, 120, 220)  # particles drawn anew in this step, on every map; and such steps in plots
 HEADINGS: RGB = (86, 180, 233)
+# of estimates, their trails, ellipses and traces, by run:
 # Okabe and Ito's orange, sky blue, pink and green; the first two darker, or they would be faint on white
 RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (204, 121, 167), (0, 158, 115))
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
@@ -140,9 +141,9 @@ def _viridis() -> U32:
     return np.asarray(bgr[:, 2] << 24 | bgr[:, 1] << 16 | bgr[:, 0] << 8 | 255, np.uint32)
 
 
-# of modes, by identity: Okabe and Ito's without the estimate's orange and without black
+# of modes, by identity: Okabe and Ito's, with violet in place of orange, which is the first run's
 MODE_COLORS: tuple[RGB, ...] = (
-    (230, 159, 0),
+    (176, 128, 255),
     (86, 180, 233),
     (240, 228, 66),
     (0, 158, 115),

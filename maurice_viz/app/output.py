@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from ..layouts.registry import runs_blueprint
 from ..listener import Listener
 from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes
 from ..scene import RunView, SceneInfo
-from ..style import scale_for
+from ..style import RUN_COLORS, scale_for
 from ..viewer import sinks
 from ..viewer.open_viewers import look_at
 from ..viewer.web import WebViewer
@@ -52,7 +53,7 @@ def observed(
 ) -> Iterator[dict[str, Observer]]:
     """Begin one observer a run, the first of which draws what they share; end them even after a failure."""
     observers: dict[str, Observer] = {}
-    for run in runs:
+    for run, color in zip(runs, cycle(RUN_COLORS), strict=False):
         observers[run.label] = RerunObserver(
             rec,
             run.label,
@@ -64,6 +65,7 @@ def observed(
             updates=scene.updates,
             bookmarks=run.bookmarks,
             radii=run.radii,
+            color=color,
         )
     for observer in observers.values():
         observer.begin(scene.info, scene.library)

@@ -193,7 +193,7 @@ def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> Compar
     if not isinstance(first, RerunObserver):
         return None
     scale = scale_for(scene.info.display_units, scene.library.arena)
-    shared = ComparisonDrawing(first.rec, playback.labels, scale, playback.other_drives)
+    shared = ComparisonDrawing(first.rec, playback.views, scale)
     shared.begin(scene.library.arena, scene.has_truth)
     return shared
 

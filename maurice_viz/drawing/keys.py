@@ -20,6 +20,9 @@ TEXT_PX = 24.0
 GAP_PX = 18
 INSET_PX = 70
 ROWS_PX = 1150  # width of a key of several rows, which is as wide as its view
+# the keys of a run, by name: what is above its maps
+WEIGHTS, MATCHES, LIKELIHOOD, EXPLAINED = "weights", "matches", "likelihood", "explained"
+COMPARED = "compared"  # above its map beside others
 CIRCLES, CIRCLE_PX = 5, 22  # circles in a key, and the radius of the largest
 LINES_PX = 1060  # width of the key of a plot's lines
 LINE_ROW_PX, LINE_TEXT_PX, LINE_PX = 44, 20.0, 50
@@ -85,30 +88,45 @@ def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
     return [_disk(style.TRUTH, 13), _text(text)] if has_truth else []
 
 
-def weight_key(has_truth: bool) -> U8:
+def keys_of(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, U8]:
+    """Draw the keys of one run, by name."""
+    if is_recorded:
+        return {WEIGHTS: weight_key(has_truth, color, False)}
+    return {
+        WEIGHTS: weight_key(has_truth, color, True),
+        MATCHES: circle_key(),
+        LIKELIHOOD: likelihood_key(has_truth, color),
+        EXPLAINED: explain_key(has_truth, color),
+    }
+
+
+def weight_key(has_truth: bool, color: RGB, has_fresh: bool) -> U8:
     """Draw the arena's key: truth (if known), estimate, ellipse, weights, fresh particles."""
-    scale = [_text("weight: 1/8"), _ramp(), _text("8 x average  "), _disk(style.FRESH, 8), _text("fresh")]
-    return _joined(*_truth_disk(has_truth), *_estimate_marks(), *scale)
+    scale = [_text("weight: 1/8"), _ramp(), _text("8 x average  "), *(_fresh() if has_fresh else [])]
+    return _joined(*_truth_disk(has_truth), *_estimate_marks(color), *scale)
 
 
-def _estimate_marks() -> list[U8]:
-    disk = [_disk(style.ESTIMATE, 13), _text("estimate  ")]
-    return [*disk, _ring(style.ESTIMATE), _text("2 sigma of the cloud  ")]
+def _fresh() -> list[U8]:
+    return [_disk(style.FRESH, 8), _text("fresh  ")]
 
 
-def likelihood_key(has_truth: bool) -> U8:
-    """Draw the likelihood maps' key: the color scale, the cloud, estimate and truth."""
+def _estimate_marks(color: RGB) -> list[U8]:
+    return [_disk(color, 13), _text("estimate  "), _ring(color), _text("2 sigma of the cloud  ")]
+
+
+def likelihood_key(has_truth: bool, color: RGB) -> U8:
+    """Draw the likelihood maps' key: the color scale, the cloud, fresh particles, estimate and truth."""
     scale = [_text(f"{style.DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
-    marks = [_disk(style.CLOUD, 6), _text("particles  "), *_estimate_marks()]
+    marks = [_disk(style.CLOUD, 6), _text("particles  "), *_fresh(), *_estimate_marks(color)]
     return _joined(*scale, *marks, *_truth_disk(has_truth, "truth"))
 
 
-def explain_key(has_truth: bool) -> U8:
+def explain_key(has_truth: bool, color: RGB = style.RUN_COLORS[0]) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
     truth = [_arrow(style.TRUTH), _text("truth  ")] if has_truth else []
-    estimate = [_arrow(style.ESTIMATE), _text("estimate  ")]
+    estimate = [_arrow(color), _text("estimate  ")]
     arrows = [_text("references: "), *truth, *estimate, _arrow(style.RANK), _text("winner  ")]
-    arrows += [_ring(style.ESTIMATE), _text("2 sigma of the cloud")]
+    arrows += [_ring(color), _text("2 sigma of the cloud")]
     return _rows(_joined(*_circles()), _joined(*arrows))
 
 
@@ -123,15 +141,15 @@ def _circles() -> list[U8]:
 
 
 def circle_key() -> U8:
-    """Draw the match map's key: circles, ranks and the cloud."""
-    best, cloud = [_disk(style.RANK, 13), _text("best five  ")], [_disk(style.CLOUD, 6), _text("particles")]
-    return _rows(_joined(*_circles()), _joined(*best, *cloud))
+    """Draw the match map's key: circles, ranks, the cloud and fresh particles."""
+    best, cloud = [_disk(style.RANK, 13), _text("best five  ")], [_disk(style.CLOUD, 6), _text("particles  ")]
+    return _rows(_joined(*_circles()), _joined(*best, *cloud, *_fresh()))
 
 
 def paths_key(moves: bool, has_truth: bool) -> U8:
     """Draw the key of a drive by itself: the true path, and the one by odometry alone."""
     return _joined(
-        *_truth_disk(has_truth), *([_disk(style.ESTIMATE, 13), _text("odometry alone")] if moves else [])
+        *_truth_disk(has_truth), *([_disk(style.RUN_COLORS[0], 13), _text("odometry alone")] if moves else [])
     )
 
 
@@ -172,13 +190,14 @@ def _text_px(runs: int) -> float:
     return NARROW_TEXT_PX if runs >= NARROW_FROM else WIDE_TEXT_PX
 
 
-def runs_key(labels: Sequence[str], has_truth: bool) -> U8:
+def runs_key(labels: Sequence[str], has_truth: bool, has_fresh: bool) -> U8:
     """Draw the key of the map that all runs share: a color a run, and the truth."""
     items = [
         Item(_drawable(label, k), color)
         for k, (label, color) in enumerate(zip(labels, style.RUN_COLORS, strict=False))
     ]
-    items += [*_truth(has_truth), Item("2 sigma", style.PALE, True), Item("fresh", style.FRESH)]
+    items += [*_truth(has_truth), Item("2 sigma", style.PALE, True)]
+    items += [Item("fresh", style.FRESH)] if has_fresh else []
     return _wrapped(items, SMALLER_MAP * _text_px(len(labels)))
 
 
@@ -187,11 +206,12 @@ def _drawable(label: str, number: int) -> str:
     return style.COLOR_WORDS[number] if ascii_of(label).count("?") > label.count("?") else label
 
 
-def belief_key(runs: int, has_truth: bool) -> U8:
+def belief_key(runs: int, has_truth: bool, color: RGB, has_fresh: bool) -> U8:
     """Draw the key of one run's map: truth, estimate, and the color scale of the weights."""
     weight = Item("weight, 1/8 to 8 x average")
-    estimate = [Item("estimate", style.ESTIMATE), Item("2 sigma", style.ESTIMATE, True)]
-    return _wrapped([*_truth(has_truth), *estimate, Item("fresh", style.FRESH), weight], _text_px(runs))
+    estimate = [Item("estimate", color), Item("2 sigma", color, True)]
+    fresh = [Item("fresh", style.FRESH)] if has_fresh else []
+    return _wrapped([*_truth(has_truth), *estimate, *fresh, weight], _text_px(runs))
 
 
 def _truth(has_truth: bool) -> list[Item]:

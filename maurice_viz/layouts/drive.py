@@ -29,7 +29,7 @@ from ..panels.camera import camera_view, draw_camera, edges_view, prepare_camera
 from ..panels.panel import MARKDOWN
 from ..panels.views import FPS, MAP, bars_view, plane_view, plot, window
 from ..panels.world import draw_key, draw_world
-from ..style import ESTIMATE, RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
+from ..style import RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
 
 MOST = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
@@ -168,8 +168,8 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
     if drive.arena is not None:
         alone = Library(drive.info.name, np.zeros((0, 3)), (), {}, drive.arena, drive.info.display_units)
         draw_world(rec, alone, scale)
-        draw_key(rec, entities.WEIGHT_KEY, paths_key(paths.moves, len(paths.true) > 0), drive.arena, scale)
-    for name, points, color in (("odometry", paths.measured, ESTIMATE), ("truth", paths.true, TRUTH)):
+        draw_key(rec, entities.PATHS_KEY, paths_key(paths.moves, len(paths.true) > 0), drive.arena, scale)
+    for name, points, color in (("odometry", paths.measured, BY_ODOMETRY), ("truth", paths.true, TRUTH)):
         if len(points):
             thin, faint = rr.components.Radius.ui_points(0.75), [(*color, FAINT)]
             line = rr.LineStrips2D([scale.screen(points)], colors=faint, radii=thin, draw_order=5.0)
@@ -190,7 +190,7 @@ class _Pen:
         arena, scale = drive.arena or NOWHERE, drive.scale
         self._pose = drive.paths.begins  # by odometry, on the map
         self._truth_before: F64 | None = None
-        self._measured = estimate_marker(ODOMETRY, arena, scale)
+        self._measured = estimate_marker(ODOMETRY, arena, scale, BY_ODOMETRY)
         self._true = truth_marker(entities.TRUTH, arena, scale)
         for marker in (self._measured, self._true):
             marker.prepare(rec)
@@ -259,7 +259,7 @@ def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:
 def _path_view(drive: DriveView) -> rrb.Spatial2DView:
     extent, unit = reach(drive), drive.scale.units.name
     name = f"Path ({unit}): complete path faint, robot and trail bright"
-    contents = [*MAP, entities.WEIGHT_KEY, f"{PATHS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
+    contents = [*MAP, entities.PATHS_KEY, f"{PATHS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
     return plane_view(name, contents, extent)
 
 

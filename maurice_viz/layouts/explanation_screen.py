@@ -29,13 +29,13 @@ from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scal
 from ..entities import Phase, RunPaths
 from ..panels.belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
 from ..panels.camera import camera_view, draw_camera, edges_view, prepare_camera
-from ..panels.explanation import ARROW, COLORS, OUTSIDE, figures_view, headline, labels_on_map
+from ..panels.explanation import ARROW, OUTSIDE, colors_of, figures_view, headline, labels_on_map
 from ..panels.panel import MARKDOWN, set_phase
 from ..panels.references import MatchCircles
 from ..panels.views import MAP, map_view, picture_view, window
 from ..panels.world import draw_world
 from ..scene import SceneInfo
-from ..style import MISSING, PALE, Scale
+from ..style import MISSING, PALE, RUN_COLORS, Scale
 from ..text.explanation import say_step
 from ..text.explanation_table import markdown_table, winner_first
 
@@ -117,10 +117,11 @@ def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdat
     shown = [(e.who, e) for e in update.step.shown if e.entry is not None]
     poses = np.array([e.entry.pose for _, e in shown if e.entry is not None])
     along = np.column_stack([np.cos(poses[:, 2]), -np.sin(poses[:, 2])]) * arrow
+    colors = colors_of(RUN_COLORS[0])
     marks = rr.Arrows2D(
         origins=update.scale.screen(poses[:, :2]),
         vectors=np.asarray(along, np.float32),
-        colors=[COLORS[who] for who, _ in shown],
+        colors=[colors[who] for who, _ in shown],
         labels=labels_on_map(shown),
         show_labels=True,
         radii=rr.components.Radius.ui_points(2.0),

@@ -17,15 +17,15 @@ from maurice_mcl.records import Belief, StepRecord
 
 from .. import entities
 from ..drawing.canvas import Extent, long_side
-from ..drawing.keys import weight_key
+from ..drawing.keys import WEIGHTS, weight_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import (
     DEAD,
-    ESTIMATE,
     FRESH,
     PALE,
     RGB,
+    RUN_COLORS,
     TRUTH,
     Scale,
     copy_colors,
@@ -207,9 +207,9 @@ def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
     return PoseMarker(path, TRUTH, 6.0, 40.0, scale, ARROW * long_side(arena, scale))
 
 
-def estimate_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
-    """Return the marker of an estimate."""
-    return PoseMarker(path, ESTIMATE, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
+def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLORS[0]) -> PoseMarker:
+    """Return the marker of an estimate, in its run's color."""
+    return PoseMarker(path, color, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
 
 
 class TruthPanel(Panel):
@@ -234,7 +234,7 @@ class EstimatePanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        self._marker = estimate_marker(run.paths.estimate, run.library.arena, run.scale)
+        self._marker = estimate_marker(run.paths.estimate, run.library.arena, run.scale, run.color)
         self._last: F64 | None = None  # the estimate before
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -264,12 +264,12 @@ class EllipsesPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        self._path, self._is_own = run.paths.ellipses, bool(run.distances)
+        self._path, self._is_own = run.paths.ellipses, not run.is_recorded
         self._drawn: deque[F32] = deque(maxlen=1 if self._is_own else TRAIL)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points(0.75)
-        lines = rr.LineStrips2D.from_fields(colors=[ESTIMATE], radii=radius, draw_order=46.0)
+        lines = rr.LineStrips2D.from_fields(colors=[self._run.color], radii=radius, draw_order=46.0)
         rec.log(self._path, lines, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -311,7 +311,7 @@ class CloseupPanel(Panel):
         # no labels yet: static ones would hide all later ones
         style = rr.Points2D([middle], colors=[PALE], radii=radius(0.1), show_labels=True, draw_order=70.0)
         rec.log(f"{self._path}/length", style, static=True)
-        key = weight_key(self._run.has_truth)
+        key = weight_key(self._run.has_truth, self._run.color, not self._run.is_recorded)
         place_drawing(rec, f"{self._path}/key", key, (LEFT, TOP), KEY_WIDTH / key.shape[1], 60.0)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -350,7 +350,7 @@ def bar_for(needed: float, unit: str) -> float:
 
 def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
-    contents = [*MAP, entities.NODES, entities.WEIGHT_KEY, f"{paths.at('belief')}/**"]
+    contents = [*MAP, entities.NODES, paths.key(WEIGHTS), f"{paths.at('belief')}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return map_view(f"Belief: particles by weight, rings: modes ({scene.scale.units.name})", contents, scene)
 

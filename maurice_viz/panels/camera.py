@@ -16,7 +16,7 @@ from ..drawing.canvas import EDGE_GAIN, Extent, brightened, jpeg, put_text, text
 from ..drawing.contact_sheet import CELL_PX, cell_height, thumbnail_of
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
-from ..style import ESTIMATE, GROUND, MISSING, PALE, RGB, TRUTH
+from ..style import GROUND, MISSING, PALE, RGB, TRUTH
 from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
 from .views import picture_view, plane_view
 
@@ -68,7 +68,7 @@ def draw_jpeg(rec: rr.RecordingStream, path: str, data: bytes) -> None:
 
 COLUMNS = 6
 CAPTION_PX, GAP_PX, TEXT_PX = 22, 6, 12.5
-ROWS: tuple[tuple[str, RGB], ...] = (("seen", PALE), ("at truth", TRUTH), ("at estimate", ESTIMATE))
+ROWS = ("seen", "at truth", "at estimate")
 FILM_QUALITY = 70
 
 
@@ -117,8 +117,8 @@ class FilmstripPanel(Panel):
         small = cv2.resize(frame.image, (CELL_PX, self._height), interpolation=cv2.INTER_AREA)
         cells = [self._cell(np.asarray(small), f"step {frame.step}: seen", PALE)]
         if self._has_truth:
-            cells.append(self._reference(at_truth, *ROWS[1]))
-        cells.append(self._reference(at_estimate, *ROWS[2]))
+            cells.append(self._reference(at_truth, ROWS[1], TRUTH))
+        cells.append(self._reference(at_estimate, ROWS[2], self._run.color))
         return np.concatenate(cells)
 
     def _reference(self, entry: int | None, name: str, color: RGB) -> U8:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.analysis.run_comparison import Step, StepComparison
-from maurice_mcl.arrays import F32, F64, I32
+from maurice_mcl.arrays import F32, F64, I32, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
 from .. import entities
 from ..drawing.canvas import jpeg
-from ..drawing.keys import belief_key, extent_with, key_extent, runs_key
+from ..drawing.keys import COMPARED, belief_key, extent_with, key_extent, runs_key
 from ..entities import Phase, RunPaths
 from ..playback import RunResult
 from ..scene import RunView, SceneInfo
@@ -27,7 +27,7 @@ from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
 from .events import EventLines, line_names
 from .panel import MARKDOWN, place_drawing, set_phase
 from .traces import LINE
-from .views import MAP, Overrides, picture_view, plane_view, plot
+from .views import MAP, picture_view, plane_view, plot
 
 LONGEST = 12  # letters of a label in a title of the shared column
 LONGEST_TITLE = 30  # letters for which a small map has room
@@ -38,15 +38,14 @@ DOT = 1.5  # radius in points of the screen
 class ComparisonDrawing:
     """Draws what runs share in a recording of several. All are compared with the first run.
 
-    `other_drives` are labels of runs that replay another drive, whose camera and truth are drawn here.
+    Of runs that replay another drive than the first one, camera and truth are drawn here.
     """
 
-    def __init__(
-        self, rec: rr.RecordingStream, labels: Sequence[str], scale: Scale, other_drives: Collection[str] = ()
-    ) -> None:
-        self._rec, self._labels, self._scale = rec, tuple(labels), scale
-        self._other_drives = [label for label in labels if label in other_drives]
-        self._clouds = {label: entities.cloud_of(label) for label in labels}
+    def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scale: Scale) -> None:
+        self._rec, self._runs, self._scale = rec, tuple(runs), scale
+        self._labels = tuple(run.label for run in runs)
+        self._other_drives = [run.label for run in runs if run.own_drive]
+        self._clouds = {label: entities.cloud_of(label) for label in self._labels}
         self._truths: dict[str, PoseMarker] = {}  # of other drives
         self._words: StepWords | None = None
         self._events = EventLines()
@@ -93,11 +92,10 @@ class ComparisonDrawing:
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
     def _draw_keys(self, arena: Arena, has_truth: bool) -> None:
-        runs = len(self._labels)
-        keys = {
-            entities.RUNS_KEY: runs_key(self._labels, has_truth),
-            entities.BELIEF_KEY: belief_key(runs, has_truth),
-        }
+        keys = {entities.RUNS_KEY: _key_of_all(self._runs, has_truth)}
+        for run, color in zip(self._runs, RUN_COLORS, strict=False):
+            key = belief_key(len(self._runs), has_truth, color, not run.is_recorded)
+            keys[RunPaths(run.label).key(COMPARED)] = key
         for path, key in keys.items():
             extent = key_extent(key, arena, self._scale)
             place_drawing(self._rec, path, key, (extent.left, extent.top), extent.width / key.shape[1], -5.0)
@@ -156,6 +154,11 @@ class ComparisonDrawing:
         return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS), :2] + cloud.origin)
 
 
+def _key_of_all(runs: Sequence[RunView], has_truth: bool) -> U8:
+    has_fresh = not all(run.is_recorded for run in runs)
+    return runs_key([run.label for run in runs], has_truth, has_fresh)
+
+
 def by_weight(weights: F64, count: int) -> I32:
     """Return at most `count` particles of weights (N,) in proportion to their weight, without randomness."""
     ends = np.cumsum(weights)
@@ -179,35 +182,27 @@ def first_label(runs: Sequence[RunView]) -> str:
 
 def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show one run's cloud; the title names the run's color in shared panels."""
-    contents = [*MAP, entities.NODES, entities.BELIEF_KEY, f"{RunPaths(run.label).at('belief')}/**"]
+    paths = RunPaths(run.label)
+    contents = [*MAP, entities.NODES, paths.key(COMPARED), f"{paths.at('belief')}/**"]
     contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     unit = scene.scale.units.name
     name = f"{run.label}, {COLOR_WORDS[number]}: belief ({unit})"
     if len(name) > LONGEST_TITLE:
         name = f"{run.label}, {COLOR_WORDS[number]} ({unit})"
-    key = belief_key(count, scene.has_truth)
+    key = belief_key(count, scene.has_truth, RUN_COLORS[number], not run.is_recorded)
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
 
 
 def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DView:
     """Show all clouds on one map, each with its estimate in the run's color."""
-    labels = [run.label for run in runs]
     contents = [*MAP, entities.NODES, entities.RUNS_KEY]
-    overrides: Overrides = {}
-    for run, color in zip(runs, RUN_COLORS, strict=False):
-        estimate = entities.estimate_of(run.label)
-        ellipses, fresh = RunPaths(run.label).ellipses, RunPaths(run.label).fresh
-        contents += [entities.cloud_of(run.label), estimate, ellipses, fresh]
-        overrides[ellipses] = rr.LineStrips2D.from_fields(colors=[color])
+    for run in runs:
+        paths = RunPaths(run.label)
+        contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses, paths.fresh]
         contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
-        overrides[estimate] = [
-            kind.from_fields(colors=[color]) for kind in (rr.Points2D, rr.Arrows2D, rr.LineStrips2D)
-        ]
-    key = runs_key(labels, scene.has_truth)
+    key = _key_of_all(runs, scene.has_truth)
     name = f"All runs on one map ({scene.scale.units.name})"
-    return plane_view(
-        name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale), overrides
-    )
+    return plane_view(name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale))
 
 
 def camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:

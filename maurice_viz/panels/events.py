@@ -15,7 +15,7 @@ from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 
 from ..entities import Phase, RunPaths
-from ..style import ESTIMATE, FRESH, PALE, RGB, RUN_COLORS, font_safe, packed
+from ..style import FRESH, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only, set_place
 
@@ -59,7 +59,7 @@ LEAST_HOLD = 2
 MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
 
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
-LOST, NEUTRAL = ESTIMATE, PALE
+NEUTRAL = PALE
 LEGEND = "green good, orange doubtful, red lost, blue acts"
 LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump"
 

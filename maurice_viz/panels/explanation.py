@@ -33,7 +33,7 @@ from .. import entities
 from .. import style as look
 from ..drawing.canvas import QUICK, brightened, jpeg, png, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
-from ..drawing.keys import explain_key
+from ..drawing.keys import EXPLAINED, explain_key
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
@@ -44,12 +44,17 @@ from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
 from .views import MAP, map_view, picture_view
 
-COLORS: dict[str, RGB] = {TRUTH: look.TRUTH, ESTIMATE: look.ESTIMATE, WINNER: RANK, ASKED: (86, 180, 233)}
+ASKED_COLOR: RGB = (86, 180, 233)
 NAMES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
 OUTSIDE = "outside free space"
 NOT_KNOWN = "truth not known here"
 
 Column = tuple[str, Explained | None]  # which reference; None: the truth is not known at this update
+
+
+def colors_of(run_color: RGB) -> dict[str, RGB]:
+    """Return the color of each reference's arrow: the estimate's is the run's."""
+    return {TRUTH: look.TRUTH, ESTIMATE: run_color, WINNER: RANK, ASKED: ASKED_COLOR}
 
 
 def columns_of(has_truth: bool) -> tuple[str, ...]:
@@ -101,7 +106,8 @@ class ExplanationPanel(Panel):
         rec.log(self._paths.explain("key"), key, static=True)
         arrows = (*whose[1:], whose[0])  # the winner's, the thinnest, is on top
         thick = rr.components.Radius.ui_points(THICKNESS[-len(arrows) :])
-        colors = [COLORS[who] for who in arrows]
+        of = colors_of(self._run.color)
+        colors = [of[who] for who in arrows]
         style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
         rec.log(self._paths.explain("marks"), style, static=True)
 
@@ -234,7 +240,7 @@ def headline(step: StepExplanation) -> str:
 
 def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show where the references of the columns are, over the match circles and under truth and estimate."""
-    contents = [*MAP, entities.EXPLAIN_KEY, paths.circles, paths.explain("marks"), f"{paths.estimate}/**"]
+    contents = [*MAP, paths.key(EXPLAINED), paths.circles, paths.explain("marks"), f"{paths.estimate}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     name = f"Match circles, and the references explained ({scene.scale.units.name})"
     return map_view(name, contents, scene, key=explain_key(scene.has_truth))

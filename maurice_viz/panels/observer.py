@@ -18,7 +18,7 @@ from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..entities import Phase, RunPaths
-from ..style import scale_for
+from ..style import RGB, RUN_COLORS, scale_for
 from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
 from .registry import panels_of
 
@@ -108,6 +108,7 @@ class RerunObserver:
     updates: int = 0  # how many there will be; 0 where that is not known
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
     radii: Radii = USUAL  # by which the run is judged
+    color: RGB = RUN_COLORS[0]  # of its estimate
     _panels: list[Panel] = field(init=False, default_factory=list)
     _detector: EventDetector | None = field(init=False, default=None)
     _filter: DetailFilter = field(init=False)
@@ -132,6 +133,7 @@ class RerunObserver:
             draws_scene=self.scene,
             updates=self.updates,
             radii=self.radii,
+            color=self.color,
         )
         self._panels = panels_of(run)
         for panel in self._panels:

@@ -25,7 +25,7 @@ from maurice_mcl.session import Moment
 
 from ..drawing.canvas import png
 from ..entities import PHASE, SESSION, STEP, Phase, RunPaths, phase_number
-from ..style import Scale
+from ..style import RGB, RUN_COLORS, Scale
 
 MARKDOWN = "text/markdown"
 
@@ -62,6 +62,12 @@ class DrawnRun:
     draws_scene: bool = True  # whether this run draws what all runs share: map, camera, truth
     updates: int = 0  # how many there will be; 0 where that is not known
     radii: Radii = USUAL  # by which the run is judged
+    color: RGB = RUN_COLORS[0]  # of its estimate, everywhere
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether another localizer ran it: its sensor model is not known, and nothing is drawn afresh."""
+        return not self.distances
 
 
 @dataclass(frozen=True, slots=True, eq=False)

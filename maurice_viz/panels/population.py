@@ -39,7 +39,7 @@ class HeadingsPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points
-        path, drawing = self._paths.headings, rim(self._run.has_truth)
+        path, drawing = self._paths.headings, rim(self._run.has_truth, self._run.color)
         place_drawing(rec, f"{path}/rim", drawing, (-ROSE_REACH, -ROSE_REACH), 1 / RIM_PX, -10.0)
         shape = rr.LineStrips2D.from_fields(colors=[style.HEADINGS], radii=radius(1.25), draw_order=1.0)
         arrows = rr.Arrows2D.from_fields(draw_order=2.0, radii=radius([1.75, 2.5]))
@@ -52,7 +52,7 @@ class HeadingsPanel(Panel):
             set_phase_only(rec, update.moment, Phase.PREDICT)
             self._log(rec, record.predicted, known)
         set_phase(rec, update.moment, Phase.WEIGHT)
-        self._log(rec, record.weighted, [(record.estimate.pose, style.ESTIMATE), *known])
+        self._log(rec, record.weighted, [(record.estimate.pose, self._run.color), *known])
 
     def _log(self, rec: rr.RecordingStream, cloud: Belief, poses: list[tuple[F64, style.RGB]]) -> None:
         vectors = [heading_vector(float(pose[2]), RIM)[0] for pose, _ in poses]
@@ -62,8 +62,8 @@ class HeadingsPanel(Panel):
         rec.log(self._paths.headings, rr.LineStrips2D.from_fields(strips=strips_of([outline(cloud)])), arrows)
 
 
-def rim(has_truth: bool) -> U8:
-    """Draw the rim (H, W, 3) RGB with its spokes and labels, and the key in two corners."""
+def rim(has_truth: bool, color: style.RGB) -> U8:
+    """Draw the rim (H, W, 3) RGB with its spokes and labels, and the key, an estimate's color in it."""
     size = round(2 * ROSE_REACH * RIM_PX)
     image = np.full((size, size, 3), style.GROUND, np.uint8)
     middle = np.array([size / 2, size / 2])
@@ -75,12 +75,12 @@ def rim(has_truth: bool) -> U8:
         width, height = text_size(text, ROSE_TEXT_PX)
         x, y = middle + heading_vector(np.radians(deg), 1.2 * RIM_PX)[0]
         put_text(image, text, x - width / 2, y + height / 2, ROSE_TEXT_PX, style.PALE)
-    items = [("cloud", style.HEADINGS), ("estimate", style.ESTIMATE), ("truth", style.TRUTH)]
+    items = [("cloud", style.HEADINGS), ("estimate", color), ("truth", style.TRUTH)]
     items = items if has_truth else items[:2]
-    for row, (text, color) in enumerate(items):
+    for row, (text, shade) in enumerate(items):
         base = 1.7 * ROSE_TEXT_PX * (row + 1)
-        cv2.circle(image, (12, round(base - ROSE_TEXT_PX / 2)), 7, color, -1, cv2.LINE_AA)
-        put_text(image, text, 26, base, ROSE_TEXT_PX, color)
+        cv2.circle(image, (12, round(base - ROSE_TEXT_PX / 2)), 7, shade, -1, cv2.LINE_AA)
+        put_text(image, text, 26, base, ROSE_TEXT_PX, shade)
     return image
 
 

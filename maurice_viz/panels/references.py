@@ -21,7 +21,7 @@ from maurice_mcl.sensor.references import NearestReference
 from .. import entities
 from ..drawing.canvas import jpeg
 from ..drawing.contact_sheet import BEST, CELL_PX, ContactSheet, best_matches
-from ..drawing.keys import circle_key
+from ..drawing.keys import LIKELIHOOD, MATCHES, circle_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
@@ -215,7 +215,7 @@ def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
 
 def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
-    contents = [*MAP, entities.MATCH_KEY, *_circles_of(paths)]
+    contents = [*MAP, paths.key(MATCHES), *_circles_of(paths)]
     name = f"Match circles ({scene.scale.units.name})"
     return map_view(name, contents, scene, paths.particles, circle_key())
 
@@ -241,7 +241,7 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo)
     """Show the likelihood over the map under the cloud, for all channels together and for each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):
-        contents = [*MAP, entities.LIKELIHOOD_KEY, paths.likelihood(channel), paths.particles, paths.fresh]
+        contents = [*MAP, paths.key(LIKELIHOOD), paths.likelihood(channel), paths.particles, paths.fresh]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else f"Likelihood: {channel} ({scene.scale.units.name})"
         views.append(map_view(title, contents, scene, paths.particles))

@@ -14,7 +14,7 @@ from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
 from .story import LimitsPanel
 from .traces import TracesPanel
-from .world import WorldPanel
+from .world import KeysPanel, WorldPanel
 
 PanelMaker = Callable[[DrawnRun], Panel]
 
@@ -25,6 +25,7 @@ OF_THE_SCENE: tuple[PanelMaker, ...] = (
     LimitsPanel,
 )  # once for all runs
 OF_A_RUN: tuple[PanelMaker, ...] = (
+    KeysPanel,
     CloudPanel,
     FreshPanel,
     CloseupPanel,

@@ -17,18 +17,19 @@ from .panel import Panel, place_drawing
 
 
 class WorldPanel(Panel):
-    """Draws the map and the keys above it, once for all runs."""
+    """Draws the map, once for all runs."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        has_truth = self._run.has_truth
         draw_world(rec, self._library, self._scale)
-        for path, strip in (
-            (entities.WEIGHT_KEY, keys.weight_key(has_truth)),
-            (entities.MATCH_KEY, keys.circle_key()),
-            (entities.LIKELIHOOD_KEY, keys.likelihood_key(has_truth)),
-            (entities.EXPLAIN_KEY, keys.explain_key(has_truth)),
-        ):
-            draw_key(rec, path, strip, self._library.arena, self._scale)
+
+
+class KeysPanel(Panel):
+    """Draws the keys above the maps of one run."""
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        run = self._run
+        for name, strip in keys.keys_of(run.has_truth, run.color, run.is_recorded).items():
+            draw_key(rec, self._paths.key(name), strip, self._library.arena, self._scale)
 
 
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:

@@ -27,7 +27,7 @@ from ..app.saved_steps import Collected, Pictures, collect, restored_together
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..playback import RunResult
-from ..style import ESTIMATE, LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
+from ..style import LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
 from ..text.summary import paired_rows, score_rows
 from ..text.verdict import verdict_line
 from .charts import DASHES, Chart, ChartLine, DrawnChart, Mark, px
@@ -86,8 +86,7 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         raise InputError(folder, "found a run without a step, so there is nothing to report; replay again")
     events = events_of(collected)
     pictured = choose(collected, events)
-    several = zip([track.label for track in collected.tracks], RUN_COLORS, strict=False)
-    estimates = dict(several) if len(runs) > 1 else {collected.tracks[0].label: ESTIMATE}
+    estimates = dict(zip([track.label for track in collected.tracks], RUN_COLORS, strict=False))
     photographer = Photographer(library.arena, scale, opened.session is not None, estimates)
     again = restored_together(opened.restored, Pictures(opened.session))  # warned before
     shot = shots(photographer, again, [one.step for one in pictured])
@@ -140,12 +139,12 @@ def _disks(has_truth: bool, estimates: Mapping[str, RGB]) -> list[tuple[str, RGB
     """Return name and color of each robot on the maps of steps."""
     truth = [("truth", TRUTH)] if has_truth else []
     if len(estimates) == 1:
-        return [*truth, ("estimate", ESTIMATE)]
+        return [*truth, ("estimate", RUN_COLORS[0])]
     return truth + [(f"estimate of {label}", color) for label, color in estimates.items()]
 
 
 def _colors(brightness: float) -> dict[str, str]:
-    named = {f"run{k}": color for k, color in enumerate(RUN_COLORS)} | {"estimate": ESTIMATE}
+    named = {f"run{k}": color for k, color in enumerate(RUN_COLORS)} | {"estimate": RUN_COLORS[0]}
     return {name: _hex(color, brightness) for name, color in named.items()}
 
 

@@ -94,12 +94,14 @@ def _run_json(result: RunResult) -> dict[str, Any]:
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
 TROUBLE = ("kind", "step", "recovered", "lost", "fresh", "updates", "is_sure")
+CAUSE = ("kind", "step", "last", "expected", "actual", "words", "alike")
 
 
 def _verdict_json(result: RunResult) -> dict[str, Any]:
     verdict = result.verdict
     facts = _values(verdict, VERDICT) | {"left_map": list(verdict.left_map), "text": said(verdict, METRIC)}
-    return facts | {"troubles": [_values(one, TROUBLE) for one in verdict.troubles]}
+    facts["troubles"] = [_values(one, TROUBLE) for one in verdict.troubles]
+    return facts | {"causes": [_values(one, CAUSE) for one in verdict.causes]}
 
 
 def _values(of: object, names: Sequence[str]) -> dict[str, Any]:

@@ -23,10 +23,10 @@ NAMES = {
 }
 BEFALLS = {CARRIED: "kidnapped", JUMPED: "the truth jumps", SLIPPED: "the wheels slip", DARK: "lights out"}
 LOOKS = {
-    CARRIED: "Map: the white disk (the truth) jumps. The dots (particles) stay: the wheels felt nothing.",
-    JUMPED: "Map: the white disk (the truth) jumps. The dots (particles) stay: the wheels felt nothing.",
-    SLIPPED: "Map: the dots (particles) drove on with the odometry; the white disk (the truth) hardly moved.",
-    DARK: "Camera, on the right: dark. Below it the best match, which can be anything now.",
+    CARRIED: "Map: the white disk (the truth) jumps. The dots (particles) do not: odometry has not seen it.",
+    JUMPED: "Map: the white disk (the truth) jumps. The dots (particles) do not: odometry has not seen it.",
+    SLIPPED: "Map: the dots (particles) moved as odometry says; the white disk (the truth) hardly moved.",
+    DARK: "The camera, on the right, is dark. The best match below it can be any place now.",
 }
 
 
@@ -62,24 +62,23 @@ def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
         return _two_places(fact, scale)
     if isinstance(fact, SureAndWrong):
         away = scale.say(fact.error_m)
-        none = "; no dot is near the disk" if fact.bereft else ""
-        return (
-            f"Map: {fact.share:.0%} of the weight is together, {away} from the white disk (the truth){none}."
-        )
+        none = "; no dot is near it" if fact.bereft else ""
+        where = f"{away} from the white disk (the truth){none}"
+        return f"Map: {fact.share:.0%} of the weight is in one place, {where}."
     if isinstance(fact, Trouble):
         return _troubled(moment, fact)
     if moment.kind == BEGINS:
-        truth = " White: where the robot really is." if has_truth else ""
-        return f"Map: each dot is a particle, a guess where the robot is.{truth} Move the time cursor below."
+        truth = " White: the truth, where the robot is." if has_truth else ""
+        return f"Map: each dot is a particle, a guess of the pose.{truth} Move the time cursor at the bottom."
     if moment.kind == FOUND:
-        return "Map: the dots are together, and at the right place. The lane below turns green."
+        return "Map: the dots are together, at the white disk (the truth). The lane below turns green."
     if moment.kind == ENDS:
-        return "Errors, at the bottom: how far off each step was, over the whole drive."
-    return "Errors, at the bottom: the highest point of the drive."
+        return "Errors, at the bottom: how far off the estimate was at each step."
+    return "Errors, at the bottom: the largest error of the drive."
 
 
 def _two_places(fact: Ambiguity, scale: Scale) -> str:
-    truth = {0: " at neither", 1: " there", 2: " at the other"}.get(fact.truth_in or 0, "")
+    truth = {0: " at neither", 1: " there", 2: " at the other one"}.get(fact.truth_in or 0, "")
     white = "" if fact.truth_in is None else f"; the white disk (the truth) is{truth}"
     apart = scale.say(fact.apart_m)
     return f"Map: most dots are in two places, {apart} apart. An arrow marks the heavier one{white}."
@@ -87,8 +86,8 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
 
 def _troubled(moment: TourMoment, trouble: Trouble) -> str:
     if moment.kind == LOST:
-        return "Errors, at the bottom: from here on above the line *lost*. The lane turns red."
+        return "Errors, at the bottom: above the red line (lost) from here on. The lane above them turns red."
     if trouble.fresh:
-        fresh = f"{trouble.fresh} were drawn afresh where the picture fits"
+        fresh = f"{trouble.fresh} were drawn anew where the picture fits"
         return f"Map: the dots are at the white disk (the truth) again: {fresh}."
     return "Map: the dots are at the white disk (the truth) again. The lane turns green."

@@ -11,20 +11,29 @@ from maurice_mcl.analysis.verdict import RunVerdict, Trouble
 
 from ..style import Scale
 
-SURE = ", and sure of it"
+SURE = ", sure of a wrong place"
+KIDNAPPED_ROBOT = "The robot was kidnapped"
 NOTHING_YET = "No update yet."
 MOST_CAUSES = 2  # that a line tells of
 
 
 def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
-    """Return one line about all runs of a recording, shared part first: "Kidnapped at 61. `a` ..."."""
+    """Return one line about all runs, what they share first: "The wheels slipped at 34. `a` ..."."""
     if len(verdicts) == 1:
         return said(next(iter(verdicts.values())), scale)
     runs = list(verdicts.values())
-    shared = _shared(runs, scale)
     carried = bool(_kidnappings(runs))
-    parts = [f"`{label}` {_predicate(one, scale, carried)}" for label, one in verdicts.items()]
-    return f"{shared}{'; '.join(parts)}."
+    parts = [_of_several(f"`{label}`", one, scale, carried) for label, one in verdicts.items()]
+    return f"{_shared(runs, scale)}{'; '.join(parts)}."
+
+
+def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
+    """Return what one of several runs did, as a clause: "`robust` found itself at 63"."""
+    if not verdict.has_truth:
+        return f"{name}: {_without_truth(verdict, scale)}"
+    did = _predicate(verdict, scale, kidnapping_said)
+    before = _before(verdict, scale)
+    return f"{name}: {before}; it {did}" if before else f"{name} {did}"
 
 
 def said(verdict: RunVerdict, scale: Scale) -> str:
@@ -32,13 +41,21 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
     if not verdict.updates:
         return NOTHING_YET
     shared = _shared([verdict], scale)
-    rest = f"{_predicate(verdict, scale, bool(_kidnappings([verdict])))}."
     left = f" Its cloud would have left the map at {_listed(verdict.left_map)}." if verdict.left_map else ""
-    return f"{shared}{rest[:1].upper()}{rest[1:]}{left}"
+    if not verdict.has_truth:
+        return f"{shared}{_sentence(_without_truth(verdict, scale))}{left}"
+    before = _before(verdict, scale)
+    sentences = f"{shared}{_sentence(before)} " if before else shared
+    who = "It" if sentences.startswith(KIDNAPPED_ROBOT) else "The robot"
+    return f"{sentences}{who} {_predicate(verdict, scale, bool(_kidnappings([verdict])))}.{left}"
+
+
+def _sentence(clause: str) -> str:
+    return f"{clause[:1].upper()}{clause[1:]}."
 
 
 def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:
-    """Return what befell all runs of a drive, as sentences: "Kidnapped at 61 (carried 84.0 in). "."""
+    """Return what befell all runs of a drive, as sentences: "The wheels slipped at 34. "."""
     told = dict.fromkeys(
         (one.kind, one.step) for run in runs for one in run.telling_causes if one.kind != CARRIED
     )
@@ -63,7 +80,7 @@ def befell(cause: Cause, scale: Scale) -> str:
     if cause.kind == JUMPED:
         return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
     if cause.kind == CARRIED:
-        return f"Kidnapped at {at} (carried {actual}, unseen by its odometry)"
+        return f"{KIDNAPPED_ROBOT} at {at} (carried {actual}, unseen by its odometry)"
     if cause.kind == TURNED:
         turned = cause.words.removeprefix("slip ")
         return f"The wheels slipped at {at}: a turn of {turned} that odometry did not see"
@@ -77,16 +94,16 @@ def _kidnappings(runs: Sequence[RunVerdict]) -> list[int]:
 
 
 def _kidnapped_at(runs: Sequence[RunVerdict], scale: Scale) -> str:
-    """Return the kidnappings in the log that all runs share: "Kidnapped at 61. "."""
+    """Return the kidnappings in the log that all runs share: "The robot was kidnapped at 61. "."""
     at = _kidnappings(runs)
     if len(at) != 1:
-        return f"Kidnapped at {_listed(at)}. " if at else ""
+        return f"{KIDNAPPED_ROBOT} at {_listed(at)}. " if at else ""
     known = [one for one in runs[0].causes if one.kind == CARRIED and one.actual is not None]
-    return f"{befell(known[0], scale)}. " if known else f"Kidnapped at {at[0]}. "
+    return f"{befell(known[0], scale)}. " if known else f"{KIDNAPPED_ROBOT} at {at[0]}. "
 
 
 def divided(one: Ambiguity, scale: Scale) -> str:
-    """Return how two places shared the weight: "two places look alike at 3: 47% of the weight here, ..."."""
+    """Return how two places shared the weight: "two places looked alike at 3: 47% of the weight ..."."""
     where = {None: "", 0: "; the truth is in neither", 1: "; the truth is in the first"}
     truth = where.get(one.truth_in, "; the truth is in the second")
     first, second = (f"{share:.0%}" for share in one.shares)
@@ -96,16 +113,11 @@ def divided(one: Ambiguity, scale: Scale) -> str:
 
 def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
     """Return what one run did, as a predicate: "found itself at 63 by 100 fresh particles"."""
-    if not verdict.has_truth:
-        return _without_truth(verdict, scale)
     if not verdict.troubles:
         return _untroubled(verdict, scale)
     parts = [_trouble(one, verdict, scale, kidnapping_said) for one in verdict.troubles[:2]]
-    more = len(verdict.troubles) - len(parts)
-    if more:
-        parts.append(f"was lost {more} more time{'s' * (more > 1)}")
-    before = f"{divided(verdict.telling, scale)}; " if verdict.telling is not None else ""
-    return f"{before}{', '.join(parts)}"
+    text, more = ", then ".join(parts), len(verdict.troubles) - len(parts)
+    return f"{text}, and was lost {more} more time{'s' * (more > 1)}" if more else text
 
 
 def _trouble(trouble: Trouble, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
@@ -137,9 +149,9 @@ def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
         text = SURE
         if worst is not None and worst.step >= trouble.step:
             away = scale.say(worst.error_m)
-            text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} away"
+            text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} from the truth"
             is_bereft = worst.bereft
-    return f"{text}, with no particle near the truth" if is_bereft else text
+    return f"{text}, with no particle near" if is_bereft else text
 
 
 def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
@@ -156,20 +168,28 @@ def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
             else "was never lost for long"
         )
         return f"{stayed}: {off}"
-    before = f"{divided(verdict.telling, scale)}; " if verdict.telling is not None else ""
-    worst = scale.say(verdict.error_most_m or 0.0)
-    return f"{before}found itself at {verdict.found} and stayed localized (at worst {worst} off)"
+    return f"found itself at {verdict.found} and stayed localized ({scale.say(end)} off at the end)"
 
 
 def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
+    """Return what can be said of a run that no truth judges, as a clause."""
     share = f"{verdict.converged_share:.0%}"
-    text = f"has no truth to be judged by; its cloud was converged in {share} of the updates"
+    text = f"the cloud was converged in {share} of the updates, and there is no truth to judge it by"
     if any(one.alike for one in verdict.causes):
-        text = f"{text}; all references score alike in the dark"
-    return f"{text}; {divided(verdict.telling, scale)}" if verdict.telling is not None else text
+        text = f"{text}; in the dark all references score alike"
+    before = _before(verdict, scale)
+    return f"{text}; {before}" if before else text
+
+
+def _before(verdict: RunVerdict, scale: Scale) -> str:
+    """Return which two places shared the weight before the run was localized; empty if none."""
+    return "" if verdict.telling is None else divided(verdict.telling, scale)
 
 
 def _listed(steps: Sequence[int]) -> str:
     """Return the first few of some steps."""
     more = f" and {len(steps) - 3} more times" if len(steps) > 3 else ""
-    return ", ".join(str(step) for step in steps[:3]) + more
+    first = [str(step) for step in steps[:3]]
+    if len(first) < 2 or more:
+        return ", ".join(first) + more
+    return f"{', '.join(first[:-1])} and {first[-1]}"

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from maurice_datasets.worlds.world import World, clearance
 from maurice_loaders.calibration import trials_from_session
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.geometry import compose_motions
 
 QUICK = Surveyor(headings=1, covered=1)
 SHORT = SimulationPlan(TASKS["tracking"], updates=4)
@@ -99,6 +101,22 @@ def test_a_kidnapping_is_in_the_truth_and_in_no_odometry(tmp_path: Path) -> None
     assert all(abs(r["odometry"][0]) < 0.5 for r in lines if "odometry" in r)
     log = SessionLog(tmp_path / "a" / "session.log")
     assert [("kidnapped" in m.events) for m in log.moments()] == [False, False, True, False]
+
+
+def test_wheels_that_slip_count_more_than_the_robot_moves(tmp_path: Path) -> None:
+    slip_at = range(2, 4)
+    log = SessionLog(write_simulation(tmp_path / "a", replace(SHORT, slip_at=slip_at)).session)
+    before = None
+    for moment in log.moments():
+        step, truth = moment.frame.step, moment.truth
+        assert truth is not None
+        told = any("the wheels spin" in text for text in moment.events)
+        assert told == (step in slip_at)
+        if before is not None:
+            driven_m = float(np.hypot(*reduce(compose_motions, moment.frame.motions)[:2]))
+            moved_m = float(np.hypot(*(truth - before)[:2]))
+            assert (moved_m < 0.5 * driven_m) == told
+        before = truth
 
 
 def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
@@ -204,6 +222,7 @@ def test_a_recording_without_movement_or_truth_is_refused(tmp_path: Path) -> Non
         {"kidnap_at": 3},
         {"task": TASKS["kidnapped"], "updates": 1},
         {"lights": parse_lights("dim@5")},
+        {"slip_at": range(5, 6)},
     ],
 )
 def test_a_plan_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:

@@ -21,7 +21,7 @@ from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.panels.panel import DrawnRun
 from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import scale_for
+from maurice_viz.style import RUN_COLORS, scale_for
 from maurice_viz.viewer import sinks
 
 Update = tuple[Moment, StepRecord]
@@ -38,9 +38,8 @@ def draw(
     played = [fakes.play(session, feature, particles) for feature in features]
     with sinks.to_file(path, session.info.name, runs_blueprint(runs, shown)) as rec:
         for number, (run, records) in enumerate(zip(runs, played, strict=True)):
-            observer = RerunObserver(
-                rec, run.label, distances_of(run.channels), number == 0, session.has_truth
-            )
+            distances, color = distances_of(run.channels), RUN_COLORS[number]
+            observer = RerunObserver(rec, run.label, distances, number == 0, session.has_truth, color=color)
             observe(observer, session.info, library, records)
     return played
 

@@ -86,10 +86,7 @@ CASES = {
     "detail at events": Case(detail=Detail.EVENTS, steps=9),
     "no library to explain with": Case(explained=False),
 }
-ALWAYS = {
-    entities.FLOORS, entities.WALLS, entities.NODES, entities.WEIGHT_KEY, entities.MATCH_KEY,
-    entities.LIKELIHOOD_KEY, entities.EXPLAIN_KEY,
-}  # fmt: skip
+ALWAYS = {entities.FLOORS, entities.WALLS, entities.NODES}
 
 
 def library_of(case: Case, folder: Path) -> Library:

@@ -28,8 +28,8 @@ def judged(tmp_path_factory):
 
 def test_a_kidnapping_says_how_far_the_robot_was_carried(judged):
     line, verdict = judged("kidnapped", 1, 30, "thesis", 400, kidnap_at=12)
-    assert re.match(r"Kidnapped at 13 \(carried [\d.]+ in, unseen by its odometry\)\. ", line)
-    assert "with no particle near the truth" in line
+    assert re.match(r"The robot was kidnapped at 13 \(carried [\d.]+ in, unseen by its odometry\)\. ", line)
+    assert "with no particle near" in line
     assert verdict.decisive == 13
 
 
@@ -52,13 +52,14 @@ def test_lights_out_says_that_all_references_score_alike(judged):
 def test_two_places_that_look_alike_are_told_with_their_shares(judged):
     line, verdict = judged("global", 6, 14, "robust", 600, feature="edges")
     assert re.match(r"Two places looked alike at 3: \d+% of the weight at one, \d+% at the other, ", line)
-    assert "the truth is in the second; found itself at 9" in line
+    assert "the truth is in the second. The robot found itself at 9" in line
     assert verdict.decisive == 3
 
 
 def test_sure_and_wrong_says_how_much_of_the_weight_lay_how_far_off(judged):
     line, verdict = judged("global", 5, 40, "thesis", 150)
     assert re.match(
-        r"Never found itself, and sure of it: at step \d+, \d+% of the weight lay [\d.]+ in", line
+        r"The robot never found itself, sure of a wrong place: at step \d+, \d+% of the weight lay [\d.]+ in",
+        line,
     )
     assert verdict.decisive == verdict.sure_and_wrong.step

@@ -10,7 +10,7 @@ from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.bars import tensor_of, usual_difference
 from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, ascii_of, draw_ground, text_size, ticks
-from maurice_viz.style import OBSTACLE, scale_for
+from maurice_viz.style import FRESH, OBSTACLE, RUN_COLORS, scale_for
 
 
 @pytest.mark.parametrize(
@@ -55,8 +55,27 @@ def test_any_shape_of_arena_can_be_drawn(bounds):
     assert max(image.shape) == LONG_SIDE_PX
 
 
+def has_color(image, color) -> bool:
+    return bool((image == np.array(color, np.uint8)).all(axis=2).any())
+
+
+@pytest.mark.parametrize("color", RUN_COLORS)
+def test_keys_show_the_estimate_in_its_runs_color_and_fresh_particles_where_they_are_drawn(color):
+    drawn = keys.keys_of(True, color, is_recorded=False)
+    for name in (keys.WEIGHTS, keys.LIKELIHOOD, keys.EXPLAINED):
+        assert has_color(drawn[name], color)
+    for name in (keys.WEIGHTS, keys.LIKELIHOOD, keys.MATCHES):
+        assert has_color(drawn[name], FRESH)
+    (recorded,) = keys.keys_of(True, color, is_recorded=True).values()
+    assert has_color(recorded, color)
+    assert not has_color(recorded, FRESH)
+    assert not has_color(keys.belief_key(2, True, color, has_fresh=False), FRESH)
+    assert not has_color(keys.runs_key(["amcl", "nav2"], True, has_fresh=False), FRESH)
+
+
 def test_keys_and_tensors():
-    assert keys.weight_key(True).shape[1] > keys.weight_key(False).shape[1]
+    color = RUN_COLORS[0]
+    assert keys.weight_key(True, color, True).shape[1] > keys.weight_key(False, color, True).shape[1]
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
     first = tensor_of(np.array([1, 2], np.float32))

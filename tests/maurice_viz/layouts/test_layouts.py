@@ -4,8 +4,9 @@ import pytest
 import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
-from maurice_viz import entities
+from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import arena_extent, map_extent
+from maurice_viz.entities import RunPaths
 from maurice_viz.layouts import one_run, several_runs
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.scene import RunView, SceneInfo
@@ -65,11 +66,13 @@ def test_map_views_hold_the_arena_and_leave_keys_out():
     assert extent.left < limits.left < limits.right < extent.right
     assert extent.top < limits.top < limits.bottom < extent.bottom
     assert extent.width < 1.2 * limits.width
+    paths = RunPaths(BLENDED.label)
     for view in views(overview_of(BLENDED, shown()).root_container):
+        above = {str(path) for path in view.contents if "/key/" in str(path)}
         if "Belief" in str(view.name):
-            assert entities.MATCH_KEY not in list(view.contents)
+            assert above == {paths.key(keys.WEIGHTS)}
         if "circles" in str(view.name):
-            assert entities.WEIGHT_KEY not in list(view.contents)
+            assert above == {paths.key(keys.MATCHES)}
 
 
 def test_recorded_localizers_are_compared_on_one_map():

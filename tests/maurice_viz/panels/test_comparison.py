@@ -22,7 +22,7 @@ from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
 from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import scale_for
+from maurice_viz.style import RUN_COLORS, scale_for
 from maurice_viz.viewer import sinks
 
 LABELS = ["seed 0", "größe", "c"]
@@ -41,7 +41,8 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
     collector = ResultCollector(LABELS, library.arena.size_m, scale.say, others or set())
     seen = []
     with sinks.to_file(path, "compared", rrb.Blueprint()) as rec:
-        drawing = ComparisonDrawing(rec, LABELS, scale, others or set())
+        views = [RunView(label, ("color",), own_drive=label in (others or ())) for label in LABELS]
+        drawing = ComparisonDrawing(rec, views, scale)
         drawing.begin(library.arena, has_truth)
         for steps_of in aligned([shared(run_together([run], session.moments())) for run in runs]):
             pairs = collector.add_steps(steps_of)
@@ -187,16 +188,16 @@ def test_titles_and_labels_are_short():
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
     wide = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
     assert "Error minus the first's (in)" in wide
-    assert np.array_equal(runs_key(["ひと", "b"], False), runs_key(["orange", "b"], False))
-    assert np.array_equal(runs_key(["é", "b"], False), runs_key(["e", "b"], False))
+    assert np.array_equal(runs_key(["ひと", "b"], False, True), runs_key(["orange", "b"], False, True))
+    assert np.array_equal(runs_key(["é", "b"], False, True), runs_key(["e", "b"], False, True))
 
 
 @pytest.mark.parametrize("labels", [["a", "b"], ["a long label", "another one", "größe", "ひと"]])
 def test_keys_stand_above_the_map_and_hold_every_label(labels):
     where = shown()
-    for key in (runs_key(labels, True), belief_key(len(labels), True)):
+    for key in (runs_key(labels, True, True), belief_key(len(labels), True, RUN_COLORS[1], True)):
         extent = key_extent(key, where.arena, where.scale)
         assert extent.bottom <= 0 - where.scale.length(where.arena.bounds[3]) + 1e-6  # y points down
         assert (key.max(axis=2) > 100).any()
     long = [f"{label}, with many words" for label in labels]
-    assert runs_key(long * 2, True).shape[0] > runs_key(["a"], True).shape[0]
+    assert runs_key(long * 2, True, True).shape[0] > runs_key(["a"], True, True).shape[0]

@@ -19,7 +19,7 @@ from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import scale_for, weight_colors
+from maurice_viz.style import RUN_COLORS, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
 from maurice_viz.viewer import sinks
@@ -45,7 +45,7 @@ def test_every_entity_is_on_three_timelines(drawn):
     found = recordings.entities_of(drawn[0])
     charts = {RUN.histogram(c, k) for c in ("color", "edges") for k in ("sample", "reference", "difference")}
     traces = ("position_error", "heading_error", "spread", "confidence", "effective_sample")
-    world = {entities.FLOORS, entities.WALLS, entities.NODES, entities.WEIGHT_KEY, entities.MATCH_KEY}
+    world = {entities.FLOORS, entities.WALLS, entities.NODES, RUN.key("weights"), RUN.key("matches")}
     expected = {entities.CAMERA, entities.EDGES, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
     expected |= {RUN.circles, RUN.best, RUN.contact_sheet} | charts | world | {RUN.trace(t) for t in traces}
     assert expected <= found
@@ -263,6 +263,19 @@ def _records(session: fakes.FakeSession) -> recordings.Played:
     }
     parameters = configure([Layer("test", always)]).parameters
     return list(run(build_localizer(session.library, session, parameters), session, None))
+
+
+def test_an_estimate_has_its_runs_color_everywhere(tmp_path, library):
+    path = tmp_path / "colors.rrd"
+    recordings.draw(path, fakes.make_session(library, 2), ["color", "blended"])
+    for label, color in zip(("color", "blended"), RUN_COLORS, strict=False):
+        paths, shade = RunPaths(label), [packed(color)]
+        marker = recordings.static(path, paths.estimate)
+        for kind in ("Points2D", "Arrows2D", "LineStrips2D"):
+            assert marker[f"{kind}:colors"] == shade
+        assert recordings.static(path, paths.ellipses)["LineStrips2D:colors"] == shade
+        arrows = recordings.having(recordings.rows(path, paths.headings), "Arrows2D:colors")
+        assert arrows[-1].values["Arrows2D:colors"][:1] == shade
 
 
 def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):

@@ -5,7 +5,9 @@ import pytest
 from rich.console import Console
 
 from helpers import viz_fakes as fakes
+from maurice_mcl.analysis.causes import Cause
 from maurice_mcl.analysis.metrics import Scorer, Success
+from maurice_mcl.analysis.verdict import RunVerdict
 from maurice_mcl.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
 from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase
@@ -161,3 +163,12 @@ def test_json_has_all_of_it():
     nothing = dict.fromkeys(("at_update", "at_m", "at_s", "failed", "failed_at_update"))
     expected = {"at_update": 24, "at_m": 2.54, "at_s": 215.2, "failed": "left", "failed_at_update": 30}
     assert found == {"tenth": nothing, "circle": expected}
+
+
+def test_json_tells_what_befell_the_robot():
+    slip = Cause("slipped", 34, 37, 1.43, 0.27)
+    (told,) = to_json([replace(_result(), verdict=RunVerdict(causes=(slip,)))])["runs"]
+    (cause,) = told["verdict"]["causes"]
+    assert cause == {"kind": "slipped", "step": 34, "last": 37, "expected": 1.43, "actual": 0.27} | {
+        "words": "", "alike": False
+    }  # fmt: skip

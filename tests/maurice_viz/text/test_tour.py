@@ -19,7 +19,7 @@ def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     _, page = pages[1]
     assert page.startswith("#### 2 of 4 · step 51: kidnapped\n\nMap: the white disk (the truth) jumps.")
     assert page.endswith("Next: **step 54**, found again.")
-    assert "200 were drawn afresh" in pages[2][1]
+    assert "200 were drawn anew" in pages[2][1]
     assert "Next" not in pages[-1][1]
 
 

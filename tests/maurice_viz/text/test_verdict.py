@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import pytest
 
+from maurice_mcl.analysis.ambiguity import Ambiguity
 from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import said, verdict_line
@@ -32,25 +35,29 @@ SURE = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29))
     ("verdict", "line"),
     [
         (RunVerdict(), "No update yet."),
-        (GOOD, "Stayed localized: 4.0 in off on average, 9.0 in at most (step 41)."),
-        (BACK, "Kidnapped at 61. Found itself at 63 by 100 fresh particles."),
-        (SURE, "Kidnapped at 61. Stayed lost, and sure of it (81.0 in off at the end)."),
+        (GOOD, "The robot stayed localized: 4.0 in off on average, 9.0 in at most (step 41)."),
+        (BACK, "The robot was kidnapped at 61. It found itself at 63 by 100 fresh particles."),
+        (
+            SURE,
+            "The robot was kidnapped at 61. It stayed lost, sure of a wrong place (81.0 in off at the end).",
+        ),
         (
             troubled(Trouble("kidnapped", 88)),
-            "Kidnapped at 88. Did not find itself again (81.0 in off at the end).",
+            "The robot was kidnapped at 88. It did not find itself again (81.0 in off at the end).",
         ),
         (
             troubled(Trouble("lost", 38, 50, True), Trouble("lost", 70, None, True), left_map=(77, 78)),
-            "Was lost at 38 and found itself at 50, was lost at 70 and stayed lost (81.0 in off at the end). "
-            "Its cloud would have left the map at 77, 78.",
+            "The robot was lost at 38 and found itself at 50, then was lost at 70 and stayed lost "
+            "(81.0 in off at the end). Its cloud would have left the map at 77 and 78.",
         ),
         (
             RunVerdict(updates=9, converged_share=0.5),
-            "Has no truth to be judged by; its cloud was converged in 50% of the updates.",
+            "The cloud was converged in 50% of the updates, and there is no truth to judge it by.",
         ),
         (
             RunVerdict(updates=9, has_truth=True, error_end_m=81 * INCH_M),
-            "Was never localized (81.0 in off at the end, wrong and confident in 0% of the updates).",
+            "The robot was never localized "
+            "(81.0 in off at the end, wrong and confident in 0% of the updates).",
         ),
     ],
 )
@@ -61,8 +68,8 @@ def test_one_run_in_one_line(verdict, line):
 def test_several_runs_share_the_kidnapping():
     line = verdict_line({"robust": BACK, "thesis": SURE}, INCHES)
     assert line == (
-        "Kidnapped at 61. `robust` found itself at 63 by 100 fresh particles; "
-        "`thesis` stayed lost, and sure of it (81.0 in off at the end)."
+        "The robot was kidnapped at 61. `robust` found itself at 63 by 100 fresh particles; "
+        "`thesis` stayed lost, sure of a wrong place (81.0 in off at the end)."
     )
 
 
@@ -71,8 +78,26 @@ def test_runs_of_different_drives_do_not():
 
 
 def test_a_sure_run_is_said_to_lack_particles_only_where_it_did_at_that_step():
-    for bereft, end in ((True, ", with no particle near the truth (81.0 in off"), (False, " (81.0 in off")):
+    for bereft, end in ((True, ", with no particle near (81.0 in off"), (False, " (81.0 in off")):
         worst = SureAndWrong(70, 50 * INCH_M, 0.97, bereft)
         run = troubled(Trouble("lost", 61, None, True, 0, 30, 29, 20), sure_and_wrong=worst)
-        line = "and sure of it: at step 70, 97% of the weight lay 50.0 in away"
+        line = "sure of a wrong place: at step 70, 97% of the weight lay 50.0 in from the truth"
         assert f"{line}{end}" in said(run, INCHES)
+
+
+TWINS = Ambiguity(3, 3, 5, (0.47, 0.38), 64 * INCH_M, 2)
+
+
+def test_two_places_that_look_alike_have_a_sentence_of_their_own():
+    run = replace(GOOD, found=9, ambiguity=TWINS)
+    places = "wo places looked alike at 3: 47% of the weight at one, 38% at the other, 64.0 in away"
+    found = "found itself at 9 and stayed localized (2.0 in off at the end)"
+    assert said(run, INCHES) == f"T{places}; the truth is in the second. The robot {found}."
+    line = verdict_line({"a": run, "b": GOOD}, INCHES)
+    assert line.startswith(f"`a`: t{places}; the truth is in the second; it {found}; `b` stayed localized:")
+
+
+def test_runs_without_truth_are_told_by_name():
+    blind = RunVerdict(updates=9, converged_share=0.5)
+    line = "the cloud was converged in 50% of the updates, and there is no truth to judge it by"
+    assert verdict_line({"a": blind, "b": blind}, INCHES) == f"`a`: {line}; `b`: {line}."
