@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 
 from .style import font_safe
 
@@ -52,6 +53,7 @@ def phase_number(step: int, slot: Phase) -> int:
     return PHASES_PER_STEP * step + slot
 
 
+@lru_cache(maxsize=64)
 def escaped(label: str) -> str:
     """Write a label as one part of an entity path: Rerun wants a backslash before spaces and signs."""
     return re.sub(r"([^\w.-])", r"\\\1", font_safe(label))

@@ -3,7 +3,8 @@
 canvas         texts on pixel images, their encoding, and the ground of a map: floors, obstacles, ruler
 keys           legends, as strips above a map or beside a plot
 contact_sheet  the five best references as one picture
-bars           bar charts of descriptors, and arrays for Rerun without a Python loop
+bars           bar charts of descriptors
+arrow          rows as ready-made Arrow arrays, which Rerun takes unchanged
 heat           heat maps of two-dimensional histograms
 reference_chart  what a reference loses, by channel and element
 """

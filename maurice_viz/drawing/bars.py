@@ -6,63 +6,17 @@ A chart has one color, so red, green and blue are distinguished by three static 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import pyarrow as pa  # type: ignore[import-untyped]  # has no types
 import rerun as rr
 from numpy.typing import NDArray
-from rerun.components import TensorDataBatch
 
-from maurice_mcl.arrays import F32
 from maurice_mcl.library import ChannelIndex
 from maurice_mcl.sensor.descriptors.channel import BINS
 from maurice_mcl.sensor.distances import DISTANCES, contributions
 
 from ..style import PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
-
-_POINT = pa.field("item", pa.float32(), nullable=False)
-_STRIP = pa.field("item", pa.list_(_POINT, 2), nullable=False)
-
-
-def strips_of(lines: Sequence[F32] | F32) -> Any:
-    """Return lines (M, K, 2), or M lines (K_i, 2), as `LineStrips2D.from_fields` takes them unchanged."""
-    points = np.concatenate(lines) if len(lines) else np.zeros((0, 2), np.float32)
-    ends = np.cumsum([0, *(len(line) for line in lines)], dtype=np.int32)
-    numbers = pa.array(np.ascontiguousarray(points, np.float32).ravel())
-    pairs = pa.FixedSizeListArray.from_arrays(numbers, type=pa.list_(_POINT, 2))
-    return pa.ListArray.from_arrays(pa.array(ends), pairs, type=pa.list_(_STRIP))
-
-
-KIND = "F32"  # the union's name for float32
-
-
-@lru_cache(maxsize=16)
-def _mold(length: int) -> tuple[Any, list[Any], int]:
-    """Let Rerun build a tensor of this length once: return it, its kinds of numbers, and which is float32."""
-    tensor = TensorDataBatch(np.zeros(length, np.float32)).as_arrow_array()
-    union = tensor.field(2)
-    names = [union.type.field(k).name for k in range(union.type.num_fields)]
-    return tensor, [union.field(k) for k in range(len(names))], names.index(KIND)
-
-
-def tensor_of(values: F32) -> Any:
-    """Return a vector (D,) as the Arrow array that `rr.BarChart.from_fields(values=...)` takes unchanged.
-
-    Six times quicker than Rerun (28 against 173 microseconds): all but the numbers is built once a length.
-    """
-    tensor, kinds, at = _mold(len(values))
-    data = pa.py_buffer(np.ascontiguousarray(values, np.float32))
-    numbers = pa.Array.from_buffers(pa.float32(), len(values), [None, data])
-    hole = kinds[at]
-    filled = pa.Array.from_buffers(hole.type, 1, hole.buffers()[:2], children=[numbers])
-    shape, names, buffer = (tensor.field(k) for k in range(3))
-    children = [*kinds[:at], filled, *kinds[at + 1 :]]
-    union = pa.Array.from_buffers(buffer.type, 1, buffer.buffers()[:3], children=children)
-    return pa.Array.from_buffers(tensor.type, 1, [None], children=[shape, names, union])
-
 
 PLANES = 3  # red, green, blue: equal thirds of a descriptor
 REFERENCE, SAMPLE = RUN_COLORS[:2]

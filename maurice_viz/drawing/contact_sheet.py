@@ -15,7 +15,7 @@ from maurice_mcl.library import Library
 from maurice_mcl.records import Comparison
 
 from ..style import GROUND, MISSING, PALE, RANK, Scale
-from .canvas import put_text, text_size
+from .canvas import blank, put_text, text_size
 
 BEST = 5
 CELL_PX = 144  # width of one picture; its height follows the pictures' own shape
@@ -124,8 +124,7 @@ def read_picture(path: Path) -> U8 | None:
 
 
 def _blank(height: int) -> U8:
-    cell = np.empty((height + CAPTION_PX, CELL_PX + GAP_PX, 3), np.uint8)
-    cv2.rectangle(cell, (0, 0), cell.shape[1::-1], GROUND, cv2.FILLED)  # ten times quicker than np.full
+    cell = blank(height + CAPTION_PX, CELL_PX + GAP_PX, GROUND)
     cell[:height, :CELL_PX] = MISSING
     return cell
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ from maurice_mcl.sensor.descriptors import chromaticity
 
 from ..style import EMPTY, GROUND, PALE, RGB
 from .bars import SMALLEST
-from .canvas import put_text, text_size
+from .canvas import blank, put_text, text_size
 
 GRIDS = {"chromaticity": (chromaticity.BINS, chromaticity.BINS)}  # rows and columns of 2D histograms
 AXES = "up: red share, right: green share, 0.13 to 0.55"
@@ -46,18 +47,27 @@ def place_heat(image: U8, maps: Sequence[U8]) -> None:
         image[top : top + side, at : at + side] = _square(one, side)
 
 
-def titled_heat(maps: Sequence[U8], titles: Sequence[str], below: str) -> U8:
+def titled_heat(maps: Sequence[U8], titles: tuple[str, ...], below: str) -> U8:
     """Draw heat maps side by side (H, W, 3), each under its title, over a line about their axes."""
-    needed = text_size(below, TITLE_TEXT_PX)[0]
-    width = max(len(maps) * (HEAT_PX + GAP_PX) - GAP_PX, needed) + 2 * GAP_PX
-    first = (width - len(maps) * (HEAT_PX + GAP_PX) + GAP_PX) // 2
-    image = np.full((2 * TITLE_PX + HEAT_PX, width, 3), GROUND, np.uint8)
-    for k, (one, title) in enumerate(zip(maps, titles, strict=True)):
+    ground, first = _titled(titles, below)
+    image = ground.copy()
+    for k, one in enumerate(maps):
         left = first + k * (HEAT_PX + GAP_PX)
-        put_text(image, title, left, TITLE_PX - 8, TITLE_TEXT_PX, PALE)
         image[TITLE_PX : TITLE_PX + HEAT_PX, left : left + HEAT_PX] = _square(one, HEAT_PX)
-    put_text(image, below, (width - needed) / 2, len(image) - 8, TITLE_TEXT_PX, PALE)
     return image
+
+
+@lru_cache(maxsize=8)
+def _titled(titles: tuple[str, ...], below: str) -> tuple[U8, int]:
+    """Draw all but the maps (H, W, 3); return it, and where the first map begins."""
+    needed = text_size(below, TITLE_TEXT_PX)[0]
+    together = len(titles) * (HEAT_PX + GAP_PX) - GAP_PX
+    width = max(together, needed) + 2 * GAP_PX
+    first, image = (width - together) // 2, blank(2 * TITLE_PX + HEAT_PX, width, GROUND)
+    for k, title in enumerate(titles):
+        put_text(image, title, first + k * (HEAT_PX + GAP_PX), TITLE_PX - 8, TITLE_TEXT_PX, PALE)
+    put_text(image, below, (width - needed) / 2, len(image) - 8, TITLE_TEXT_PX, PALE)
+    return image, first
 
 
 def _square(heat: U8, side: int) -> U8:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from maurice_mcl.arrays import F32, F64, I32, U8
 
 from ..style import BAR, EMPTY, GROUND, PALE, RGB, RUN_COLORS
 from .bars import REFERENCE, SAMPLE, SMALLEST, bands_of
-from .canvas import put_text, text_size
+from .canvas import blank, paint, put_text, text_size
 from .heat import grid_of, heat_of, place_heat
 
 CHART_PX = (288, 260)  # width and height, in a recording of many updates
@@ -57,7 +58,7 @@ def draw_reference_chart(
 ) -> U8:
     """Draw (H, W, 3) what a reference loses; empty without a reference."""
     width, height = size
-    image = np.full((height, width, 3), GROUND, np.uint8)
+    image = blank(height, width, GROUND)
     if entry is None:
         return image
     under = round(BAR_SHARE * height)
@@ -137,26 +138,32 @@ def _name(number: int) -> RGB:
 def draw_levels(image: U8, sample: F32, reference: F32, span: tuple[float, float]) -> None:
     """Draw a descriptor (D,) filled, and another one as a line over it, on grounds of their colors."""
     height, width = image.shape[:2]
-    grounds = bands_of(len(sample))
-    for k, (*color, alpha) in enumerate(grounds):
-        mixed = np.array(EMPTY) + (np.array(color) - EMPTY) * alpha / 255 * 0.8
-        image[:, k * width // len(grounds) : (k + 1) * width // len(grounds)] = mixed.astype(np.uint8)
+    grounds = _grounds(len(sample))
+    for k, color in enumerate(grounds):
+        first, last = k * width // len(grounds), (k + 1) * width // len(grounds) - 1
+        cv2.rectangle(image, (first, 0), (last, height), color, cv2.FILLED)
     low, high = span
     rows = np.arange(height)[:, None]
     zero = _row(np.zeros(1), low, high, height)
     filled = _row(_by_pixel(reference, width), low, high, height)
-    inside = (rows >= np.minimum(filled, zero)) & (rows < np.maximum(filled, zero))
-    image[inside] = REFERENCE
+    paint(image, (rows >= np.minimum(filled, zero)) & (rows < np.maximum(filled, zero)), REFERENCE)
     line = _row(_by_pixel(sample, width), low, high, height)
     points = np.column_stack([np.arange(width), np.minimum(line, height - 1)]).astype(np.int32)
     cv2.polylines(image, [points], False, SAMPLE, max(2, round(width / 110)))
 
 
+@lru_cache(maxsize=16)
+def _grounds(bins: int) -> tuple[RGB, ...]:
+    """Return the colors behind a descriptor's elements, from left to right."""
+    empty = np.array(EMPTY)
+    mixed = [empty + (np.array(color) - empty) * alpha / 255 * 0.8 for *color, alpha in bands_of(bins)]
+    return tuple((int(red), int(green), int(blue)) for red, green, blue in mixed)
+
+
 def _draw_costs(image: U8, nats: F32, most: float) -> None:
     height, width = image.shape[:2]
-    image[:] = EMPTY
-    rows = np.arange(height)[:, None]
-    image[rows >= _row(_by_pixel(nats, width), 0.0, most, height)] = BAR
+    cv2.rectangle(image, (0, 0), (width, height), EMPTY, cv2.FILLED)
+    paint(image, np.arange(height)[:, None] >= _row(_by_pixel(nats, width), 0.0, most, height), BAR)
 
 
 def _by_pixel(values: F32, width: int) -> F64:
@@ -176,7 +183,7 @@ def _row(values: F64, low: float, high: float, height: int) -> I32:
 def draw_chart_key(size: tuple[int, int] = CHART_PX) -> U8:
     """Draw what the marks of a chart mean, as large as a chart."""
     width, height = size
-    image = np.full((height, width, 3), GROUND, np.uint8)
+    image = blank(height, width, GROUND)
     text = 1.1 * TEXT_SHARE * width
     under = round(BAR_SHARE * height)
     put_text(image, "what each channel costs the", 4, 0.3 * under, text, PALE)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.arrays import F32, F64, I32
@@ -16,6 +16,7 @@ from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 
 from .. import entities
+from ..drawing.arrow import Row, colors_of, points_of, row_of, strips_of, ui_points_of
 from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import WEIGHTS, weight_key
 from ..entities import Phase, RunPaths
@@ -73,7 +74,7 @@ class CloudPanel(Panel):
         if not update.whole:
             return
         set_phase(rec, moment, Phase.WEIGHT)  # only colors: positions are most of a recording's size
-        rec.log(path, rr.Points2D.from_fields(colors=weight_colors(record.weighted.log_weights)))
+        rec.log(path, row_of(rr.Points2D, colors=colors_of(weight_colors(record.weighted.log_weights))))
         if record.parents is not None:
             set_phase_only(rec, moment, Phase.RESAMPLE)
             rec.log(path, resampled_points(record))
@@ -92,33 +93,34 @@ def draw_cloud(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale)
     equal = bool(np.ptp(belief.log_weights) == 0)
     rec.log(
         path,
-        rr.Points2D.from_fields(
-            positions=positions(belief, scale),
-            colors=weight_colors(belief.log_weights[:1] if equal else belief.log_weights, belief.size),
-            radii=rr.components.Radius.ui_points(PARTICLE),
+        row_of(
+            rr.Points2D,
+            positions=points_of(positions(belief, scale)),
+            colors=colors_of(
+                weight_colors(belief.log_weights[:1] if equal else belief.log_weights, belief.size)
+            ),
+            radii=ui_points_of([PARTICLE]),
         ),
     )
 
 
-def resampled_points(record: StepRecord) -> rr.Points2D:
+def resampled_points(record: StepRecord) -> Row:
     """Return sizes and colors of the weighted particles by their copies, the dead small and red."""
     copies = copies_of(record.parents, record.weighted.size)
     gone = copies == 0
     radii = np.where(gone, DEAD_PARTICLE, np.minimum(COPIED * np.sqrt(copies), MOST_COPIED))
     colors = np.where(gone, np.uint32(packed(DEAD)), copy_colors(copies))
-    return rr.Points2D.from_fields(
-        colors=colors, radii=rr.components.Radius.ui_points(radii.astype(np.float32))
-    )
+    return row_of(rr.Points2D, colors=colors_of(colors), radii=ui_points_of(radii))
 
 
-def reseeded_points(record: StepRecord, scale: Scale) -> rr.Points2D:
+def reseeded_points(record: StepRecord, scale: Scale) -> Row:
     """Return what the next step starts from: fresh particles stand out, all others are dim."""
     fresh = np.zeros(record.belief.size, bool) if record.injected is None else record.injected
-    radii = np.where(fresh, FRESH_PARTICLE, PARTICLE).astype(np.float32)
-    return rr.Points2D.from_fields(
-        positions=positions(record.belief, scale),
-        colors=np.where(fresh[:, None], np.array(FRESH, np.uint8), np.array(SETTLED, np.uint8)),
-        radii=rr.components.Radius.ui_points(radii),
+    return row_of(
+        rr.Points2D,
+        positions=points_of(positions(record.belief, scale)),
+        colors=colors_of(np.where(fresh, packed(FRESH), packed(SETTLED))),
+        radii=ui_points_of(np.where(fresh, FRESH_PARTICLE, PARTICLE)),
     )
 
 
@@ -145,7 +147,7 @@ class FreshPanel(Panel):
 
     def _log(self, rec: rr.RecordingStream, update: StepUpdate, phase: Phase, places: F32) -> None:
         set_phase_only(rec, update.moment, phase)
-        rec.log(self._path, rr.Points2D.from_fields(positions=places))
+        rec.log(self._path, row_of(rr.Points2D, positions=points_of(places)))
 
 
 def few_of(belief: Belief) -> Belief:
@@ -192,14 +194,18 @@ class PoseMarker:
         self._trail.append((jumped, at[0]))
         rec.log(  # all in one: a call costs more than what it carries
             self.path,
-            rr.Points2D.from_fields(positions=at),
-            rr.Arrows2D.from_fields(origins=at, vectors=heading_vector(float(pose[2]), self.arrow)),
-            rr.LineStrips2D.from_fields(strips=self._strips()),
+            row_of(rr.Points2D, positions=points_of(at)),
+            _arrows(at, heading_vector(float(pose[2]), self.arrow)),
+            row_of(rr.LineStrips2D, strips=strips_of(self._strips())),
         )
 
     def _strips(self) -> list[F32]:
         begins = [number for number, (jumped, _) in enumerate(self._trail) if jumped and number]
         return np.split(np.array([place for _, place in self._trail]), begins)
+
+
+def _arrows(origins: ArrayLike, vectors: ArrayLike) -> Row:
+    return row_of(rr.Arrows2D, origins=points_of(origins), vectors=points_of(vectors))
 
 
 def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
@@ -245,8 +251,8 @@ class EstimatePanel(Panel):
         pose, last = update.record.estimate.pose, self._last
         if update.whole:
             set_phase_only(rec, update.moment, Phase.PREDICT)
-            no_arrow = rr.Arrows2D.from_fields(origins=[], vectors=[])
-            rec.log(self._marker.path, rr.Points2D.from_fields(positions=[]), no_arrow)
+            nothing = row_of(rr.Points2D, positions=points_of([]))
+            rec.log(self._marker.path, nothing, _arrows([], []))
         moved = float(np.hypot(*update.record.frame.motions[:, :2].T).sum())
         reach = update.record.estimate.radii.cluster_m + moved
         jumped = last is not None and np.hypot(*(pose[:2] - last[:2])) > reach
@@ -275,10 +281,10 @@ class EllipsesPanel(Panel):
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         if update.whole and self._is_own:
             set_phase_only(rec, update.moment, Phase.PREDICT)
-            rec.log(self._path, rr.LineStrips2D.from_fields(strips=[]))
+            rec.log(self._path, row_of(rr.LineStrips2D, strips=strips_of([])))
         self._drawn.append(ellipse_of(update.record.weighted, self._scale))
         set_phase(rec, update.moment, Phase.WEIGHT)
-        rec.log(self._path, rr.LineStrips2D.from_fields(strips=list(self._drawn)))
+        rec.log(self._path, row_of(rr.LineStrips2D, strips=strips_of(list(self._drawn))))
 
 
 def ellipse_of(belief: Belief, scale: Scale) -> F32:

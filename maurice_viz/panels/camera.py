@@ -12,7 +12,8 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.edges import edge_image
 
 from .. import entities
-from ..drawing.canvas import EDGE_GAIN, Extent, brightened, jpeg, put_text, text_size
+from ..drawing.arrow import blob_of, row_of
+from ..drawing.canvas import EDGE_GAIN, Extent, blank, brightened, jpeg, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, cell_height, thumbnail_of
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
@@ -63,7 +64,7 @@ def prepare_jpeg(rec: rr.RecordingStream, path: str, order: float | None = None)
 
 def draw_jpeg(rec: rr.RecordingStream, path: str, data: bytes) -> None:
     """Log an encoded picture."""
-    rec.log(path, rr.EncodedImage.from_fields(blob=data))
+    rec.log(path, row_of(rr.EncodedImage, blob=blob_of(data)))
 
 
 COLUMNS = 6
@@ -107,7 +108,8 @@ class FilmstripPanel(Panel):
         column = self._column(record, at_truth, at_estimate)
         at = self._drawn * (CELL_PX + GAP_PX)
         moved = rr.Transform3D.from_fields(translation=[at, 0, 0])
-        rec.log(self._paths.film(slot), rr.EncodedImage.from_fields(blob=jpeg(column, FILM_QUALITY)), moved)
+        picture = row_of(rr.EncodedImage, blob=blob_of(jpeg(column, FILM_QUALITY)))
+        rec.log(self._paths.film(slot), picture, moved)
         shift = (COLUMNS - 1) * (CELL_PX + GAP_PX) - at
         rec.log(self._paths.columns, rr.Transform3D.from_fields(translation=[shift, 0, 0]))
         self._drawn += 1
@@ -129,7 +131,7 @@ class FilmstripPanel(Panel):
         return self._cell(thumbnail, f"{name}: {entry}", color)
 
     def _cell(self, picture: U8 | None, caption: str, color: RGB) -> U8:
-        cell = np.full((self._height + CAPTION_PX, CELL_PX, 3), GROUND, np.uint8)
+        cell = blank(self._height + CAPTION_PX, CELL_PX, GROUND)
         cell[: self._height] = MISSING if picture is None else picture
         wide = text_size(caption, TEXT_PX)[0] if caption else 1
         height = min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / max(wide, 1))

@@ -14,6 +14,7 @@ from maurice_mcl.analysis import events as states
 from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 
+from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
 from ..style import FRESH, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
@@ -42,7 +43,7 @@ class WordsPanel(Panel):
         self._log(rec, f"{title}{'' if update.whole else PARTLY}\n\n{rest}")
 
     def _log(self, rec: rr.RecordingStream, text: str) -> None:
-        rec.log(self._paths.text, rr.TextDocument.from_fields(text=font_safe(text)))
+        rec.log(self._paths.text, row_of(rr.TextDocument, text=text_of(font_safe(text))))
 
 
 def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDocumentView:

@@ -31,7 +31,8 @@ from maurice_mcl.sensor.model import SensorModel
 
 from .. import entities
 from .. import style as look
-from ..drawing.canvas import QUICK, brightened, jpeg, png, put_text, text_size
+from ..drawing.arrow import blob_of, points_of, row_of, text_of
+from ..drawing.canvas import blank, brightened, jpeg, png, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
 from ..drawing.keys import EXPLAINED, explain_key
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
@@ -128,7 +129,7 @@ class ExplanationPanel(Panel):
         self._draw_marks(rec, [*shown[1:], shown[0]], references.sensor)
         words = "\n\n".join([f"## {headline(step)}", *say_step(step, self._scale)[1:]])
         for part, text in (("words", words), ("table", brief_table(step, self._scale))):
-            rec.log(self._paths.explain(part), rr.TextDocument.from_fields(text=text))
+            rec.log(self._paths.explain(part), row_of(rr.TextDocument, text=text_of(text)))
 
     def clear(self, rec: rr.RecordingStream) -> None:
         if self._references is None:
@@ -145,9 +146,13 @@ class ExplanationPanel(Panel):
     def _draw_charts(self, rec: rr.RecordingStream, shown: Sequence[Column]) -> None:
         entries = [None if explained is None else explained.entry for _, explained in shown]
         scale = scale_of([entry for entry in entries if entry is not None])
+        drawn: dict[int | None, bytes] = {}  # by entry: columns often have the same
         for (who, _), entry in zip(shown, entries, strict=True):
-            chart = png(draw_reference_chart(entry, scale), QUICK)
-            rec.log(self._paths.explain("chart", who), rr.EncodedImage.from_fields(blob=chart))
+            number = None if entry is None else entry.entry
+            if number not in drawn:
+                drawn[number] = png(draw_reference_chart(entry, scale), quick=True)
+            chart = row_of(rr.EncodedImage, blob=blob_of(drawn[number]))
+            rec.log(self._paths.explain("chart", who), chart)
 
     def _draw_marks(self, rec: rr.RecordingStream, shown: Sequence[Column], sensor: SensorModel) -> None:
         entries = [None if explained is None else explained.entry for _, explained in shown]
@@ -155,9 +160,8 @@ class ExplanationPanel(Panel):
         arrow = ARROW * self._scale.length(max(sensor.library.arena.size_m))
         length = np.where([entry is None for entry in entries], 0.0, arrow)
         along = np.column_stack([np.cos(poses[:, 2]), -np.sin(poses[:, 2])]) * length[:, None]
-        marks = rr.Arrows2D.from_fields(
-            origins=self._scale.screen(poses[:, :2]), vectors=np.asarray(along, np.float32)
-        )
+        origins = points_of(self._scale.screen(poses[:, :2]))
+        marks = row_of(rr.Arrows2D, origins=origins, vectors=points_of(along))
         rec.log(self._paths.explain("marks"), marks)
 
 
@@ -197,7 +201,7 @@ def _card(image: U8, height: int) -> bytes:
 @lru_cache(maxsize=8)
 def blank_card(height: int, words: str) -> bytes:
     """Return a card with the reason why it has no picture."""
-    gray = np.full((height, CARD_PX, 3), MISSING, np.uint8)
+    gray = blank(height, CARD_PX, MISSING)
     width, _ = text_size(words, CARD_TEXT_PX)
     small = min(CARD_TEXT_PX, CARD_TEXT_PX * (CARD_PX - 6) / max(width, 1))
     worded = gray.copy()
@@ -206,7 +210,7 @@ def blank_card(height: int, words: str) -> bytes:
 
 
 def _stacked(picture: U8, edges: U8) -> U8:
-    between = np.full((CARD_GAP_PX, picture.shape[1], 3), GROUND, np.uint8)
+    between = blank(CARD_GAP_PX, picture.shape[1], GROUND)
     return np.concatenate([picture, between, edges])
 
 

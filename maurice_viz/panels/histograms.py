@@ -15,6 +15,7 @@ from maurice_mcl.arrays import F32
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
 
+from ..drawing.arrow import blob_of, row_of, tensor_of
 from ..drawing.bars import (
     REFERENCE,
     REFERENCE_BAR,
@@ -22,15 +23,14 @@ from ..drawing.bars import (
     SAMPLE_BAR,
     bands_of,
     place_bars,
-    tensor_of,
     usual_difference,
     usual_height,
 )
-from ..drawing.canvas import QUICK, png
+from ..drawing.canvas import png
 from ..drawing.heat import AXES, GRIDS, grid_of, heat_of, titled_heat
 from ..entities import Phase, RunPaths
 from ..style import BAR
-from .panel import Panel, StepUpdate, set_phase
+from .panel import DrawnRun, Panel, StepUpdate, set_phase
 from .views import bars_view, picture_view
 
 KINDS = ("sample", "reference", "difference")
@@ -42,17 +42,23 @@ HEAT_KINDS = MAPS, ADDED = "maps", "added"  # of a two-dimensional histogram, in
 class HistogramsPanel(Panel):
     """Draws for each channel the picture's descriptor, its best match's, and what each element adds to D."""
 
+    def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
+        self._tops: dict[str, tuple[float, float]] = {}  # usual height of an element, and what it adds to D
+
     def prepare(self, rec: rr.RecordingStream) -> None:
         for channel, distance in self._run.distances.items():
             index = self._library.index[channel]
             bins = len(index.relevance)
+            usual, most = usual_height(index), usual_difference(index, distance)
+            self._tops[channel] = usual, most
             if grid_of(channel, bins) is not None:
                 for kind in HEAT_KINDS:
                     heat = rr.EncodedImage.from_fields(media_type="image/png")
                     rec.log(self._paths.histogram(channel, kind), heat, static=True)
                 continue
-            self._place_bands(rec, channel, "bands", bins, usual_height(index))
-            self._place_bands(rec, channel, "difference_bands", bins, usual_difference(index, distance))
+            self._place_bands(rec, channel, "bands", bins, usual)
+            self._place_bands(rec, channel, "difference_bands", bins, most)
             one = len(bands_of(bins)) / bins
             for kind, color, offset, width in (
                 ("reference", REFERENCE, *REFERENCE_BAR),
@@ -77,9 +83,8 @@ class HistogramsPanel(Panel):
                 self._draw_heat(rec, channel, grid, (sample, reference, difference))
                 continue
             for kind, values in zip(KINDS, (sample, reference, difference), strict=True):
-                rec.log(
-                    self._paths.histogram(channel, kind), rr.BarChart.from_fields(values=tensor_of(values))
-                )
+                bars = row_of(rr.BarChart, values=tensor_of(values))
+                rec.log(self._paths.histogram(channel, kind), bars)
 
     def clear(self, rec: rr.RecordingStream) -> None:
         rec.log(self._paths.at("histogram"), rr.Clear(recursive=True))
@@ -88,17 +93,15 @@ class HistogramsPanel(Panel):
         self, rec: rr.RecordingStream, channel: str, grid: tuple[int, int], parts: tuple[F32, F32, F32]
     ) -> None:
         """Log a two-dimensional histogram: picture and match side by side, and what each bin adds to D."""
-        index = self._library.index[channel]
         sample, reference, difference = (part.reshape(grid) for part in parts)
-        usual = usual_height(index)
+        usual, most = self._tops[channel]
         maps = [heat_of(sample, usual, SAMPLE), heat_of(reference, usual, REFERENCE)]
-        most = usual_difference(index, self._run.distances[channel])
         drawn = {
             MAPS: titled_heat(maps, ("picture", "best match"), AXES),
             ADDED: titled_heat([heat_of(difference, most, BAR)], ("adds to D",), AXES),
         }
         for kind, image in drawn.items():
-            picture = rr.EncodedImage.from_fields(blob=png(image, QUICK))
+            picture = row_of(rr.EncodedImage, blob=blob_of(png(image, quick=True)))
             rec.log(self._paths.histogram(channel, kind), picture)
 
     def _place_bands(self, rec: rr.RecordingStream, channel: str, kind: str, bins: int, top: float) -> None:

@@ -16,8 +16,8 @@ from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.records import Belief, StepRecord
 
 from .. import style
-from ..drawing.bars import strips_of
-from ..drawing.canvas import Extent, png, put_text, text_size
+from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, scalars, strips_of
+from ..drawing.canvas import Extent, blank, png, put_text, text_size
 from ..entities import Phase, RunPaths
 from ..style import Scale, heading_vector
 from .belief import copies_of, positions
@@ -56,10 +56,14 @@ class HeadingsPanel(Panel):
 
     def _log(self, rec: rr.RecordingStream, cloud: Belief, poses: list[tuple[F64, style.RGB]]) -> None:
         vectors = [heading_vector(float(pose[2]), RIM)[0] for pose, _ in poses]
-        arrows = rr.Arrows2D.from_fields(
-            origins=np.zeros((len(poses), 2)), vectors=vectors, colors=[color for _, color in poses]
+        arrows = row_of(
+            rr.Arrows2D,
+            origins=points_of(np.zeros((len(poses), 2))),
+            vectors=points_of(vectors),
+            colors=colors_of([style.packed(color) for _, color in poses]),
         )
-        rec.log(self._paths.headings, rr.LineStrips2D.from_fields(strips=strips_of([outline(cloud)])), arrows)
+        shape = row_of(rr.LineStrips2D, strips=strips_of([outline(cloud)]))
+        rec.log(self._paths.headings, shape, arrows)
 
 
 def rim(has_truth: bool, color: style.RGB) -> U8:
@@ -145,20 +149,22 @@ class ModesPanel(Panel):
         self._past.append(update.modes)
         if update.whole:
             set_phase_only(rec, update.moment, Phase.PREDICT)
-            rec.log(self._paths.mode_rings, rr.LineStrips2D.from_fields(strips=[], colors=[]))
+            rec.log(self._paths.mode_rings, rings_of((), self._scale))
         set_phase(rec, update.moment, Phase.WEIGHT)
         rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale))
-        rec.log(f"{self._paths.modes}/bands", rr.EncodedImage.from_fields(blob=png(bands(self._past))))
+        picture = blob_of(png(bands(self._past), quick=True))
+        rec.log(f"{self._paths.modes}/bands", row_of(rr.EncodedImage, blob=picture))
 
 
-def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> rr.LineStrips2D:
+def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
     """Return a ring around every mode that has a row of the bands: its area is the mode's share."""
     seen = [mode for mode in modes if round(mode.estimate.mass * ROWS)]
     reach_m = [mode.estimate.radii.cluster_m * np.sqrt(mode.estimate.mass) for mode in seen]
     rings = [mode.estimate.pose[:2] + reach * CIRCLE for mode, reach in zip(seen, reach_m, strict=True)]
-    return rr.LineStrips2D.from_fields(
-        strips=[scale.screen(ring) for ring in rings],
-        colors=[style.mode_color(mode.identity) for mode in seen],
+    return row_of(
+        rr.LineStrips2D,
+        strips=strips_of([scale.screen(ring) for ring in rings]),
+        colors=colors_of([style.packed(style.mode_color(mode.identity)) for mode in seen]),
     )
 
 
@@ -188,7 +194,7 @@ def frame() -> U8:
 
 def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:
     """Draw the bands (ROWS, UPDATES_SEEN, 3) RGB, the latest update at the right."""
-    image = np.full((ROWS, UPDATES_SEEN, 3), style.EMPTY, np.uint8)
+    image = blank(ROWS, UPDATES_SEEN, style.EMPTY)
     for ago, modes in enumerate(reversed(past)):
         mass = 0.0
         for mode in sorted(modes, key=lambda mode: mode.identity):
@@ -214,7 +220,7 @@ LINE_PT = 0.6  # radius in points of the screen
 SURVIVORS = "survivors"
 ANCESTORS = "ancestors"
 
-_NO_LINES = rr.LineStrips2D.from_fields(strips=[])
+_NO_LINES = row_of(rr.LineStrips2D, strips=strips_of([]))
 
 
 class AncestryPanel(Panel):
@@ -247,8 +253,8 @@ class AncestryPanel(Panel):
             set_phase_only(rec, update.moment, Phase.RESEED)
             rec.log(self._paths.families, _NO_LINES)
         set_phase(rec, update.moment, Phase.ESTIMATE)
-        rec.log(self._paths.trace(SURVIVORS), rr.Scalars(survivors(record)))
-        rec.log(self._paths.trace(ANCESTORS), rr.Scalars(self._ancestry.distinct() / record.belief.size))
+        rec.log(self._paths.trace(SURVIVORS), scalars(survivors(record)))
+        rec.log(self._paths.trace(ANCESTORS), scalars(self._ancestry.distinct() / record.belief.size))
 
     def clear(self, rec: rr.RecordingStream) -> None:
         for path in (self._paths.moves, self._paths.families):
@@ -262,14 +268,14 @@ class AncestryPanel(Panel):
         if before is not None and before.size == after.size:  # else particles have no single parent
             some = spread_over(after.size, MOST_MOVES)
             ends = np.stack([positions(before, self._scale)[some], positions(after, self._scale)[some]], 1)
-            rec.log(self._paths.moves, rr.LineStrips2D.from_fields(strips=strips_of(ends)))
+            rec.log(self._paths.moves, row_of(rr.LineStrips2D, strips=strips_of(ends)))
         set_phase_only(rec, update.moment, Phase.MEASURE)
         rec.log(self._paths.moves, _NO_LINES)
 
     def _draw_ancestors(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         set_phase_only(rec, update.moment, Phase.RESAMPLE)
         lines = [self._scale.screen(line) for line in self._ancestry.lines(MOST_FAMILIES) if len(line) > 1]
-        rec.log(self._paths.families, rr.LineStrips2D.from_fields(strips=strips_of(lines)))
+        rec.log(self._paths.families, row_of(rr.LineStrips2D, strips=strips_of(lines)))
 
 
 def spread_over(count: int, most: int) -> NDArray[np.int64]:

@@ -19,7 +19,8 @@ from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.references import NearestReference
 
 from .. import entities
-from ..drawing.canvas import jpeg
+from ..drawing.arrow import blob_of, floats_of, points_of, row_of
+from ..drawing.canvas import QUICK, jpeg
 from ..drawing.contact_sheet import BEST, CELL_PX, ContactSheet, best_matches
 from ..drawing.keys import LIKELIHOOD, MATCHES, circle_key
 from ..entities import Phase, RunPaths
@@ -81,10 +82,10 @@ class MatchCircles:
     def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
         """Log the sizes, and where the five best are."""
         radii = np.maximum(nearness(comparison.log_likelihood) * np.float32(LARGEST), np.float32(SMALLEST))
-        rec.log(paths.circles, rr.Points2D.from_fields(radii=radii * np.float32(self.spacing)))
+        rec.log(paths.circles, row_of(rr.Points2D, radii=floats_of(radii * np.float32(self.spacing))))
         best = comparison.best(BEST)
-        sizes = radii[best] * np.float32(self.spacing)
-        rec.log(paths.best, rr.Points2D.from_fields(positions=self.centers[best], radii=sizes))
+        places, sizes = points_of(self.centers[best]), floats_of(radii[best] * np.float32(self.spacing))
+        rec.log(paths.best, row_of(rr.Points2D, positions=places, radii=sizes))
 
 
 def node_spacing(poses: F64) -> float:
@@ -167,7 +168,7 @@ class LikelihoodPanel(Panel):
         parts = dict(zip(comparison.channels, -comparison.channel_cost, strict=True))
         for name in map_names(comparison.channels):
             logs = comparison.log_likelihood if name == ALL_CHANNELS else parts[name]
-            image = rr.EncodedImage.from_fields(blob=self._maps.encoded(logs))
+            image = row_of(rr.EncodedImage, blob=blob_of(self._maps.encoded(logs)))
             rec.log(self._paths.likelihood(name), image)
 
     def clear(self, rec: rr.RecordingStream) -> None:
@@ -199,9 +200,9 @@ class LikelihoodMaps:
         share = 1 + (best - best.max()) / DEEPEST
         colors = _BGR[np.clip(share * 255, 0, 255).astype(np.uint8)]
         image = np.concatenate([colors, _OUTSIDE])[self.place_of_pixel]  # -1 is the last
-        ok, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        ok, data = cv2.imencode(".png", image, QUICK)
         assert ok
-        return bytes(data)
+        return data.tobytes()
 
 
 _BGR: U8 = np.stack([LUT >> 8 & 255, LUT >> 16 & 255, LUT >> 24], axis=1).astype(np.uint8)

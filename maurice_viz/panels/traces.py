@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ..drawing.arrow import doubles_of, row_of, scalars
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
 from ..entities import Phase, RunPaths
@@ -91,12 +92,15 @@ class TracesPanel(Panel):
             self._log(rec, HEADING_ERROR, float(np.degrees(angle)))
         spread = scale.length(float(np.hypot(*record.mean_estimate.sd_m)))
         self._log(rec, SPREAD, spread)
-        rec.log(self._paths.trace(TWO_SIGMA), rr.Measurements.from_fields(values=spread, variances=spread**2))
+        rec.log(
+            self._paths.trace(TWO_SIGMA),
+            row_of(rr.Measurements, values=doubles_of(spread), variances=doubles_of(spread**2)),
+        )
         self._log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
         self._log(rec, CONFIDENCE, record.estimate.confidence)
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
         if np.isfinite(nats).all():  # -inf when no particle was in free space
-            rec.log(self._paths.trace(EVIDENCE), rr.Scalars(nats))
+            rec.log(self._paths.trace(EVIDENCE), scalars(nats))
             self._note(EVIDENCE, *nats)
         if self._run.finder is not None:
             self._draw_rank(rec, update, self._run.finder)
@@ -108,7 +112,7 @@ class TracesPanel(Panel):
         """Log where scales end, and the lines of events: only now is the largest value known."""
         for quantity, most in self._most.items():
             if quantity in LABELED_STEPS:
-                rec.log(top_path(self._paths, quantity), rr.Scalars(round_top(most, LABELED_STEPS[quantity])))
+                rec.log(top_path(self._paths, quantity), scalars(round_top(most, LABELED_STEPS[quantity])))
         self._draw_limits(rec)
         for quantity, (low, high) in self._extents().items():
             self._events.draw(rec, self._paths.trace(quantity), low, high)
@@ -120,7 +124,7 @@ class TracesPanel(Panel):
             rec.log(line, rr.SeriesLines(names=[name], colors=[color], widths=[LIMIT_WIDTH]), static=True)
             for step, time_s in self._ends:
                 set_place(rec, step, time_s, Phase.ESTIMATE)
-                rec.log(line, rr.Scalars(limit))
+                rec.log(line, scalars(limit))
 
     def _limits(self) -> list[tuple[str, float, RGB]]:
         radii, length = self._run.radii, self._scale.length
@@ -146,7 +150,7 @@ class TracesPanel(Panel):
 
     def _log(self, rec: rr.RecordingStream, quantity: str, value: float) -> None:
         self._note(quantity, value)
-        rec.log(self._paths.trace(quantity), rr.Scalars(value))
+        rec.log(self._paths.trace(quantity), scalars(value))
 
     def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate, finder: EntryFinder) -> None:
         """Log how well the picture fits the true pose: relative to the estimate, and by rank."""

@@ -91,7 +91,7 @@ class BlockRecording(rr.RecordingStream):
 
     def set_time(self, timeline: str, **value: Any) -> None:
         """Set the time of what is logged from now on; a new step ends a block that is full."""
-        ((kind, at),) = ((kind, at) for kind, at in value.items() if at is not None)
+        ((kind, at),) = value.items()
         if timeline == STEP and self._step != at:
             self._step = at
             self._updates += 1
@@ -114,7 +114,7 @@ class BlockRecording(rr.RecordingStream):
             for part in (entity, *extra)
             for batch in (part.as_component_batches() if hasattr(part, "as_component_batches") else part)
         }
-        self._bytes += sum(values.nbytes for values in components.values())
+        self._bytes += sum(values.get_total_buffer_size() for values in components.values())
         self._rows_of(str(entity_path)).add(self._times, components)
 
     def _rows_of(self, entity: str) -> Rows:

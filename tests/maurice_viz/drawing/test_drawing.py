@@ -8,7 +8,8 @@ from helpers import viz_fakes as fakes
 from maurice_mcl.library import ChannelIndex
 from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
-from maurice_viz.drawing.bars import tensor_of, usual_difference
+from maurice_viz.drawing.arrow import tensor_of
+from maurice_viz.drawing.bars import usual_difference
 from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, ascii_of, draw_ground, text_size, ticks
 from maurice_viz.style import FRESH, OBSTACLE, RUN_COLORS, scale_for
 
