@@ -17,7 +17,7 @@ from ..listener import SILENT, Listener
 from ..viewer import sinks
 from ..viewer.movie import SUFFIXES as MOVIES
 from ..viewer.movie import film, from_png
-from ..viewer.snapshot import Viewer, expect_driver, headless_viewer, recorded_steps
+from ..viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headless_viewer, recorded_steps
 from .events import PHASES
 from .output import layout_of, observed
 from .run import collector_of, step_through
@@ -165,6 +165,7 @@ def _recorded_span(source: Path, asked: Sequence[int]) -> tuple[int, int] | None
 def _expect_recording(source: Path) -> None:
     if not source.is_file():
         raise InputError(source, "found no such recording; replay a session with --rrd to make one")
+    expect_whole_frames(source)
 
 
 def _check_step(source: Path, step: int, start: int, end: int) -> None:

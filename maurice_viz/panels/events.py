@@ -61,7 +61,7 @@ MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
 
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
 NEUTRAL = PALE
-LEGEND = "green good, orange doubtful, red lost, blue acts"
+LEGEND = "green good, orange wrong (and confident) or doubtful, blue search(ing) or acts, red lost"
 LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump"
 
 STATUS_COLORS: Mapping[str, RGB] = {
@@ -101,7 +101,9 @@ SHORT = {
     kinds.ALL_WEIGHTS_ZERO: "all zero",
     kinds.MODE_SWITCH: "switch",
     kinds.SESSION: "log",
-}  # labels of marks, if not the kind's name
+    states.WRONG: "wrong",
+    states.SEARCHING: "search",
+}  # labels of marks and states, if not their names: a state can be as short as one update
 
 
 LINE_COLORS: Mapping[str, RGB] = {

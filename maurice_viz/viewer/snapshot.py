@@ -80,6 +80,7 @@ def maximized(blueprint: Blueprint, views: Mapping[str, str], name: str) -> Blue
 
 PATIENCE_S = 60.0  # for a recording to load, and again for a picture to settle
 LOOK_EVERY_S = 0.2
+CUT_OFF = "exceeds file size"  # in the error about a file that ends inside of a frame
 ALIKE = 3  # this many equal pictures in a row show that drawing is done
 DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 ADVICE = "apt-get install mesa-vulkan-drivers libvulkan1"
@@ -152,6 +153,18 @@ def recorded_steps(recording: Path, content: str = "/**") -> tuple[int, int] | N
     except (RuntimeError, ValueError, OSError):
         return None
     return (min(first), max(last)) if first else None
+
+
+def expect_whole_frames(recording: Path) -> None:
+    """Refuse a recording that ends inside of a frame, which the viewer would wait for. Raises InputError."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that a killed recording lacks its end
+            next(iter(RrdReader(recording).stream()), None)
+    except RuntimeError as problem:
+        if CUT_OFF in str(problem):
+            repair = f"`rerun rrd optimize {recording.name} -o repaired.rrd` keeps what is whole"
+            raise InputError(recording, f"found a recording that was cut off; {repair}") from None
 
 
 def software_driver() -> Path | None:

@@ -5,7 +5,10 @@ from typing import Any
 
 import pytest
 
-from maurice_viz.viewer.snapshot import LayoutError, maximized, with_layout
+from helpers import viz_fakes as fakes
+from helpers import viz_recordings as recordings
+from maurice_loaders.errors import InputError
+from maurice_viz.viewer.snapshot import LayoutError, expect_whole_frames, maximized, with_layout
 
 VIEWS = {"Belief: particles (in)": "b", "Edges": "e", "Edges difference": "d", "Camera (px)": "c"}
 
@@ -56,3 +59,12 @@ def test_no_view_or_several_are_refused_with_their_titles(name, message):
     with pytest.raises(LayoutError, match=message) as problem:
         maximized(blueprint(), VIEWS, name)
     assert "'Edges'" in str(problem.value)
+
+
+def test_a_recording_that_ends_inside_of_a_frame_is_refused_at_once(tmp_path):
+    path = tmp_path / "a.rrd"
+    recordings.draw(path, fakes.make_session(fakes.make_library(), 2), ["color"])
+    expect_whole_frames(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"was cut off; `rerun rrd optimize a.rrd -o repaired.rrd`"):
+        expect_whole_frames(path)
