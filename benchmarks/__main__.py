@@ -17,7 +17,7 @@ import cv2
 from rich.console import Console
 from rich.table import Table as Shown
 
-from . import filter_step, pictures, replays
+from . import filter_step, growth, libraries, pictures, replays
 from .measure import Table, machine
 from .peers import install
 
@@ -31,6 +31,8 @@ SECTIONS: Mapping[str, Callable[[bool], Table]] = {
     "replays": replays.replays,
     "recordings": replays.recordings,
     "commands": replays.commands,
+    "libraries": libraries.libraries,
+    "growth": growth.growth,
 }
 
 

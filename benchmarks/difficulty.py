@@ -23,8 +23,7 @@ import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
-from maurice_datasets.surveys import GENERATOR
-from maurice_datasets.tasks import TASKS, TIERS, for_fitting
+from maurice_datasets.tasks import GENERATOR, TASKS, TIERS, for_fitting
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.files import cache_root
 from maurice_mcl.analysis.metrics import Scorer

@@ -20,7 +20,7 @@ from rerun.chunk import RrdReader
 
 import maurice_loaders as ml
 import maurice_mcl as mcl
-from maurice_datasets.sessions import demo_paths
+from maurice_datasets.demos import demo_paths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import Detail, RerunObserver
 from maurice_viz.scene import RunView, SceneInfo

@@ -16,7 +16,7 @@ import numpy as np
 
 import maurice_loaders as ml
 import maurice_mcl as mcl
-from maurice_datasets.sessions import demo_paths
+from maurice_datasets.demos import demo_paths
 from maurice_mcl.arrays import F32
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.sensor.ahead import Compared

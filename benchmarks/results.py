@@ -30,8 +30,8 @@ import maurice_mcl as mcl
 from maurice_datasets.render.conditions import LightChange
 from maurice_datasets.sessions import simulated_session
 from maurice_datasets.simulation import SimulationPlan
-from maurice_datasets.surveys import GENERATOR, cached_survey
-from maurice_datasets.tasks import TASKS, for_testing
+from maurice_datasets.surveys import cached_survey
+from maurice_datasets.tasks import GENERATOR, TASKS, for_testing
 from maurice_loaders.files import cache_root
 from maurice_mcl.analysis.metrics import RunScore, Scorer, score_step
 from maurice_mcl.config.build import build_localizer

@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,22 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import cache_root, discard
 from maurice_loaders.libraries.remembered import remembered
 
+from .tasks import SURVEY
+
 NOTE = "simulation.json"  # written last: a folder without it is not finished
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationPaths:
+    """Where the two logs are."""
+
+    session: Path
+    survey: Path
+
+
+def paths_in(folder: Path) -> SimulationPaths:
+    """Return where the two logs of a simulation's folder are."""
+    return SimulationPaths(folder / "session.log", folder / SURVEY)
 
 
 def seal(folder: Path, key: str) -> None:

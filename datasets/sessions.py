@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +12,22 @@ from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.errors import InputError
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from .folders import NOTE, cached, copy_whole, seal
+from .folders import NOTE, SimulationPaths, copy_whole, paths_in, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
 from .robot.segments import KIDNAPPED, Happened, Log, Moved, Progress, write_segments
 from .simulation import SimulationPlan, Stage, parse_span, stage
-from .surveys import GENERATOR, SURVEY, Surveyor, cached_survey, camera_of, one_thread, write_survey
-from .tasks import TASKS, UPDATES
-
-
-@dataclass(frozen=True, slots=True)
-class SimulationPaths:
-    """Where the two logs are."""
-
-    session: Path
-    survey: Path
+from .surveys import Surveyor, cached_survey, camera_of, one_thread, write_survey
+from .tasks import (
+    DEMO,
+    GENERATOR,
+    KIDNAPPING_SEED,
+    KIDNAPPING_UPDATES,
+    SURVEY,
+    TASKS,
+    UPDATES,
+    simulation_key,
+)
 
 
 def simulation_plan(
@@ -150,16 +150,12 @@ def write_simulation(
         with SessionWriter(filling / "session.log", session_info(set_up)) as log:
             play(set_up, log, report)
         seal(filling, _key_of(plan))
-    return _paths_in(folder)
-
-
-DEMO_SEED = 0  # the first, for arena, survey, drive and filter alike
-KIDNAPPING_SEED, KIDNAPPING_UPDATES = 2, 80  # a drive after which the thesis's filter is lost, and sure of it
+    return paths_in(folder)
 
 
 def write_demo(
     folder: Path,
-    seed: int = DEMO_SEED,
+    seed: int = DEMO,
     *,
     updates: int = UPDATES,
     surveyor: Surveyor | None = None,
@@ -178,28 +174,11 @@ def _demo_plan(seed: int, updates: int) -> SimulationPlan:
 def kidnapping_plan() -> SimulationPlan:
     """Return the demo's drive of a robot that is carried away, in the demo's arena."""
     task, updates = TASKS["kidnapped"], KIDNAPPING_UPDATES
-    return SimulationPlan(task, arena_seed=DEMO_SEED, seed=KIDNAPPING_SEED, updates=updates)
-
-
-def kidnapping_paths(progress: Progress | None = None) -> SimulationPaths:
-    """Return the demo's kidnapped drive from the user's cache, made when absent."""
-    plan = kidnapping_plan()
-    make = partial(write_simulation, plan=plan, progress=progress)
-    return _paths_in(cached("demos", _key_of(plan), make))
+    return SimulationPlan(task, arena_seed=DEMO, seed=KIDNAPPING_SEED, updates=updates)
 
 
 def _key_of(plan: SimulationPlan) -> str:
-    return f"{plan.task.name}-{GENERATOR}-seed{plan.arena_seed}-{plan.seed}-{plan.updates}"
-
-
-def _paths_in(folder: Path) -> SimulationPaths:
-    return SimulationPaths(folder / "session.log", folder / SURVEY)
-
-
-def demo_paths(seed: int = DEMO_SEED, progress: Progress | None = None) -> SimulationPaths:
-    """Return the demo from the user's cache (MAURICE_CACHE names another place), made when absent."""
-    key = _key_of(_demo_plan(seed, UPDATES))
-    return _paths_in(cached("demos", key, lambda folder: write_demo(folder, seed, progress=progress)))
+    return simulation_key(plan.task.name, plan.arena_seed, plan.seed, plan.updates)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

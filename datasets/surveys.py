@@ -23,12 +23,10 @@ from .render.camera import Lens
 from .render.camera_session import CameraSession, survey_camera
 from .robot.motion import Chassis
 from .robot.segments import FRAME_S, Progress
-from .tasks import TIERS, SimPurpose
+from .tasks import GENERATOR, SURVEY, TIERS, SimPurpose
 from .worlds.build import build_world, check_tier, load_plan
 from .worlds.world import World, clearance, inside
 
-GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used
-SURVEY = Path("survey") / "survey.log"  # beside the session's log
 SURVEY_S = 12.0  # to place the robot and take one reference; invented
 AHEAD_M = 1.6  # of some poses one with so much room ahead is preferred
 

@@ -6,6 +6,7 @@ docs/arena.md has what they do to the filter.
 
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,7 @@ class SimPurpose(IntEnum):
 
 # Which seeds may be fitted on and which may only be tested on: the split never changes.
 
-DEMO = 0  # the first, not a chosen one
+DEMO = 0  # the first, not a chosen one: for arena, survey, drive and filter alike
 FITTING = range(1, 100)  # anything may be fitted or tuned on these
 TEST = range(1000, 2000)  # nothing ever is
 
@@ -122,3 +123,15 @@ def _span(seeds: range) -> str:
 def _whose(seed: int) -> str:
     names = {"the demo's": seed == DEMO, "a fitting seed": seed in FITTING, "a test seed": seed in TEST}
     return "".join(f"; it is {name}" for name, is_it in names.items() if is_it)
+
+
+# Files and folders that are made from these.
+
+GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used
+SURVEY = Path("survey") / "survey.log"  # beside the session's log
+KIDNAPPING_SEED, KIDNAPPING_UPDATES = 2, 80  # a drive after which the thesis's filter is lost, and sure of it
+
+
+def simulation_key(task: str, arena_seed: int, seed: int, updates: int) -> str:
+    """Return what a simulation's folder in the cache is called."""
+    return f"{task}-{GENERATOR}-seed{arena_seed}-{seed}-{updates}"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from maurice_datasets.sessions import demo_paths
+from maurice_datasets.demos import demo_paths
 
 OUT = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "calibrate"]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from maurice_datasets.sessions import demo_paths
+from maurice_datasets.demos import demo_paths
 from maurice_viz.viewer.snapshot import headless_viewer
 
 HERE = Path(__file__).parent / "pictures"

@@ -14,6 +14,7 @@ from rich.progress import (
     SpinnerColumn,
     TextColumn,
     TimeElapsedColumn,
+    TimeRemainingColumn,
 )
 
 from .errors import one_line_errors
@@ -58,8 +59,8 @@ class ConsoleListener:
         if self._bar is None or what != self._what:
             self.end()
             columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-            elapsed = TimeElapsedColumn()
-            self._bar = Progress(*columns, elapsed, console=notes, transient=True, redirect_stdout=False)
+            times = (TimeElapsedColumn(), TimeRemainingColumn(compact=True), TextColumn("left"))
+            self._bar = Progress(*columns, *times, console=notes, transient=True, redirect_stdout=False)
             self._bar.start()
             self._bar.add_task(what, total=None)
             self._what = what

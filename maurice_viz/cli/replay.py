@@ -159,13 +159,7 @@ def demo(
     json_output: opt.Json = False,
 ) -> None:
     """Replay a drive through a simulated two-room arena: a kidnapping, or two features side by side."""
-    from maurice_datasets.sessions import (
-        demo_paths,
-        kidnapping_paths,
-        kidnapping_plan,
-        write_demo,
-        write_simulation,
-    )
+    from maurice_datasets.demos import demo_paths, kidnapping_paths
 
     from ..app.compare import COLOR_AND_BLENDED, compare_any
     from ..app.output import serving
@@ -182,6 +176,8 @@ def demo(
             with serving(output, listener):
                 compare_any([paths.session], None, given, output, listener=listener, report=report)
             return
+        from maurice_datasets.sessions import kidnapping_plan, write_demo, write_simulation
+
         if story == FEATURES:
             written = write_demo(session_only, force=force, progress=listener.progress)
         else:

@@ -4,9 +4,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_datasets import sessions
+from maurice_datasets import demos, sessions
+from maurice_datasets.demos import demo_paths
+from maurice_datasets.folders import SimulationPaths
 from maurice_datasets.robot.segments import crossings
-from maurice_datasets.sessions import SimulationPaths, demo_paths, write_demo
+from maurice_datasets.sessions import write_demo
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
@@ -108,7 +110,7 @@ def test_the_cache_is_made_once_and_made_again_when_damaged(tmp_path, monkeypatc
         return partial(write_demo, updates=2, surveyor=QUICK)(folder, seed)
 
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
-    monkeypatch.setattr(sessions, "UPDATES", 2)
+    monkeypatch.setattr(demos, "UPDATES", 2)
     monkeypatch.setattr(sessions, "write_demo", quick)
     first = demo_paths()
     before = contents(first)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from maurice_datasets import simulation, surveys
+from maurice_datasets.folders import SimulationPaths
 from maurice_datasets.render.conditions import parse_lights
 from maurice_datasets.robot.drive import KIDNAP_M
 from maurice_datasets.robot.recorded_path import read_recording
-from maurice_datasets.sessions import SimulationPaths, write_simulation
+from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.tasks import TASKS

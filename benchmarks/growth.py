@@ -1,0 +1,96 @@
+"""Whether time and memory a step stay what they are over a long session.
+
+    python -m benchmarks growth
+
+The demo's first hundred updates are filtered again and again under growing numbers, alone and with a
+recording (`--detail light`), each in a process of its own, so that its memory is its own.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from itertools import cycle, islice
+from pathlib import Path
+from time import perf_counter
+
+import maurice_loaders as ml
+import maurice_mcl as mcl
+from maurice_datasets.demos import demo_paths
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.session import Moment
+from maurice_viz.layouts.registry import runs_blueprint
+from maurice_viz.panels.observer import Detail, RerunObserver
+from maurice_viz.playback import FilterRun, run_together
+from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.style import scale_for
+from maurice_viz.viewer import sinks
+
+from .measure import Table
+
+ROUND, PARTICLES = 100, 1000
+STEPS, QUICK = (100, 1000, 10_000), (100, 300)
+WAYS = ("filter alone", "with a recording, light")
+MB = 1e6 if sys.platform == "darwin" else 1e3  # of the unit in which the system tells memory
+
+
+def growth(quick: bool) -> Table:
+    """Measure milliseconds a step and megabytes at the most, by the number of steps."""
+    demo_paths()
+    rows = []
+    for way in WAYS:
+        for steps in QUICK if quick else STEPS:
+            words = [sys.executable, "-m", "benchmarks.growth", way, str(steps)]
+            told = subprocess.run(words, check=True, capture_output=True, text=True).stdout.split()
+            rows.append([way, f"{steps:,}", f"{float(told[0]):.2f}", f"{float(told[1]):.0f}"])
+    return Table(
+        "growth",
+        "Time and memory over a long session, blended, 1,000 particles",
+        ["what", "steps", "milliseconds a step", "megabytes at the most"],
+        rows,
+    )
+
+
+def repeated(session: mcl.Session, steps: int) -> Iterator[Moment]:
+    """Yield the first moments of a session again and again, under growing numbers."""
+    some = list(islice(session.moments(), ROUND))
+    for number, moment in enumerate(islice(cycle(some), steps), start=1):
+        yield replace(moment, frame=replace(moment.frame, step=number, time_s=float(number)))
+
+
+def one(way: str, steps: int) -> tuple[float, float]:
+    """Return the milliseconds a step and the megabytes of this process at the most."""
+    paths = demo_paths()
+    library, session = ml.open_library(paths.survey), ml.open_session(paths.session)
+    localizer = mcl.make_localizer(library, feature="blended", particles=PARTICLES).of_session(session)
+    run = FilterRun("run", localizer, session.info.start)
+    with ExitStack() as stack:
+        drawn = None if way == WAYS[0] else _observer(stack, localizer, library)
+        if drawn is not None:
+            drawn.begin(session.info, library)
+        began = perf_counter()
+        for moment, records in run_together([run], repeated(session, steps)):
+            if drawn is not None:
+                drawn.see(moment, records["run"])
+        took_s = perf_counter() - began
+        if drawn is not None:
+            drawn.end()
+    return took_s / steps * 1e3, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MB
+
+
+def _observer(stack: ExitStack, localizer: Localizer, library: mcl.Library) -> RerunObserver:
+    folder = stack.enter_context(tempfile.TemporaryDirectory())
+    distances = localizer.sensor.distances
+    scene = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
+    layout = runs_blueprint([RunView("run", tuple(distances))], scene)
+    rec = stack.enter_context(sinks.to_file(Path(folder) / "long.rrd", "long", layout))
+    return RerunObserver(rec, "run", distances, detail=Detail.LIGHT, sensor=localizer.sensor)
+
+
+if __name__ == "__main__":
+    print(*one(sys.argv[1], int(sys.argv[2])))

@@ -1,0 +1,32 @@
+"""The demo's drives, from the user's cache. The simulator is imported only when they are not there."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from .folders import SimulationPaths, cached, paths_in
+from .tasks import DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES, UPDATES, simulation_key
+
+Progress = Callable[[int, int, str], None]  # done, all, what is being made
+
+
+def demo_paths(seed: int = DEMO, progress: Progress | None = None) -> SimulationPaths:
+    """Return the demo from the user's cache (MAURICE_CACHE names another place), made when absent."""
+
+    def make(folder: Path) -> None:
+        from .sessions import write_demo
+
+        write_demo(folder, seed, progress=progress)
+
+    return paths_in(cached("demos", simulation_key("tracking", seed, seed, UPDATES), make))
+
+
+def kidnapping_paths(progress: Progress | None = None) -> SimulationPaths:
+    """Return the demo's kidnapped drive from the user's cache, made when absent."""
+
+    def make(folder: Path) -> None:
+        from .sessions import kidnapping_plan, write_simulation
+
+        write_simulation(folder, kidnapping_plan(), progress=progress)
+
+    key = simulation_key("kidnapped", DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES)
+    return paths_in(cached("demos", key, make))
