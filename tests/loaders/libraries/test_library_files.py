@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.libraries.files import load_library, save_library
+from maurice_loaders.libraries.files import hash_file, load_library, save_library
 from maurice_loaders.libraries.store import build_library
 from maurice_mcl.library import Library
 
@@ -178,3 +178,22 @@ def test_poses_too_far_off_and_a_map_too_large(
 def test_no_library(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"found no manifest\.json in it, expected a library folder"):
         load_library(tmp_path)
+
+
+def test_folders_of_version_1_open_as_before(folder: Path) -> None:
+    now = load_library(folder)
+    manifest = json.loads((folder / "manifest.json").read_text()) | {"version": 1}
+    for name, index in now.index.items():
+        (file,) = folder.glob(f"{name}-*.npy")
+        arrays = {key: getattr(index, key) for key in ("references", "noise_floor", "relevance")}
+        np.savez(file.with_suffix(".npz"), **arrays)
+        file.unlink()
+        del manifest["sha256"][file.name]
+        manifest["channels"][name]["file"] = file.with_suffix(".npz").name
+        manifest["sha256"][file.with_suffix(".npz").name] = hash_file(file.with_suffix(".npz"))
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    before = load_library(folder)
+    assert list(before.index) == list(now.index)
+    for name, index in before.index.items():
+        assert np.array_equal(index.references, now.index[name].references)
+        assert np.array_equal(index.noise_floor, now.index[name].noise_floor)
