@@ -68,7 +68,7 @@ def _wide_shared(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     plots = _wide_plots(runs, scene)
     everything = shared.all_runs_view(runs, scene)
     return rrb.Vertical(
-        everything, cameras, *plots, shared.comparison_words(), row_shares=[2.5, 1.3, 1.2, 1.2, 1.4]
+        everything, cameras, *plots, shared.comparison_words(), row_shares=[2.55, 1.05, 1.1, 1.1, 1.8]
     )
 
 
