@@ -33,6 +33,7 @@ VERDICT = "/session/verdict"  # what happened: one TextDocument, static
 TOUR = "/session/tour"  # where to look: one TextDocument per moment, from its step on
 LIMITS = "/session/limits"  # Scalars: the errors that runs are judged by
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
+CARRIED = f"{TRUTH}/carried"  # LineStrips2D: from where to where a kidnapped robot was carried
 
 RESERVED = ("world", "session", "compare", "_log")
 

@@ -45,6 +45,7 @@ RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
 MOVED: RGB = (86, 180, 233)  # paths of particles in one update
 FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
+CARRIED: RGB = (255, 70, 70)  # the way of a kidnapping, in the red of its lane
 FRESH: RGB = (255, 120, 220)  # particles drawn anew in this step, on every map; and such steps in plots
 HEADINGS: RGB = (86, 180, 233)
 # of estimates, their trails, ellipses and traces, by run:
@@ -150,6 +151,12 @@ MODE_COLORS: tuple[RGB, ...] = (
     (204, 121, 167),
     (0, 114, 178),
 )
+
+
+def faint(color: RGB) -> RGB:
+    """Return the color of a trail: that of its pose, darker."""
+    red, green, blue = (round(0.6 * part) for part in color)
+    return red, green, blue
 
 
 def mode_color(identity: int) -> RGB:

@@ -79,6 +79,11 @@ def colors_of(packed: ArrayLike) -> Any:
     return _plain(pa.uint32(), np.ascontiguousarray(packed, np.uint32))
 
 
+def texts_of(texts: Sequence[str]) -> Any:
+    """Return texts (K,): labels."""
+    return pa.array(texts, pa.string())
+
+
 def text_of(text: str) -> Any:
     """Return a text."""
     return pa.array([text], pa.utf8())

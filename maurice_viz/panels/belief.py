@@ -22,6 +22,7 @@ from ..drawing.keys import WEIGHTS, weight_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import (
+    CARRIED,
     DEAD,
     FRESH,
     PALE,
@@ -30,6 +31,7 @@ from ..style import (
     TRUTH,
     Scale,
     copy_colors,
+    faint,
     heading_vector,
     packed,
     weight_colors,
@@ -185,7 +187,8 @@ class PoseMarker:
         points, color = rr.components.Radius.ui_points, [self.color]
         disk = rr.Points2D.from_fields(colors=color, radii=points(self.radius), draw_order=self.order)
         arrow = rr.Arrows2D.from_fields(colors=color, radii=points(1.75), draw_order=self.order)
-        trail = rr.LineStrips2D.from_fields(colors=color, radii=points(0.75), draw_order=self.order - 5)
+        trail_color = [faint(self.color)]
+        trail = rr.LineStrips2D.from_fields(colors=trail_color, radii=points(0.75), draw_order=self.order - 5)
         rec.log(self.path, disk, arrow, trail, static=True)
 
     def draw(self, rec: rr.RecordingStream, pose: F64, jumped: bool = False) -> None:
@@ -218,21 +221,46 @@ def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLO
     return PoseMarker(path, color, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
 
 
+CARRIED_SHOWN = 10  # updates for which the line of a kidnapping stays
+
+
 class TruthPanel(Panel):
-    """Draws the true pose."""
+    """Draws the true pose, and for some updates from where to where a robot was carried."""
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
         self._marker = truth_marker(entities.TRUTH, run.library.arena, run.scale)
+        self._last: F64 | None = None  # the true pose before
+        self._carried_for: int | None = None  # updates since the line was drawn; None: there is none
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         self._marker.prepare(rec)
+        width = rr.components.Radius.ui_points(1.25)
+        line = rr.LineStrips2D.from_fields(colors=[CARRIED], radii=width, draw_order=36.0)
+        rec.log(entities.CARRIED, line, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        if update.moment.truth is not None:
-            set_phase(rec, update.moment, Phase.PREDICT)
-            jumped = any(event.kind == KIDNAPPED for event in update.events)
-            self._marker.draw(rec, update.moment.truth, jumped)
+        truth = update.moment.truth
+        if truth is None:
+            return
+        set_phase(rec, update.moment, Phase.PREDICT)
+        carried = any(event.kind == KIDNAPPED for event in update.events)
+        self._marker.draw(rec, truth, carried)
+        if carried and self._last is not None:
+            self._draw_carried(rec, self._last, truth)
+        elif self._carried_for is not None:
+            self._carried_for += 1
+            if self._carried_for == CARRIED_SHOWN:
+                rec.log(entities.CARRIED, rr.LineStrips2D.from_fields(strips=[], labels=[]))
+                self._carried_for = None
+        self._last = truth
+
+    def _draw_carried(self, rec: rr.RecordingStream, start: F64, end: F64) -> None:
+        length = self._scale.say(float(np.hypot(*(end[:2] - start[:2]))))
+        strip = self._scale.screen(np.stack([start[:2], end[:2]]))
+        line = rr.LineStrips2D.from_fields(strips=[strip], labels=[f"carried {length}"], show_labels=True)
+        rec.log(entities.CARRIED, line)
+        self._carried_for = 0
 
 
 class EstimatePanel(Panel):

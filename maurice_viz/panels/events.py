@@ -61,7 +61,7 @@ MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
 
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
 NEUTRAL = PALE
-LEGEND = "green good, orange wrong (and confident) or doubtful, blue search(ing) or acts, red lost"
+LEGEND = "marks begin at their event; green good, orange wrong or doubtful, blue search or acts, red lost"
 LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump"
 
 STATUS_COLORS: Mapping[str, RGB] = {
@@ -88,7 +88,7 @@ NOTICED_COLORS: Mapping[str, RGB] = {
 }  # of several at one step the first is shown
 LOG_COLORS: Mapping[str, RGB] = {
     kinds.KIDNAPPED: LOST,
-    kinds.LIGHTS_CHANGED: DOUBTFUL,
+    kinds.LIGHTS_CHANGED: NEUTRAL,
     "bump": NEUTRAL,
     "slip": NEUTRAL,
     kinds.SESSION: NEUTRAL,
@@ -99,7 +99,7 @@ SHORT = {
     kinds.BEYOND_THREE_SIGMA: "3 sigma",
     kinds.LEFT_THE_MAP: "left map",
     kinds.ALL_WEIGHTS_ZERO: "all zero",
-    kinds.MODE_SWITCH: "switch",
+    kinds.MODE_SWITCH: "mode switch",
     kinds.SESSION: "log",
     states.WRONG: "wrong",
     states.SEARCHING: "search",

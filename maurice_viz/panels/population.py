@@ -16,7 +16,7 @@ from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.records import Belief, StepRecord
 
 from .. import style
-from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, scalars, strips_of
+from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, scalars, strips_of, texts_of
 from ..drawing.canvas import Extent, blank, png, put_text, text_size
 from ..entities import Phase, RunPaths
 from ..style import Scale, heading_vector
@@ -127,6 +127,7 @@ FRAME_PX = 16  # pixels a column of the frame's drawing
 MODES_TEXT_PX = 18.0
 RING_PT = 1.0
 AROUND = np.linspace(0, 2 * np.pi, 49)
+LEAST_RINGED = 0.1  # share of the weight; smaller modes are in the bands only
 CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 
 
@@ -142,7 +143,8 @@ class ModesPanel(Panel):
         place_drawing(rec, f"{self._paths.modes}/frame", frame(), (-left, -top), 1 / FRAME_PX, -20.0)
         kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
         rec.log(f"{self._paths.modes}/bands", kind, static=True)
-        rings = rr.LineStrips2D.from_fields(radii=rr.components.Radius.ui_points(RING_PT), draw_order=44.0)
+        width = rr.components.Radius.ui_points(RING_PT)
+        rings = rr.LineStrips2D.from_fields(radii=width, draw_order=44.0, show_labels=True)
         rec.log(self._paths.mode_rings, rings, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -157,14 +159,15 @@ class ModesPanel(Panel):
 
 
 def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
-    """Return a ring around every mode that has a row of the bands: its area is the mode's share."""
-    seen = [mode for mode in modes if round(mode.estimate.mass * ROWS)]
+    """Return a ring around every mode of a tenth of the weight or more, with its share."""
+    seen = [mode for mode in modes if mode.estimate.mass >= LEAST_RINGED]
     reach_m = [mode.estimate.radii.cluster_m * np.sqrt(mode.estimate.mass) for mode in seen]
     rings = [mode.estimate.pose[:2] + reach * CIRCLE for mode, reach in zip(seen, reach_m, strict=True)]
     return row_of(
         rr.LineStrips2D,
         strips=strips_of([scale.screen(ring) for ring in rings]),
         colors=colors_of([style.packed(style.mode_color(mode.identity)) for mode in seen]),
+        labels=texts_of([f"{100 * mode.estimate.mass:.0f} %" for mode in seen]),
     )
 
 

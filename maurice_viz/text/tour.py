@@ -86,7 +86,7 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
 
 def _troubled(moment: TourMoment, trouble: Trouble) -> str:
     if moment.kind == LOST:
-        return "Errors, at the bottom: above the red line (lost) from here on. The lane above them turns red."
+        return "Errors, at the bottom: above the red line (lost). The lane turns red after four such updates."
     if trouble.fresh:
         fresh = f"{trouble.fresh} were drawn anew where the picture fits"
         return f"Map: the dots are at the white disk (the truth) again: {fresh}."

@@ -98,10 +98,12 @@ class CauseFinder:
             self._add(Cause(SLIPPED, step, step, driven_m, moved_m))
 
     def _look(self, step: int, record: StepRecord, told: bool) -> None:
-        """Look whether the picture is darker than all before."""
-        gray = float(record.frame.image.mean())
+        """Look whether the picture is darker than all before; not where none was compared."""
         likelihood = record.sighting.comparison.log_likelihood
-        scatter = float(np.std(likelihood)) if len(likelihood) else 0.0
+        if not len(likelihood):
+            return
+        gray = float(record.frame.image.mean())
+        scatter = float(np.std(likelihood))
         if self._seen < KNOWN or gray >= DARKER * self._least:
             self._seen, self._least, self._dark = self._seen + 1, min(self._least, gray), []
             self._gray, self._scatter = [*self._gray, gray][-KNOWN:], [*self._scatter, scatter][-KNOWN:]

@@ -24,7 +24,6 @@ from ..radii import USUAL, Radii
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import Belief, Comparison, FilterState, StepRecord, effective_sample_size, normalize
 from ..sensor.ahead import Compared
-from ..sensor.ahead import compared as compared_with
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
@@ -95,9 +94,12 @@ class Localizer:
         `compared` is the frame's picture, where the sensor model has compared it ahead of the filter.
         Raises InputError for a localizer without a motion model: see `of_session`.
         """
-        if compared is None:
-            (compared,) = compared_with([self.sensor], frame.image)
-        comparison, took = compared.comparison, {"measure": compared.took_s}
+        took: dict[str, float] = {}
+        if compared is not None:
+            comparison, took["measure"] = compared.comparison, compared.took_s
+        else:
+            with _timed(took, "measure"):
+                comparison = self.sensor.compare(self.sensor.measure(frame.image))
         with _timed(took, "propose"):
             proposal = self.propose(state.belief, frame, comparison)
         with _timed(took, "weight"):

@@ -16,6 +16,7 @@ from maurice_mcl.filter.localizer import run
 from maurice_mcl.radii import USUAL
 from maurice_mcl.records import PICTURE
 from maurice_mcl.session import Moment
+from maurice_viz import entities
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.panels.belief import positions
 from maurice_viz.panels.events import LINE_COLORS, SHORT, noticed_path, status_path
@@ -189,16 +190,33 @@ def test_traces_scores_and_verdict_agree(drive):
     assert 0 < trouble.fresh <= sum(fresh)
 
 
+def test_the_way_of_a_kidnapping_is_that_of_the_truth(drive):
+    played, path, scale = drive
+    lines = shown(path, entities.CARRIED, "LineStrips2D:strips")
+    labels = shown(path, entities.CARRIED, "LineStrips2D:labels")
+    truths = {moment.frame.step: moment.truth for moment, _ in played}
+    way = np.stack([truths[CARRIED - 1][:2], truths[CARRIED][:2]])
+    length = scale.say(float(np.hypot(*(way[1] - way[0]))))
+    for step in truths:
+        number = PHASES_PER_STEP * step + Phase.ESTIMATE
+        if CARRIED <= step < CARRIED + 10:
+            assert np.array(lines[number][0]) == pytest.approx(scale.screen(way), abs=1e-3)
+            assert labels[number] == [f"carried {length}"]
+        else:
+            assert not lines.get(number)
+
+
 def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
     played, path, scale = drive
     ellipses = shown(path, RUN.ellipses, "LineStrips2D:strips")
     rings = shown(path, RUN.mode_rings, "LineStrips2D:strips")
     colors = shown(path, RUN.mode_rings, "LineStrips2D:colors")
+    labels = shown(path, RUN.mode_rings, "LineStrips2D:labels")
     fresh = shown(path, RUN.fresh, "Points2D:positions")
     detector, seen = EventDetector(scale.say), 0
     for moment, record in played:
         detector.see(moment, record)
-        modes = [mode for mode in detector.modes if round(24 * mode.estimate.mass)]
+        modes = [mode for mode in detector.modes if mode.estimate.mass >= 0.1]
         for phase in Phase:
             number, weighed = PHASES_PER_STEP * moment.frame.step + phase, phase >= Phase.WEIGHT
             assert len(ellipses[number]) == weighed
@@ -216,6 +234,7 @@ def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
             middle = np.array(ring)[:-1].mean(axis=0)
             assert middle == pytest.approx(scale.screen(mode.estimate.pose[None])[0], abs=0.05)
             assert color == packed(mode_color(mode.identity))
+        assert labels[number] == [f"{100 * mode.estimate.mass:.0f} %" for mode in modes]
         bands_now = {tuple(pixel) for pixel in bands([detector.modes])[:, -1].tolist()}
         assert {mode_color(mode.identity) for mode in modes} <= bands_now
     assert seen > 0

@@ -79,7 +79,7 @@ def test_a_browser_gets_the_recording(small_session, tmp_path):
     maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
     size = (tmp_path / "a.rrd").stat().st_size
     with serving("a.rrd", "--web") as (_, lines), browser(tmp_path / "profile", *SOFTWARE) as page:
-        page.open(url_of(lines) + "&renderer=webgl")
+        page.open(url_of(lines) + "&renderer=webgl", 64, 64)  # small: the processor draws it
         asked, received = set[str](), 0
         for event in page.events_until(time.monotonic() + ANSWERS_S):
             params = event["params"]
