@@ -19,7 +19,7 @@ from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import RUN_COLORS, packed, scale_for, weight_colors
+from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
 from maurice_viz.viewer import sinks
@@ -271,8 +271,9 @@ def test_an_estimate_has_its_runs_color_everywhere(tmp_path, library):
     for label, color in zip(("color", "blended"), RUN_COLORS, strict=False):
         paths, shade = RunPaths(label), [packed(color)]
         marker = recordings.static(path, paths.estimate)
-        for kind in ("Points2D", "Arrows2D", "LineStrips2D"):
+        for kind in ("Points2D", "Arrows2D"):
             assert marker[f"{kind}:colors"] == shade
+        assert marker["LineStrips2D:colors"] == [packed(faint(color))]
         assert recordings.static(path, paths.ellipses)["LineStrips2D:colors"] == shade
         arrows = recordings.having(recordings.rows(path, paths.headings), "Arrows2D:colors")
         assert arrows[-1].values["Arrows2D:colors"][:1] == shade
