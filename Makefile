@@ -20,9 +20,9 @@ check: .venv/installed-dev
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
+# All comparisons with the peers, some minutes; the tables go into docs/performance.md.
 bench: .venv/installed-dev
-	$(BIN)/python benchmarks/filter_step.py
-	$(BIN)/python benchmarks/recording.py
+	$(BIN)/python -m benchmarks --write
 
 # How hard the simulated arena is: a quarter of an hour, and it goes on where it stopped.
 difficulty: .venv/installed-dev
