@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import rerun as rr
@@ -13,6 +14,7 @@ from maurice_mcl.analysis import events as kinds
 from maurice_mcl.analysis import events as states
 from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
+from maurice_mcl.session import Moment
 
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
@@ -144,22 +146,60 @@ class EventLines:
                     rec.log(line, rr.Scalars(value))
 
 
+BRIEF = " (brief)"  # added to the name of what is too short for its word on a screen
+WORDS_A_RUN = 32  # so many words have room beside each other in a lane
+
+
 @dataclass(slots=True)
 class _Lane:
-    """One lane of events: shows the first event of a step for `hold_steps`, then nothing."""
+    """One lane: a name lasts until the next one. In the end, what is too short for its word loses it."""
 
     path: str
     colors: Mapping[str, RGB]
+    _changes: list[tuple[int, float, str]] = field(default_factory=list)  # step, time, name
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log what names look like, static."""
+        shades = [rr.components.Color(packed(color)) for color in self.colors.values()]
+        labels = [SHORT.get(name, name.replace("-", " ")) for name in self.colors]
+        values = [*self.colors, *(f"{name}{BRIEF}" for name in self.colors)]
+        style = rr.StateConfiguration(
+            values=values, labels=[*labels, *([" "] * len(labels))], colors=shades + shades
+        )
+        rec.log(self.path, style, static=True)
+
+    def change(self, rec: rr.RecordingStream, moment: Moment, name: str) -> None:
+        """Begin a name, or nothing."""
+        if name:
+            rec.log(self.path, rr.StateChange(state=name))
+        else:
+            rec.log(self.path, rr.StateChange.from_fields(state=[]))
+        self._changes.append((moment.frame.step, moment.frame.time_s, name))
+
+    def finish(self, rec: rr.RecordingStream, steps: int) -> None:
+        """Take the word from what lasted less than its share of a run of so many steps."""
+        for (step, time_s, name), (after, _, _) in pairwise(self._changes):
+            if name and (after - step) * WORDS_A_RUN < steps:
+                set_place(rec, step, time_s, Phase.ESTIMATE)
+                rec.log(self.path, rr.StateChange(state=f"{name}{BRIEF}"))
+
+
+@dataclass(slots=True)
+class _Marks:
+    """A lane of events: shows the first event of a step for `hold_steps`, then nothing."""
+
+    lane: _Lane
     hold_steps: int
     _until: int | None = None  # the step from which nothing is shown; None: nothing is shown
 
-    def draw(self, rec: rr.RecordingStream, step: int, names: Iterable[str]) -> None:
-        found = sorted(set(names) & set(self.colors), key=list(self.colors).index)
+    def draw(self, rec: rr.RecordingStream, moment: Moment, names: Iterable[str]) -> None:
+        step = moment.frame.step
+        found = sorted(set(names) & set(self.lane.colors), key=list(self.lane.colors).index)
         if found:
-            rec.log(self.path, rr.StateChange(state=found[0]))
+            self.lane.change(rec, moment, found[0])
             self._until = step + self.hold_steps
         elif self._until is not None and step >= self._until:
-            rec.log(self.path, rr.StateChange.from_fields(state=[]))
+            self.lane.change(rec, moment, "")
             self._until = None
 
 
@@ -169,26 +209,30 @@ class EventsPanel(Panel):
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
         hold_steps = hold_for(run.updates or USUAL_UPDATES)
-        self._status_path, self._status = status_path(run.paths), ""  # drawn last
-        self._noticed = _Lane(noticed_path(run.paths), NOTICED_COLORS, hold_steps)
-        self._log = _Lane(LOG_LANE, LOG_COLORS, hold_steps) if run.draws_scene else None
+        self._status, self._now, self._step = _Lane(status_path(run.paths), STATUS_COLORS), "", 0
+        self._noticed = _Marks(_Lane(noticed_path(run.paths), NOTICED_COLORS), hold_steps)
+        self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps) if run.draws_scene else None
+        marks = [self._noticed, *([self._log] if self._log else [])]
+        self._lanes = [self._status, *(one.lane for one in marks)]
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        _configure(rec, self._status_path, STATUS_COLORS)
-        for lane in (self._noticed, self._log):
-            if lane is not None:
-                _configure(rec, lane.path, lane.colors)
+        for lane in self._lanes:
+            lane.prepare(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        step = update.moment.frame.step
+        self._step = update.moment.frame.step
         set_phase(rec, update.moment, Phase.ESTIMATE)
-        if update.status != self._status:
-            rec.log(self._status_path, rr.StateChange(state=update.status))
-            self._status = update.status
+        if update.status != self._now:
+            self._status.change(rec, update.moment, update.status)
+            self._now = update.status
         shown = [event for event in update.events if not event.is_routine]
-        self._noticed.draw(rec, step, [event.kind for event in shown])
+        self._noticed.draw(rec, update.moment, [event.kind for event in shown])
         if self._log is not None:
-            self._log.draw(rec, step, [name_of(event) for event in shown])
+            self._log.draw(rec, update.moment, [name_of(event) for event in shown])
+
+    def finish(self, rec: rr.RecordingStream) -> None:
+        for lane in self._lanes:
+            lane.finish(rec, self._step)
 
 
 def hold_for(updates: int) -> int:
@@ -228,10 +272,3 @@ def name_of(event: RunEvent) -> str:
 def line_names(texts: tuple[str, ...]) -> list[str]:
     """Return the names of what a log says at an update."""
     return [name_of(RunEvent(0, 0.0, kind, text)) for kind, text in kinds.logged(texts)]
-
-
-def _configure(rec: rr.RecordingStream, path: str, colors: Mapping[str, RGB]) -> None:
-    shades = [rr.components.Color(packed(color)) for color in colors.values()]
-    labels = [SHORT.get(name, name.replace("-", " ")) for name in colors]
-    style = rr.StateConfiguration(values=list(colors), labels=labels, colors=shades)
-    rec.log(path, style, static=True)

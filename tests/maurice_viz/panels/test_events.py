@@ -11,6 +11,7 @@ from maurice_mcl.analysis.events import KINDS, PARTED, STATES, RunEvent
 from maurice_mcl.filter.localizer import RESAMPLED
 from maurice_viz.entities import RunPaths
 from maurice_viz.panels import events as draw_events
+from maurice_viz.panels.events import BRIEF
 from maurice_viz.panels.panel import StepUpdate
 from maurice_viz.viewer import sinks
 
@@ -19,7 +20,9 @@ STATE = "StateChange:state"
 Step = tuple[str, list[tuple[str, str]]]  # state, kinds and texts
 
 
-def drawn(path: Path, steps: Sequence[Step], *, scene: bool = True, hold: int = 3) -> Path:
+def drawn(
+    path: Path, steps: Sequence[Step], *, scene: bool = True, hold: int = 3, finished: bool = False
+) -> Path:
     """Draw steps 1, 2, ... into a recording."""
     library = fakes.make_library()
     session = fakes.make_session(library, len(steps))
@@ -31,6 +34,8 @@ def drawn(path: Path, steps: Sequence[Step], *, scene: bool = True, hold: int = 
             step = moment.frame.step
             events = tuple(RunEvent(step, 0.0, kind, text) for kind, text in found)
             panel.draw(rec, StepUpdate(moment, record, events, status))
+        if finished:
+            panel.finish(rec)
     return path
 
 
@@ -44,6 +49,24 @@ def test_the_state_is_logged_where_it_changes(tmp_path):
     path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
     assert lane_of(path, draw_events.status_path(PATHS)) == [(1, "searching"), (3, "localized"), (5, "lost")]
     assert lane_of(path, draw_events.noticed_path(PATHS)) == []
+
+
+def test_a_state_too_short_for_its_word_loses_it_in_the_end(tmp_path):
+    states = ["localized"] * 30 + ["lost"] + ["searching"] * 3 + ["localized"] * 30
+    path = drawn(tmp_path / "a.rrd", [(state, []) for state in states], finished=True)
+    lane = draw_events.status_path(PATHS)
+    latest = dict(lane_of(path, lane))  # of two rows at one step the later one counts
+    assert latest == {1: "localized", 31: f"lost{BRIEF}", 32: "searching", 35: "localized"}
+    style = recordings.static(path, lane)
+    looks = {
+        name: (label, color)
+        for name, label, color in zip(
+            *(style[f"StateConfiguration:{part}"] for part in ("values", "labels", "colors")), strict=True
+        )
+    }
+    assert looks["lost"][0].strip() == "lost"
+    assert looks[f"lost{BRIEF}"][0].strip() == ""
+    assert looks["lost"][1] == looks[f"lost{BRIEF}"][1]
 
 
 def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path):
