@@ -24,18 +24,19 @@ def made(
     evidence: float = -5.0,
     origin: tuple[float, float] = (0.0, 0.0),
     heading: float = 0.0,
+    references: int = 0,
 ) -> StepRecord:
-    """Make a record whose weighted cloud this is."""
+    """Make a record whose weighted cloud this is; without references no picture was compared."""
     table = np.array(cloud, float)
     poses = np.column_stack([table[:, :2] - origin, np.full(len(table), heading)]).astype(np.float32)
     with np.errstate(divide="ignore"):
         weighted = Belief(poses, np.log(table[:, 2] / table[:, 2].sum()), np.array(origin))
-    nothing, square = np.zeros(0, np.float32), np.zeros((0, 0), np.float32)
+    nothing, square = np.zeros(references, np.float32), np.zeros((0, references), np.float32)
     comparison = Comparison((), {}, square, square, nothing, square, nothing, nothing)
     return StepRecord(
         frame=Frame(step, 2.5 * step, np.zeros((1, 3)), NO_IMAGE, ""),
         predicted=weighted,
-        sighting=Sighting(comparison, np.zeros(len(table), np.int32), nothing),
+        sighting=Sighting(comparison, np.zeros(len(table), np.int32), np.zeros(0, np.float32)),
         weighted=weighted,
         estimate=heaviest_cluster(weighted),
         mean_estimate=weighted_mean(weighted),

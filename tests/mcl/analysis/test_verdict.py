@@ -59,7 +59,7 @@ def drive(steps, gray=None, cloud=HERE):
     for step, (driven, moved, *told) in enumerate(steps, 1):
         x += moved
         image = np.full((2, 2, 3), 100 if gray is None else gray[step - 1], np.uint8)
-        record = made(cloud, step=step)
+        record = made(cloud, step=step, references=0 if gray is None else 3)
         record = replace(record, frame=replace(record.frame, image=image, motions=np.array([[driven, 0, 0]])))
         builder.add(moment(record, (x, 1.0, 0.0), *told), record)
     return builder.result()
