@@ -26,7 +26,7 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 
-from .measure import Table, Work, interleaved, ratio
+from .measure import REPEATS, Table, Work, interleaved, ratio
 from .peers import PeerProcess
 
 MOVEMENT = np.array([0.4, 0.0, 0.5])  # a turn, then a straight: both halves of the motion model
@@ -108,7 +108,7 @@ class Naive:
         return x, y, np.arctan2(s, c), np.sqrt(-2 * np.log(np.hypot(s, c))), sd_x, sd_y, shares
 
 
-SIZES = {500: 100, 5_000: 60, 50_000: 15, 500_000: 4}  # particles -> rounds
+SIZES = {500: 40, 5_000: 20, 50_000: 6, 500_000: 3}  # particles -> rounds
 SCHEMES = {"systematic": systematic, "multinomial": multinomial}
 
 
@@ -184,7 +184,7 @@ def filter_steps(peers: Mapping[str, str], quick: bool) -> Table:
                     works["naive float64"] = naively(world, particles, scheme)
                 for name in there:
                     works[name] = partial(process.step, name, particles, scheme)
-                took = interleaved(works, max(rounds // 5, 3) if quick else rounds)
+                took = interleaved(works, max(rounds // 5, 3) if quick else rounds, REPEATS)
                 cells = [f"{took[n].median / particles * 1e9:.0f}" if n in took else "-" for n in names]
                 fastest = min((took[name] for name in there), key=lambda times: times.median, default=None)
                 against = "-" if fastest is None else ratio(fastest, took["ours"])

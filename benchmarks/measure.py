@@ -33,15 +33,27 @@ class Times:
         return float(middle), float(low), float(high)
 
 
-def interleaved(works: Mapping[str, Work], rounds: int) -> dict[str, Times]:
-    """Run the works in turn, `rounds` times; a work may return its own seconds, as a float."""
+REPEATS = 5  # of a work within a round
+
+
+def interleaved(works: Mapping[str, Work], rounds: int, repeats: int = 1) -> dict[str, Times]:
+    """Run the works in turn, `rounds` times; a work may return its own seconds, as a float.
+
+    With `repeats`, a work runs so often in a row, and all but the first count by their median: that leaves
+    out the cold caches of another work.
+    """
     took: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(rounds):
         for name, work in works.items():
-            began = perf_counter()
-            own = work()
-            took[name].append(own if isinstance(own, float) else perf_counter() - began)
+            times = [_seconds(work) for _ in range(repeats)]
+            took[name].append(float(np.median(times[1:] or times)))
     return {name: Times(tuple(seconds)) for name, seconds in took.items()}
+
+
+def _seconds(work: Work) -> float:
+    began = perf_counter()
+    own = work()
+    return own if isinstance(own, float) else perf_counter() - began
 
 
 @dataclass(frozen=True, slots=True)

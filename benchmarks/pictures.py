@@ -15,7 +15,7 @@ from maurice_mcl.sensor.distances import DISTANCES
 from .filter_step import random_index
 from .measure import Table, Work, interleaved, ratio
 
-LIBRARIES = {624: 60, 4_272: 30, 10_000: 15, 100_000: 4}  # references -> rounds
+LIBRARIES = {624: 20, 4_272: 10, 10_000: 5, 100_000: 2}  # references -> rounds
 COMPARED = {"hellinger": 256, "l1": 324, "thesis": 84}  # distance -> elements: chromaticity, tiny, color
 
 
@@ -30,7 +30,7 @@ def one_picture(quick: bool) -> Table:
             distance = DISTANCES[name]
             distance(sample, index)  # what a library computes once
             works = {"ours": partial(distance, sample, index), "naive": naive}
-            took = interleaved(works, max(rounds // 5, 2) if quick else rounds)
+            took = interleaved(works, max(rounds // 5, 2) if quick else rounds, 3)
             own, slow = took["ours"], took["naive"]
             cells = [f"{own.median * 1e3:.3f}", f"{slow.median * 1e3:.3f}", ratio(slow, own)]
             rows.append([f"{references:,}", f"{name}, {size}", *cells])
