@@ -159,8 +159,9 @@ class ModesPanel(Panel):
 
 
 def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
-    """Return a ring around every mode of a tenth of the weight or more, with its share."""
+    """Return a ring with its share around every mode of a tenth of the weight or more, if there are two."""
     seen = [mode for mode in modes if mode.estimate.mass >= LEAST_RINGED]
+    seen = seen if len(seen) > 1 else []
     reach_m = [mode.estimate.radii.cluster_m * np.sqrt(mode.estimate.mass) for mode in seen]
     rings = [mode.estimate.pose[:2] + reach * CIRCLE for mode, reach in zip(seen, reach_m, strict=True)]
     return row_of(

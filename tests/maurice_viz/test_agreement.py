@@ -217,6 +217,7 @@ def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
     for moment, record in played:
         detector.see(moment, record)
         modes = [mode for mode in detector.modes if mode.estimate.mass >= 0.1]
+        modes = modes if len(modes) > 1 else []
         for phase in Phase:
             number, weighed = PHASES_PER_STEP * moment.frame.step + phase, phase >= Phase.WEIGHT
             assert len(ellipses[number]) == weighed

@@ -1,9 +1,16 @@
 """What lies on the map: match circles of references, library nodes, walls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from helpers import viz_fakes as fakes
+from helpers.step_records import made
+from maurice_mcl.analysis.modes import TrackedMode
+from maurice_mcl.filter.estimate import heaviest_cluster
+from maurice_mcl.map import Arena
+from maurice_viz.panels.population import rings_of
 from maurice_viz.panels.references import MatchCircles, nearness, node_spacing
 from maurice_viz.panels.world import clipped, distinct_places
 from maurice_viz.style import DEEPEST, scale_for
@@ -47,3 +54,25 @@ def test_walls_are_cut_at_the_bounds():
     expected = [[1, 1, 2, 2], [0, 1, 2, 1], [2, 0, 2, 3], [0, 0, 3, 3], [0, 0, 4, 0]]
     np.testing.assert_allclose(clipped(walls, bounds), expected)
     assert clipped(np.zeros((0, 4)), bounds).shape == (0, 4)
+
+
+def test_rings_are_around_modes_where_two_hold_a_tenth_of_the_weight_or_more():
+    scale = scale_for("m", Arena((0.0, 0.0, 5.0, 4.0), np.zeros((0, 4))))
+    one, two, small = (
+        TrackedMode(k, heaviest_cluster(made([(x, 1.0, 1.0)]).weighted))
+        for k, x in ((1, 1.0), (2, 4.0), (3, 2.0))
+    )
+    shared = [
+        replace(mode, estimate=replace(mode.estimate, mass=mass))
+        for mode, mass in ((one, 0.6), (two, 0.35), (small, 0.05))
+    ]
+    row = {part.component_descriptor().component: part.as_arrow_array() for part in rings_of(shared, scale)}
+    assert row["LineStrips2D:labels"].to_pylist() == ["60 %", "35 %"]
+    for strip, mode in zip(row["LineStrips2D:strips"].to_pylist(), shared, strict=False):
+        ring = np.array(strip)
+        middle = scale.screen(mode.estimate.pose[None, :2])[0]
+        away = np.hypot(*(ring - middle).T)
+        radius = scale.length(mode.estimate.radii.cluster_m) * np.sqrt(mode.estimate.mass)
+        assert away == pytest.approx(radius, rel=1e-3)
+    alone = rings_of([replace(one, estimate=replace(one.estimate, mass=0.95)), shared[2]], scale)
+    assert all(len(part.as_arrow_array()) == 0 for part in alone)
