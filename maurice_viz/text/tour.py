@@ -16,7 +16,7 @@ NAMES = {
     BEGINS: "the drive begins",
     FOUND: "localized",
     DIVIDED: "two places look alike",
-    LOST: "lost",
+    LOST: "it goes wrong",
     SURE: "sure and wrong",
     BACK: "found again",
     ENDS: "the end",

@@ -117,7 +117,7 @@ def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
         return _untroubled(verdict, scale)
     parts = [_trouble(one, verdict, scale, kidnapping_said) for one in verdict.troubles[:2]]
     text, more = ", then ".join(parts), len(verdict.troubles) - len(parts)
-    return f"{text}, and was lost {more} more time{'s' * (more > 1)}" if more else text
+    return f"{text}, and went wrong {more} more time{'s' * (more > 1)}" if more else text
 
 
 def _trouble(trouble: Trouble, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
@@ -137,9 +137,9 @@ def _trouble(trouble: Trouble, verdict: RunVerdict, scale: Scale, kidnapping_sai
 def _began(trouble: Trouble, kidnapping_said: bool) -> str:
     if trouble.kind == SEARCHING or (trouble.kind == KIDNAPPED and kidnapping_said):
         return ""
-    what = "kidnapped" if trouble.kind == KIDNAPPED else "lost"
+    what = "was kidnapped" if trouble.kind == KIDNAPPED else "went wrong"  # its lane says lost later
     alike = trouble.cause is not None and trouble.cause.alike
-    return f"was {what} at {trouble.step}{', with all references scoring alike,' if alike else ''}"
+    return f"{what} at {trouble.step}{', with all references scoring alike,' if alike else ''}"
 
 
 def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:

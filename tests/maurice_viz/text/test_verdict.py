@@ -47,7 +47,7 @@ SURE = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29))
         ),
         (
             troubled(Trouble("lost", 38, 50, True), Trouble("lost", 70, None, True), left_map=(77, 78)),
-            "The robot was lost at 38 and found itself at 50, then was lost at 70 and stayed lost "
+            "The robot went wrong at 38 and found itself at 50, then went wrong at 70 and stayed lost "
             "(81.0 in off at the end). Its cloud would have left the map at 77 and 78.",
         ),
         (
