@@ -4,6 +4,8 @@ N particles, L library entries, C channels, D descriptor length, M movements in 
 H x W picture rows and columns. A pose is (x_m, y_m, heading_rad), heading counter-clockwise from +x.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,3 +14,15 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
 Bool = NDArray[np.bool_]
+
+ALONE = 8192  # elements up to which every BLAS computes a scalar product on one thread
+
+
+def dot(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """Return the scalar product of two vectors (N,), the same to the last bit for any number of threads.
+
+    A BLAS splits long vectors among its threads, and the order of the sum decides the last bit.
+    """
+    if len(a) <= ALONE:
+        return float(a @ b)
+    return float(sum(a[k : k + ALONE] @ b[k : k + ALONE] for k in range(0, len(a), ALONE)))

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import F64
+from .arrays import F64, dot
 
 Real = TypeVar("Real", bound=np.floating[Any])
 
@@ -74,7 +74,7 @@ def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float,
     """
     held = np.asarray(weight, np.float64)
     total = float(held.sum())
-    mean = math.atan2(float(held @ np.sin(angle_rad)), float(held @ np.cos(angle_rad)))
+    mean = math.atan2(dot(held, np.sin(angle_rad)), dot(held, np.cos(angle_rad)))
     # 1 - R = 2 <sin^2> of half the angles to the mean, which keeps its digits where all angles are alike
-    lack = 2 * float(held @ np.square(np.sin((angle_rad - mean) / 2))) / total
+    lack = 2 * dot(held, np.square(np.sin((angle_rad - mean) / 2))) / total
     return mean, math.sqrt(-2 * math.log1p(-lack)) if lack < 1 else math.inf

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import F64
+from ..arrays import F64, dot
 from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED, RESEEDED
 from ..records import AVERAGES, RecoveryTest, StepRecord
 from ..session import Moment
@@ -168,7 +168,7 @@ def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
     x, y = (record.weighted.poses[:, axis] - np.float32(middle[axis]) for axis in (0, 1))
     held = record.weighted.weights * (x * x + y * y <= reach_m**2)
     total = float(held.sum()) or 1.0
-    xx, yy, xy = (float(held @ product) / total for product in (x * x, y * y, x * y))
+    xx, yy, xy = (dot(held, product) / total for product in (x * x, y * y, x * y))
     xx, yy = xx + least_sd_m**2, yy + least_sd_m**2
     dx, dy = (truth[:2] - record.estimate.pose[:2]).tolist()
     return math.sqrt((yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy))

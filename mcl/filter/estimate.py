@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, I32, Bool
+from ..arrays import F32, F64, I32, Bool, dot
 from ..geometry import circular_mean, wrap
 from ..radii import USUAL, Radii
 from ..records import Belief, Estimate
@@ -79,8 +79,8 @@ def covariance(belief: Belief) -> F64:
     x, y = _columns(belief)
     middle, _ = circular_mean(belief.poses[:, 2], weights)
     turn = wrap(belief.poses[:, 2].astype(np.float64) - middle)
-    off = np.stack([x - weights @ x, y - weights @ y, turn])
-    return np.asarray((off * weights) @ off.T)
+    off = np.stack([x - dot(weights, x), y - dot(weights, y), turn])
+    return np.array([[dot(a * weights, b) for b in off] for a in off])
 
 
 def share_within(belief: Belief, pose: F64, radius_m: float) -> float:
@@ -88,7 +88,7 @@ def share_within(belief: Belief, pose: F64, radius_m: float) -> float:
     weights = belief.weights
     x, y = _columns(belief)
     center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
-    return float(weights @ _near(x, y, center, radius_m))
+    return dot(weights, _near(x, y, center, radius_m))
 
 
 def _heavier_first(a: Estimate, b: Estimate) -> int:
@@ -134,7 +134,7 @@ def _shift(center: Point, x: F64, y: F64, weights: F64, reach_m: float) -> Point
 
 def _mean(x: F64, y: F64, held: F64) -> Point:
     total = float(held.sum())
-    return float(held @ x) / total, float(held @ y) / total
+    return dot(held, x) / total, dot(held, y) / total
 
 
 def _near(x: F64, y: F64, center: Point, radius_m: float) -> Bool:
@@ -150,11 +150,11 @@ def _stand_for(belief: Belief, weights: F64, held: F64, radii: Radii) -> Estimat
     away = along_x + along_y
     return Estimate(
         pose=np.array([center[0] + belief.origin[0], center[1] + belief.origin[1], heading]),
-        sd_m=(math.sqrt(held @ along_x / mass), math.sqrt(held @ along_y / mass)),
+        sd_m=(math.sqrt(dot(held, along_x) / mass), math.sqrt(dot(held, along_y) / mass)),
         heading_sd_rad=heading_sd,
         mass=mass,
-        confidence=float(weights @ (away <= radii.confidence_m**2)),
-        converged=float(weights @ (away <= radii.cluster_m**2)),
+        confidence=dot(weights, away <= radii.confidence_m**2),
+        converged=dot(weights, away <= radii.cluster_m**2),
         radii=radii,
     )
 
