@@ -49,5 +49,5 @@ def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
         rrb.Horizontal(arena, seen, column_shares=[wide, 1 - wide]),
         events_view([run.label for run in runs], brief=brief),
         errors_plot(runs, scene),
-        row_shares=[TEXTS, MIDDLE, LANES + LANE * lanes, 1.5],
+        row_shares=[TEXTS, MIDDLE - LANE * max(len(runs) - 2, 0), LANES + LANE * lanes, 1.5],
     )
