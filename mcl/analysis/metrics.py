@@ -5,17 +5,17 @@ Everything is measured against the truth and the scored estimate: the heaviest c
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..arrays import F64, Bool
-from ..filter.estimate import share_within
+from ..filter.estimate import CIRCLE_M, share_within
 from ..geometry import INCH_M, angle_between, motion_between
 from ..map import Arena
 from ..records import Estimate, StepRecord
-from ..session import Moment
+from ..session import Frame, Moment
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are not scored
 LOST_RAD, LOST_FOR = float(np.deg2rad(45)), 4
@@ -239,7 +239,6 @@ def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None
 
 MORE_THAN = 0.9  # share of the weight about one point
 SD_UNDER = 0.1  # of the arena's width and depth
-CIRCLE_M = 6 * INCH_M  # radius of a circle one foot in diameter
 IN_TIME_S = 300.0
 TOO_LATE, LEFT = "time", "left"
 
@@ -258,8 +257,13 @@ class Success:
 
 def meets_tenth(record: StepRecord, arena_m: tuple[float, float]) -> bool:
     """Return whether over 90 % is converged on the estimate, and sd below 10 % of the arena per axis."""
-    narrow = [sd < SD_UNDER * side for sd, side in zip(record.mean_estimate.sd_m, arena_m, strict=True)]
-    return record.estimate.converged > MORE_THAN and all(narrow)
+    return is_tenth(record.estimate.converged, record.mean_estimate.sd_m, arena_m)
+
+
+def is_tenth(converged: float, mean_sd_m: Sequence[float], arena_m: tuple[float, float]) -> bool:
+    """Return `meets_tenth` from the numbers it depends on."""
+    narrow = [sd < SD_UNDER * side for sd, side in zip(mean_sd_m, arena_m, strict=True)]
+    return converged > MORE_THAN and all(narrow)
 
 
 def meets_circle(record: StepRecord) -> bool:
@@ -279,16 +283,21 @@ class SuccessJudge:
 
     def add(self, record: StepRecord, truth: F64 | None) -> None:
         """Process the next update, with the true pose (3,) where it is known."""
+        met = (meets_tenth(record, self.arena_m), meets_circle(record))
+        self.see(record.frame, record.estimate, met, truth)
+
+    def see(self, frame: Frame, estimate: Estimate, met: tuple[bool, bool], truth: F64 | None) -> None:
+        """Process the next update from its scored estimate and whether it meets either reading."""
         self._updates += 1
-        true_m, motions = 0.0, record.frame.motions
+        true_m, motions = 0.0, frame.motions
         if truth is not None and self._truth is not None:
             true_m = float(np.hypot(*(truth[:2] - self._truth[:2])))
         moved_m = float(np.hypot(motions[:, 0], motions[:, 1]).sum())
         self._driven_m = self._driven_m + np.array([true_m, moved_m])
         self._truth = self._truth if truth is None else truth
-        met = (meets_tenth(record, self.arena_m), meets_circle(record))
         first, second = (
-            self._judged(found, now, record, truth) for found, now in zip(self._found, met, strict=True)
+            self._judged(found, now, frame.time_s, estimate, truth)
+            for found, now in zip(self._found, met, strict=True)
         )
         self._found = (first, second)
 
@@ -296,10 +305,11 @@ class SuccessJudge:
         """Return both readings of the run so far."""
         return self._found
 
-    def _judged(self, so_far: Success, met: bool, record: StepRecord, truth: F64 | None) -> Success:
+    def _judged(
+        self, so_far: Success, met: bool, time_s: float, estimate: Estimate, truth: F64 | None
+    ) -> Success:
         if so_far.failed is not None:
             return so_far
-        time_s = record.frame.time_s
         if so_far.at_update is None:
             if time_s > IN_TIME_S:
                 return replace(so_far, failed=TOO_LATE, failed_at_update=self._updates)
@@ -307,7 +317,6 @@ class SuccessJudge:
                 return so_far
             driven_m = float(self._driven_m[0 if self._truth is not None else 1])
             so_far = replace(so_far, at_update=self._updates, at_m=driven_m, at_s=time_s)
-        estimate = record.estimate
         if truth is not None and np.hypot(*(estimate.pose[:2] - truth[:2])) > estimate.radii.lost_m:
             return replace(so_far, failed=LEFT, failed_at_update=self._updates)
         return so_far

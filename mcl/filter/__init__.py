@@ -1,6 +1,7 @@
 """The particle filter, in the textbook's order.
 
 - `localizer`: the step: propose, measure, weight, estimate, resample, recover; and a run over a session
+- `batch`: many runs with different seeds, from one comparison of every picture
 - `motion`: motion models and motion outliers
 - `proposal`: initialization, pose sampling, and the mixture proposal
 - `resampling`: schemes, policies, roughening, adaptive size (KLD)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, Bool, dot
-from ..geometry import circular_mean, wrap
+from ..geometry import INCH_M, circular_mean, wrap
 from ..radii import USUAL, Radii
 from ..records import Belief, Estimate
 
@@ -17,6 +17,7 @@ CELLS_A_CLUSTER = 4  # in its radius: the mode is first sought on a raster of su
 MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than a hundred radii
 SETTLED_M = 0.001  # a mean that shifts by less has converged
 MOST_SHIFTS = 30  # an evenly spread cloud has no mode to converge to
+CIRCLE_M = 6 * INCH_M  # radius of a circle one foot in diameter: the thesis's measure of success (3.6.2)
 TIE = 1e-9  # relative difference below which shares of weight are equal: processors round differently
 
 Modes: TypeAlias = tuple[Estimate, ...]

@@ -1,0 +1,109 @@
+"""A batch of runs finds what every run finds alone, to the last bit."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import maurice_mcl as mcl
+from maurice_mcl.analysis.trace_score import score_trace
+from maurice_mcl.filter.batch import CIRCLE_M, compared_once, run_batch
+from maurice_mcl.filter.estimate import share_within
+from maurice_mcl.filter.localizer import run
+
+SETTINGS = {
+    "as it comes": {},
+    "thesis": dict(mcl.PRESETS["thesis"]),
+    "refined": dict(mcl.PRESETS["refined"]),
+    "robust": dict(mcl.PRESETS["robust"]),
+    **{
+        f"resampling {scheme}": {"resampling.scheme": scheme}
+        for scheme in ("multinomial", "stratified", "residual")
+    },
+    **{
+        f"recovery {name}": {"recovery.strategy": name}
+        for name in ("always", "threshold", "sensor", "augmented", "expansion", "mixture")
+    },
+    "augmented, evenly": {"recovery.strategy": "augmented", "recovery.draw": "evenly"},
+    "threshold, often": {"recovery.strategy": "threshold", "recovery.threshold.settle": 1},
+    "sensor, often": {"recovery.strategy": "sensor", "recovery.sensor.evidence": -2.0},
+    "expansion, often": {"recovery.strategy": "expansion", "recovery.expansion.evidence": -2.0},
+    "seldom": {"resampling.when": "effective"},
+    "every third": {"resampling.when": "every", "resampling.every": 3},
+    "every third, always some": {
+        "resampling.when": "every",
+        "resampling.every": 3,
+        "recovery.strategy": "always",
+    },
+    "roughened": {"resampling.roughening": 0.2},
+    "adaptive": {"resampling.adaptive": True, "resampling.kld.least": 20},
+    "outliers": {"motion_outliers.share": 0.1},
+    "surveyed references only": {"references.interpolation.virtual": False},
+    "nearest": {"references.method": "nearest"},
+    "blind": {"sensor.sharpness": 0.0},
+}
+
+
+def _localizer(world, settings, particles):
+    features = settings if "sensor.weights" in settings else {"sensor.weights": {"color": 1.0}} | settings
+    made = mcl.make_localizer(world.library, settings=features | {"particles": particles})
+    return made.of_session(world.drive)
+
+
+def _alone(localizer, world, seed, start):
+    return list(run(replace(localizer, seed=seed), world.drive, start))
+
+
+def _same(trace, steps):
+    for update, (_, record) in enumerate(steps):
+        scored, parents = record.estimate, record.parents
+        assert trace.events[update] == record.events
+        for name in ("sd_m", "heading_sd_rad", "mass", "confidence", "converged"):
+            assert np.array_equal(getattr(trace, name)[update], getattr(scored, name)), name
+        assert np.array_equal(trace.poses[update], scored.pose)
+        assert np.array_equal(trace.mean_poses[update], record.mean_estimate.pose)
+        assert np.array_equal(trace.mean_sd_m[update], record.mean_estimate.sd_m)
+        for name in ("effective_sample_size", "log_evidence", "calibrated_evidence"):
+            assert np.array_equal(getattr(trace, name)[update], getattr(record, name)), name
+        assert trace.circle[update] == share_within(record.weighted, scored.pose, CIRCLE_M)
+        assert trace.particles[update] == record.belief.size
+        own = record.belief.size if parents is None else len(set(parents.tolist()) - {-1})
+        assert trace.parents[update] == own
+        assert trace.fresh[update] == (0 if record.injected is None else record.injected.sum())
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize(("particles", "seeds"), [(60, (0, 7, 4_000_000_000)), (1, (5,)), (257, range(6))])
+def test_every_run_is_the_same_as_alone(world, name, particles, seeds):
+    localizer = _localizer(world, SETTINGS[name], particles)
+    moments = world.drive.all_moments
+    starts = [world.start if k % 2 else None for k in range(len(seeds))]
+    traces = run_batch(localizer, moments, seeds, starts)
+    assert [trace.seed for trace in traces] == list(seeds)
+    for trace, seed, start in zip(traces, seeds, starts, strict=True):
+        assert trace.updates == len(moments)
+        _same(trace, _alone(localizer, world, seed, start))
+
+
+def test_comparisons_may_be_given(world):
+    localizer = _localizer(world, {}, 50)
+    moments = world.drive.all_moments
+    given = compared_once(localizer.sensor, moments)
+    with_them = run_batch(localizer, moments, (1, 2), comparisons=given)
+    without = run_batch(localizer, moments, (1, 2))
+    for a, b in zip(with_them, without, strict=True):
+        for field in fields(a):
+            assert np.array_equal(getattr(a, field.name), getattr(b, field.name)) or field.name == "radii"
+
+
+def test_a_batch_of_no_runs_is_empty(world):
+    assert run_batch(_localizer(world, {}, 50), world.drive.all_moments, ()) == ()
+
+
+def test_a_trace_is_scored_as_its_records(world):
+    localizer = _localizer(world, {}, 200)
+    moments, arena = world.drive.all_moments, world.library.arena
+    for trace in run_batch(localizer, moments, (1, 2, 3), world.start):
+        steps = _alone(localizer, world, trace.seed, world.start)
+        assert score_trace(trace, moments, arena) == mcl.score(steps, arena)
+        assert score_trace(trace, moments) == mcl.score(steps)
