@@ -190,7 +190,8 @@ def collect(
     known = {run.saved.manifest.label: run for run in runs}
     tracks = {label: Track(label) for label in known}
     detectors = {label: EventDetector(scale.say, bookmarks=one.bookmarks) for label, one in known.items()}
-    scores = ResultCollector(list(known), arena_m, scale.say)
+    sensors = {label: one.sensor for label, one in known.items()}
+    scores = ResultCollector(list(known), arena_m, scale.say, sensors=sensors)
     size: tuple[int, int] | None = None
     for moment, records in restored_together(runs, pictures):
         paired = scores.add(moment, records)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.analysis.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
+from maurice_mcl.analysis.near_truth import Vanishing
 from maurice_mcl.analysis.run_comparison import (
     APART_FOR,
     ComparisonResult,
@@ -100,8 +101,12 @@ CAUSE = ("kind", "step", "last", "expected", "actual", "words", "alike")
 def _verdict_json(result: RunResult) -> dict[str, Any]:
     verdict = result.verdict
     facts = _values(verdict, VERDICT) | {"left_map": list(verdict.left_map), "text": said(verdict, METRIC)}
-    facts["troubles"] = [_values(one, TROUBLE) for one in verdict.troubles]
+    facts["troubles"] = [_values(one, TROUBLE) | {"why": _why_json(one.why)} for one in verdict.troubles]
     return facts | {"causes": [_values(one, CAUSE) for one in verdict.causes]}
+
+
+def _why_json(why: Vanishing | None) -> dict[str, Any] | None:
+    return None if why is None else asdict(why)
 
 
 def _values(of: object, names: Sequence[str]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from maurice_mcl.analysis.ambiguity import Ambiguity
 from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, Cause
-from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
+from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, GONE, LOST, SURE, TourMoment
 from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 
 from ..style import Scale
@@ -16,6 +16,7 @@ NAMES = {
     BEGINS: "the drive begins",
     FOUND: "localized",
     DIVIDED: "two places look alike",
+    GONE: "no dot is left at the truth",
     LOST: "it goes wrong",
     SURE: "sure and wrong",
     BACK: "found again",
@@ -85,6 +86,10 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
 
 
 def _troubled(moment: TourMoment, trouble: Trouble) -> str:
+    if moment.kind == GONE:
+        fits = trouble.why is not None and trouble.why.fits
+        later = " Later pictures fit the place of the disk better, but no dot is there to gain weight."
+        return f"Map: the last dots at the white disk (the truth) are gone.{later if fits else ''}"
     if moment.kind == LOST:
         return "Errors, at the bottom: above the red line (lost). The lane turns red after four such updates."
     if trouble.fresh:

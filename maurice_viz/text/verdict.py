@@ -10,6 +10,7 @@ from maurice_mcl.analysis.events import KIDNAPPED, SEARCHING
 from maurice_mcl.analysis.verdict import RunVerdict, Trouble
 
 from ..style import Scale
+from .why import why
 
 SURE = ", sure of a wrong place"
 KIDNAPPED_ROBOT = "The robot was kidnapped"
@@ -33,7 +34,15 @@ def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: b
         return f"{name}: {_without_truth(verdict, scale)}"
     did = _predicate(verdict, scale, kidnapping_said)
     before = _before(verdict, scale)
-    return f"{name}: {before}; it {did}" if before else f"{name} {did}"
+    went, since = _why(verdict, scale)
+    because = f", because {went}{f' ({since})' if since else ''}" if went else ""
+    return f"{name}: {before}; it {did}{because}" if before else f"{name} {did}{because}"
+
+
+def _why(verdict: RunVerdict, scale: Scale) -> tuple[str, str]:
+    """Return why a run did not find itself (again), of the first trouble that nothing else explains."""
+    found = [why(one, scale) for one in verdict.troubles if one.recovered is None]
+    return next((one for one in found if one[0]), ("", ""))
 
 
 def said(verdict: RunVerdict, scale: Scale) -> str:
@@ -47,7 +56,9 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
     before = _before(verdict, scale)
     sentences = f"{shared}{_sentence(before)} " if before else shared
     who = "It" if sentences.startswith(KIDNAPPED_ROBOT) else "The robot"
-    return f"{sentences}{who} {_predicate(verdict, scale, bool(_kidnappings([verdict])))}.{left}"
+    because = "; ".join(text for text in _why(verdict, scale) if text)
+    because = f" Why: {because}." if because else ""
+    return f"{sentences}{who} {_predicate(verdict, scale, bool(_kidnappings([verdict])))}.{because}{left}"
 
 
 def _sentence(clause: str) -> str:
@@ -151,6 +162,7 @@ def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
             away = scale.say(worst.error_m)
             text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} from the truth"
             is_bereft = worst.bereft
+    is_bereft = is_bereft and not why(trouble, scale)[0]  # which says more
     return f"{text}, with no particle near" if is_bereft else text
 
 

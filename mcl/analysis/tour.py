@@ -10,11 +10,12 @@ from .causes import Cause
 from .events import KIDNAPPED, SEARCHING
 from .verdict import RunVerdict, SureAndWrong, Trouble
 
-BEGINS, FOUND, DIVIDED, BEFELL, LOST, SURE, BACK, WORST, ENDS = (
+BEGINS, FOUND, DIVIDED, BEFELL, GONE, LOST, SURE, BACK, WORST, ENDS = (
     "begins",
     "found",
     "divided",
     "befell",
+    "gone",
     "lost",
     "sure",
     "back",
@@ -22,7 +23,7 @@ BEGINS, FOUND, DIVIDED, BEFELL, LOST, SURE, BACK, WORST, ENDS = (
     "ends",
 )
 MOST = 5
-IMPORTANT = (BEFELL, BACK, SURE, DIVIDED, LOST, FOUND, BEGINS, ENDS, WORST)  # the first ones are kept
+IMPORTANT = (BEFELL, BACK, SURE, DIVIDED, GONE, LOST, FOUND, BEGINS, ENDS, WORST)  # the first ones are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +65,14 @@ def _of_all(verdicts: Mapping[str, RunVerdict]) -> Iterator[TourMoment]:
 
 
 def _of_run(label: str, verdict: RunVerdict) -> Iterator[TourMoment]:
-    """Yield when a run was found, divided, lost, sure of it, and found again."""
+    """Yield when a run was found, divided, bereft of the true place, lost, sure of it, and found again."""
     if verdict.telling is not None:
         yield TourMoment(verdict.telling.step, DIVIDED, label, verdict.telling)
     if verdict.found is not None and verdict.found > verdict.first + 1:
         yield TourMoment(verdict.found, FOUND, label)
     for trouble in verdict.troubles:
+        if trouble.needs_why and trouble.why is not None and trouble.why.gone not in (None, verdict.first):
+            yield TourMoment(trouble.why.gone or 0, GONE, label, trouble)
         if trouble.kind not in (KIDNAPPED, SEARCHING):
             yield TourMoment(trouble.step, LOST, label, trouble)
         if trouble.recovered is not None and trouble.kind != SEARCHING:

@@ -56,10 +56,13 @@ def test_two_places_that_look_alike_are_told_with_their_shares(judged):
     assert verdict.decisive == 3
 
 
-def test_sure_and_wrong_says_how_much_of_the_weight_lay_how_far_off(judged):
+def test_sure_and_wrong_says_how_far_off_and_what_became_of_the_particles_at_the_truth(judged):
     line, verdict = judged("global", 5, 40, "thesis", 150)
     assert re.match(
+        r"The wheels slipped at 8: a turn of -26.3 deg that odometry did not see\. "
         r"The robot never found itself, sure of a wrong place: at step \d+, \d+% of the weight lay [\d.]+ in",
         line,
     )
+    assert re.search(r"Why: that slip led its \d+ particles at the true place astray, the last at 10; ", line)
+    assert "fit it better, but no particle was there, and no new one was drawn." in line
     assert verdict.decisive == verdict.sure_and_wrong.step

@@ -3,6 +3,8 @@ from dataclasses import replace
 import pytest
 
 from maurice_mcl.analysis.ambiguity import Ambiguity
+from maurice_mcl.analysis.causes import TURNED, Cause
+from maurice_mcl.analysis.near_truth import DROPPED, MISLED, MOVED, NEVER, OUTWEIGHED, Vanishing
 from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import said, verdict_line
@@ -83,6 +85,42 @@ def test_a_sure_run_is_said_to_lack_particles_only_where_it_did_at_that_step():
         run = troubled(Trouble("lost", 61, None, True, 0, 30, 29, 20), sure_and_wrong=worst)
         line = "sure of a wrong place: at step 70, 97% of the weight lay 50.0 in from the truth"
         assert f"{line}{end}" in said(run, INCHES)
+
+
+SLIP = Cause(TURNED, 8, 8, words="slip -26.3 deg")
+SINCE = "29 of 31 pictures since fit it better, but no particle was there, and no new one was drawn"
+
+
+@pytest.mark.parametrize(
+    ("why", "cause", "says"),
+    [
+        (Vanishing(MOVED, 150, 8, 44, 10), SLIP, "that slip led its 44 particles at the true place astray"),
+        (Vanishing(MOVED, 150, 8, 44, 10), None, "its 44 particles at the true place drove off it, the last"),
+        (Vanishing(OUTWEIGHED, 150, 8, 44, 10), None, "the pictures fit other places better, and its 44"),
+        (Vanishing(DROPPED, 150, 8, 44, 10), None, "resampling dropped the last of its 44 particles"),
+        (Vanishing(NEVER, 150, gone=1, nearest_m=33 * INCH_M), None, "none of its 150 particles was ever"),
+        (Vanishing(MISLED, 150, 8, 44, pictures=4, better=1), None, "3 of 4 pictures fit a wrong place"),
+    ],
+)
+def test_what_became_of_the_particles_near_the_truth_is_the_why_of_a_loss(why, cause, says):
+    run = troubled(Trouble("searching", 20, None, True, 0, 30, 29, 29, cause, why))
+    assert f"(81.0 in off at the end). Why: {says}" in said(run, INCHES)
+    assert f"(81.0 in off at the end), because {says}" in verdict_line({"a": run, "b": GOOD}, INCHES)
+
+
+def test_a_loss_says_how_the_pictures_fit_the_true_place_once_no_particle_was_there():
+    why = Vanishing(MOVED, 150, 8, 44, 10, pictures=31, better=29, rank=8, references=624)
+    run = troubled(Trouble("searching", 20, None, True, 0, 30, 29, 29, SLIP, why))
+    assert f"astray, the last at 10; {SINCE}." in said(run, INCHES)
+    assert f"astray, the last at 10 ({SINCE}); `b`" in verdict_line({"a": run, "b": GOOD}, INCHES)
+    poor = troubled(Trouble("lost", 20, None, True, 9, 30, 29, 29, None, replace(why, better=3)))
+    assert "; only 3 of 31 pictures since fit it better than where the filter was." in said(poor, INCHES)
+
+
+def test_what_befell_the_robot_right_before_is_the_why_already():
+    why = Vanishing(MOVED, 150, 60, 44, 61)
+    run = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29, 29, why=why))
+    assert "Why" not in said(run, INCHES)
 
 
 TWINS = Ambiguity(3, 3, 5, (0.47, 0.38), 64 * INCH_M, 2)

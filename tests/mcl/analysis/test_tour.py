@@ -1,5 +1,6 @@
 from maurice_mcl.analysis.ambiguity import Ambiguity
 from maurice_mcl.analysis.causes import CARRIED, Cause
+from maurice_mcl.analysis.near_truth import MOVED, Vanishing
 from maurice_mcl.analysis.tour import tour_of
 from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 
@@ -59,3 +60,21 @@ def test_there_are_never_more_than_five_moments():
     )
     assert len(tour) == 5
     assert [one.step for one in tour] == sorted({one.step for one in tour})
+
+
+def test_a_loss_without_another_cause_shows_when_the_last_particle_near_the_truth_went():
+    trouble = Trouble("searching", 18, None, True, 0, 20, 20, 20, why=Vanishing(MOVED, 150, 8, 44, 10))
+    lost = RunVerdict(
+        updates=40,
+        has_truth=True,
+        first=1,
+        last=40,
+        troubles=(trouble,),
+        sure_and_wrong=SureAndWrong(26, 1.2, 1.0),
+    )
+    assert [(one.step, one.kind) for one in tour_of({"a": lost})] == [
+        (1, "begins"),
+        (10, "gone"),
+        (26, "sure"),
+        (40, "ends"),
+    ]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from helpers.step_records import at, made, moment
-from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED
+from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED
+from maurice_mcl.analysis.near_truth import MOVED
 from maurice_mcl.analysis.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.filter.localizer import LEFT_MAP
 
@@ -95,6 +96,28 @@ def test_a_loss_is_due_to_what_befell_the_robot_shortly_before():
     (trouble,) = found.troubles
     assert (trouble.kind, trouble.cause.kind) == ("lost", SLIPPED)
     assert trouble.is_bereft
+
+
+def astray(told=()):
+    """Judge a run whose particles are all away from the truth from step 5 on."""
+    builder = VerdictBuilder()
+    for step in range(1, 25):
+        record = made(at(4, 1, 1.0) if step >= 5 else HERE, step=step, references=3)
+        builder.add(moment(record, NEAR, *(told if step == 4 else ())), record)
+    return builder.result()
+
+
+def test_a_loss_that_nothing_explains_says_how_the_particles_near_the_truth_went():
+    (trouble,) = astray().troubles
+    assert trouble.needs_why
+    assert (trouble.why.kind, trouble.why.held, trouble.why.near, trouble.why.gone) == (MOVED, 4, 4, 5)
+
+
+def test_the_slip_that_led_the_particles_astray_is_the_cause():
+    found = astray(("slip -26.3 deg",))
+    (trouble,) = found.troubles
+    assert (trouble.cause.kind, trouble.cause.step, found.telling_causes) == (TURNED, 4, (trouble.cause,))
+    assert found.decisive == found.sure_and_wrong.step
 
 
 def test_two_places_that_share_the_weight_are_told_until_it_is_localized():

@@ -1,0 +1,45 @@
+"""Why a run did not have the true place, in words: what became of its particles near the truth."""
+
+from __future__ import annotations
+
+from maurice_mcl.analysis.causes import SLIPPED, TURNED
+from maurice_mcl.analysis.near_truth import MISLED, MOVED, NEVER, OUTWEIGHED, Vanishing
+from maurice_mcl.analysis.verdict import Trouble
+
+from ..style import Scale
+
+SLIPS = (SLIPPED, TURNED)
+
+
+def why(trouble: Trouble, scale: Scale) -> tuple[str, str]:
+    """Return how the particles near the truth went, and how pictures fit there since; empty if not known."""
+    one = trouble.why
+    if one is None or not trouble.needs_why:
+        return "", ""
+    return _went(trouble, one, scale), _since(one, trouble.fresh)
+
+
+def _went(trouble: Trouble, one: Vanishing, scale: Scale) -> str:
+    if one.kind == MISLED:
+        worse = one.pictures - one.better
+        return f"{worse} of {one.pictures} pictures fit a wrong place better than the true one"
+    if one.kind == NEVER:
+        nearest = scale.say(one.nearest_m)
+        return f"none of its {one.particles} particles was ever at the true place ({nearest} away at best)"
+    particles = f"its {one.near} particles at the true place"
+    if one.kind == MOVED:
+        is_slip = trouble.cause is not None and trouble.cause.kind in SLIPS
+        led = f"that slip led {particles} astray" if is_slip else f"{particles} drove off it"
+        return f"{led}, the last at {one.gone}"
+    if one.kind == OUTWEIGHED:
+        return f"the pictures fit other places better, and {particles} were gone at {one.gone}"
+    return f"resampling dropped the last of {particles} at {one.gone}, by chance"
+
+
+def _since(one: Vanishing, fresh: int) -> str:
+    if one.gone is None or one.fits is None:
+        return ""
+    if not one.fits:
+        return f"only {one.better} of {one.pictures} pictures since fit it better than where the filter was"
+    drawn = "" if fresh else ", and no new one was drawn"
+    return f"{one.better} of {one.pictures} pictures since fit it better, but no particle was there{drawn}"
