@@ -17,7 +17,15 @@ from typer.models import CommandInfo
 from .errors import errors_end_the_command, fail, stop_by_exception
 from .spelling import modern
 
-GROUPS = ("Replay and compare", "Understand", "Record and convert", "Library", "Simulate", "Configure")
+GROUPS = (
+    "Replay and compare",
+    "Understand",
+    "Record and convert",
+    "Library",
+    "Simulate",
+    "Trials",
+    "Configure",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +38,7 @@ class Listed:
     group: str
 
 
-_REPLAY, _UNDERSTAND, _CONVERT, _LIBRARY, _SIMULATE, _CONFIGURE = GROUPS
+_REPLAY, _UNDERSTAND, _CONVERT, _LIBRARY, _SIMULATE, _TRIALS, _CONFIGURE = GROUPS
 COMMANDS = {
     one.name: one
     for one in (
@@ -59,6 +67,8 @@ COMMANDS = {
         Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE),
         Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE),
         Listed("calibrate drive", "calibrate", "Simulate a table of trials.", _SIMULATE),
+        Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS),
+        Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS),
         Listed("config show", "config", "Show the effective configuration.", _CONFIGURE),
         Listed("config check", "config", "Check a configuration file.", _CONFIGURE),
     )
@@ -165,7 +175,7 @@ def _nearest(word: str, commands: list[str]) -> str:
 def load(one: Listed) -> TyperCommand:
     """Import a command."""
     name = one.name.split()[-1]
-    callback = getattr(import_module(f".{one.module}", __package__), name)
+    callback = getattr(import_module(f".{one.module}", __package__), name.replace("-", "_"))
     info = CommandInfo(name=name, cls=PanelCommand, callback=callback)
     made = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
     assert isinstance(made, TyperCommand)

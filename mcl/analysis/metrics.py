@@ -158,6 +158,11 @@ class Scorer:
             self._pairs.append((truth, estimate.pose))
         return score
 
+    @property
+    def driven_m(self) -> float:
+        """How far the robot has driven, by the truth; by odometry while no truth is known."""
+        return self._driven_m[-1] if self._last_truth is not None else self._odometry_m
+
     def result(self) -> RunScore:
         """Return the score of the run so far."""
         known = [s for s in self._steps if s.correct is not None]

@@ -93,8 +93,9 @@ def build_localizer(
     reference: NearestReference | None = None,
     seed: int = 0,
     radii: Radii | None = None,
+    sensor: SensorModel | None = None,
 ) -> Localizer:
-    """Build the localizer that some parameters describe; `reference` can be shared among localizers.
+    """Build the localizer that some parameters describe; `reference` and `sensor` can be shared.
 
     The motion model is that of the parameters, else of the session, else of the one that `run` is given. The
     radii, unless they are known (those of a saved run), are derived from the library.
@@ -110,7 +111,7 @@ def build_localizer(
         reference=nearest,
         regions=where,
         motion=None if unknown else motion_model(motion, nearest.grid),
-        sensor=_sensor(library, nearest, p),
+        sensor=_sensor(library, nearest, p) if sensor is None else sensor,
         resampling=_resampling(p.resampling),
         recovery=RecoveryStep(
             strategy=_strategy(p.recovery),

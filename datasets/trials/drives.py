@@ -1,0 +1,140 @@
+"""From a session of a plan and a seed to a drive: its moments, its start, and its library."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.libraries.store import open_library
+from maurice_mcl.analysis.metrics import FIRST_SCORED
+from maurice_mcl.arrays import F64
+from maurice_mcl.config.build import adapted, build_localizer
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.library import Library
+from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.session import Moment, Session, SessionInfo
+
+from ..sessions import simulated_session, simulation_plan
+from ..surveys import cached_survey
+from ..tasks import TEST
+from ..worlds.build import load_world
+from .plan import SessionSpec, configuration_of
+
+Settings = dict[str, Any]
+FIRST = TEST.start  # arena k and drive k of a plan have the test seeds 1000 + k
+
+
+@dataclass(slots=True)
+class Bench:
+    """A library, and the localizers that were built over it; those with the same sensor model share it."""
+
+    library: Library
+    nearest: NearestReference
+    _localizers: dict[str, Localizer] = field(default_factory=dict)
+    _sensors: dict[str, Localizer] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, library: Library) -> Bench:
+        """Make one for a library."""
+        return cls(library, nearest_reference(library.poses, library.arena))
+
+    def localizer(self, settings: Settings) -> Localizer:
+        """Return the filter that `make_localizer` would make, without a seed. InputError for what none is."""
+        key = repr(sorted(settings.items()))
+        if key not in self._localizers:
+            self._localizers[key] = self._made(settings)
+        return self._localizers[key]
+
+    def _made(self, settings: Settings) -> Localizer:
+        try:
+            configuration = configuration_of(settings)
+            given = configuration.parameters
+            like = self._sensors.get(repr((given.sensor, given.references)))
+            if like is None:
+                chosen = adapted(configuration, self.library, self.nearest)[0].parameters
+                like = build_localizer(self.library, None, chosen, reference=self.nearest)
+                self._sensors[repr((given.sensor, given.references))] = like
+            return build_localizer(self.library, None, given, reference=self.nearest, sensor=like.sensor)
+        except (KeyError, ValueError) as problem:
+            raise InputError(None, str(problem)) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """A simulated session whose moments are in memory: rendering costs more than a run."""
+
+    info: SessionInfo
+    all_moments: tuple[Moment, ...]
+
+    def moments(self) -> Iterator[Moment]:
+        """Yield every moment."""
+        return iter(self.all_moments)
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One drive of a plan."""
+
+    session: Session
+    start: F64 | None  # (3,) where the particles begin; None: anywhere
+    bench: Bench
+    arena: int | None  # seed of the simulated arena
+
+
+def open_drive(spec: SessionSpec, seed: int) -> Drive:
+    """Return the drive of run `seed`: simulated anew, or the recorded one. InputError for neither."""
+    return _recorded(spec.drive) if spec.path else _simulated(spec.drive, seed)
+
+
+@lru_cache(1)
+def _recorded(spec: SessionSpec) -> Drive:
+    session = open_session(spec.path)
+    source = spec.library or session.info.survey
+    if source is None:
+        raise InputError(None, f"{spec.path}: found no library in its header; give the session a library")
+    start = None if spec.start else session.info.start
+    return Drive(session, start, Bench.of(open_library(source)), None)
+
+
+def _simulated(spec: SessionSpec, seed: int) -> Drive:
+    arena = FIRST + seed % spec.arenas
+    plan = simulation_plan(
+        spec.task,
+        world=spec.world,
+        tier=spec.tier,
+        arena_seed=arena,
+        seed=FIRST + seed,
+        updates=spec.updates,
+        kidnap_at=spec.kidnap_at,
+        slip_at=spec.slip_at,
+        lights=spec.lights,
+        moved=spec.moved,
+    )
+    cv2.setNumThreads(1)
+    simulated = simulated_session(plan)
+    start = None if spec.start else simulated.info.start
+    bench = _bench(spec.world, arena, spec.tier)
+    return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, arena)
+
+
+@lru_cache(2)
+def _bench(world: str, arena: int, tier: str) -> Bench:
+    """Return the library of a simulated arena, from the cache of surveys."""
+    surveyed = load_world(world, arena, tier)
+    folder = cached_survey(surveyed, arena, lambda done, total, what: None)
+    return Bench.of(open_library(folder / "survey.log"))
+
+
+def oracle_m(library: Library, truths: Sequence[F64 | None]) -> float | None:
+    """Return how far the nearest reference is from the truth, in the mean over updates 4 to the last."""
+    places = library.poses[:, :2]
+    known = [truth for truth in truths[FIRST_SCORED - 1 :] if truth is not None]
+    far = [float(np.linalg.norm(places - truth[:2], axis=1).min()) for truth in known]
+    return float(np.mean(far)) if far else None

@@ -1,0 +1,134 @@
+"""Making all runs of a plan: on the cores of one machine by joblib, or on many machines by Dask.
+
+Both take the same jobs, one after another as workers get free, and hand back the same rows.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import joblib  # type: ignore[import-untyped]
+
+from maurice_loaders.errors import InputError
+
+from .plan import Plan
+from .rows import RowStore
+from .runs import Job, Row, jobs_of, run_job
+
+LOCAL, DASK = "local", "dask"
+CLUSTER = "pip install 'maurice-replay[cluster]'"
+AHEAD = 2  # jobs waiting per worker
+Progress = Callable[[int, int], None]  # runs on disk, runs in all
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What was made."""
+
+    folder: Path
+    runs: int  # of the plan
+    made: int  # in this call
+    failed: int  # of them
+
+
+def run_plan(
+    plan: Plan,
+    folder: str | Path,
+    *,
+    workers: int = 1,
+    engine: str = LOCAL,
+    scheduler: str | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Made:
+    """Make every run of a plan that the folder does not hold yet; rows appear in it as they are done.
+
+    `engine` "local" uses `workers` spawned processes (1: this one); "dask" the workers of the `scheduler` at
+    an address, or `workers` of its own. Every run is computed as if alone: the rows do not depend on workers,
+    engine or order, but for `took_s` and `host`. Raises InputError for a folder that holds anything else, and
+    for a scheduler that does not answer.
+    """
+    store = RowStore.begin(Path(folder), plan, resume=resume)
+    report = progress or (lambda done, total: None)
+    before = len(store.done)
+    report(before, plan.runs)
+    jobs = jobs_of(plan, set(store.done))
+    with _results(jobs, workers, engine, scheduler) as results:
+        for rows in results:
+            store.add(rows)
+            report(len(store.done), plan.runs)
+    return Made(Path(folder), plan.runs, len(store.done) - before, store.failed)
+
+
+@contextmanager
+def _results(
+    jobs: Iterator[Job], workers: int, engine: str, scheduler: str | None
+) -> Iterator[Iterator[list[Row]]]:
+    if engine not in (LOCAL, DASK):
+        raise InputError(None, f"engine: found {engine!r}, expected {LOCAL} or {DASK}")
+    if engine == DASK:
+        with _client(scheduler, workers) as client:
+            yield _by_dask(client, jobs)
+    elif workers <= 1:
+        yield map(_alone, jobs)
+    else:
+        parallel = joblib.Parallel(
+            workers, return_as="generator_unordered", pre_dispatch=f"{AHEAD}*n_jobs", batch_size=1
+        )
+        found = parallel(joblib.delayed(_alone)(job) for job in jobs)
+        try:
+            yield found
+        finally:
+            found.close()
+
+
+def _alone(job: Job) -> list[Row]:
+    """Run a job with one thread: the cores are taken by other jobs."""
+    cv2.setNumThreads(1)
+    return run_job(job)
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError:
+        raise InputError(None, f"engine dask: found no Dask; {CLUSTER}") from None
+    try:
+        if scheduler is not None:
+            client = distributed.Client(scheduler, timeout="10s")
+        else:
+            cluster = distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None
+            )
+            client = distributed.Client(cluster)
+    except (OSError, ValueError, TimeoutError) as problem:
+        raise InputError(None, f"scheduler {scheduler}: does not answer: {problem}") from None
+    with client:
+        yield client
+        if scheduler is None:
+            cluster.close()
+
+
+def _by_dask(client: Any, jobs: Iterator[Job]) -> Iterator[list[Row]]:
+    """Hand out jobs as workers get free; a worker that dies has its job made again by another."""
+    distributed = importlib.import_module("distributed")
+    ahead = AHEAD * max(1, len(client.scheduler_info()["workers"]))
+    waiting = distributed.as_completed(with_results=True)
+    for _ in range(ahead):
+        _hand_out(client, jobs, waiting)
+    for _, rows in waiting:
+        yield rows
+        _hand_out(client, jobs, waiting)
+
+
+def _hand_out(client: Any, jobs: Iterator[Job], waiting: Any) -> None:
+    job = next(jobs, None)
+    if job is not None:
+        waiting.add(client.submit(_alone, job, pure=False, retries=3))

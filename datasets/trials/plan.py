@@ -1,0 +1,330 @@
+"""A plan of trials: which drives, which filters, how many seeds. A TOML file, or the name of a shipped plan.
+
+A plan is parts; a part is sessions times variants times seeds. Run k of every variant sees the same drive and
+starts from the same seed, so that variants are compared run by run (common random numbers). Nothing is held
+for each run: variants are numbered, and run and variant are found by their numbers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.files import read_toml
+from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
+
+from ..tasks import TASKS, TEST, TIERS
+
+SHIPPED = Path(__file__).parent / "plans"
+MOST_DRIVES = len(TEST)  # seeds of drives that nothing was fitted on
+SPECIAL = ("preset", "feature")  # settings that stand for several keys of the configuration
+WANTED = "a plan has sessions, and settings, a grid or variants (docs/trials.md)"
+
+
+@dataclass(frozen=True, slots=True)
+class SessionSpec:
+    """What is driven: a simulated task, drawn anew for every seed, or a recorded session."""
+
+    label: str
+    task: str = "tracking"
+    world: str = "two-rooms"
+    tier: str = "nominal"
+    updates: int = 120
+    kidnap_at: int | None = None  # an update; None: halfway
+    slip_at: str = ""
+    lights: str = ""  # as in docs/conditions.md
+    moved: int = 0
+    arenas: int = 5  # run k drives in arena k modulo this number
+    path: str = ""  # of a recorded session; the fields above are then not used
+    library: str = ""  # of a recorded session; "": the one that its header names
+    start: str = ""  # "": the header's start, else anywhere; "anywhere"
+
+    @property
+    def drive(self) -> SessionSpec:
+        """The same session under no name: equal for sessions that share their drives."""
+        return replace(self, label="")
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One filter: what a plan sets, by keys of the configuration, `preset` and `feature`."""
+
+    label: str
+    settings: Mapping[str, Any]
+
+    def configuration(self) -> Configuration:
+        """Return the complete configuration. ValueError, in one line, for what none can be."""
+        return configuration_of(self.settings)
+
+
+@dataclass(frozen=True, slots=True)
+class Variants:
+    """All variants of a part: every combination of the grid, then the listed ones."""
+
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of all
+    grid: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    listed: tuple[Variant, ...] = ()
+
+    @property
+    def combinations(self) -> int:
+        """The number of combinations of the grid; a part without a grid and a list has one."""
+        return math.prod(map(len, self.grid.values())) if self.grid or not self.listed else 0
+
+    def __len__(self) -> int:
+        return self.combinations + len(self.listed)
+
+    def __getitem__(self, number: int) -> Variant:
+        if number >= self.combinations:
+            found = self.listed[number - self.combinations]
+            return Variant(found.label, {**self.settings, **found.settings})
+        chosen: dict[str, Any] = {}
+        for key, values in reversed(list(self.grid.items())):
+            number, at = divmod(number, len(values))
+            chosen[key] = values[at]
+        chosen = dict(reversed(chosen.items()))
+        return Variant(label_of(chosen), {**self.settings, **chosen})
+
+    @property
+    def varied(self) -> list[str]:
+        """The keys in which variants differ."""
+        listed = [key for variant in self.listed for key in variant.settings]
+        return list(dict.fromkeys([*self.grid, *listed]))
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One experiment of a plan."""
+
+    name: str
+    title: str
+    sessions: tuple[SessionSpec, ...]
+    variants: Variants
+    seeds: int
+
+    @property
+    def runs(self) -> int:
+        """The number of runs."""
+        return len(self.sessions) * len(self.variants) * self.seeds
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Parts, in order; `timing` also measures what features and updates cost.
+
+    >>> from maurice_datasets.trials.plan import read_plan
+    >>> plan = read_plan("kidnapped")
+    >>> plan.parts[0].sessions[0].task
+    'kidnapped'
+    """
+
+    name: str
+    title: str
+    parts: tuple[Part, ...]
+    timing: bool = False
+
+    @property
+    def runs(self) -> int:
+        """The number of runs of all parts."""
+        return sum(part.runs for part in self.parts)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all that the runs depend on, as plain values."""
+        return json.loads(json.dumps(asdict(self), default=dict))  # type: ignore[no-any-return]
+
+    @property
+    def hash(self) -> str:
+        """A hash of all that the runs depend on."""
+        return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()[:16]
+
+    def with_seeds(self, seeds: int | None) -> Plan:
+        """Return the plan with another number of seeds in every part."""
+        if seeds is None:
+            return self
+        return replace(self, parts=tuple(replace(part, seeds=seeds) for part in self.parts))
+
+    def quick(self) -> Plan:
+        """Return the plan cut down to what shows that it works: two seeds, two arenas, short drives."""
+        return replace(self, parts=tuple(_quick(part) for part in self.parts))
+
+    def only(self, words: Sequence[str]) -> Plan:
+        """Return the parts whose names contain one of some words; InputError if there is none."""
+        parts = tuple(part for part in self.parts if not words or any(word in part.name for word in words))
+        if not parts and not (self.timing and "timing" in words):
+            names = ", ".join(part.name for part in self.parts)
+            raise InputError(None, f"found no part called {', '.join(words)}, expected one of {names}")
+        timing = self.timing and (not words or any(word in "timing" for word in words))
+        return replace(self, parts=parts, timing=timing)
+
+
+def _quick(part: Part) -> Part:
+    """Cut a part down; of a grid, the first and the last value of each key stay."""
+    sessions = tuple(
+        replace(
+            spec,
+            arenas=min(spec.arenas, 2),
+            updates=min(spec.updates, 20),
+            kidnap_at=None if spec.kidnap_at is None else min(spec.kidnap_at, 8),
+        )
+        for spec in part.sessions
+    )
+    grid = {
+        key: [values[0], values[-1]] if len(values) > 2 else values
+        for key, values in part.variants.grid.items()
+    }
+    return replace(
+        part, sessions=sessions, variants=replace(part.variants, grid=grid), seeds=min(part.seeds, 2)
+    )
+
+
+def configuration_of(settings: Mapping[str, Any]) -> Configuration:
+    """Return the configuration that settings describe, as `make_localizer` does. ValueError in one line."""
+    preset, feature = settings.get("preset"), settings.get("feature")
+    if preset is not None and preset not in PRESETS:
+        raise ValueError(f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
+    if feature is not None and feature not in FEATURES and feature not in CHANNELS:
+        raise ValueError(f"feature: found {feature!r}, expected one of {', '.join((*FEATURES, *CHANNELS))}")
+    layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
+    layers += [Layer("feature", {"sensor.weights": weights_of(feature)})] if feature else []
+    own = {key: value for key, value in settings.items() if key not in SPECIAL}
+    return configure([*layers, Layer("plan", own)])
+
+
+def label_of(chosen: Mapping[str, Any]) -> str:
+    """Return a label like "blended, 500" of what a variant sets."""
+    return ", ".join(f"{value:,}" if isinstance(value, int) else str(value) for value in chosen.values())
+
+
+def shipped_plans() -> list[str]:
+    """Return the names of the plans that come along."""
+    return sorted(file.stem for file in SHIPPED.glob("*.toml"))
+
+
+def read_plan(source: str | Path, seeds: int | None = None) -> Plan:
+    """Read a plan that comes along, by its name, or a TOML file; `seeds` replaces its own number.
+
+    Raises InputError, in one line, for what is no plan: with the file, the key and what was expected.
+    """
+    file = SHIPPED / f"{source}.toml"
+    if not (isinstance(source, str) and file.is_file()):
+        file = Path(source)
+    if not file.exists():
+        raise InputError(
+            file, f"there is no such plan; expected a TOML file or one of {', '.join(shipped_plans())}"
+        )
+    return _plan(file, read_toml(file, WANTED)).with_seeds(seeds)
+
+
+def _plan(file: Path, tree: Mapping[str, Any]) -> Plan:
+    _expect(
+        file,
+        "a plan",
+        tree,
+        ("title", "seeds", "include", "timing", "sessions", "settings", "grid", "variants"),
+    )
+    included = [
+        read_plan(name if name in shipped_plans() else file.parent / name) for name in tree.get("include", [])
+    ]
+    parts = [part for plan in included for part in plan.parts]
+    if "sessions" in tree:
+        parts.append(_part(file, tree))
+    timing = bool(tree.get("timing", False)) or any(plan.timing for plan in included)
+    if not parts and not timing:
+        raise InputError(file, f"found no [[sessions]]; {WANTED}")
+    return Plan(file.stem, str(tree.get("title", file.stem)), tuple(parts), timing)
+
+
+def _part(file: Path, tree: Mapping[str, Any]) -> Part:
+    seeds = tree.get("seeds", 20)
+    if isinstance(seeds, bool) or not isinstance(seeds, int) or not 1 <= seeds <= 2**31:
+        raise InputError(file, f"seeds: found {seeds!r}, expected a whole number, 1 or more")
+    sessions = tuple(
+        spec for number, given in enumerate(tree["sessions"], 1) for spec in _sessions(file, number, given)
+    )
+    labels = [spec.label for spec in sessions]
+    if len(set(labels)) < len(labels):
+        raise InputError(
+            file, f"sessions: found the label {labels[-1]!r} twice; give each a label of its own"
+        )
+    if seeds > MOST_DRIVES and any(not spec.path for spec in sessions):
+        raise InputError(file, f"seeds: found {seeds}, expected at most {MOST_DRIVES} for simulated sessions")
+    return Part(file.stem, str(tree.get("title", file.stem)), sessions, _variants(file, tree), seeds)
+
+
+def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
+    grid = {
+        key: value if isinstance(value, list) else [value]
+        for key, value in _flat(tree.get("grid", {})).items()
+    }
+    listed = []
+    for given in tree.get("variants", []):
+        own = _flat({key: value for key, value in given.items() if key != "label"})
+        listed.append(Variant(str(given.get("label", label_of(own))), own))
+    variants = Variants(_flat(tree.get("settings", {})), grid, tuple(listed))
+    alone = [{key: value} for key, values in grid.items() for value in values]
+    first = {key: values[0] for key, values in grid.items() if values}
+    try:
+        tried = [*({**first, **one} for one in alone), *(dict(variant.settings) for variant in listed), {}]
+        for own in tried:
+            configuration_of({**variants.settings, **own})
+    except ValueError as problem:
+        raise InputError(file, str(problem).removeprefix("plan: ")) from None
+    if not len(variants):
+        raise InputError(file, "grid: found an empty list, expected values")
+    return variants
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return a table's entries under dotted keys; tables of channels stay whole."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        whole = f"{prefix}{key}" in ("sensor.weights", "sensor.distances", "sensor.scales")
+        nested = isinstance(value, Mapping) and not whole
+        flat |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
+    return flat
+
+
+def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[SessionSpec]:
+    """Yield one session for every combination of the fields that hold a list."""
+    known = [one.name for one in fields(SessionSpec)]
+    _expect(file, f"session {number}", given, known)
+    lists = {key: value for key, value in given.items() if isinstance(value, list)}
+    for values in itertools.product(*lists.values()):
+        chosen = dict(zip(lists, values, strict=True))
+        spec = {**given, **chosen}
+        name = spec.get("label") or spec.get("task") or Path(str(spec.get("path", "session"))).stem
+        if "path" not in spec and "task" not in spec:
+            raise InputError(file, f"session {number}: found neither task nor path, expected one of them")
+        more = "".join(f", {value or 'unchanged'}" for value in chosen.values())
+        yield _checked(file, number, SessionSpec(**{**spec, "label": f"{name}{more}"}))
+
+
+def _checked(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
+    wrong = ""
+    if spec.task not in TASKS:
+        wrong = f"task: found {spec.task!r}, expected one of {', '.join(TASKS)}"
+    elif spec.tier not in TIERS:
+        wrong = f"tier: found {spec.tier!r}, expected one of {', '.join(TIERS)}"
+    elif spec.start not in ("", "anywhere"):
+        wrong = f"start: found {spec.start!r}, expected anywhere, or nothing for the header's"
+    elif not 1 <= spec.arenas <= MOST_DRIVES or spec.updates < 1:
+        wrong = f"found {spec.arenas} arenas and {spec.updates} updates, expected 1 or more"
+    if wrong:
+        raise InputError(file, f"session {number}: {wrong}")
+    path, library = (
+        str((file.parent / given).resolve()) if given else "" for given in (spec.path, spec.library)
+    )
+    return replace(spec, path=path, library=library)
+
+
+def _expect(file: Path, what: str, given: Mapping[str, Any], known: Sequence[str]) -> None:
+    for key in given:
+        if key not in known:
+            raise InputError(file, f"{what}: found the key {key!r}, expected {', '.join(known)}")

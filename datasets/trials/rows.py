@@ -1,0 +1,177 @@
+"""The rows of trials on disk: Parquet files that grow while runs are made, and outlive a kill at any moment.
+
+A folder holds `plan.json`, what was asked for, and `rows/`, files of up to 2,000 rows each. The last of
+them is written anew, beside it and then in its place, whenever rows arrive: a row that was counted as done
+is on disk.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.files import read_json, remove_leftovers, write_whole
+
+from .plan import Plan
+
+MANIFEST, ROWS = "plan.json", "rows"
+MOST = 2000  # rows a file
+FORMAT = 1
+_TEXT, _WHOLE, _NUMBER, _FLAG, _LIST = pl.String, pl.Int64, pl.Float64, pl.Boolean, pl.List(pl.Float32)
+SCHEMA: Mapping[str, tuple[Any, str]] = {
+    "part": (_TEXT, "the experiment of the plan"),
+    "session": (_TEXT, "what was driven, by its label in the plan"),
+    "variant": (_WHOLE, "number of the filter within the part, from 0"),
+    "label": (_TEXT, "the filter in words"),
+    "seed": (_WHOLE, "number of the run: its drive, and the filter's seed"),
+    "settings": (_TEXT, "what this variant sets, as JSON"),
+    "task": (_TEXT, "tracking, global or kidnapped; null for a recorded session"),
+    "tier": (_TEXT, "nominal, dim or hard; null for a recorded session"),
+    "lights": (_TEXT, "changes of light; null for a recorded session"),
+    "preset": (_TEXT, "preset, where the plan names one"),
+    "feature": (_TEXT, "feature, where the plan names one"),
+    "particles": (_WHOLE, "number of particles"),
+    "configuration": (_TEXT, "hash of every setting of the filter"),
+    "version": (_TEXT, "of maurice-replay"),
+    "numpy": (_TEXT, "version of numpy"),
+    "host": (_TEXT, "name of the machine"),
+    "error": (_TEXT, "why the run failed to run; all below are then null"),
+    "arena": (_WHOLE, "seed of the simulated arena"),
+    "oracle_m": (_NUMBER, "distance of the nearest reference from the truth, mean"),
+    "updates": (_WHOLE, "pictures processed"),
+    "distance_m": (_NUMBER, "driven, by the truth where it is known"),
+    "error_m": (_NUMBER, "position error, mean over updates 4 to the last"),
+    "error_median_m": (_NUMBER, "the same, median"),
+    "final_error_m": (_NUMBER, "position error at the last update"),
+    "heading_error_rad": (_NUMBER, "heading error, mean"),
+    "relative_error_m": (_NUMBER, "relative pose error, median"),
+    "lost": (_FLAG, "whether it was ever lost"),
+    "lost_at_update": (_WHOLE, "when"),
+    "before_loss_m": (_NUMBER, "driven before it was lost, or at all"),
+    "reached": (_FLAG, "whether it drove 1000 in without being lost"),
+    "kidnapped_at_update": (_WHOLE, "first update after a kidnapping"),
+    "pictures_to_localize": (_WHOLE, "since the start or the kidnapping, this picture included; null: never"),
+    "localized_m": (_NUMBER, "driven by then"),
+    "localized_s": (_NUMBER, "robot time by then"),
+    "pictures_after": (_WHOLE, "pictures since the start or the kidnapping: where a run without is censored"),
+    "right_at_end": (_FLAG, "correct in at least 7 of the last 10 updates"),
+    "wrong_confident": (_NUMBER, "share of updates converged on a wrong place"),
+    "succeeded_tenth": (_FLAG, "the thesis's success: deviation under 10 % of the arena"),
+    "succeeded_circle": (_FLAG, "the thesis's success: 90 % within 6 in"),
+    "confidence_end": (_NUMBER, "share of weight near the estimate, at the last update"),
+    "sd_end_m": (_NUMBER, "standard deviation of the cloud, at the last update"),
+    "ess_share": (_NUMBER, "effective sample size over the number of particles, mean"),
+    "reseeded": (_WHOLE, "updates with fresh particles"),
+    "failure": (_TEXT, "of a run that failed: impoverishment, motion or other"),
+    "took_s": (_NUMBER, "in the filter; differs from run to run"),
+    "off_m": (_LIST, "position error at every update"),
+    "sd_m": (_LIST, "standard deviation of the cloud at every update"),
+    "confidence": (_LIST, "share of weight near the estimate at every update"),
+}
+TYPES = {name: kind for name, (kind, _) in SCHEMA.items()}
+KEY = ("part", "session", "variant", "seed")
+MEASURED = ("took_s", "host")  # what may differ between two computations of the same run
+Key = tuple[str, str, int, int]
+
+
+@dataclass(slots=True)
+class RowStore:
+    """The rows in a folder. One process writes; any number may read."""
+
+    folder: Path
+    done: set[Key] = field(default_factory=set)
+    failed: int = 0
+    _open: list[dict[str, Any]] = field(default_factory=list)  # rows of the file that still grows
+    _number: int = 0
+
+    @classmethod
+    def begin(cls, folder: Path, plan: Plan, *, resume: bool) -> RowStore:
+        """Start a new folder, or go on in one of the same plan. InputError for any other."""
+        file = folder / MANIFEST
+        if not resume and file.exists():
+            raise InputError(folder, "holds trials; --resume goes on with them, or choose another folder")
+        if file.exists():
+            _expect_same(file, plan)
+        elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputError(folder, "found something else, expected a new folder or one with trials")
+        (folder / ROWS).mkdir(parents=True, exist_ok=True)
+        if not file.exists():
+            held = {"format": FORMAT, "hash": plan.hash, "plan": plan.to_json()}
+            write_whole(file, json.dumps(held, indent=1).encode())
+        store = cls(folder)
+        store._read()
+        return store
+
+    def _read(self) -> None:
+        for target in self.files():
+            remove_leftovers(target)
+        files = self.files()
+        for file in files:
+            rows = _frame(file)
+            kept = rows.filter(pl.col("error").is_null())  # a run that failed is tried again
+            self.done |= set(kept.select(KEY).iter_rows())
+        self._number = max((int(file.stem) for file in files), default=-1) + 1
+
+    def files(self) -> list[Path]:
+        """Return the files of rows, in order."""
+        return sorted((self.folder / ROWS).glob("[0-9]*.parquet"))
+
+    def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Append rows; they are on disk when this returns."""
+        for row in rows:
+            self._open.append({name: row.get(name) for name in SCHEMA})
+            self.done.add((row["part"], row["session"], row["variant"], row["seed"]))
+            self.failed += row.get("error") is not None
+        target = self.folder / ROWS / f"{self._number:06}.parquet"
+        filled = io.BytesIO()
+        pl.DataFrame(self._open, schema=TYPES).write_parquet(filled, compression="zstd")
+        write_whole(target, filled.getvalue(), force=True)
+        if len(self._open) >= MOST:
+            self._open, self._number = [], self._number + 1
+
+
+def _expect_same(file: Path, plan: Plan) -> None:
+    held = read_json(file.read_bytes())
+    if held.get("hash") != plan.hash:
+        name = held.get("plan", {}).get("name", "?")
+        raise InputError(
+            file,
+            f"found trials of the plan {name} as it was then, and {plan.name} differs; choose another folder",
+        )
+
+
+def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFrame:
+    """Return all rows of a folder, sorted by part, session, variant and seed; a run counts once.
+
+    A run that failed and was made again is the later one. InputError for a folder without trials.
+    """
+    if not (folder / MANIFEST).is_file():
+        raise InputError(folder, "found no trials, expected a folder that `maurice-replay trials` has made")
+    files = sorted((folder / ROWS).glob("[0-9]*.parquet"))
+    wanted = list(dict.fromkeys([*KEY, *(columns or SCHEMA)]))
+    frames = [_frame(file, wanted) for file in files]
+    rows = pl.concat(frames) if frames else pl.DataFrame(schema={name: TYPES[name] for name in wanted})
+    return rows.unique(KEY, keep="last", maintain_order=True).sort(KEY)
+
+
+def read_plan_of(folder: Path) -> dict[str, Any]:
+    """Return the plan of a folder, as plain values."""
+    found: dict[str, Any] = read_json((folder / MANIFEST).read_bytes())["plan"]
+    return found
+
+
+def _frame(file: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
+    try:
+        return pl.read_parquet(file, columns=None if columns is None else list(columns))
+    except (OSError, pl.exceptions.PolarsError) as problem:
+        what = str(problem).splitlines()[0]
+        raise InputError(
+            file, f"cannot be read: {what}; delete it, and --resume makes its runs again"
+        ) from None

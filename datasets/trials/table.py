@@ -1,0 +1,164 @@
+"""Rows grouped and compared: figures with intervals, and differences between variants run by run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from maurice_loaders.errors import InputError
+
+from .rows import KEY, SCHEMA, TYPES, read_rows
+from .statistics import Interval, Survival, mean, rate, survival
+
+NUMBERS = [
+    name for name, kind in TYPES.items() if kind in (pl.Float64, pl.Int64, pl.Boolean) and name not in KEY
+]
+TIMES = {"pictures_to_localize": "pictures_after"}  # censored: where a run without is cut off
+DEFAULT = "error_m"
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """The runs that agree in some columns."""
+
+    by: dict[str, Any]
+    figure: Interval  # the mean, or the share of a flag
+    median: float
+    runs: int
+    failed: int  # runs that ended in an error
+    curve: Survival | None = None  # of times that may be censored
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One group against the first, on the same drives and seeds."""
+
+    by: dict[str, Any]
+    against: dict[str, Any]
+    figure: Interval  # mean of the differences, run by run
+
+
+def load(folder: str | Path, where: Sequence[str] = ()) -> pl.DataFrame:
+    """Return the rows of a folder, with a column for every setting that its plan varies.
+
+    `where` keeps rows with `column=value`. InputError for a folder without trials and for unknown columns.
+    """
+    rows = with_settings(read_rows(Path(folder)))
+    for text in where:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise InputError(
+                None, f"--where: found {text!r}, expected a column and a value, like feature=color"
+            )
+        rows = rows.filter(pl.col(_known(rows, name)).cast(pl.String) == value)
+    return rows
+
+
+def with_settings(rows: pl.DataFrame) -> pl.DataFrame:
+    """Return rows with a column for every setting in their JSON that is no column yet."""
+    unique = rows["settings"].unique().drop_nulls().to_list()
+    told = {text: json.loads(text) for text in unique}
+    names = [
+        name for name in dict.fromkeys(key for one in told.values() for key in one) if name not in SCHEMA
+    ]
+    columns = [
+        rows["settings"]
+        .replace_strict({text: _plain(one.get(name)) for text, one in told.items()}, default=None)
+        .alias(name)
+        for name in names
+    ]
+    return rows.with_columns(columns)
+
+
+def _plain(value: Any) -> Any:
+    return json.dumps(value) if isinstance(value, (dict, list)) else value
+
+
+def grouped(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Group]:
+    """Return a group for every combination of columns: mean or share with an interval, median, runs.
+
+    Means have a bootstrap interval that draws arenas, then drives; shares have Wilson's. Pictures to
+    localize are censored at the end of a drive: their median is Kaplan and Meier's. InputError for unknown
+    columns.
+
+        >>> import polars as pl
+        >>> from maurice_datasets.trials.table import grouped
+        >>> values = {"particles": [100, 100], "error_m": [1.0, 3.0], "error": [None, None], "arena": [1, 2]}
+        >>> grouped(pl.DataFrame(values), ["particles"])[0].figure.value
+        2.0
+    """
+    columns = [_known(rows, name) for name in by]
+    if metric not in NUMBERS:
+        raise InputError(None, f"--metric: found {metric!r}, expected one of {', '.join(NUMBERS)}")
+    groups = rows.group_by(columns, maintain_order=True) if columns else [((), rows)]
+    return [_group(dict(zip(columns, values, strict=True)), some, metric) for values, some in groups]
+
+
+def _group(by: dict[str, Any], rows: pl.DataFrame, metric: str) -> Group:
+    good = rows.filter(pl.col("error").is_null())
+    failed, curve = len(rows) - len(good), None
+    if metric in TIMES:
+        ends = good[TIMES[metric]].to_numpy()
+        took = good[metric].fill_null(np.iinfo(np.int64).max).to_numpy()
+        curve = survival(np.minimum(took, ends), good[metric].is_not_null().to_numpy())
+        figure = rate(int(good[metric].is_not_null().sum()), len(good))
+        return Group(by, figure, curve.median, len(good), failed, curve)
+    known = good.filter(pl.col(metric).is_not_null())
+    values = known[metric].cast(pl.Float64).to_numpy()
+    if rows.schema[metric] == pl.Boolean:
+        return Group(by, rate(int(values.sum()), len(values)), np.nan, len(values), failed)
+    middle = float(np.median(values)) if len(values) else np.nan
+    return Group(by, mean(values, _arenas(known)), middle, len(values), failed)
+
+
+def _arenas(rows: pl.DataFrame) -> Any:
+    return rows["arena"].fill_null(0).to_numpy()
+
+
+def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Difference]:
+    """Compare every group with the first, run by run: same part, session, seed and other settings.
+
+    A flag counts as 0 or 1. Runs that only one of the two groups holds are left out.
+    """
+    columns = [_known(rows, name) for name in by]
+    if metric not in NUMBERS:
+        raise InputError(None, f"--metric: found {metric!r}, expected one of {', '.join(NUMBERS)}")
+    other = [name for name in _varied(rows) if name not in columns]
+    same = ["part", "session", "seed", *other]
+    kept = rows.filter(pl.col("error").is_null() & pl.col(metric).is_not_null())
+    kept = kept.select(*dict.fromkeys([*columns, *same, "arena"]), pl.col(metric).cast(pl.Float64))
+    parts = (
+        [(values, some) for values, some in kept.group_by(columns, maintain_order=True)] if columns else []
+    )
+    found = []
+    for values, some in parts[1:]:
+        both = some.join(
+            parts[0][1],
+            on=[name for name in same if name not in columns],
+            how="inner",
+            suffix="_first",
+            nulls_equal=True,
+        )
+        apart = (both[metric] - both[f"{metric}_first"]).to_numpy()
+        named = [dict(zip(columns, one, strict=True)) for one in (values, parts[0][0])]
+        found.append(Difference(named[0], named[1], mean(apart, _arenas(both))))
+    return found
+
+
+def _varied(rows: pl.DataFrame) -> list[str]:
+    """Return the columns of settings."""
+    told = {key for text in rows["settings"].unique().drop_nulls() for key in json.loads(text)}
+    return [name for name in rows.columns if name in told]
+
+
+def _known(rows: pl.DataFrame, name: str) -> str:
+    if name not in rows.columns:
+        there = ", ".join([*_varied(rows), "session", "task", "tier", "lights", "part", "label"])
+        raise InputError(None, f"found no column {name!r}, expected one like {there}")
+    return name
