@@ -5,6 +5,7 @@ keys           legends, as strips above a map or beside a plot
 contact_sheet  the five best references as one picture
 bars           bar charts of descriptors
 arrow          rows as ready-made Arrow arrays, which Rerun takes unchanged
+indexed        small drawings of palette colors, for what is drawn at every update
 heat           heat maps of two-dimensional histograms
 reference_chart  what a reference loses, by channel and element
 """

@@ -11,14 +11,21 @@ import numpy as np
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.sensor.descriptors import chromaticity
 
-from ..style import EMPTY, GROUND, PALE, RGB
-from .bars import SMALLEST
-from .canvas import blank, put_text, text_size
+from ..style import BAR, EMPTY, GROUND, PALE
+from .bars import REFERENCE, SAMPLE, SMALLEST
+from .canvas import text_size
+from .indexed import IndexedColors, write
 
 GRIDS = {"chromaticity": (chromaticity.BINS, chromaticity.BINS)}  # rows and columns of 2D histograms
 AXES = "up: red share, right: green share, 0.13 to 0.55"
 HEAT_PX = 176  # side of a heat map in a panel of its own
 TITLE_PX, TITLE_TEXT_PX, GAP_PX = 26, 11.0, 14
+SHADES = 24  # of a color, from nothing to the most
+
+CHART = IndexedColors()  # of all charts
+EMPTY_INK = CHART.flat(EMPTY)
+HEATS = tuple(CHART.ramp(EMPTY, color, SHADES) for color in (SAMPLE, REFERENCE, BAR))
+_TITLE_INK = CHART.ramp(GROUND, PALE)
 
 
 def grid_of(channel: str, size: int) -> tuple[int, int] | None:
@@ -27,18 +34,18 @@ def grid_of(channel: str, size: int) -> tuple[int, int] | None:
     return grid if grid is not None and grid[0] * grid[1] == size else None
 
 
-def heat_of(values: F32, most: float, color: RGB) -> U8:
-    """Return (rows, columns, 3), row 0 at the bottom: the root of the share of the most, as brightness.
+def heat_of(values: F32, most: float, ink: int) -> U8:
+    """Return (rows, columns), row 0 at the bottom: the root of the share of the most, as brightness.
 
-    The root, because most bins of a histogram are far below the highest.
+    The root, because most bins of a histogram are far below the highest. `ink` is one of `HEATS`.
     """
-    share = np.sqrt(np.clip(values / max(most, SMALLEST), 0, 1))[::-1, :, None]
-    return np.asarray(EMPTY + (np.array(color) - EMPTY) * share, np.float64).round().astype(np.uint8)
+    share = np.sqrt(np.clip(values / max(most, SMALLEST), 0, 1))[::-1]
+    return np.asarray(ink + (share * (SHADES - 1)).round(), np.uint8)
 
 
 def place_heat(image: U8, maps: Sequence[U8]) -> None:
     """Put heat maps side by side on an image, as large as they fit, in place."""
-    height, width = image.shape[:2]
+    height, width = image.shape
     side = min(height - 2, (width - 4 * (len(maps) - 1)) // len(maps))
     left = (width - len(maps) * side - 4 * (len(maps) - 1)) // 2
     top = (height - side) // 2
@@ -48,7 +55,7 @@ def place_heat(image: U8, maps: Sequence[U8]) -> None:
 
 
 def titled_heat(maps: Sequence[U8], titles: tuple[str, ...], below: str) -> U8:
-    """Draw heat maps side by side (H, W, 3), each under its title, over a line about their axes."""
+    """Draw heat maps side by side (H, W), each under its title, over a line about their axes."""
     ground, first = _titled(titles, below)
     image = ground.copy()
     for k, one in enumerate(maps):
@@ -59,14 +66,15 @@ def titled_heat(maps: Sequence[U8], titles: tuple[str, ...], below: str) -> U8:
 
 @lru_cache(maxsize=8)
 def _titled(titles: tuple[str, ...], below: str) -> tuple[U8, int]:
-    """Draw all but the maps (H, W, 3); return it, and where the first map begins."""
+    """Draw all but the maps (H, W); return it, and where the first map begins."""
     needed = text_size(below, TITLE_TEXT_PX)[0]
     together = len(titles) * (HEAT_PX + GAP_PX) - GAP_PX
     width = max(together, needed) + 2 * GAP_PX
-    first, image = (width - together) // 2, blank(2 * TITLE_PX + HEAT_PX, width, GROUND)
+    first = (width - together) // 2
+    image = np.full((2 * TITLE_PX + HEAT_PX, width), _TITLE_INK, np.uint8)
     for k, title in enumerate(titles):
-        put_text(image, title, first + k * (HEAT_PX + GAP_PX), TITLE_PX - 8, TITLE_TEXT_PX, PALE)
-    put_text(image, below, (width - needed) / 2, len(image) - 8, TITLE_TEXT_PX, PALE)
+        write(image, title, first + k * (HEAT_PX + GAP_PX), TITLE_PX - 8, TITLE_TEXT_PX, _TITLE_INK)
+    write(image, below, (width - needed) / 2, len(image) - 8, TITLE_TEXT_PX, _TITLE_INK)
     return image, first
 
 

@@ -7,20 +7,22 @@ axis, and below it what each element costs. Two-dimensional histograms are heat 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from maurice_mcl.analysis.explanation import ChannelExplanation, EntryExplanation
 from maurice_mcl.arrays import F32, F64, I32, U8
 
-from ..style import BAR, EMPTY, GROUND, PALE, RGB, RUN_COLORS
+from ..style import BAR, EMPTY, GROUND, PALE, PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
 from .bars import REFERENCE, SAMPLE, SMALLEST, bands_of
-from .canvas import blank, paint, put_text, text_size
-from .heat import grid_of, heat_of, place_heat
+from .canvas import blank, put_text, text_size
+from .heat import CHART, EMPTY_INK, HEATS, grid_of, heat_of, place_heat
+from .indexed import fill, write
 
 CHART_PX = (288, 260)  # width and height, in a recording of many updates
 BAR_SHARE = 0.2  # of the height, with the axis below it
@@ -29,6 +31,12 @@ COST_SHARE = 0.32  # of a small chart's height: what each element costs
 SEGMENTS: tuple[RGB, ...] = (*RUN_COLORS[2:], (182, 90, 62), (112, 112, 205))  # of channels, in turn
 TICKS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
 MOST_MARKS = 5
+
+# numbers of the colors of charts
+SAMPLE_INK, REFERENCE_INK, COST_INK = (CHART.flat(color) for color in (SAMPLE, REFERENCE, BAR))
+TEXT_INK = CHART.ramp(GROUND, PALE)
+GROUND_INK, PALE_INK = CHART.flat(GROUND), CHART.flat(PALE)
+BAR_INKS = tuple(CHART.ramp(color, GROUND) for color in SEGMENTS)  # a bar, and letters on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,52 +64,88 @@ def scale_of(entries: Sequence[EntryExplanation]) -> ChartScale:
 def draw_reference_chart(
     entry: EntryExplanation | None, scale: ChartScale, size: tuple[int, int] = CHART_PX
 ) -> U8:
-    """Draw (H, W, 3) what a reference loses; empty without a reference."""
-    width, height = size
-    image = blank(height, width, GROUND)
+    """Draw (H, W) what a reference loses, in colors of the palette `CHART`; empty without a reference."""
     if entry is None:
-        return image
-    under = round(BAR_SHARE * height)
-    _draw_bar(image[:under], entry, scale.nats)
-    count = len(entry.channels)
-    columns = math.ceil(math.sqrt(count))
-    rows = -(-count // columns)
-    for number, channel in enumerate(entry.channels):
-        row, column = divmod(number, columns)
-        top, left = under + row * (height - under) // rows, column * width // columns
-        end, right = under + (row + 1) * (height - under) // rows, (column + 1) * width // columns
-        part = image[top:end, left + 4 : right - 4]
-        _draw_channel(part, channel, number, scale, TEXT_SHARE * width)
+        return np.full(size[::-1], GROUND_INK, np.uint8)
+    image = _ground(tuple((c.channel, len(c.sample)) for c in entry.channels), size).copy()
+    _draw_bar(image, entry, scale.nats, size)
+    for number, place in enumerate(_places(len(entry.channels), size)):
+        _draw_channel(image[place], entry.channels[number], number, scale, TEXT_SHARE * size[0])
     return image
 
 
-def _draw_bar(image: U8, entry: EntryExplanation, most: float) -> None:
+Place = tuple[slice, slice]  # rows and columns of an image
+
+
+def _places(count: int, size: tuple[int, int]) -> Iterator[Place]:
+    """Yield the places of the small charts under the bar."""
+    width, height = size
+    under = round(BAR_SHARE * height)
+    columns = math.ceil(math.sqrt(count))
+    rows = -(-count // columns)
+    for number in range(count):
+        row, column = divmod(number, columns)
+        top, end = (under + (row + k) * (height - under) // rows for k in (0, 1))
+        left, right = ((column + k) * width // columns for k in (0, 1))
+        yield slice(top, end), slice(left + 4, right - 4)
+
+
+@lru_cache(maxsize=16)
+def _ground(channels: tuple[tuple[str, int], ...], size: tuple[int, int]) -> U8:
+    """Draw what no update changes: the axis, and names and grounds of channels, each with its elements."""
+    image = np.full(size[::-1], GROUND_INK, np.uint8)
+    text = TEXT_SHARE * size[0]
+    _, high, end = _bar_place(size)
+    image[high + 2, 4 : round(end)] = PALE_INK
+    for number, (name, elements) in enumerate(channels):
+        part = image[list(_places(len(channels), size))[number]]
+        height, width = part.shape
+        small = min(text, text * width / max(text_size(name, text)[0], 1))
+        at = (width - text_size(name, small)[0]) / 2
+        write(part, name, at, height - 0.45 * text, small, NAME_INKS[number % len(NAME_INKS)])
+        if grid_of(name, elements) is None:
+            levels, costs = _levels_and_costs(part, text)
+            levels[:] = _grounds(elements)[np.arange(width) * len(_grounds(elements)) // width]
+            costs[:] = EMPTY_INK
+    return image
+
+
+def _bar_place(size: tuple[int, int]) -> tuple[int, int, float]:
+    """Return the first row of the bar, the row after it, and where its axis ends."""
+    width, height = size
+    text, high = TEXT_SHARE * width, 0.12 * round(BAR_SHARE * height)
+    return round(high), round(high + 2.1 * text), width - 4 - 3.2 * text
+
+
+def _draw_bar(image: U8, entry: EntryExplanation, most: float, size: tuple[int, int]) -> None:
     """Draw the nats of all channels end to end, over an axis."""
-    height, width = image.shape[:2]
-    text = TEXT_SHARE * width
-    end = width - 4 - 3.2 * text
-    low, high = round(0.12 * height), round(0.12 * height + 2.1 * text)
+    text = TEXT_SHARE * size[0]
+    low, high, end = _bar_place(size)
     at = 4.0
     for number, channel in enumerate(entry.channels):
         after = at + channel.loses / most * (end - 4)
-        color = color_of(number)
-        image[low:high, round(at) : round(after)] = color
+        ink = BAR_INKS[number % len(BAR_INKS)]
+        image[low:high, round(at) : round(after)] = ink
         label = f"{channel.channel} {channel.loses:.1f}"
         for said in (label, channel.channel):
-            if text_size(said, 0.9 * text)[0] < after - at - 4:
-                put_text(image, said, at + 3, high - 0.6 * text, 0.9 * text, GROUND)
+            if _width(said, 0.9 * text) < after - at - 4:
+                write(image, said, at + 3, high - 0.6 * text, 0.9 * text, ink)
                 break
         at = after
     total = sum(channel.loses for channel in entry.channels)
-    put_text(image, f"{total:.1f}", at + 4, high - 0.6 * text, text, PALE)
+    write(image, f"{total:.1f}", at + 4, high - 0.6 * text, text, TEXT_INK)
     step = next((t for t in TICKS if most / t <= MOST_MARKS), TICKS[-1])
-    image[high + 2 : high + 3, 4 : round(end)] = PALE
-    marks = np.arange(0, most + 1e-9, step)
-    for mark in marks.tolist():
+    marks = np.arange(0, most + 1e-9, step).tolist()
+    for mark in marks:
         x = 4 + mark / most * (end - 4)
-        image[high + 2 : high + 6, round(x) : round(x) + 1] = PALE
+        image[high + 2 : high + 6, round(x) : round(x) + 1] = PALE_INK
         said = f"{mark:g} nats" if mark == marks[-1] else f"{mark:g}"
-        put_text(image, said, max(x - 0.4 * text, 0), high + 7 + 0.9 * text, 0.85 * text, PALE)
+        write(image, said, max(x - 0.4 * text, 0), high + 7 + 0.9 * text, 0.85 * text, TEXT_INK)
+
+
+@lru_cache(maxsize=1024)
+def _width(text: str, height_px: float) -> int:
+    return text_size(text, height_px)[0]
 
 
 def color_of(number: int) -> RGB:
@@ -110,24 +154,30 @@ def color_of(number: int) -> RGB:
 
 
 def _draw_channel(image: U8, found: ChannelExplanation, number: int, scale: ChartScale, text: float) -> None:
-    """Draw one channel: descriptors, what each element costs, and its name on the axis."""
-    height, width = image.shape[:2]
-    name = found.channel
-    small = min(text, text * width / max(text_size(name, text)[0], 1))
-    under = round(height - 1.9 * text)
-    put_text(image, name, (width - text_size(name, small)[0]) / 2, height - 0.45 * text, small, _name(number))
-    grid = grid_of(name, len(found.sample))
+    """Draw the descriptors of one channel, and what each element costs."""
+    grid = grid_of(found.channel, len(found.sample))
     if grid is not None:
         _, most = scale.spans[number]
         amounts = (found.sample, found.reference, found.nats)
         tops = (most, most, scale.costs[number])
-        colors = (SAMPLE, REFERENCE, BAR)
-        maps = [heat_of(a.reshape(grid), t, c) for a, t, c in zip(amounts, tops, colors, strict=True)]
-        place_heat(image[:under], maps)
+        maps = [heat_of(a.reshape(grid), t, ink) for a, t, ink in zip(amounts, tops, HEATS, strict=True)]
+        place_heat(image[: _under(image, text)], maps)
         return
+    levels, costs = _levels_and_costs(image, text)
+    draw_levels(levels, found.sample, found.reference, scale.spans[number])
+    _draw_costs(costs, found.nats, scale.costs[number])
+
+
+def _under(image: U8, text: float) -> int:
+    """Return how many rows of a channel's place are above its name."""
+    return round(len(image) - 1.9 * text)
+
+
+def _levels_and_costs(image: U8, text: float) -> tuple[U8, U8]:
+    """Divide a channel's place: its descriptor's part, and the part of what each element costs."""
+    under = _under(image, text)
     split = round((1 - COST_SHARE) * under)
-    draw_levels(image[: split - 2], found.sample, found.reference, scale.spans[number])
-    _draw_costs(image[split:under], found.nats, scale.costs[number])
+    return image[: split - 2], image[split:under]
 
 
 def _name(number: int) -> RGB:
@@ -135,44 +185,55 @@ def _name(number: int) -> RGB:
     return red, green, blue
 
 
+NAME_INKS = tuple(CHART.ramp(GROUND, _name(number)) for number in range(len(SEGMENTS)))
+
+
 def draw_levels(image: U8, sample: F32, reference: F32, span: tuple[float, float]) -> None:
-    """Draw a descriptor (D,) filled, and another one as a line over it, on grounds of their colors."""
-    height, width = image.shape[:2]
-    grounds = _grounds(len(sample))
-    for k, color in enumerate(grounds):
-        first, last = k * width // len(grounds), (k + 1) * width // len(grounds) - 1
-        cv2.rectangle(image, (first, 0), (last, height), color, cv2.FILLED)
+    """Draw a descriptor (D,) filled, and another one as a line over it."""
+    height, width = image.shape
     low, high = span
     rows = np.arange(height)[:, None]
     zero = _row(np.zeros(1), low, high, height)
     filled = _row(_by_pixel(reference, width), low, high, height)
-    paint(image, (rows >= np.minimum(filled, zero)) & (rows < np.maximum(filled, zero)), REFERENCE)
+    fill(image, (rows >= np.minimum(filled, zero)) & (rows < np.maximum(filled, zero)), REFERENCE_INK)
     line = _row(_by_pixel(sample, width), low, high, height)
     points = np.column_stack([np.arange(width), np.minimum(line, height - 1)]).astype(np.int32)
-    cv2.polylines(image, [points], False, SAMPLE, max(2, round(width / 110)))
+    cv2.polylines(image, [points], False, SAMPLE_INK, max(2, round(width / 110)))
 
 
 @lru_cache(maxsize=16)
-def _grounds(bins: int) -> tuple[RGB, ...]:
-    """Return the colors behind a descriptor's elements, from left to right."""
-    empty = np.array(EMPTY)
-    mixed = [empty + (np.array(color) - empty) * alpha / 255 * 0.8 for *color, alpha in bands_of(bins)]
-    return tuple((int(red), int(green), int(blue)) for red, green, blue in mixed)
+def _grounds(bins: int) -> U8:
+    """Return the inks behind a descriptor's elements, from left to right."""
+    return np.array([_BAND_INKS[band] for band in bands_of(bins)], np.uint8)
+
+
+def _mixed(band: RGBA) -> RGB:
+    """Return the color of a band of bars on the ground of a chart."""
+    empty, share = np.array(EMPTY), band[3] / 255 * 0.8
+    red, green, blue = (empty + (np.array(band[:3]) - empty) * share).astype(int).tolist()
+    return red, green, blue
+
+
+_BAND_INKS = {band: CHART.flat(_mixed(band)) for band in (*RED_GREEN_BLUE, PLAIN)}
 
 
 def _draw_costs(image: U8, nats: F32, most: float) -> None:
-    height, width = image.shape[:2]
-    cv2.rectangle(image, (0, 0), (width, height), EMPTY, cv2.FILLED)
-    paint(image, np.arange(height)[:, None] >= _row(_by_pixel(nats, width), 0.0, most, height), BAR)
+    height, width = image.shape
+    fill(image, np.arange(height)[:, None] >= _row(_by_pixel(nats, width), 0.0, most, height), COST_INK)
 
 
 def _by_pixel(values: F32, width: int) -> F64:
     """Return for each column of pixels (W,) its element, or the largest of its elements."""
     count = len(values)
     if count <= width:
-        return np.asarray(values[np.arange(width) * count // width], np.float64)
-    starts = np.arange(width) * count // width
-    return np.asarray(np.maximum.reduceat(values, starts), np.float64)
+        return np.asarray(values[_elements(count, width)], np.float64)
+    return np.asarray(np.maximum.reduceat(values, _elements(count, width)), np.float64)
+
+
+@lru_cache(maxsize=64)
+def _elements(count: int, width: int) -> NDArray[np.int64]:
+    """Return the element at each column of pixels."""
+    return np.arange(width) * count // width
 
 
 def _row(values: F64, low: float, high: float, height: int) -> I32:

@@ -25,6 +25,7 @@ from maurice_mcl.session import Moment
 from .. import entities
 from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, long_side, png, put_text
 from ..drawing.contact_sheet import NOT_KEPT, read_picture
+from ..drawing.heat import CHART
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
 from ..panels.belief import draw_cloud, estimate_marker, prepare_cloud, truth_marker
@@ -159,7 +160,9 @@ def _draw_charts(rec: rr.RecordingStream, paths: RunPaths, step: StepExplanation
     scale = scale_of([e.entry for e in step.shown if e.entry is not None])
     charts = {e.who: draw_reference_chart(e.entry, scale, FINE_PX) for e in step.shown}
     for who, chart in charts.items():
-        rec.log(paths.explain(who, "chart"), rr.EncodedImage(contents=png(chart), media_type="image/png"))
+        rec.log(
+            paths.explain(who, "chart"), rr.EncodedImage(contents=CHART.png(chart), media_type="image/png")
+        )
     key = rr.EncodedImage(contents=png(draw_chart_key(FINE_PX)), media_type="image/png")
     rec.log(paths.explain("key"), key)
 

@@ -34,6 +34,7 @@ from .. import style as look
 from ..drawing.arrow import blob_of, points_of, row_of, text_of
 from ..drawing.canvas import blank, brightened, jpeg, png, put_text, text_size
 from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
+from ..drawing.heat import CHART
 from ..drawing.keys import EXPLAINED, explain_key
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
@@ -150,7 +151,7 @@ class ExplanationPanel(Panel):
         for (who, _), entry in zip(shown, entries, strict=True):
             number = None if entry is None else entry.entry
             if number not in drawn:
-                drawn[number] = png(draw_reference_chart(entry, scale), quick=True)
+                drawn[number] = CHART.png(draw_reference_chart(entry, scale))
             chart = row_of(rr.EncodedImage, blob=blob_of(drawn[number]))
             rec.log(self._paths.explain("chart", who), chart)
 

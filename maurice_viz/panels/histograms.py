@@ -26,8 +26,7 @@ from ..drawing.bars import (
     usual_difference,
     usual_height,
 )
-from ..drawing.canvas import png
-from ..drawing.heat import AXES, GRIDS, grid_of, heat_of, titled_heat
+from ..drawing.heat import AXES, CHART, GRIDS, HEATS, grid_of, heat_of, titled_heat
 from ..entities import Phase, RunPaths
 from ..style import BAR
 from .panel import DrawnRun, Panel, StepUpdate, set_phase
@@ -93,15 +92,15 @@ class HistogramsPanel(Panel):
         self, rec: rr.RecordingStream, channel: str, grid: tuple[int, int], parts: tuple[F32, F32, F32]
     ) -> None:
         """Log a two-dimensional histogram: picture and match side by side, and what each bin adds to D."""
-        sample, reference, difference = (part.reshape(grid) for part in parts)
         usual, most = self._tops[channel]
-        maps = [heat_of(sample, usual, SAMPLE), heat_of(reference, usual, REFERENCE)]
+        tops = (usual, usual, most)
+        maps = [heat_of(p.reshape(grid), top, ink) for p, top, ink in zip(parts, tops, HEATS, strict=True)]
         drawn = {
-            MAPS: titled_heat(maps, ("picture", "best match"), AXES),
-            ADDED: titled_heat([heat_of(difference, most, BAR)], ("adds to D",), AXES),
+            MAPS: titled_heat(maps[:2], ("picture", "best match"), AXES),
+            ADDED: titled_heat(maps[2:], ("adds to D",), AXES),
         }
         for kind, image in drawn.items():
-            picture = row_of(rr.EncodedImage, blob=blob_of(png(image, quick=True)))
+            picture = row_of(rr.EncodedImage, blob=blob_of(CHART.png(image)))
             rec.log(self._paths.histogram(channel, kind), picture)
 
     def _place_bands(self, rec: rr.RecordingStream, channel: str, kind: str, bins: int, top: float) -> None:

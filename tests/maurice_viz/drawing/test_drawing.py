@@ -1,5 +1,6 @@
 """Drawn on pixels or as bars: grounds of maps, keys, texts, histograms and their tensors."""
 
+import cv2
 import numpy as np
 import pytest
 from rerun.components import TensorDataBatch
@@ -10,8 +11,18 @@ from maurice_mcl.map import Arena
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.arrow import tensor_of
 from maurice_viz.drawing.bars import usual_difference
-from maurice_viz.drawing.canvas import LONG_SIDE_PX, MOST_TICKS, ascii_of, draw_ground, text_size, ticks
-from maurice_viz.style import FRESH, OBSTACLE, RUN_COLORS, scale_for
+from maurice_viz.drawing.canvas import (
+    LONG_SIDE_PX,
+    MOST_TICKS,
+    ascii_of,
+    blank,
+    draw_ground,
+    put_text,
+    text_size,
+    ticks,
+)
+from maurice_viz.drawing.indexed import LEVELS, IndexedColors, write
+from maurice_viz.style import FRESH, GROUND, OBSTACLE, PALE, RUN_COLORS, scale_for
 
 
 @pytest.mark.parametrize(
@@ -110,3 +121,27 @@ def _index(references: list[list[float]]) -> ChannelIndex:
 )
 def test_height_of_bands(references, distance, low, high):
     assert low <= usual_difference(_index(references), distance) <= high
+
+
+def decoded(png: bytes) -> np.ndarray:
+    return cv2.cvtColor(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+
+
+def test_a_drawing_of_palette_colors_is_read_back_as_it_was_drawn():
+    palette = IndexedColors()
+    first = [palette.flat(GROUND), palette.ramp((0, 0, 0), (255, 0, 0)), palette.flat(PALE)]
+    assert first == [0, 1, 1 + LEVELS]
+    image = np.random.default_rng(0).integers(0, len(palette.colors), (37, 53)).astype(np.uint8)
+    for some in (image, image[:1], image[:, :1]):
+        np.testing.assert_array_equal(decoded(palette.png(some)), palette.colors[some])
+
+
+@pytest.mark.parametrize("at", [(5.2, 30.0), (-20.0, 12.0), (70.0, 38.0), (10.0, 500.0), (-900.0, -3.0)])
+def test_palette_letters_are_those_of_the_canvas_also_at_the_edge(at):
+    palette = IndexedColors()
+    ink = palette.ramp(GROUND, PALE)
+    image, expected = np.full((40, 120), ink, np.uint8), blank(40, 120, GROUND)
+    write(image, "Agj 12.5", *at, 14.0, ink)
+    put_text(expected, "Agj 12.5", *at, 14.0, PALE)
+    assert np.abs(palette.colors[image].astype(int) - expected).max() <= 255 / LEVELS
+    assert (image != ink).any() == (expected != GROUND).any()

@@ -21,7 +21,7 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.session import Moment
 from maurice_viz.drawing.bars import REFERENCE, SAMPLE
-from maurice_viz.drawing.heat import grid_of, heat_of
+from maurice_viz.drawing.heat import CHART, HEATS, SHADES, grid_of, heat_of
 from maurice_viz.drawing.reference_chart import (
     BAR_SHARE,
     CHART_PX,
@@ -108,7 +108,7 @@ def test_bars_are_as_long_as_the_nats_that_channels_lose(drawn):
             assert len(rows) == len(updates)
             entry = step.of(who).entry
             chart = picture_of(rows[k])
-            np.testing.assert_array_equal(chart, draw_reference_chart(entry, scale))
+            np.testing.assert_array_equal(chart, CHART.colors[draw_reference_chart(entry, scale)])
             length = CHART_PX[0] - 8 - 3.2 * TEXT_SHARE * CHART_PX[0]
             expected = [channel.loses / scale.nats * length for channel in entry.channels]
             assert bar_of(chart) == pytest.approx(expected, abs=2)
@@ -120,13 +120,13 @@ def test_a_picture_equal_to_the_reference_covers_it_and_costs_nothing(library):
     entry = explain_step(record, sensor, moment.truth).winner
     sums = [channel.nats.sum() for channel in entry.channels]
     assert sums == pytest.approx([channel.loses for channel in entry.channels], abs=1e-4)
-    image = np.zeros((60, 84, 3), np.uint8)
+    image = np.zeros((60, 84), np.uint8)
     ramp = np.linspace(0, 1, 84, dtype=np.float32)
     draw_levels(image, ramp, ramp, (0.0, 1.0))
-    filled = (image == REFERENCE).all(axis=2).sum(axis=0)
+    filled = (CHART.colors[image] == REFERENCE).all(axis=2).sum(axis=0)
     assert (np.diff(filled) >= -3).all()
     assert filled[-5:].mean() > 50 > 5 > filled[:5].mean()
-    line = (image == SAMPLE).all(axis=2)
+    line = (CHART.colors[image] == SAMPLE).all(axis=2)
     assert line.any(axis=0).all()
 
 
@@ -136,10 +136,10 @@ def test_two_dimensional_histograms_are_heat_maps():
     assert grid_of("color", 84) is None
     values = np.zeros((16, 16), np.float32)
     values[15, 0], values[0, 15] = 1.0, 0.25
-    heat = heat_of(values, 1.0, (255, 0, 0))
-    assert heat[0, 0].tolist() == [255, 0, 0]  # the last row is on top
-    assert EMPTY[0] < heat[15, 15][0] < 255
-    assert heat[8, 8].tolist() == list(EMPTY)
+    heat = heat_of(values, 1.0, HEATS[0])
+    assert CHART.colors[heat[0, 0]].tolist() == list(SAMPLE)  # the last row is on top
+    assert HEATS[0] < heat[15, 15] < HEATS[0] + SHADES - 1
+    assert CHART.colors[heat[8, 8]].tolist() == list(EMPTY)
 
 
 def test_the_histogram_panel_draws_heat_maps_in_place_of_bars(library, tmp_path):
@@ -303,6 +303,6 @@ def test_the_full_panel_has_every_chart(library, tmp_path, asked, has_truth):
         (row,) = recordings.rows(path, PATHS.explain(explained.who, "chart"))
         scale = scale_of([e.entry for e in step.shown if e.entry is not None])
         expected = draw_reference_chart(explained.entry, scale, FINE_PX)
-        np.testing.assert_array_equal(picture_of(row), expected)
+        np.testing.assert_array_equal(picture_of(row), CHART.colors[expected])
     (words,) = recordings.rows(path, PATHS.explain("words"))
     assert f"**Step {moment.frame.step}**" in words.values["TextDocument:text"][0]
