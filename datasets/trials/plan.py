@@ -18,7 +18,7 @@ from typing import Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import read_toml
-from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
+from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 
 from ..tasks import TASKS, TEST, TIERS
@@ -261,13 +261,13 @@ def _part(file: Path, tree: Mapping[str, Any]) -> Part:
 def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
     grid = {
         key: value if isinstance(value, list) else [value]
-        for key, value in _flat(tree.get("grid", {})).items()
+        for key, value in flatten(tree.get("grid", {})).items()
     }
     listed = []
     for given in tree.get("variants", []):
-        own = _flat({key: value for key, value in given.items() if key != "label"})
+        own = flatten({key: value for key, value in given.items() if key != "label"})
         listed.append(Variant(str(given.get("label", label_of(own))), own))
-    variants = Variants(_flat(tree.get("settings", {})), grid, tuple(listed))
+    variants = Variants(flatten(tree.get("settings", {})), grid, tuple(listed))
     alone = [{key: value} for key, values in grid.items() for value in values]
     first = {key: values[0] for key, values in grid.items() if values}
     try:
@@ -279,16 +279,6 @@ def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
     if not len(variants):
         raise InputError(file, "grid: found an empty list, expected values")
     return variants
-
-
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return a table's entries under dotted keys; tables of channels stay whole."""
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        whole = f"{prefix}{key}" in ("sensor.weights", "sensor.distances", "sensor.scales")
-        nested = isinstance(value, Mapping) and not whole
-        flat |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
-    return flat
 
 
 def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[SessionSpec]:

@@ -1,0 +1,102 @@
+"""Plans as TOML: which runs they hold, and what is refused in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from maurice_datasets.trials.plan import configuration_of, read_plan, shipped_plans
+from maurice_datasets.trials.runs import jobs_of
+from maurice_loaders.errors import InputError
+
+SMALL = """
+seeds = 3
+[[sessions]]
+task = "tracking"
+updates = 5
+[settings]
+preset = "thesis"
+[grid]
+particles = [10, 20]
+feature = ["color", "edges"]
+[[variants]]
+label = "by hand"
+"recovery.strategy" = "threshold"
+"""
+
+
+def plan_of(tmp_path: Path, text: str) -> Path:
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    return file
+
+
+def test_the_grid_is_every_combination_and_variants_follow(tmp_path: Path) -> None:
+    part = read_plan(plan_of(tmp_path, SMALL)).parts[0]
+    labels = [part.variants[number].label for number in range(len(part.variants))]
+    assert labels == ["10, color", "10, edges", "20, color", "20, edges", "by hand"]
+    assert part.variants[2].settings == {"preset": "thesis", "particles": 20, "feature": "color"}
+    assert part.variants[4].settings == {"preset": "thesis", "recovery.strategy": "threshold"}
+    assert part.runs == 15
+
+
+def test_every_run_is_in_one_job_and_done_ones_in_none(tmp_path: Path) -> None:
+    plan = read_plan(plan_of(tmp_path, SMALL))
+    keys = [one.key for job in jobs_of(plan, set()) for one in job.asked]
+    assert len(keys) == len(set(keys)) == plan.runs
+    left = [one.key for job in jobs_of(plan, set(keys[:7])) for one in job.asked]
+    assert sorted(left + keys[:7]) == sorted(keys)
+
+
+def test_parts_with_the_same_drives_share_their_jobs() -> None:
+    plan = read_plan("thesis").only(["edges", "blended"]).with_seeds(2)
+    jobs = list(jobs_of(plan, set()))
+    assert len(jobs) == 2
+    assert {one.part for one in jobs[0].asked} == {"edges", "blended"}
+
+
+def test_a_hundred_thousand_runs_are_not_listed() -> None:
+    plan = read_plan("position-tracking", seeds=1000)
+    grid = {"particles": list(range(100, 200))}
+    part = plan.parts[0]
+    from dataclasses import replace
+
+    plan = replace(plan, parts=(replace(part, variants=replace(part.variants, grid=grid)),))
+    assert plan.runs == 100_000
+    assert len(next(jobs_of(plan, set())).asked) == 100
+
+
+@pytest.mark.parametrize("name", shipped_plans())
+def test_shipped_plans_can_be_read(name: str) -> None:
+    plan = read_plan(name)
+    for part in plan.parts:
+        for number in range(len(part.variants)):
+            configuration_of(part.variants[number].settings)
+    assert plan.timing or plan.runs > 0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("seeds = 0\n[[sessions]]\ntask = 'tracking'", "seeds: found 0"),
+        ("[[sessions]]\ntask = 'flying'", "task: found 'flying'"),
+        ("[[sessions]]\nupdates = 5", "found neither task nor path"),
+        ("[[sessions]]\ntask = 'global'\nspeed = 3", "found the key 'speed'"),
+        ("[[sessions]]\ntask = 'global'\n[grid]\nparticles = [0]", "particles: found 0"),
+        ("[[sessions]]\ntask = 'global'\n[grid]\nparticels = [10]", "did you mean particles?"),
+        ("[[sessions]]\ntask = 'global'\n[grid]\nparticles = []", "found an empty list"),
+        ("[[sessions]]\ntask = 'global'\n[settings]\nfeature = 'colour'", "feature: found 'colour'"),
+        ("seeds = 2000\n[[sessions]]\ntask = 'global'", "at most 1000"),
+        ("title = 'nothing'", "found no [[sessions]]"),
+        ("[[sessions]\n", "TOML"),
+    ],
+)
+def test_what_is_no_plan_is_said_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(InputError) as problem:
+        read_plan(plan_of(tmp_path, text))
+    assert said in str(problem.value)
+    assert "\n" not in str(problem.value)
+
+
+def test_a_plan_that_is_not_there_names_those_that_come_along() -> None:
+    with pytest.raises(InputError, match="position-tracking"):
+        read_plan("nothing")

@@ -1,0 +1,145 @@
+"""Runs of a plan: each as if alone, on any engine, after any kill; errors are rows."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from maurice_datasets.trials.engine import run_plan
+from maurice_datasets.trials.plan import read_plan
+from maurice_datasets.trials.rows import MEASURED, read_rows
+from maurice_datasets.trials.runs import run_alone
+from maurice_datasets.trials.table import grouped, load, paired
+from maurice_loaders.errors import InputError
+
+PLAN = """
+seeds = {seeds}
+[[sessions]]
+path = "session.log"
+[settings]
+particles = 50
+[grid]
+feature = ["color", "edges"]
+"resampling.scheme" = ["systematic", "multinomial"]
+"""
+
+
+@pytest.fixture
+def plan_file(small_session: Path) -> Path:
+    """A plan over a recorded session."""
+    file = small_session.with_name("mine.toml")
+    file.write_text(PLAN.format(seeds=3))
+    return file
+
+
+def same(rows: pl.DataFrame) -> pl.DataFrame:
+    return rows.drop(*MEASURED)
+
+
+def test_a_run_of_a_plan_is_the_run_alone(plan_file: Path, tmp_path: Path) -> None:
+    plan = read_plan(plan_file)
+    made = run_plan(plan, tmp_path / "out")
+    rows = read_rows(tmp_path / "out")
+    assert (made.runs, made.made, made.failed, len(rows)) == (12, 12, 0, 12)
+    for row in rows.iter_rows(named=True):
+        alone = run_alone(plan, row["part"], row["session"], row["variant"], row["seed"])
+        kept = pl.DataFrame([alone | {name: row[name] for name in MEASURED}], schema=rows.schema)
+        assert kept.equals(pl.DataFrame([row], schema=rows.schema), null_equal=True)
+
+
+def test_workers_and_order_do_not_matter(plan_file: Path, tmp_path: Path) -> None:
+    plan = read_plan(plan_file)
+    run_plan(plan, tmp_path / "one")
+    run_plan(plan, tmp_path / "two", workers=2)
+    assert same(read_rows(tmp_path / "one")).equals(same(read_rows(tmp_path / "two")))
+
+
+def test_nothing_is_computed_twice(plan_file: Path, tmp_path: Path) -> None:
+    plan = read_plan(plan_file)
+    run_plan(plan, tmp_path / "out")
+    assert run_plan(plan, tmp_path / "out", resume=True).made == 0
+    with pytest.raises(InputError, match="--resume"):
+        run_plan(plan, tmp_path / "out")
+    with pytest.raises(InputError, match="differs"):
+        run_plan(plan.with_seeds(5), tmp_path / "out", resume=True)
+
+
+def test_a_failing_run_is_a_row_and_is_tried_again(plan_file: Path, tmp_path: Path) -> None:
+    text = plan_file.read_text()
+    plan_file.write_text(text.replace("[grid]", 'motion = {model = "maurice", turn_gain = "wide"}\n[grid]'))
+    made = run_plan(read_plan(plan_file), tmp_path / "out")
+    rows = read_rows(tmp_path / "out")
+    assert made.failed == 12
+    assert rows["error"].null_count() == 0
+    assert rows["error_m"].null_count() == 12
+    assert "turn_gain" in rows["error"][0]
+    assert run_plan(read_plan(plan_file), tmp_path / "out", resume=True).made == 12
+
+
+def test_a_missing_session_is_a_row_for_each_of_its_runs(plan_file: Path, tmp_path: Path) -> None:
+    plan_file.write_text(plan_file.read_text().replace("session.log", "nothing.log"))
+    assert run_plan(read_plan(plan_file), tmp_path / "out").failed == 12
+
+
+RUN = """
+import sys
+from maurice_datasets.trials.engine import run_plan
+from maurice_datasets.trials.plan import read_plan
+run_plan(read_plan(sys.argv[1]), sys.argv[2], resume=True)
+"""
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_it_goes_on(plan_file: Path, tmp_path: Path) -> None:
+    plan_file.write_text(plan_file.read_text().replace("seeds = 3", "seeds = 120"))
+    plan, out = read_plan(plan_file), tmp_path / "out"
+    seen = 0
+    for wait_s in (1.0, 1.4, 1.8, 2.2, 2.6):
+        process = subprocess.Popen([sys.executable, "-c", RUN, str(plan_file), str(out)])
+        time.sleep(wait_s)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        if (out / "plan.json").exists():
+            rows = len(read_rows(out))
+            assert rows >= seen
+            seen = rows
+    run_plan(plan, out, resume=True)
+    run_plan(plan, tmp_path / "undisturbed")
+    assert same(read_rows(out)).equals(same(read_rows(tmp_path / "undisturbed")))
+    assert not [file for file in (out / "rows").iterdir() if file.name.endswith(".part")]
+
+
+@pytest.mark.slow
+def test_a_real_cluster_makes_the_same_rows(plan_file: Path, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    plan = read_plan(plan_file)
+    run_plan(plan, tmp_path / "here")
+    run_plan(plan, tmp_path / "there", engine="dask", workers=2)
+    assert same(read_rows(tmp_path / "here")).equals(same(read_rows(tmp_path / "there")))
+
+
+def test_tables(plan_file: Path, tmp_path: Path) -> None:
+    run_plan(read_plan(plan_file), tmp_path / "out")
+    rows = load(tmp_path / "out")
+    groups = grouped(rows, ["feature", "resampling.scheme"])
+    assert [tuple(one.by.values()) for one in groups][:2] == [
+        ("color", "systematic"),
+        ("color", "multinomial"),
+    ]
+    some = rows.filter((pl.col("feature") == "color") & (pl.col("resampling.scheme") == "systematic"))
+    assert groups[0].figure.value == pytest.approx(some["error_m"].mean())
+    assert groups[0].runs == 3
+    apart = paired(rows, ["feature"])
+    color, edges = (rows.filter(pl.col("feature") == name)["error_m"].mean() for name in ("color", "edges"))
+    assert isinstance(color, float)
+    assert isinstance(edges, float)
+    assert len(apart) == 1
+    assert apart[0].figure.value == pytest.approx(edges - color)
+    assert apart[0].figure.count == 6
+    with pytest.raises(InputError, match="found no column 'colour'"):
+        grouped(rows, ["colour"])
