@@ -6,7 +6,7 @@ what Rerun would have made, and it takes it unchanged.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any
@@ -25,12 +25,46 @@ _STRIPS = pa.list_(pa.field("item", _PAIR, nullable=False))
 _BLOB = pa.list_(pa.field("item", pa.uint8(), nullable=False))
 
 
+Maker = Callable[[Sequence[Any]], Any]  # of an Arrow array, from what one or several rows hold
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """The values of one component in one row. An Arrow array is made late: of many rows at once."""
+
+    make: Maker
+    raw: Any  # what `make` takes a list of
+    length: int  # of the Arrow array
+    size: int  # in bytes, about
+
+    def arrow(self) -> Any:
+        """Return the Arrow array."""
+        return self.make([self.raw])
+
+
+def joined(rows: Sequence[Values]) -> Any:
+    """Return the Arrow array of the values of one component in several rows, one after the other."""
+    make = rows[0].make
+    if all(row.make is make for row in rows):
+        return make([row.raw for row in rows])
+    return pa.concat_arrays([row.arrow() for row in rows])
+
+
+def ready(values: Any) -> Values:
+    """Return an Arrow array as values."""
+    return Values(_concat, values, len(values), values.get_total_buffer_size())
+
+
+def _concat(arrays: Sequence[Any]) -> Any:
+    return pa.concat_arrays(arrays)
+
+
 @dataclass(frozen=True, slots=True)
 class ReadyComponent:
     """One component of a row."""
 
     descriptor: Any
-    values: Any
+    values: Values
 
     def component_descriptor(self) -> Any:
         """Say which component."""
@@ -38,13 +72,13 @@ class ReadyComponent:
 
     def as_arrow_array(self) -> Any:
         """Return the values as they are stored."""
-        return self.values
+        return self.values.arrow()
 
 
-Row = list[Any]  # of ready components; Rerun annotates what it logs with a class of its own
+Row = list[Any]  # of ReadyComponent; Rerun annotates what it logs with a class of its own
 
 
-def row_of(archetype: type, **values: Any) -> Row:
+def row_of(archetype: type, **values: Values) -> Row:
     """Return a row to log: fields of an archetype, each as one of the functions below returns it."""
     return [ReadyComponent(_descriptor(archetype, name), ready) for name, ready in values.items()]
 
@@ -54,19 +88,19 @@ def _descriptor(archetype: Any, field: str) -> Any:
     return getattr(archetype, f"descriptor_{field}")()
 
 
-def floats_of(values: ArrayLike) -> Any:
+def floats_of(values: ArrayLike) -> Values:
     """Return numbers (K,) in single precision: radii."""
-    return _plain(pa.float32(), np.ascontiguousarray(values, np.float32))
+    return _numbers(_floats, np.ascontiguousarray(values, np.float32))
 
 
-def ui_points_of(radii: ArrayLike) -> Any:
+def ui_points_of(radii: ArrayLike) -> Values:
     """Return radii (K,) in points of the screen, which Rerun writes as negative numbers."""
     return floats_of(-np.asarray(radii, np.float32))
 
 
-def doubles_of(values: ArrayLike) -> Any:
+def doubles_of(values: ArrayLike) -> Values:
     """Return numbers (K,), or one, in double precision."""
-    return _plain(pa.float64(), np.atleast_1d(np.ascontiguousarray(values, np.float64)))
+    return _numbers(_doubles, np.atleast_1d(np.ascontiguousarray(values, np.float64)))
 
 
 def scalars(values: ArrayLike) -> Row:
@@ -74,46 +108,84 @@ def scalars(values: ArrayLike) -> Row:
     return row_of(rr.Scalars, scalars=doubles_of(values))
 
 
-def colors_of(packed: ArrayLike) -> Any:
+def colors_of(packed: ArrayLike) -> Values:
     """Return packed colors (K,) 0xRRGGBBAA."""
-    return _plain(pa.uint32(), np.ascontiguousarray(packed, np.uint32))
+    return _numbers(_colors, np.ascontiguousarray(packed, np.uint32))
 
 
-def texts_of(texts: Sequence[str]) -> Any:
+def texts_of(texts: Sequence[str]) -> Values:
     """Return texts (K,): labels."""
-    return pa.array(texts, pa.string())
+    return Values(_texts, texts, len(texts), sum(map(len, texts)))
 
 
-def text_of(text: str) -> Any:
+def text_of(text: str) -> Values:
     """Return a text."""
-    return pa.array([text], pa.utf8())
+    return texts_of([text])
 
 
-def points_of(places: ArrayLike) -> Any:
+def points_of(places: ArrayLike) -> Values:
     """Return places or vectors (K, 2)."""
     flat = np.ascontiguousarray(places, np.float32).ravel()
-    inner = _plain(pa.float32(), flat)
-    return pa.Array.from_buffers(_PAIR, len(flat) // 2, [None], children=[inner])
+    return Values(_points, flat, len(flat) // 2, flat.nbytes)
 
 
-def strips_of(lines: Sequence[F32] | F32) -> Any:
+def strips_of(lines: Sequence[F32] | F32) -> Values:
     """Return lines (M, K, 2), or M lines (K_i, 2)."""
     points = np.concatenate(lines) if len(lines) else np.zeros((0, 2), np.float32)
-    ends = np.cumsum([0, *map(len, lines)], dtype=np.int32)
-    return pa.Array.from_buffers(
-        _STRIPS, len(lines), [None, pa.py_buffer(ends)], children=[points_of(points)]
-    )
+    lengths = [len(line) for line in lines]
+    return Values(_strips, (np.ascontiguousarray(points, np.float32), lengths), len(lengths), points.nbytes)
 
 
-def blob_of(data: bytes) -> Any:
+def blob_of(data: bytes) -> Values:
     """Return the content of a file, such as an encoded picture."""
+    return Values(_blobs, data, 1, len(data))
+
+
+def _numbers(make: Maker, values: Any) -> Values:
+    return Values(make, values, len(values), values.nbytes)
+
+
+def _plain(kind: Any, values: Sequence[Any]) -> Any:
+    flat = values[0] if len(values) == 1 else np.concatenate(values)
+    return pa.Array.from_buffers(kind, len(flat), [None, pa.py_buffer(flat)])
+
+
+def _floats(rows: Sequence[Any]) -> Any:
+    return _plain(pa.float32(), rows)
+
+
+def _doubles(rows: Sequence[Any]) -> Any:
+    return _plain(pa.float64(), rows)
+
+
+def _colors(rows: Sequence[Any]) -> Any:
+    return _plain(pa.uint32(), rows)
+
+
+def _texts(rows: Sequence[Sequence[str]]) -> Any:
+    return pa.array([text for texts in rows for text in texts], pa.utf8())
+
+
+def _points(rows: Sequence[Any]) -> Any:
+    inner = _floats(rows)
+    return pa.Array.from_buffers(_PAIR, len(inner) // 2, [None], children=[inner])
+
+
+def _strips(rows: Sequence[tuple[F32, list[int]]]) -> Any:
+    lengths = [length for _, lengths in rows for length in lengths]
+    points = _points([points.ravel() for points, _ in rows])
+    return pa.Array.from_buffers(_STRIPS, len(lengths), [None, _ends(lengths)], children=[points])
+
+
+def _blobs(rows: Sequence[bytes]) -> Any:
+    data = rows[0] if len(rows) == 1 else b"".join(rows)
     inner = pa.Array.from_buffers(pa.uint8(), len(data), [None, pa.py_buffer(data)])
-    ends = pa.py_buffer(np.array([0, len(data)], np.int32))
-    return pa.Array.from_buffers(_BLOB, 1, [None, ends], children=[inner])
+    ends = _ends([len(blob) for blob in rows])
+    return pa.Array.from_buffers(_BLOB, len(rows), [None, ends], children=[inner])
 
 
-def _plain(kind: Any, values: Any) -> Any:
-    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(values)])
+def _ends(lengths: Sequence[int]) -> Any:
+    return pa.py_buffer(np.cumsum([0, *lengths], dtype=np.int32))
 
 
 KIND = "F32"  # the union's name for float32
@@ -128,12 +200,20 @@ def _mold(length: int) -> tuple[Any, list[Any], int]:
     return tensor, [union.field(k) for k in range(len(names))], names.index(KIND)
 
 
-def tensor_of(values: F32) -> Any:
-    """Return a vector (D,): the heights of a bar chart. All but the numbers is built once a length."""
+def tensor_of(values: F32) -> Values:
+    """Return a vector (D,): the heights of a bar chart."""
+    return Values(_tensors, np.ascontiguousarray(values, np.float32), 1, values.nbytes)
+
+
+def _tensors(rows: Sequence[F32]) -> Any:
+    return pa.concat_arrays([_tensor(row) for row in rows])
+
+
+def _tensor(values: F32) -> Any:
+    """Return one vector. All but the numbers is built once a length."""
     tensor, kinds, at = _mold(len(values))
-    numbers = _plain(pa.float32(), np.ascontiguousarray(values, np.float32))
     hole = kinds[at]
-    filled = pa.Array.from_buffers(hole.type, 1, hole.buffers()[:2], children=[numbers])
+    filled = pa.Array.from_buffers(hole.type, 1, hole.buffers()[:2], children=[_floats([values])])
     shape, names, buffer = (tensor.field(k) for k in range(3))
     children = [*kinds[:at], filled, *kinds[at + 1 :]]
     union = pa.Array.from_buffers(buffer.type, 1, buffer.buffers()[:3], children=children)

@@ -7,15 +7,17 @@ the later one still wins.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Any
 
+import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # has no types
 import rerun as rr
 
+from ..drawing.arrow import ReadyComponent, Values, joined, ready
 from ..entities import STEP
 
 Timelines = tuple[str, ...]
@@ -57,7 +59,7 @@ class ComponentLists:
     """A column of one component, as `send_columns` takes it."""
 
     descriptor: Any
-    values: list[Any]  # an Arrow array per row, None where the row has none
+    values: Sequence[Values | None]  # a row each; None where the row has none
 
     def component_descriptor(self) -> Any:
         """Say which component."""
@@ -66,12 +68,11 @@ class ComponentLists:
     def as_arrow_array(self) -> Any:
         """Return lists, one per row; null where the component is not in the row."""
         here = [values for values in self.values if values is not None]
-        ends, end = [0], 0
-        for values in self.values:
-            end += 0 if values is None else len(values)
-            ends.append(end)
-        absent = pa.array([values is None for values in self.values])
-        return pa.ListArray.from_arrays(pa.array(ends, pa.int32()), pa.concat_arrays(here), mask=absent)
+        lengths = [0 if values is None else values.length for values in self.values]
+        ends = pa.array(np.cumsum([0, *lengths], dtype=np.int32))
+        gaps = len(here) < len(lengths)
+        absent = pa.array([values is None for values in self.values]) if gaps else None
+        return pa.ListArray.from_arrays(ends, joined(here), mask=absent)
 
 
 class BlockRecording(rr.RecordingStream):
@@ -86,6 +87,7 @@ class BlockRecording(rr.RecordingStream):
         self._times: dict[str, Any] = {}  # by timeline
         self._kinds: dict[str, str] = {}  # of number, by timeline
         self._rows: dict[str, dict[Timelines, Rows]] = {}  # by entity
+        self._columns: dict[tuple[str, tuple[Any, ...]], rr.TimeColumn] = {}  # of this block
         self._step: Any = None
         self._updates = self._bytes = 0
 
@@ -105,16 +107,15 @@ class BlockRecording(rr.RecordingStream):
 
     def log(self, entity_path: Any, entity: Any, *extra: Any, static: bool = False, **how: Any) -> None:
         """Log as any recording does. What is static, or clears an entity, goes out at once."""
-        if static or not self._times or isinstance(entity, rr.Clear):
+        if static or not self._times or type(entity) is rr.Clear:
             self.send_rows()
             self._log_now(entity_path, entity, *extra, static=static, **how)
             return
         components = {
-            batch.component_descriptor(): batch.as_arrow_array()
-            for part in (entity, *extra)
-            for batch in (part.as_component_batches() if hasattr(part, "as_component_batches") else part)
+            descriptor: values for part in (entity, *extra) for descriptor, values in _components_of(part)
         }
-        self._bytes += sum(values.get_total_buffer_size() for values in components.values())
+        for values in components.values():
+            self._bytes += values.size
         self._rows_of(str(entity_path)).add(self._times, components)
 
     def _rows_of(self, entity: str) -> Rows:
@@ -137,6 +138,7 @@ class BlockRecording(rr.RecordingStream):
         for entity in list(self._rows):
             self._send_entity(entity)
         self._rows.clear()
+        self._columns.clear()
         self._updates = self._bytes = 0
         with suppress(
             RuntimeError, OSError, ValueError
@@ -145,10 +147,18 @@ class BlockRecording(rr.RecordingStream):
 
     def _send_entity(self, entity: str) -> None:
         for rows in self._rows[entity].values():
-            times = [rr.TimeColumn(name, **{self._kinds[name]: at}) for name, at in rows.times.items()]
+            times = [self._time_column(name, tuple(at)) for name, at in rows.times.items()]
             columns: list[Any] = [ComponentLists(*column) for column in rows.filled()]
             self.send_columns(entity, times, columns)
         self._rows[entity].clear()
+
+    def _time_column(self, timeline: str, at: tuple[Any, ...]) -> rr.TimeColumn:
+        """Return when rows are; most entities of a block have theirs at the same times."""
+        found = self._columns.get((timeline, at))
+        if found is None:
+            found = rr.TimeColumn(timeline, **{self._kinds[timeline]: at})
+            self._columns[timeline, at] = found
+        return found
 
     def flush(self, *, timeout_sec: float = 1e38) -> None:
         """Write all that was logged."""
@@ -159,3 +169,12 @@ class BlockRecording(rr.RecordingStream):
         """Write all that was logged, and close the file."""
         self.send_rows()
         super().disconnect()
+
+
+def _components_of(part: Any) -> Iterator[tuple[Any, Values]]:
+    """Yield descriptor and values of each component of what is logged: a ready row, or what Rerun takes."""
+    for one in part.as_component_batches() if hasattr(part, "as_component_batches") else part:
+        if type(one) is ReadyComponent:
+            yield one.descriptor, one.values
+        else:
+            yield one.component_descriptor(), ready(one.as_arrow_array())

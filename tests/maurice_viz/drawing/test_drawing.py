@@ -90,18 +90,18 @@ def test_keys_and_tensors():
     assert keys.weight_key(True, color, True).shape[1] > keys.weight_key(False, color, True).shape[1]
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
-    first = tensor_of(np.array([1, 2], np.float32))
-    second = tensor_of(np.array([3, 4], np.float32))
+    first = tensor_of(np.array([1, 2], np.float32)).arrow()
+    second = tensor_of(np.array([3, 4], np.float32)).arrow()
     assert not first.equals(second)
     assert first.equals(TensorDataBatch(np.array([1, 2], np.float32)).as_arrow_array())
     values = np.arange(8, dtype=np.float32)[::2]
-    assert tensor_of(values).equals(TensorDataBatch(values.copy()).as_arrow_array())
+    assert tensor_of(values).arrow().equals(TensorDataBatch(values.copy()).as_arrow_array())
 
 
 @pytest.mark.parametrize("length", [1, 2, 84, 168])
 def test_the_short_way_gives_what_rerun_gives(length):
     values = np.random.default_rng(length).random(length, np.float32)
-    short = tensor_of(values)
+    short = tensor_of(values).arrow()
     short.validate(full=True)
     assert short.equals(TensorDataBatch(values).as_arrow_array())
 
