@@ -33,7 +33,7 @@ VERDICT = "/session/verdict"  # what happened: one TextDocument, static
 TOUR = "/session/tour"  # where to look: one TextDocument per moment, from its step on
 LIMITS = "/session/limits"  # Scalars: the errors that runs are judged by
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
-CARRIED = f"{TRUTH}/carried"  # LineStrips2D: from where to where a kidnapped robot was carried
+CARRIED = f"{TRUTH}/carried"  # Arrows2D: from where to where a kidnapped robot was carried
 
 RESERVED = ("world", "session", "compare", "_log")
 
@@ -88,6 +88,11 @@ class RunPaths:
     def ellipses(self) -> str:
         """Two standard deviations of the weighted cloud: LineStrips2D."""
         return self.at("belief", "estimate", "ellipses")
+
+    @property
+    def error_line(self) -> str:
+        """From the estimate to the truth where they are far apart: LineStrips2D, with its length."""
+        return self.at("error")
 
     @property
     def mode_rings(self) -> str:

@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.recovery import Expansion, none
 from maurice_mcl.map import Arena
 from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.sensor.model import SensorModel
 
 from .drawing.contact_sheet import CELL_PX
 from .style import Scale
+
+NEVER, EVENLY, LIKELY = "never", "evenly", "likelihood"  # where a run draws new particles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +38,7 @@ class RunView:
     particles: int = 0
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
     radii: Radii = USUAL  # by which it is judged
+    draws_new: str | None = None  # where recovery draws new particles, NEVER: nowhere; None: not known
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
 
     @property
@@ -46,4 +50,15 @@ class RunView:
     def live(cls, label: str, localizer: Localizer) -> RunView:
         """Return the view of a run all of whose panels will be filled."""
         sensor = localizer.sensor
-        return cls(label, tuple(sensor.distances), sensor, localizer.particles, radii=localizer.radii)
+        names = tuple(sensor.distances)
+        draws_new = _draws_new(localizer)
+        return cls(label, names, sensor, localizer.particles, radii=localizer.radii, draws_new=draws_new)
+
+
+def _draws_new(localizer: Localizer) -> str | None:
+    strategy = localizer.recovery.strategy
+    if isinstance(strategy, Expansion):
+        return None  # spreads those that it has
+    if strategy is none:
+        return NEVER if localizer.mixture is None else LIKELY
+    return EVENLY if localizer.recovery.draw_evenly else LIKELY

@@ -180,7 +180,7 @@ def _verdict(playback: Playback, observers: Mapping[str, Observer]) -> VerdictDr
     if not isinstance(first, RerunObserver):
         return None
     scale = scale_for(scene.info.display_units, scene.library.arena)
-    return VerdictDrawing(first.rec, scale, scene.live)
+    return VerdictDrawing(first.rec, scale, playback.views, scene.live)
 
 
 def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:

@@ -38,7 +38,7 @@ from maurice_mcl.session import Moment, SessionInfo
 from ..errors import SinkError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun, ResultCollector, shared
-from ..scene import RunView
+from ..scene import LIKELY, NEVER, RunView
 from .events import find_notes
 from .open import AnySession
 from .output import DriveScene, OutputOptions
@@ -161,9 +161,17 @@ def _tried(opening: Callable[[], Part], problems: list[str]) -> Part | None:
 def view_of(one: Restored) -> RunView:
     """Return how one saved run is shown."""
     manifest = one.saved.manifest
-    particles = one.saved.configuration.parameters.particles
+    parameters = one.saved.configuration.parameters
+    special = {"none": NEVER, "mixture": LIKELY, "expansion": None}
+    draws_new = special.get(parameters.recovery.strategy, parameters.recovery.draw)
     return RunView(
-        manifest.label, manifest.channels, one.sensor, particles, one.bookmarks, radii=manifest.radii
+        manifest.label,
+        manifest.channels,
+        one.sensor,
+        parameters.particles,
+        one.bookmarks,
+        radii=manifest.radii,
+        draws_new=draws_new if manifest.channels else None,
     )
 
 

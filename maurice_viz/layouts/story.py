@@ -17,7 +17,7 @@ from ..scene import RunView, SceneInfo
 
 # shares of the height of a screen of 1600 x 1000, in hundreds of pixels
 MIDDLE = 4.9
-TEXTS = 1.55  # title, and three lines of the verdict or of the tour
+TEXTS = 1.8  # title, and four lines of the verdict, or those of the tour
 TELLS = 0.6  # of the width: the verdict; the rest is the tour
 LANES, LANE = 0.75, 0.38  # title and axis of the events, and each lane
 SCREEN = 9.0  # all below the tabs

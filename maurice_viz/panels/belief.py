@@ -10,7 +10,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
-from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.arrays import F32, F64, I32
 from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
@@ -22,7 +21,6 @@ from ..drawing.keys import WEIGHTS, weight_key
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import (
-    CARRIED,
     DEAD,
     FRESH,
     PALE,
@@ -221,48 +219,6 @@ def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLO
     return PoseMarker(path, color, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
 
 
-CARRIED_SHOWN = 10  # updates for which the line of a kidnapping stays
-
-
-class TruthPanel(Panel):
-    """Draws the true pose, and for some updates from where to where a robot was carried."""
-
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        self._marker = truth_marker(entities.TRUTH, run.library.arena, run.scale)
-        self._last: F64 | None = None  # the true pose before
-        self._carried_for: int | None = None  # updates since the line was drawn; None: there is none
-
-    def prepare(self, rec: rr.RecordingStream) -> None:
-        self._marker.prepare(rec)
-        width = rr.components.Radius.ui_points(1.25)
-        line = rr.LineStrips2D.from_fields(colors=[CARRIED], radii=width, draw_order=36.0)
-        rec.log(entities.CARRIED, line, static=True)
-
-    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        truth = update.moment.truth
-        if truth is None:
-            return
-        set_phase(rec, update.moment, Phase.PREDICT)
-        carried = any(event.kind == KIDNAPPED for event in update.events)
-        self._marker.draw(rec, truth, carried)
-        if carried and self._last is not None:
-            self._draw_carried(rec, self._last, truth)
-        elif self._carried_for is not None:
-            self._carried_for += 1
-            if self._carried_for == CARRIED_SHOWN:
-                rec.log(entities.CARRIED, rr.LineStrips2D.from_fields(strips=[], labels=[]))
-                self._carried_for = None
-        self._last = truth
-
-    def _draw_carried(self, rec: rr.RecordingStream, start: F64, end: F64) -> None:
-        length = self._scale.say(float(np.hypot(*(end[:2] - start[:2]))))
-        strip = self._scale.screen(np.stack([start[:2], end[:2]]))
-        line = rr.LineStrips2D.from_fields(strips=[strip], labels=[f"carried {length}"], show_labels=True)
-        rec.log(entities.CARRIED, line)
-        self._carried_for = 0
-
-
 class EstimatePanel(Panel):
     """Draws the scored estimate."""
 
@@ -385,7 +341,7 @@ def bar_for(needed: float, unit: str) -> float:
 def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
     contents = [*MAP, entities.NODES, paths.key(WEIGHTS), f"{paths.at('belief')}/**"]
-    contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
+    contents += [f"{entities.TRUTH}/**", paths.error_line] if scene.has_truth else []
     return map_view(f"Belief: particles by weight, rings: modes ({scene.scale.units.name})", contents, scene)
 
 

@@ -199,7 +199,8 @@ def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DVie
     for run in runs:
         paths = RunPaths(run.label)
         contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses, paths.fresh]
-        contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
+        truth = f"{entities.truth_of(run.label, run.own_drive)}/**"
+        contents += [truth, paths.error_line] if scene.has_truth else []
     key = _key_of_all(runs, scene.has_truth)
     name = f"All runs on one map ({scene.scale.units.name})"
     return plane_view(name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale))

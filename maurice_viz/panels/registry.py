@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel, TruthPanel
+from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel
 from .camera import CameraPanel, FilmstripPanel
 from .events import EventsPanel, WordsPanel
 from .explanation import ExplanationPanel
@@ -12,9 +12,9 @@ from .histograms import HistogramsPanel
 from .panel import DrawnRun, Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
-from .story import LimitsPanel
+from .story import ErrorLinePanel, LimitsPanel
 from .traces import TracesPanel
-from .world import KeysPanel, WorldPanel
+from .world import KeysPanel, TruthPanel, WorldPanel
 
 PanelMaker = Callable[[DrawnRun], Panel]
 
@@ -35,6 +35,7 @@ OF_A_RUN: tuple[PanelMaker, ...] = (
     HistogramsPanel,
     EstimatePanel,
     EllipsesPanel,
+    ErrorLinePanel,
     HeadingsPanel,
     ModesPanel,
     TracesPanel,

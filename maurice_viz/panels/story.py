@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.analysis.tour import tour_of
 from maurice_mcl.analysis.verdict import RunVerdict, decisive_step
+from maurice_mcl.arrays import F64
 from maurice_mcl.session import Moment
 
+from ..drawing.arrow import points_of, row_of, strips_of, texts_of
 from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, RunPaths, phase_number
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
-from ..text.tour import tour_pages
+from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET, verdict_line
-from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
+from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
 from .traces import LINE, POSITION_ERROR, SPREAD, TWO_SIGMA
 from .views import Overrides, picture_view, plot
 
 EVERY = 10  # updates between two points of the limits, which are straight lines
+LABELS_ALONG = (0.5, 0.3, 0.7, 0.4)  # where on its line each run's error is written
 FAINT = 0.8  # width of lines that are beside the point
 
 
@@ -54,11 +59,61 @@ class LimitsPanel(Panel):
             rec.log(LIMITS, rr.Scalars(self._values))
 
 
+class ErrorLinePanel(Panel):
+    """Draws how far the estimate is from the truth, with the length, where it is far off.
+
+    Not in the update of a kidnapping: there the arrow along which the robot was carried says it.
+    """
+
+    def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
+        number = RUN_COLORS.index(run.color) if run.color in RUN_COLORS else 0
+        self._along = LABELS_ALONG[number % len(LABELS_ALONG)]  # labels of parallel lines side by side
+        self._is_shown = False
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        radius = rr.components.Radius.ui_points
+        line = rr.LineStrips2D.from_fields(colors=[self._run.color], radii=radius(1.0), draw_order=44.0)
+        label = rr.Points2D.from_fields(
+            colors=[self._run.color], radii=radius(0.1), draw_order=44.0, show_labels=True
+        )
+        rec.log(self._paths.error_line, line, label, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        truth, estimate = update.moment.truth, update.record.estimate
+        if self._is_shown:
+            set_phase_only(rec, update.moment, Phase.PREDICT)
+            self._log(rec, [], "")
+        if truth is None or any(event.kind == KIDNAPPED for event in update.events):
+            off_m = 0.0
+        else:
+            off_m = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
+        is_off = off_m > estimate.radii.confidence_m
+        if is_off or self._is_shown:
+            set_phase(rec, update.moment, Phase.WEIGHT)
+            ends = [] if truth is None or not is_off else [estimate.pose[:2], truth[:2]]
+            self._log(rec, ends, f"{self._scale.say(off_m)} off")
+        self._is_shown = is_off
+
+    def _log(self, rec: rr.RecordingStream, ends: Sequence[F64], label: str) -> None:
+        """Log a line from the first end to the second one; without ends none."""
+        line = self._scale.screen(np.array(ends).reshape(-1, 2))
+        at = line[:1] + self._along * (line[1:] - line[:1])
+        rec.log(
+            self._paths.error_line,
+            row_of(rr.LineStrips2D, strips=strips_of([line] if len(line) else [])),
+            row_of(rr.Points2D, positions=points_of(at), labels=texts_of([label] if len(line) else [])),
+        )
+
+
 class VerdictDrawing:
     """Draws the verdict on all runs of a recording. It is known at the end; of a live drive, so far."""
 
-    def __init__(self, rec: rr.RecordingStream, scale: Scale, live: bool = False) -> None:
+    def __init__(
+        self, rec: rr.RecordingStream, scale: Scale, runs: Sequence[RunView], live: bool = False
+    ) -> None:
         self._rec, self._scale, self._live = rec, scale, live
+        self._words = words(runs)
         self._times_s: dict[int, float] = {}  # of each step
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET)
@@ -80,7 +135,7 @@ class VerdictDrawing:
 
     def _log_tour(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log where to look at each moment of the tour, from its step on."""
-        for step, page in tour_pages(tour_of(verdicts), verdicts, self._scale):
+        for step, page in tour_pages(tour_of(verdicts), verdicts, self._scale, self._words):
             self._rec.set_time(STEP, sequence=step)
             self._rec.set_time(SESSION, duration=self._times_s.get(step, 0.0))
             self._rec.set_time(PHASE, sequence=phase_number(step, Phase.PREDICT))

@@ -1,19 +1,22 @@
-"""The map, drawn once: floors, obstacles, walls, library nodes, keys."""
+"""The map, drawn once: floors, obstacles, walls, library nodes, keys; and on it the true pose."""
 
 from __future__ import annotations
 
 import numpy as np
 import rerun as rr
 
+from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
 
 from .. import entities
 from ..drawing import keys
-from ..drawing.canvas import draw_ground, map_extent
-from ..style import NODE, WALL, Scale
-from .panel import Panel, place_drawing
+from ..drawing.canvas import draw_ground, long_side, map_extent
+from ..entities import Phase
+from ..style import CARRIED, NODE, WALL, Scale
+from .belief import truth_marker
+from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase
 
 
 class WorldPanel(Panel):
@@ -30,6 +33,53 @@ class KeysPanel(Panel):
         run = self._run
         for name, strip in keys.keys_of(run.has_truth, run.color, run.is_recorded).items():
             draw_key(rec, self._paths.key(name), strip, self._library.arena, self._scale)
+
+
+BEFORE_TRUTH = 0.05  # of the arena's long side: where the arrow to the truth ends, or its disk would hide it
+CARRIED_SHOWN = 10  # updates for which the line of a kidnapping stays
+
+
+class TruthPanel(Panel):
+    """Draws the true pose, and for some updates an arrow from where to where a robot was carried."""
+
+    def __init__(self, run: DrawnRun) -> None:
+        super().__init__(run)
+        self._marker = truth_marker(entities.TRUTH, run.library.arena, run.scale)
+        self._last: F64 | None = None  # the true pose before
+        self._carried_for: int | None = None  # updates since the line was drawn; None: there is none
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        self._marker.prepare(rec)
+        width = rr.components.Radius.ui_points(1.75)
+        arrow = rr.Arrows2D.from_fields(colors=[CARRIED], radii=width, draw_order=48.0)
+        rec.log(entities.CARRIED, arrow, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        truth = update.moment.truth
+        if truth is None:
+            return
+        set_phase(rec, update.moment, Phase.PREDICT)
+        carried = any(event.kind == KIDNAPPED for event in update.events)
+        self._marker.draw(rec, truth, carried)
+        if carried and self._last is not None:
+            self._draw_carried(rec, self._last, truth)
+        elif self._carried_for is not None:
+            self._carried_for += 1
+            if self._carried_for == CARRIED_SHOWN:
+                rec.log(entities.CARRIED, rr.Arrows2D.from_fields(origins=[], vectors=[], labels=[]))
+                self._carried_for = None
+        self._last = truth
+
+    def _draw_carried(self, rec: rr.RecordingStream, start: F64, end: F64) -> None:
+        length = self._scale.say(float(np.hypot(*(end[:2] - start[:2]))))
+        origin, place = self._scale.screen(np.stack([start[:2], end[:2]]))
+        way, gap = place - origin, BEFORE_TRUTH * long_side(self._library.arena, self._scale)
+        way *= max(1 - gap / max(float(np.hypot(*way)), gap), 0.5)
+        arrow = rr.Arrows2D.from_fields(
+            origins=[origin], vectors=[way], labels=[f"carried {length}"], show_labels=True
+        )
+        rec.log(entities.CARRIED, arrow)
+        self._carried_for = 0
 
 
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:

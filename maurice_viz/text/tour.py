@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from maurice_mcl.analysis.ambiguity import Ambiguity
 from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, Cause
 from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, GONE, LOST, SURE, TourMoment
 from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 
+from ..scene import EVENLY, LIKELY, NEVER, RunView
 from ..style import Scale
 from .verdict import befell
 
@@ -31,19 +32,46 @@ LOOKS = {
 }
 
 
+DRAWS = {
+    NEVER: "never draws new dots",
+    EVENLY: "draws new dots anywhere once no dot fits",
+    LIKELY: "draws new dots where the picture fits",
+}
+DOT = "**Dot**: a particle, one guess of the pose. **Weight**: how well it fits."
+RING = "**Ring**: a group of dots (mode); mode switch: another one became the heaviest."
+SIGMA = "**2 sigma**: an oval around most dots"
+BEYOND = "; 3 sigma: the truth is far outside it"
+MATCH = "**q**: likeness of two pictures, at most 1. **Fresh**: dots drawn anew (reseeded)."
+
+
+def words(runs: Sequence[RunView]) -> str:
+    """Explain the words of the first screen, and what tells its runs apart."""
+    is_one = len(runs) == 1  # whose rings and whose every event are shown
+    parts = [DOT, RING if is_one else "", f"{SIGMA}{BEYOND if is_one else ''}."]
+    parts.append("" if runs[0].is_recorded else MATCH)
+    draws = [DRAWS.get(run.draws_new or "", "") for run in runs]
+    if all(draws) and len(set(draws)) > 1:
+        does = (f"`{run.label}` {draw}" for run, draw in zip(runs, draws, strict=True))
+        parts.insert(0, f"{'; '.join(does)}.")
+    return " ".join(part for part in parts if part)
+
+
 def tour_pages(
-    tour: tuple[TourMoment, ...], verdicts: Mapping[str, RunVerdict], scale: Scale
+    tour: tuple[TourMoment, ...], verdicts: Mapping[str, RunVerdict], scale: Scale, explained: str = ""
 ) -> list[tuple[int, str]]:
-    """Return step and Markdown of each moment, to be shown from its step until the next one's."""
+    """Return step and Markdown of each moment, to be shown from its step until the next one's.
+
+    Each ends with the words that are `explained`.
+    """
     names = [_name(moment, len(verdicts) > 1) for moment in tour]
     has_truth = next(iter(verdicts.values())).has_truth
     pages = []
     for number, (moment, name) in enumerate(zip(tour, names, strict=True)):
-        title = f"#### {number + 1} of {len(tour)} · step {moment.step}: {name}"
+        title = f"**{number + 1} of {len(tour)} · step {moment.step}: {name}.**"
         look = _look(moment, scale, has_truth)
         if number + 1 < len(tour):
             look = f"{look} Next: **step {tour[number + 1].step}**, {names[number + 1]}."
-        pages.append((moment.step, f"{title}\n\n{look}"))
+        pages.append((moment.step, "\n\n".join(part for part in (f"{title} {look}", explained) if part)))
     return pages
 
 

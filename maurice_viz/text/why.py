@@ -26,20 +26,22 @@ def _went(trouble: Trouble, one: Vanishing, scale: Scale) -> str:
     if one.kind == NEVER:
         nearest = scale.say(one.nearest_m)
         return f"none of its {one.particles} particles was ever at the true place ({nearest} away at best)"
-    particles = f"its {one.near} particles at the true place"
+    particles = f"all {one.near} particles at the true place"
     if one.kind == MOVED:
         is_slip = trouble.cause is not None and trouble.cause.kind in SLIPS
         led = f"that slip led {particles} astray" if is_slip else f"{particles} drove off it"
-        return f"{led}, the last at {one.gone}"
+        return f"{led} by {one.gone}"
     if one.kind == OUTWEIGHED:
-        return f"the pictures fit other places better, and {particles} were gone at {one.gone}"
-    return f"resampling dropped the last of {particles} at {one.gone}, by chance"
+        return f"the pictures fit other places better, and {particles} were gone by {one.gone}"
+    return f"resampling dropped {particles} by {one.gone}, by chance"
 
 
 def _since(one: Vanishing, fresh: int) -> str:
     if one.gone is None or one.fits is None:
         return ""
     if not one.fits:
-        return f"only {one.better} of {one.pictures} pictures since fit it better than where the filter was"
-    drawn = "" if fresh else ", and no new one was drawn"
-    return f"{one.better} of {one.pictures} pictures since fit it better, but no particle was there{drawn}"
+        few = f"only {one.better} of {one.pictures} pictures since fit that place"
+        return f"{few} better than where the filter was"
+    drawn = "" if fresh else ", and none was drawn"
+    better = f"{one.better} of {one.pictures} pictures since fit that place better"
+    return f"{better}, but no particle was left there{drawn}"

@@ -192,18 +192,44 @@ def test_traces_scores_and_verdict_agree(drive):
 
 def test_the_way_of_a_kidnapping_is_that_of_the_truth(drive):
     played, path, scale = drive
-    lines = shown(path, entities.CARRIED, "LineStrips2D:strips")
-    labels = shown(path, entities.CARRIED, "LineStrips2D:labels")
+    origins = shown(path, entities.CARRIED, "Arrows2D:origins")
+    arrows = shown(path, entities.CARRIED, "Arrows2D:vectors")
+    labels = shown(path, entities.CARRIED, "Arrows2D:labels")
     truths = {moment.frame.step: moment.truth for moment, _ in played}
     way = np.stack([truths[CARRIED - 1][:2], truths[CARRIED][:2]])
     length = scale.say(float(np.hypot(*(way[1] - way[0]))))
     for step in truths:
         number = PHASES_PER_STEP * step + Phase.ESTIMATE
         if CARRIED <= step < CARRIED + 10:
-            assert np.array(lines[number][0]) == pytest.approx(scale.screen(way), abs=1e-3)
+            begin, end = scale.screen(way)
+            assert np.array(origins[number][0]) == pytest.approx(begin, abs=1e-3)
+            share = np.array(arrows[number][0]) / (end - begin)  # it ends right before the disk
+            assert share[0] == pytest.approx(share[1])
+            assert 0.5 <= share[0] < 1
             assert labels[number] == [f"carried {length}"]
         else:
-            assert not lines.get(number)
+            assert not arrows.get(number)
+
+
+def test_the_error_line_is_from_the_estimate_to_the_truth_where_they_are_far_apart(drive):
+    played, path, scale = drive
+    lines = shown(path, RUN.error_line, "LineStrips2D:strips")
+    labels = shown(path, RUN.error_line, "Points2D:labels")
+    drawn = 0
+    for moment, record in played:
+        ends = np.stack([record.estimate.pose[:2], moment.truth[:2]])
+        off_m = float(np.hypot(*(ends[1] - ends[0])))
+        is_far = off_m > record.estimate.radii.confidence_m and moment.frame.step != CARRIED
+        for phase in Phase:
+            number = PHASES_PER_STEP * moment.frame.step + phase
+            if is_far and phase >= Phase.WEIGHT:
+                assert np.array(lines[number][0]) == pytest.approx(scale.screen(ends), abs=1e-3)
+                assert labels[number] == [f"{scale.say(off_m)} off"]
+                drawn += 1
+            else:
+                assert not lines.get(number)
+                assert not labels.get(number)
+    assert drawn
 
 
 def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):

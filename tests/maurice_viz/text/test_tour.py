@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 from maurice_mcl.analysis.causes import CARRIED, Cause
 from maurice_mcl.analysis.tour import tour_of
 from maurice_mcl.analysis.verdict import RunVerdict, Trouble
+from maurice_viz.scene import LIKELY, NEVER, RunView
 from maurice_viz.style import UNITS, Scale
-from maurice_viz.text.tour import tour_pages
+from maurice_viz.text.tour import tour_pages, words
 
 INCHES = Scale(UNITS["in"])
 CARRY = Cause(CARRIED, 51, 51, None, 1.7)
@@ -17,7 +20,7 @@ def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
     assert [step for step, _ in pages] == [1, 51, 54, 100]
     _, page = pages[1]
-    assert page.startswith("#### 2 of 4 · step 51: kidnapped\n\nMap: the white disk (the truth) jumps.")
+    assert page.startswith("**2 of 4 · step 51: kidnapped.** Map: the white disk (the truth) jumps.")
     assert page.endswith("Next: **step 54**, found again.")
     assert "200 were drawn anew" in pages[2][1]
     assert "Next" not in pages[-1][1]
@@ -28,3 +31,15 @@ def test_without_truth_no_page_speaks_of_it():
     pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
     assert pages
     assert not any("truth" in page or "white" in page.casefold() for _, page in pages)
+
+
+def test_runs_that_differ_in_it_are_told_apart_by_where_they_draw_new_particles():
+    thesis, robust = RunView("thesis", ("color",)), RunView("robust", ("color",))
+    assert "`thesis`" not in words([thesis, robust])  # not known, of saved runs
+    runs = [replace(thesis, draws_new=NEVER), replace(robust, draws_new=LIKELY)]
+    said = (
+        "`thesis` never draws new dots; `robust` draws new dots where the picture fits. **Dot**: a particle"
+    )
+    assert words(runs).startswith(said)
+    assert words(runs[:1]).startswith("**Dot**")
+    assert "**q**" not in words([RunView("amcl", ())])

@@ -88,16 +88,20 @@ def test_a_sure_run_is_said_to_lack_particles_only_where_it_did_at_that_step():
 
 
 SLIP = Cause(TURNED, 8, 8, words="slip -26.3 deg")
-SINCE = "29 of 31 pictures since fit it better, but no particle was there, and no new one was drawn"
+SINCE = "29 of 31 pictures since fit that place better, but no particle was left there, and none was drawn"
 
 
 @pytest.mark.parametrize(
     ("why", "cause", "says"),
     [
-        (Vanishing(MOVED, 150, 8, 44, 10), SLIP, "that slip led its 44 particles at the true place astray"),
-        (Vanishing(MOVED, 150, 8, 44, 10), None, "its 44 particles at the true place drove off it, the last"),
-        (Vanishing(OUTWEIGHED, 150, 8, 44, 10), None, "the pictures fit other places better, and its 44"),
-        (Vanishing(DROPPED, 150, 8, 44, 10), None, "resampling dropped the last of its 44 particles"),
+        (
+            Vanishing(MOVED, 150, 8, 44, 10),
+            SLIP,
+            "that slip led all 44 particles at the true place astray by 10",
+        ),
+        (Vanishing(MOVED, 150, 8, 44, 10), None, "all 44 particles at the true place drove off it by 10"),
+        (Vanishing(OUTWEIGHED, 150, 8, 44, 10), None, "the pictures fit other places better, and all 44"),
+        (Vanishing(DROPPED, 150, 8, 44, 10), None, "resampling dropped all 44 particles"),
         (Vanishing(NEVER, 150, gone=1, nearest_m=33 * INCH_M), None, "none of its 150 particles was ever"),
         (Vanishing(MISLED, 150, 8, 44, pictures=4, better=1), None, "3 of 4 pictures fit a wrong place"),
     ],
@@ -111,10 +115,12 @@ def test_what_became_of_the_particles_near_the_truth_is_the_why_of_a_loss(why, c
 def test_a_loss_says_how_the_pictures_fit_the_true_place_once_no_particle_was_there():
     why = Vanishing(MOVED, 150, 8, 44, 10, pictures=31, better=29, rank=8, references=624)
     run = troubled(Trouble("searching", 20, None, True, 0, 30, 29, 29, SLIP, why))
-    assert f"astray, the last at 10; {SINCE}." in said(run, INCHES)
-    assert f"astray, the last at 10 ({SINCE}); `b`" in verdict_line({"a": run, "b": GOOD}, INCHES)
+    assert f"astray by 10; {SINCE}." in said(run, INCHES)
+    assert f"astray by 10 ({SINCE}); `b`" in verdict_line({"a": run, "b": GOOD}, INCHES)
     poor = troubled(Trouble("lost", 20, None, True, 9, 30, 29, 29, None, replace(why, better=3)))
-    assert "; only 3 of 31 pictures since fit it better than where the filter was." in said(poor, INCHES)
+    assert "; only 3 of 31 pictures since fit that place better than where the filter was." in said(
+        poor, INCHES
+    )
 
 
 def test_what_befell_the_robot_right_before_is_the_why_already():
