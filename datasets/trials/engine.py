@@ -17,6 +17,7 @@ import joblib  # type: ignore[import-untyped]
 
 from maurice_loaders.errors import InputError
 
+from . import timing
 from .plan import Plan
 from .rows import RowStore
 from .runs import Job, Row, jobs_of, run_job
@@ -63,6 +64,8 @@ def run_plan(
         for rows in results:
             store.add(rows)
             report(len(store.done), plan.runs)
+    if plan.timing and not (store.folder / timing.FILE).exists():
+        timing.measure(store.folder, plan.rounds)
     return Made(Path(folder), plan.runs, len(store.done) - before, store.failed)
 
 

@@ -129,6 +129,7 @@ class Plan:
     title: str
     parts: tuple[Part, ...]
     timing: bool = False
+    rounds: int = 15  # of timing
 
     @property
     def runs(self) -> int:
@@ -152,7 +153,7 @@ class Plan:
 
     def quick(self) -> Plan:
         """Return the plan cut down to what shows that it works: two seeds, two arenas, short drives."""
-        return replace(self, parts=tuple(_quick(part) for part in self.parts))
+        return replace(self, parts=tuple(_quick(part) for part in self.parts), rounds=3)
 
     def only(self, words: Sequence[str]) -> Plan:
         """Return the parts whose names contain one of some words; InputError if there is none."""

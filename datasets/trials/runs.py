@@ -65,6 +65,7 @@ class RunTally:
     localizer: Localizer
     state: FilterState
     judge: SuccessJudge
+    known_start: bool
     scorer: Scorer = field(default_factory=Scorer)
     causes: CauseFinder = field(default_factory=CauseFinder)
     scores: list[StepScore] = field(default_factory=list)
@@ -140,7 +141,12 @@ class RunTally:
         }
 
     def failure(self, lost_at: int | None, right_at_end: bool | None) -> str | None:
-        """Say why a run failed: None for one that did not, or without truth (thesis 3.6.2 and figure 37)."""
+        """Say why a run failed: None for one that did not, or without truth (thesis 3.6.2 and figure 37).
+
+        A run fails that is not right at its end, or that was lost although its start was known and nobody
+        carried it away.
+        """
+        lost_at = lost_at if self.known_start and self.kidnapped_at is None else None
         if lost_at is None and right_at_end is not False:
             return None
         last = len(self.scores) if lost_at is None else lost_at
@@ -192,7 +198,9 @@ def _begun(drive: Drive, asked: TrialRun) -> RunTally:
         drive.session
     )
     size_m = drive.bench.library.arena.size_m
-    return RunTally(localizer, localizer.initialize(drive.start), SuccessJudge(size_m))
+    return RunTally(
+        localizer, localizer.initialize(drive.start), SuccessJudge(size_m), drive.start is not None
+    )
 
 
 def _stepped(

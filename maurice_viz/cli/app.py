@@ -69,6 +69,7 @@ COMMANDS = {
         Listed("calibrate drive", "calibrate", "Simulate a table of trials.", _SIMULATE),
         Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS),
         Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS),
+        Listed("figures", "trials", "Draw the thesis's figures from trials.", _TRIALS),
         Listed("config show", "config", "Show the effective configuration.", _CONFIGURE),
         Listed("config check", "config", "Check a configuration file.", _CONFIGURE),
     )

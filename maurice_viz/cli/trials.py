@@ -19,7 +19,9 @@ from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, l
 from maurice_loaders.files import expect_absent, write_whole
 from maurice_mcl.geometry import INCH_M
 
+from ..errors import OptionError
 from ..listener import progress_of
+from ..plots.figures import FORMATS, draw_figures
 from . import options as opt
 from .console import listening, note, print_json, results
 from .options import argument, option
@@ -75,6 +77,36 @@ def trials(
 
 def _first(plan: Any) -> list[str]:
     return list(dict.fromkeys(key for part in plan.parts for key in part.variants.varied))[:2] or ["part"]
+
+
+def figures(
+    folder: Folder,
+    output: Annotated[
+        Path, option("-o --output", "The folder that the figures go to.", metavar="DIR", show_default=False)
+    ],
+    only: Annotated[str, option("--only", "Only these numbers, as in 26,34,60.", metavar="NUMBERS")] = "",
+    formats: Annotated[
+        str, option("--format", f"{', '.join(FORMATS)}, or several.", metavar="FORMATS")
+    ] = "png",
+    force: opt.Force = False,
+) -> None:
+    """Draw the thesis's figures from trials, each with the intervals that it lacked."""
+    try:
+        numbers = [int(word) for word in only.split(",") if word]
+    except ValueError:
+        raise OptionError(f"found --only {only!r}, expected numbers, like 26,34,60") from None
+    with listening() as listener:
+        drawn = draw_figures(
+            folder,
+            output,
+            only=numbers,
+            formats=[word for word in formats.split(",") if word],
+            force=force,
+            progress=progress_of(listener, "figures"),
+        )
+    results.print(f"{len(drawn.files)} files written to {output}")
+    for number, why in drawn.left_out:
+        note(f"figure {number} left out: {why}")
 
 
 def trials_table(

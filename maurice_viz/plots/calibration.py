@@ -64,13 +64,15 @@ def _dress(axes: Axes, title: str, x: str, y: str) -> None:
 
 
 def save(made: Figure, file: Path, *, force: bool) -> None:
-    """Write a figure as PNG. Raises InputError when the file exists (unless `force`)."""
+    """Write a figure as its suffix says. InputError when the file exists (unless `force`)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     expect_absent(file, force=force)
     data = io.BytesIO()
     FigureCanvasAgg(made)
-    made.savefig(data, format="png", dpi=DPI, metadata={"Software": None})
+    dated = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    kind = file.suffix[1:]
+    made.savefig(data, format=kind, dpi=DPI, metadata=dated[kind])
     write_whole(file, data.getvalue(), force=force)
 
 

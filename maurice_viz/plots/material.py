@@ -1,0 +1,120 @@
+"""What the figures of trials are drawn from: rows, timings, and runs recomputed from a row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from maurice_datasets.trials.drives import Drive, open_drive
+from maurice_datasets.trials.plan import SessionSpec
+from maurice_datasets.trials.rows import read_plan_of
+from maurice_datasets.trials.table import load
+from maurice_datasets.trials.timing import read_timing
+from maurice_loaders.errors import InputError
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.library import Library
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment
+
+EXAMPLE = SessionSpec("global", task="global", updates=60)  # of figures about one drive: seed 0, not chosen
+
+
+class NothingToDraw(InputError):
+    """The folder does not hold what a figure needs; the text says which plan makes it."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """A folder of trials, and the one drive from which figures of pictures and clouds are drawn."""
+
+    folder: Path
+
+    @cached_property
+    def rows(self) -> pl.DataFrame:
+        """All rows that did not fail."""
+        return load(self.folder).filter(pl.col("error").is_null())
+
+    @cached_property
+    def timing(self) -> pl.DataFrame:
+        """What features and updates cost."""
+        try:
+            return read_timing(self.folder)
+        except InputError:
+            raise NothingToDraw(
+                self.folder, "holds no timing; maurice-replay trials timing makes it"
+            ) from None
+
+    def part(self, name: str, **wanted: Any) -> pl.DataFrame:
+        """Return the rows of a part in which columns have some values; NothingToDraw where there are none."""
+        rows = self.rows.filter(pl.col("part") == name)
+        for column, value in wanted.items():
+            rows = rows.filter(pl.col(column) == value) if column in rows.columns else rows.clear()
+        if rows.is_empty():
+            raise NothingToDraw(
+                self.folder, f"holds no runs of {name}; maurice-replay trials {name} makes them"
+            )
+        return rows
+
+    @cached_property
+    def drive(self) -> Drive:
+        """The example: a simulated global localization, the first of the seeds."""
+        return open_drive(self.spec(EXAMPLE), 0)
+
+    @property
+    def library(self) -> Library:
+        """The library of the example."""
+        return self.drive.bench.library
+
+    def spec(self, usual: SessionSpec) -> SessionSpec:
+        """Return the session of that label as the folder's plan has it, so that quick trials stay quick."""
+        for part in read_plan_of(self.folder)["parts"]:
+            for session in part["sessions"]:
+                if session["label"] == usual.label:
+                    return SessionSpec(**session)
+        return usual
+
+    def localizer(self, **settings: Any) -> Localizer:
+        """Return a filter for the example; settings are keys of a plan, with _ for a dot."""
+        return self.localizer_on(self.drive, 0, **settings)
+
+    def localizer_on(self, drive: Drive, seed: int, **settings: Any) -> Localizer:
+        """Return a filter for a drive."""
+        named = {key.replace("__", "."): value for key, value in settings.items()}
+        return replace(drive.bench.localizer(named), seed=seed).of_session(drive.session)
+
+    def steps(self, **settings: Any) -> Iterator[tuple[Moment, StepRecord]]:
+        """Run a filter over the example again."""
+        return steps_of(self.localizer(**settings), self.drive)
+
+    def run_of(self, row: dict[str, Any]) -> Iterator[tuple[Moment, StepRecord]]:
+        """Run again the run behind a row: the same, bit for bit."""
+        for part in read_plan_of(self.folder)["parts"]:
+            for session in part["sessions"]:
+                if part["name"] == row["part"] and session["label"] == row["session"]:
+                    drive = open_drive(SessionSpec(**session), row["seed"])
+                    settings = settings_of(part, row["variant"])
+                    localizer = replace(drive.bench.localizer(settings), seed=row["seed"])
+                    return steps_of(localizer.of_session(drive.session), drive)
+        raise NothingToDraw(self.folder, f"holds no session {row['session']!r} of a part {row['part']!r}")
+
+
+def steps_of(localizer: Localizer, drive: Drive) -> Iterator[tuple[Moment, StepRecord]]:
+    """Yield every moment of a drive with its record."""
+    state = localizer.initialize(drive.start)
+    for moment in drive.session.moments():
+        state, record = localizer.step(state, moment.frame)
+        yield moment, record
+
+
+def settings_of(part: dict[str, Any], variant: int) -> dict[str, Any]:
+    """Return what a variant of a stored plan sets."""
+    from maurice_datasets.trials.plan import Variant, Variants
+
+    held = part["variants"]
+    listed = tuple(Variant(one["label"], one["settings"]) for one in held["listed"])
+    return dict(Variants(held["settings"], held["grid"], listed)[variant].settings)
