@@ -22,6 +22,7 @@ from maurice_mcl.geometry import INCH_M
 from ..errors import OptionError
 from ..listener import progress_of
 from ..plots.figures import FORMATS, draw_figures
+from ..reports.trials_report import trials_report as write_report
 from . import options as opt
 from .console import listening, note, print_json, results
 from .options import argument, option
@@ -107,6 +108,19 @@ def figures(
     results.print(f"{len(drawn.files)} files written to {output}")
     for number, why in drawn.left_out:
         note(f"figure {number} left out: {why}")
+
+
+def trials_report(
+    folder: Folder,
+    output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
+        "trials.html"
+    ),
+    force: opt.Force = False,
+) -> None:
+    """Write one page that tells the thesis's trials again: its claims beside our numbers, and the figures."""
+    with listening() as listener:
+        made = write_report(folder, output, force=force, progress=progress_of(listener, "figures"))
+    results.print(f"{made} written")
 
 
 def trials_table(

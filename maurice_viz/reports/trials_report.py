@@ -1,0 +1,126 @@
+"""The thesis's trials told again as one page: its claims beside our numbers, then every figure."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from maurice_datasets.trials.rows import read_plan_of
+from maurice_loaders.files import expect_absent, write_whole
+
+from ..errors import OptionError
+from ..plots.calibration import expect_matplotlib
+from ..plots.figures import FIGURES
+from ..plots.material import Material, NothingToDraw
+from .claims import CLAIMS, NOT, REPRODUCED, UNDECIDED, UNTESTABLE
+
+SECTIONS = (
+    (range(4, 15), "Motion and noise (3.2, 3.3)"),
+    (range(15, 24), "Matching pictures (3.3)"),
+    (range(24, 34), "Position tracking (3.6.2)"),
+    (range(34, 41), "Global localization (3.6.3)"),
+    (range(41, 44), "What else was observed (3.6.5)"),
+    (range(47, 51), "Smoothing (4.2.1)"),
+    (range(51, 57), "Edges (4.2.2)"),
+    (range(57, 63), "Blended features (4.2.3)"),
+    (range(63, 70), "Sensor-aided sampling (4.3)"),
+    (range(70, 74), "Cost, and what remained open (5)"),
+)
+CLASSES = {REPRODUCED: "yes", NOT: "no", UNDECIDED: "open", UNTESTABLE: "none"}
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A figure as the page holds it."""
+
+    number: int
+    title: str
+    data: str  # SVG, base64
+
+
+def trials_report(
+    trials: str | Path,
+    to: str | Path = "trials.html",
+    *,
+    force: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Write one self-contained page about a folder of trials: claims with verdicts, then the figures.
+
+    Of each claim of the thesis it says: reproduced, not reproduced, undecided (the interval allows both) or
+    not testable. Returns the file. InputError for a folder without trials and for a file that exists, unless
+    `force` is given.
+    """
+    file = Path(to)
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"found {file.name!r}, expected a name that ends in .html")
+    expect_absent(file, force=force)
+    expect_matplotlib(file)
+    write_whole(file, page_of(Material(Path(trials)), progress).encode(), force=force)
+    return file
+
+
+def page_of(material: Material, progress: Callable[[int, int], None] | None = None) -> str:
+    """Return the page."""
+    plan, rows = read_plan_of(material.folder), material.rows
+    found = [(one, one.check(material)) for one in CLAIMS]
+    drawn = drawings(material, progress)
+    page = Environment(
+        loader=PackageLoader("maurice_viz.reports"), autoescape=True, undefined=StrictUndefined
+    )
+    return page.get_template("trials.html").render(
+        title=plan["title"],
+        claims=[
+            {"claim": one, "finding": finding, "kind": CLASSES[finding.verdict]} for one, finding in found
+        ],
+        counts={name: sum(finding.verdict == name for _, finding in found) for name in CLASSES},
+        sections=[
+            (title, [one for one in drawn if one.number in numbers])
+            for numbers, title in SECTIONS
+            if any(one.number in numbers for one in drawn)
+        ],
+        parts=_parts(rows, plan),
+        about=_about(rows),
+        drawn=[one.number for one in drawn],
+    )
+
+
+def drawings(material: Material, progress: Callable[[int, int], None] | None = None) -> list[Shown]:
+    """Return every figure that the folder has runs for."""
+    drawn = []
+    for done, one in enumerate(FIGURES):
+        if progress is not None:
+            progress(done, len(FIGURES))
+        try:
+            made = one.draw(material)
+        except NothingToDraw:
+            continue
+        held = io.BytesIO()
+        made.savefig(held, format="png", dpi=100, metadata={"Software": None})
+        drawn.append(Shown(one.number, one.title, base64.b64encode(held.getvalue()).decode()))
+    return drawn
+
+
+def _parts(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {
+            "title": part["title"],
+            "runs": len(rows.filter(pl.col("part") == part["name"])),
+            "command": f"maurice-replay trials {part['name']} -o trials",
+        }
+        for part in plan["parts"]
+    ]
+
+
+def _about(rows: pl.DataFrame) -> str:
+    versions = ", ".join(sorted(set(rows["version"].drop_nulls())))
+    arenas = rows["arena"].n_unique()
+    where = f"{len(rows):,} runs in {arenas} simulated arenas, none of them used for tuning"
+    return f"{where}; maurice-replay {versions}"
